@@ -19,6 +19,7 @@ from app.jobs.cache import content_key
 from app.jobs.kernels import FIRST_TIME, ORBIT, are_compiled, note_compiled
 from app.jobs.measured import ensure_tables
 from app.jobs.schedule import Handlers, Steps
+from app.machine.memory import orbit_bytes
 from app.messages import Progress
 from app.mode import ModeWork
 from app.orbit.messages import (
@@ -147,13 +148,17 @@ class OrbitWork(ModeWork):
             return
         yield from estimated_drawn(request, self._bench, orbit.n_bounces, lambda wanted: _drawing(orbit, wanted))
 
-    def _made(self, *effort: int) -> Orbit:
+    def _made(self, n_points: int, n_coefficients: int) -> Orbit:
         """That of the scene which is open; another one where it is to have other points, or coefficients at each."""
+        effort = n_points, n_coefficients
         if self._orbit is None or effort != self._effort:
             from engine.orbit.live import Orbit
 
             scene = self._bench.open_placement.scene
-            self._orbit, self._telling = Orbit(scene, self._caster, *effort), None
+            self._orbit, self._telling = (
+                Orbit(scene, self._caster, n_points, n_coefficients, most_bytes=orbit_bytes()),
+                None,
+            )
             self._effort, self._emission = effort, ()
         return self._orbit
 
@@ -166,7 +171,7 @@ def _drawing(orbit: Orbit, wanted: DrawOrbit) -> Generator[StillProgress, None, 
 
 def _key(orbit: Orbit) -> str:
     """Under which its visibility is kept."""
-    return content_key("orbit visibility 2", *orbit.geometry)
+    return content_key("orbit visibility 3", *orbit.geometry)
 
 
 def _bumps(scene: Scene) -> dict[str, Bumps]:

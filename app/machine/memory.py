@@ -23,6 +23,13 @@ def available_memory() -> int:
     return memory_bytes()[0]
 
 
+def orbit_bytes() -> int:
+    """What the points of Orbit may keep: a third of all memory, and no less than the engine takes for granted."""
+    from engine.orbit.live import MOST_BYTES
+
+    return max(MOST_BYTES, memory_bytes()[1] // 3)
+
+
 def resident_megabytes(*pids: int | None) -> float:
     """Memory that these processes hold in RAM, together, in MB; those that have ended hold none."""
     import psutil

@@ -308,6 +308,7 @@ class Orbit:
     def _place(self) -> None:
         """A piece of placing points."""
         if self._placing is None:
+            self._check_memory(self._n_least())  # a search that takes minutes would only find more of them
             self._placing = Stepped(self._points(self._n_points))
         if not self._placing.advance():
             return
@@ -316,11 +317,7 @@ class Orbit:
         if n < self._n_coefficients and self._n_points:
             points = finish(self._points(0))
             n = self._within_memory(len(points))
-        if n < _LEAST_COEFFICIENTS:
-            raise InsituError(
-                f"{self.scene.file}: {len(points)} vertices, of which Orbit would keep more than "
-                f"{self._most_bytes / 2**20:.0f} MiB; expected fewer, or a simpler mesh"
-            )
+        self._check_memory(len(points))
         if n < self._n_coefficients:
             self.notes = (f"{n} coefficients of light a point instead of {self._n_coefficients}, for want of memory",)
         n_patches = 0 if self._patches is None else len(self._patches[0])
@@ -361,6 +358,22 @@ class Orbit:
         """So many coefficients, at most those wanted, go into memory."""
         rest = self._most_bytes - n_points * (N_UPPER // 2 + self._n_patches // 8 + 128)
         return min(self._n_coefficients, rest // (n_points or 1) // _BYTES_A_COEFFICIENT)
+
+    def _n_least(self) -> int:
+        """So many points there are at least: the places of vertices that reflect."""
+        scene = self.scene
+        used = np.zeros(len(scene.vertices), bool)
+        used[scene.triangles[~scene.emitters[scene.object_of_triangle]]] = True
+        bits = (scene.vertices[used] + np.float32(0.0)).view(np.int32).astype(np.int64)  # of -0 as of 0
+        return len(np.unique(bits @ np.array([1, 0x9E3779B1, 0x85EBCA6B0001])))  # sums that wrap around: a hash
+
+    def _check_memory(self, n_points: int) -> None:
+        """InsituError where so many points do not go into memory."""
+        if self._within_memory(n_points) < _LEAST_COEFFICIENTS:
+            raise InsituError(
+                f"{self.scene.file}: {n_points} vertices, of which Orbit would keep more than "
+                f"{self._most_bytes / 2**20:.0f} MiB; expected fewer, or a simpler mesh"
+            )
 
     def _lamps(self, lit: LitPoints) -> Lamps | None:
         if self._patches is None:

@@ -4,6 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from engine.errors import InsituError
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
@@ -192,6 +193,14 @@ def test_edges_are_smooth_on_request_while_something_moves(orbit) -> None:
     # A pixel at an edge shows its objects' colours in quarters: neither one alone nor what no object has.
     assert np.abs(soft[edges] - hard[edges]).max() > 0.1
     assert soft.max() <= hard.max() * 1.05
+
+
+def test_too_many_vertices_are_refused_before_any_point_is_placed(block_scene, monkeypatch) -> None:
+    # The floor and the block have 12 places; 1,800 bytes each are more than so little memory has.
+    monkeypatch.setattr(live, "placing", None)
+    orbit = Orbit(block_scene, most_bytes=12 * 1500)
+    with pytest.raises(InsituError, match=r"^block.toml: 12 vertices, of which Orbit would keep more than 0 MiB; "):
+        [*orbit.work()]
 
 
 @pytest.mark.parametrize("quality", ["moving", "rest"])
