@@ -8,7 +8,8 @@
     picture = deform.draw(camera, (512, 384), poses)
 
 What an object's points see of itself turns with them when it bends. What they see of other objects does not: an object
-that is to bend has its own shadows alone, those that stay have one another's. Distant light alone is known here. What
+that is to bend has its own shadows alone in its transfer, those that stay have one another's; what bends shades all
+else by a few clusters of its surface (`engine.deform.blockers`). Distant light alone is known here. What
 the scene's file says of an object's surface (`engine.scene.surface_kinds`) takes the place of its own transfer.
 """
 
@@ -110,8 +111,12 @@ class Deform:
             self.version += 1
 
     def set_posed(self, names: Sequence[str]) -> None:
-        """The objects, by name, that bend: they have their own shadows alone, and cast none on others."""
-        self._posed = frozenset(self.scene.object_index(each) for each in names if each in self.scene.object_names)
+        """The objects, by name, that bend: of shadows that transfer has they have their own alone; what they cast on
+        others is coarse, see `engine.deform.blockers`."""
+        posed = frozenset(self.scene.object_index(each) for each in names if each in self.scene.object_names)
+        if posed != self._posed:
+            self._posed = posed
+            self.version += 1
 
     def set_surfaces(self, surfaces: SurfacesOf) -> None:
         """What is said of the surfaces of objects, by name, from now on, in the place of what the scene's file says.
@@ -197,7 +202,7 @@ class Deform:
             self._lobes, self._errors = Lobes(had.low[near], had.axes[near], had.coefficients[near]), errors[near]
             self._known = {i: each for i, each in self._known.items() if points.stands_as(before, i)}
         self._pictures = Pictures(self.scene, points)
-        self._telling, self._job = Telling(points, self._pictures.posed), None
+        self._telling, self._job = Telling(points, self._pictures.posed, self._pictures.blockers), None
         self.version += 1
 
     def _all(self) -> list[ObjectTransfer]:
@@ -303,8 +308,14 @@ class Deform:
         """What is known by now."""
         if self._pictures is None or self._lobes is None or self._errors is None or self._bands is None:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
-        known = self._layers_of, self._lobes, self._errors, self._details
+        known = self._layers_of, self._lobes, self._errors, self._details, self._missing_casters()
         return Subject(self.version, self.scene, self._light, self._bands, *known), self._pictures
+
+    def _missing_casters(self) -> tuple[frozenset[int], ...]:
+        """For each object the others that bend, and that its transfer, as it is by now, does not see."""
+        seen = {i: each.casters for i, each in self._known.items()}
+        shown = self._posed.intersection(self._layers_of)
+        return tuple(shown.difference((i, *seen.get(i, ()))) for i in range(len(self.scene.smooth)))
 
 
 def _open(n_points: int) -> Lobes:

@@ -72,8 +72,9 @@ class LookPart:
     """harmonics (n^2, 3) and table (rows, columns, n, 3) of the light, see `BandLight`; objects (M, 8): albedo, the
     first of its layers with gloss, emission, how many they are; gloss (G, A, 3 n + 1): of each such layer, for angles
     of the eye up to `steepest`, its bands and its lean, see `LowGloss`; cosine (n,): the bands of a white matt surface;
-    even: see `engine.deform.gloss.even_light`; turn, scale: of the sky, see `Backdrop`; terms: by the cover that is
-    told with it, or was."""
+    even: see `engine.deform.gloss.even_light`; casts (M, C), spread (n,), least: see
+    `engine.deform.blockers`; turn, scale: of the sky, see `Backdrop`; terms: by the cover that is told with it, or
+    was."""
 
     number: int
     harmonics: Singles
@@ -83,6 +84,9 @@ class LookPart:
     steepest: float
     cosine: Singles
     even: float
+    casts: Singles
+    spread: Singles
+    least: float
     turn: float
     scale: float
     terms: tuple[ToldTerm, ...] = ()
@@ -99,11 +103,12 @@ class SkyPart:
 @dataclass(frozen=True, eq=False)
 class PosedPart:
     """places (V, 12) of all that is drawn: of points the rows of their axes, then where they are; of emitters' corners
-    that alone. axes (A, 9) that details lie in: along u, along v, outwards. eye (3,): where the camera stands among
-    them."""
+    that alone. axes (A, 9) that details lie in: along u, along v, outwards. blockers (K, 14): clusters of what shades
+    others, see `engine.deform.blockers`. eye (3,): where the camera stands among them."""
 
     places: Singles
     axes: Singles
+    blockers: Singles
     eye: tuple[float, float, float]
 
 

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.deform.blockers import Blockers, add_shadows
 from engine.deform.details import shaded
 from engine.deform.gloss import add_gloss
 from engine.deform.pixels import Pixels, pixels_of
@@ -30,7 +31,7 @@ class Pictures:
     def __init__(self, scene: Scene, points: BendingPoints) -> None:
         self._points = points
         self._white: tuple[tuple[object, ...], Singles] = (), np.zeros((0, 3), np.float32)
-        self.posed = PosedPoints(scene, points)
+        self.posed, self.blockers = PosedPoints(scene, points), Blockers(points)
 
     def draw(
         self, of: Subject, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (),
@@ -39,7 +40,7 @@ class Pictures:
         """Radiance (H, W, 3); see `Deform.draw`."""
         points, eye, fine = self._points, eye_of(of.scene, camera), 2 if quality == "rest" else 1
         places, frames = self.posed.at(poses)
-        white = self._shaded(of, poses, frames if turned else points.resting_frames)
+        white = self._shaded(of, poses, places, frames, turned)
         gloss = self._gloss(of, places, frames, eye, white)
         drawn = draw(points.surface, places, camera, eye, (resolution[0] * fine, resolution[1] * fine))
         picture = paint(drawn, points.surface, white, gloss, of.albedos, of.scene.emission, of.backdrop)
@@ -61,11 +62,15 @@ class Pictures:
                 picture[pixels.rows, pixels.columns] = of_pixels[:, None]
         return picture
 
-    def _shaded(self, of: Subject, poses: Poses, frames: Singles) -> Singles:
-        """What white matt points send (S, 3)."""
-        made_of = (poses, frames is self._points.frames, of.lobes, of.bands)
+    def _shaded(self, of: Subject, poses: Poses, places: Singles, frames: Singles, turned: bool) -> Singles:
+        """What white matt points send (S, 3), with the shadows that no transfer has."""
+        made_of = (poses, turned, of.lobes, of.bands, of.casters)
         if self._white[0] != made_of:
-            self._white = made_of, np.maximum(shade(of.lobes, frames, of.bands), np.float32(0.0))
+            turns = frames if turned else self._points.resting_frames
+            white = np.maximum(shade(of.lobes, turns, of.bands), np.float32(0.0))
+            rows, normals = self.blockers.rows(of.shading), np.ascontiguousarray(frames[:, 2])
+            add_shadows(rows, of.casts, self._points, places, normals, of.bands, white)
+            self._white = made_of, white
         return self._white[1]
 
     def _gloss(

@@ -27,7 +27,8 @@ LayersOf = Mapping[int, Sequence[Layer]]
 @dataclass(frozen=True, eq=False)
 class Subject:
     """A scene in some light: the visible layers of its objects by their index, lobes of all points and errors (S,) of
-    their fit, details of the objects that have any. version: another one looks otherwise."""
+    their fit, details of the objects that have any; casters: for each object the others that bend and whose shadows its
+    transfer does not have. version: another one looks otherwise."""
 
     version: int
     scene: Scene
@@ -37,6 +38,18 @@ class Subject:
     lobes: Lobes
     errors: Singles
     details: Mapping[int, Detail]
+    casters: tuple[frozenset[int], ...] = ()
+
+    @property
+    def shading(self) -> list[int]:
+        """The C objects that shade others from somewhere else than where transfer has them."""
+        return sorted(frozenset[int]().union(*self.casters))
+
+    @property
+    def casts(self) -> NDArray[np.bool_]:
+        """Whether the shadow of each of these is to be on an object (M, C)."""
+        shading = self.shading
+        return np.array([[each in casters for each in shading] for casters in self.casters], bool)
 
     @property
     def albedos(self) -> Singles:

@@ -9,6 +9,8 @@ from secrets import randbits
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.deform._blocker_kernels import LEAST
+from engine.deform.blockers import Blockers, spread_of
 from engine.deform.details import Detail
 from engine.deform.gloss import STEEPEST, even_light
 from engine.deform.parts import (
@@ -39,8 +41,8 @@ _numbers = count(1 + randbits(48))  # of parts: another worker's are others
 class Telling:
     """Of one scene's points."""
 
-    def __init__(self, points: BendingPoints, posed: PosedPoints) -> None:
-        self._points, self._posed = points, posed
+    def __init__(self, points: BendingPoints, posed: PosedPoints, blockers: Blockers) -> None:
+        self._points, self._posed, self._blockers = points, posed, blockers
         self._shape: tuple[Lobes, ShapePart] | None = None
         self._look: tuple[int, LookPart] | None = None
         self._cover: tuple[tuple[object, ...], CoverPart] | None = None
@@ -59,7 +61,8 @@ class Telling:
         assert self._cover is not None
         shape, look, cover, sky = self._shape[1], self._look[1], self._cover[1], self._sky
         axes = [self._posed.axes_of(i)[1].reshape(-1, 9) for i in of.details]
-        posed = posed_part(places, frames, np.concatenate(axes) if axes else np.zeros((0, 9), np.float32), eye)
+        all_axes, rows = np.concatenate(axes) if axes else np.zeros((0, 9), np.float32), self._blockers.rows(of.shading)
+        posed = posed_part(places, frames, all_axes, rows, eye)
         numbers = shape.number, look.number, cover.number, sky.number
         is_new = [number != here for number, here in zip(numbers, known, strict=True)]
         return Told(
@@ -125,15 +128,17 @@ def look_part(of: Subject, terms: tuple[ToldTerm, ...] = ()) -> LookPart:
     cosine = (clamped_cosine(order) / np.pi).astype(np.float32)
     return LookPart(
         next(_numbers), light.harmonics, light.table, objects, gloss, float(STEEPEST), cosine, even_light(light),
-        backdrop.turn, backdrop.scale, terms,
+        of.casts.astype(np.float32), spread_of(order), LEAST, backdrop.turn, backdrop.scale, terms,
     )  # fmt: skip
 
 
-def posed_part(places: Singles, frames: Singles, axes: Singles, eye: NDArray[np.float64]) -> PosedPart:
+def posed_part(
+    places: Singles, frames: Singles, axes: Singles, blockers: Singles, eye: NDArray[np.float64]
+) -> PosedPart:
     """places (V, 3) of all that is drawn, frames (S, 3, 3) of the points, which are the first of them."""
     rows = np.zeros((len(places), 12), np.float32)
     rows[: len(frames), :9], rows[:, 9:] = frames.reshape(-1, 9), places
-    return PosedPart(rows, axes, _three(eye))
+    return PosedPart(rows, axes, blockers, _three(eye))
 
 
 def _corners(points: BendingPoints, which: NDArray[np.integer]) -> NDArray[np.int32]:

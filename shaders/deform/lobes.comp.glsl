@@ -4,6 +4,7 @@
 layout(local_size_x = 64) in;
 
 #include "deform/light.glsl"
+#include "deform/blockers.glsl"
 
 layout(std430, binding = 0) readonly buffer Lobes { float lobes[]; };    // a point: low (4), lobes of axis and bands
 layout(std430, binding = 1) readonly buffer Posed { float posed[]; };    // a point: rows of its frame (9), place (3)
@@ -63,7 +64,7 @@ void main() {
         frame[i] = vec3(posed[12 * p + 3 * i], posed[12 * p + 3 * i + 1], posed[12 * p + 3 * i + 2]);
         place[i] = posed[12 * p + 9 + i];
     }
-    vec3 white = matt(p, frame), to_eye = vec3(0.0);
+    vec3 white = with_shadows(matt(p, frame), owners[p], place, frame[2]), to_eye = vec3(0.0);
     int object = 8 * owners[p], first = int(objects[object + 3]), count = int(objects[object + 7]);
     for (int layer = first; layer < first + count; layer++)
         to_eye += shiny(layer, frame[2], (eye - place) / max(length(eye - place), 1e-30), white);

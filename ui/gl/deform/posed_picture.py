@@ -29,7 +29,10 @@ from ui.gl.view_target import ViewTarget, seen_from
 
 ORDER = 6  # of `lobes.comp.glsl`
 # Buffers by the numbers that shaders know them by: of points, and of what lies on objects.
-_OF_POINTS = {"lobes": 0, "posed": 1, "owners": 2, "light": 3, "objects": 4, "gloss": 5, "sent": 7}
+_OF_POINTS = {
+    "lobes": 0, "posed": 1, "owners": 2, "light": 3, "objects": 4, "gloss": 5, "blockers": 6,
+    "sent": 7,
+}  # fmt: skip
 _OF_COVER = {"details": 0, "posed": 1, "axes": 2, "light": 3, "images": 5, "strokes": 6, "sent": 7}
 _COVERED = ("4i4 2f4 3f4 3f4", ("corner", "image_place", "position", "face"))
 _GROUP = 64  # points
@@ -87,6 +90,7 @@ class PosedPicture:
         assert shape is not None and look is not None and cover is not None and self._backdrop is not None
         self._fill("posed", told.posed.places)
         self._fill("axes", told.posed.axes)
+        self._fill("blockers", np.concatenate([told.posed.blockers.ravel(), look.casts.ravel()]))
         target = self._target.begin(camera, size, self._backdrop, look.turn, look.scale)
         self._shade(shape, look, told.posed)
         self._draw_triangles(target, look, cover, _view(camera, size, told.posed))
@@ -148,6 +152,8 @@ class PosedPicture:
         set_uniforms(
             program, n_points=n_points, n_lobes=shape.n_lobes, table=look.table.shape[:2], eye=posed.eye,
             n_angles=look.gloss.shape[1], steepest=look.steepest, cosine=look.cosine.tolist(), even=look.even,
+            n_blockers=len(posed.blockers), n_casters=look.casts.shape[1], spread=look.spread.tolist(),
+            least=look.least,
         )  # fmt: skip
         program.run(-(-n_points // _GROUP))
         self._context.memory_barrier()
