@@ -43,7 +43,7 @@ Steps = Iterator[Response | None]
 Elsewhere = Callable[[Sequence[LayerState], str, int, int], FindingLight | None]
 Value = TypeVar("Value")
 # Raised when anything changes the numbers in what is kept on disk.
-STORED_VERSION = 9
+STORED_VERSION = 10
 MOST_PARTS = 1024
 # Of the work on indirect light, the share until it is found; then surfaces reflect it, and its noise is told.
 FOUND_AT = 0.9

@@ -76,7 +76,7 @@ def radiosity_by_multiset(
 ) -> NDArray[np.float32]:
     """Radiosity (C, Z, 3) of the cells over the albedos' products, in a picture of N bounces: see `irradiance`."""
     latest = np.zeros((len(light.objects), len(sets), 3), np.float32)
-    latest[:, 0] = light.direct
+    latest[:, 0] = light.irradiance
     total = latest.copy()
     for _ in range(n_bounces - 2):
         bright = np.pad(_times_albedo(latest, light.objects, objects, sets), ((0, 0), (0, 0), (0, 1)))

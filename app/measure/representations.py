@@ -27,7 +27,7 @@ from app.measure.knobs import Knob, Shown
 from app.measure.subject import at_most, open_subject
 from app.sky import sky_of
 from engine.indirect.fineness import ROUGH, Fineness
-from engine.indirect.layers import IndirectLayer, indirect_layer
+from engine.indirect.layers import IndirectLayer, even_slant, indirect_layer
 from engine.indirect.light import IndirectLight
 from engine.indirect.representation import FrozenLight, GatherPolynomial, Representation, Selected
 from engine.indirect.solver import Solver
@@ -90,7 +90,9 @@ def compare(
 def _traced(
     scene: Scene, n_objects: int, n_bounces: int, fineness: Fineness
 ) -> tuple[IndirectLight, list[IndirectLayer]]:
-    layers = [indirect_layer(i, make_layer(MODELS[MODEL]), (N_BANDS,)) for i in range(n_objects)]
+    # The tensor goes by equivalent albedos alone.
+    layer = even_slant(indirect_layer(0, make_layer(MODELS[MODEL]), (N_BANDS,)))
+    layers = [replace(layer, i_object=i) for i in range(n_objects)]
     sky = sky_of(scene, document_from_description(SOURCE, scene.description).light)
     models = {layer.i_object: [MODEL] for layer in layers}
     return finish(Solver(Placement(scene), models, sky, n_bounces, fineness, glossy=False).solve(layers)), layers

@@ -333,11 +333,13 @@ class Lights(NamedTuple):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def light_rays(table, mesh, begin, end, offset, lights, n_samples, seed, origins, directions, distances, powers):
+def light_rays(
+    table, mesh, begin, end, offset, lights, n_samples, seed, origins, directions, distances, cosines, powers
+):
     """Rays from the places of cells [begin, end) to `n_samples` samples of the lights each, (n · S, 3).
 
-    distances (n · S,): how far the light is, large for the sky; powers (n · S, 3): what the light adds to the cell's
-    irradiance if the ray is free, 0 where it is not to be traced.
+    distances (n · S,): how far the light is, large for the sky; cosines (n · S,) of the angles of incidence; powers
+    (n · S, 3): what the light adds to the cell's irradiance if the ray is free, 0 where it is not to be traced.
     """
     for cell in range(begin, end):
         for s in range(n_samples):
@@ -350,8 +352,9 @@ def light_rays(table, mesh, begin, end, offset, lights, n_samples, seed, origins
                 lx, ly, lz = lx - x, ly - y, lz - z
             length = np.sqrt(max(lx * lx + ly * ly + lz * lz, np.float32(1e-30)))
             dx, dy, dz = lx / length, ly / length, lz / length
-            weight = max(nx * dx + ny * dy + nz * dz, ZERO) / np.float32(n_samples)
             out = (cell - begin) * n_samples + s
+            cosines[out] = max(nx * dx + ny * dy + nz * dz, ZERO)
+            weight = cosines[out] / np.float32(n_samples)
             distances[out] = np.float32(1e30)
             if not lights.is_sky:
                 facing = -(lights.normals[m, 0] * dx + lights.normals[m, 1] * dy + lights.normals[m, 2] * dz)
@@ -363,10 +366,17 @@ def light_rays(table, mesh, begin, end, offset, lights, n_samples, seed, origins
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def add_free(blocked, powers, n_samples, irradiance):
-    """irradiance (n, 3) += the powers (n · S, 3) of the samples that are not blocked."""
+def add_free(blocked, cosines, powers, n_samples, irradiance):
+    """irradiance (n, B, 3) += the powers (n · S, 3) of the samples that are not blocked, shared out by hats over the
+    root of their cosines (n · S,)."""
+    last = irradiance.shape[1] - 1
     for i in range(irradiance.shape[0]):
         for s in range(n_samples):
-            if not blocked[i * n_samples + s]:
+            r = i * n_samples + s
+            if not blocked[r]:
+                position = np.sqrt(min(cosines[r], ONE)) * np.float32(last)
+                node = min(np.int64(position), last - 1)
+                share = position - np.float32(node)
                 for channel in range(3):
-                    irradiance[i, channel] += powers[i * n_samples + s, channel]
+                    irradiance[i, node, channel] += (ONE - share) * powers[r, channel]
+                    irradiance[i, node + 1, channel] += share * powers[r, channel]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from engine.indirect import _albedo_kernels as kernels
 from engine.indirect.curves import pole_of
-from engine.indirect.equivalence import N_VIEWS, albedo_of, view_angles
+from engine.indirect.equivalence import N_SLANTS, N_VIEWS, albedo_of, slant_of, view_angles
 from engine.indirect.rays import cosine_tables, pole_tables
 from engine.material import MODELS, kinds
 from engine.material.layer import Layer
@@ -83,8 +83,19 @@ def _common_bands(
 
 def equivalent_albedo(layer: Layer, bands: tuple[int, ...]) -> NDArray[np.float64]:
     """d of a layer with its curves on this many bands, (3,), at least 0; above 1 it makes light of nothing."""
-    e = albedo_bands(layer.model.name, tuple(layer.quotient_parameters().tolist()), bands)
-    curves = tuple(layer.coefficients(factor.name, n) for factor, n in zip(layer.model.factors, bands, strict=False))
+    e, curves = _bands_and_curves(layer, bands)
     view = layer.model.view_factor
     seen = np.ones((2, 3)) if view is None else layer.curve(view.name)(np.linspace(0.0, np.pi / 2, N_VIEW_SAMPLES))
     return albedo_of(e, curves, layer.scale(), seen)
+
+
+def directional_albedo(layer: Layer, bands: tuple[int, ...]) -> NDArray[np.float64]:
+    """Of light from one direction, over the equivalent albedo, (N_SLANTS, 3); 1 of a matt layer."""
+    return np.ones((N_SLANTS, 3)) if layer.model.is_matt else slant_of(*_bands_and_curves(layer, bands))
+
+
+def _bands_and_curves(
+    layer: Layer, bands: tuple[int, ...]
+) -> tuple[NDArray[np.float64], tuple[NDArray[np.float64], ...]]:
+    e = albedo_bands(layer.model.name, tuple(layer.quotient_parameters().tolist()), bands)
+    return e, tuple(layer.coefficients(factor.name, n) for factor, n in zip(layer.model.factors, bands, strict=False))

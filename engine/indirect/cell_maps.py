@@ -1,10 +1,15 @@
-"""What images do to a layer at the cells: a dark wainscot sends less on than the light wall above it.
+"""What cells reflect: by their part of an image, and by where light comes from.
 
+A dark wainscot sends less on than the light wall above it.
 The mean of an image over all of its object is what a still's plan and the window's albedo go by. Light, though, falls
 on some of the object more than on the rest, and on the backs of walls not at all: in a stairwell whose walls have a
 dark wainscot, light after two to four bounces was 4, 4 and 10 % too dark in the mean, and on the floor 20 to 46 % too
 bright. So a cell multiplies the mean by its own factor over it, which is the mean over its places; what follows the
 albedo of an object that is edited stays a polynomial in it.
+
+Nor does a gloss send all light on alike: of what falls on a polished floor from a lamp above it a twentieth, of what
+grazes it a half. The equivalent albedo is the mean over all directions, which that of one lamp is not: below a low lamp
+the third bounce was 2 to 4 % too bright. So cells keep by the angle of incidence what lights bring them.
 """
 
 from __future__ import annotations
@@ -18,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.errors import LoadError
+from engine.indirect.equivalence import N_SLANTS
 from engine.indirect.layers import IndirectLayer, is_glossy
 from engine.material.maps import Images, LayerMaps, factor_of_means
 from engine.scene.surface_uvs import corner_uvs, positions_at, uvs_at
@@ -36,11 +42,13 @@ _MOST_KEPT = 16
 @dataclass(frozen=True, eq=False)
 class CellReflectance:
     """What C cells reflect: relative (C, 3), their equivalent albedo over that of their object; matt (C, 3), the share
-    that matt layers have of it, 1 where there is no albedo; texels (K, C, 3), the factors of K glossy layers over their
-    means; image (L): which of these each of all layers has, −1 for none."""
+    that matt layers have of it, 1 where there is no albedo; slant (C, N_SLANTS, 3), what it is for light from one
+    direction over what it is for all, None where nothing is glossy; texels (K, C, 3), the factors of K glossy layers
+    over their means; image (L): which of these each of all layers has, −1 for none."""
 
     relative: Floats
     matt: Floats
+    slant: Floats | None
     texels: Floats
     image: tuple[int, ...]
 
@@ -110,6 +118,7 @@ class CellMaps:
         objects = self._table.objects
         albedos = np.zeros((2, len(objects), 3))  # of all layers, of matt ones
         of_object = np.zeros((n_objects, 3))
+        slanted = np.zeros((len(objects), N_SLANTS, 3)) if any(map(is_glossy, layers)) else None
         texels, image = [], [-1] * len(layers)
         for i, layer in enumerate(layers):
             mine = np.flatnonzero(objects == layer.i_object)
@@ -117,6 +126,8 @@ class CellMaps:
             own = layer.albedo if factor is None else layer.albedo * factor
             albedos[0, mine] += own
             of_object[layer.i_object] += layer.albedo
+            if slanted is not None:
+                slanted[mine] += np.broadcast_to(own, (len(mine), 3))[:, None] * layer.slant
             if not is_glossy(layer):
                 albedos[1, mine] += own
             elif factor is not None:
@@ -125,12 +136,9 @@ class CellMaps:
                 image[i] = len(texels) - 1
         whole, matt = albedos
         relative = _ratio(whole, of_object[objects])
-        return CellReflectance(
-            relative,
-            _ratio(matt, whole),
-            np.array(texels, np.float32).reshape(len(texels), len(objects), 3),
-            tuple(image),
-        )
+        of_images = np.array(texels, np.float32).reshape(len(texels), len(objects), 3)
+        slant = None if slanted is None else _ratio(slanted, np.broadcast_to(whole[:, None], slanted.shape))
+        return CellReflectance(relative, _ratio(matt, whole), slant, of_images, tuple(image))
 
     def _relative_factor(self, layer: IndirectLayer) -> NDArray[np.float64] | None:
         """Of the cells of a layer's object, the factor (k, 3) of its images over what the layer takes for their mean;

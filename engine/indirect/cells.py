@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from engine.indirect import _cell_kernels as kernels
 from engine.indirect._ray_kernels import EVEN
 from engine.indirect.cell_maps import CellMaps
+from engine.indirect.equivalence import N_SLANTS
 from engine.light.emitters import EmitterPatches
 from engine.light.lights import TriangleLights
 from engine.scene.load import Scene
@@ -159,10 +160,10 @@ class Cells:
     def irradiance(
         self, lights: kernels.Lights, n_samples: int, seed: int = 0, begin: int = 0, end: int | None = None
     ) -> NDArray[np.float32]:
-        """Irradiance (end - begin, 3) of the cells from `begin` on, from the lights directly, by S samples a cell; end:
-        None for all."""
+        """Irradiance (end - begin, N_SLANTS, 3) of the cells from `begin` on, from the lights directly, by S samples a
+        cell, shared out by its angle of incidence; end: None for all."""
         n = (len(self) if end is None else min(end, len(self))) - begin
-        irradiance = np.zeros((n, 3), np.float32)
+        irradiance = np.zeros((n, N_SLANTS, 3), np.float32)
         if len(lights.cumulative):
             step = max(1, CHUNK // n_samples)
             parts = [(i, min(i + step, n)) for i in range(0, n, step)]
@@ -175,16 +176,19 @@ class Cells:
     ) -> None:  # fmt: skip
         begin, end = part
         rays = room_for_rays((end - begin) * n_samples)
-        distances, powers = np.empty(len(rays.there), np.float32), np.empty((len(rays.there), 3), np.float32)
+        (distances, cosines), powers = (
+            np.empty((2, len(rays.there)), np.float32),
+            np.empty((len(rays.there), 3), np.float32),
+        )
         kernels.light_rays(
             self._table, self.mesh, first + begin, first + end, np.float32(self.caster.offset), lights, n_samples, seed,
-            rays.origins, rays.directions, distances, powers,
+            rays.origins, rays.directions, distances, cosines, powers,
         )  # fmt: skip
         blocked = powers.max(axis=1) <= 0.0
         asked = np.flatnonzero(~blocked)
         limits = None if lights.is_sky else distances[asked]
         blocked[asked] = self.caster.occluded(rays.origins[asked], rays.directions[asked], limits)
-        kernels.add_free(blocked, powers, n_samples, irradiance[begin:end])
+        kernels.add_free(blocked, cosines, powers, n_samples, irradiance[begin:end])
 
 
 def sky_lights(cut: TriangleLights) -> kernels.Lights:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-N_VIEWS = 32
+N_VIEWS, N_SLANTS = 32, 6
 
 
 def view_angles() -> NDArray[np.float64]:
@@ -27,3 +27,27 @@ def albedo_of(
     first, second = (*curves, np.ones((1, 3)))[:2]
     seen = np.einsum("oc,cojk->cjk", views, np.broadcast_to(e, (3, *e.shape[-3:])))
     return np.asarray(gain * np.einsum("cjk,jc,kc->c", seen, first, second))
+
+
+def slant_of(e: NDArray[np.floating], curves: Sequence[NDArray[np.floating]]) -> NDArray[np.float64]:
+    """How much more of light from one direction a layer sends on than of light from all, (N_SLANTS, 3): its directional
+    albedo over the equivalent one at `slant_roots`, where f_o does not vary; e, curves: see `albedo_of`.
+
+    By reciprocity it is what comes from all directions to an eye at that angle. 1 where the layer is black. Light that
+    comes from all sides alike is sent on as by the equivalent albedo.
+    """
+    first, second = (*curves, np.ones((1, 3)))[:2]
+    towards = np.einsum("cojk,jc,kc->oc", np.broadcast_to(e, (3, *e.shape[-3:])), first, second)
+    mean = towards.mean(axis=0)
+    relative = np.divide(towards, mean, out=np.ones_like(towards), where=mean > 0.0)
+    roots = np.sqrt(np.cos(view_angles()))[::-1]
+    nodes = slant_roots()
+    slant = np.stack([np.interp(nodes, roots, relative[::-1, c]) for c in range(3)], axis=1)
+    even = np.stack([np.interp(roots, nodes, slant[:, c]) for c in range(3)], axis=1)
+    return np.asarray(slant / even.mean(axis=0))
+
+
+def slant_roots() -> NDArray[np.float64]:
+    """Roots of the cosines of incidence between which cells share out what falls on them: close where a gloss changes
+    fast."""
+    return np.linspace(0.0, 1.0, N_SLANTS)

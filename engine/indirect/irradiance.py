@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 from engine.indirect import _reflection_kernels as kernels
 from engine.indirect._cell_kernels import Lights
 from engine.indirect.beyond import held
+from engine.indirect.cell_maps import CellReflectance
 from engine.indirect.cells import CHUNK, Cells
+from engine.indirect.equivalence import N_SLANTS
 from engine.indirect.rays import cosine_tables
 from engine.indirect.turns import Turn, by_turns
 from engine.threads import even_parts, on_threads
@@ -32,11 +34,17 @@ _SAMPLES = 1 << 18  # rays to lights at a time, of each kind
 @dataclass(frozen=True, eq=False)
 class CellLight:
     """What cells (C) send to one another: seen (C_seen, R) uint16, of those of them that light reaches the eye by in
-    more than two bounces; objects (C,); direct (C, 3), irradiance from the lights."""
+    more than two bounces; objects (C,); direct (C, N_SLANTS, 3), irradiance from the lights, shared out by hats over
+    the root of the cosine of its angle of incidence, see `equivalence.slant_roots`."""
 
     objects: NDArray[np.int32]
     seen: NDArray[np.uint16]
     direct: NDArray[np.float32]
+
+    @property
+    def irradiance(self) -> NDArray[np.float32]:
+        """From the lights, of all angles, (C, 3)."""
+        return self.direct.sum(axis=1)
 
     @property
     def n_bytes(self) -> int:
@@ -71,8 +79,9 @@ def _look(
 def direct_irradiance(
     cells: Cells, lights: tuple[Lights, ...], n_samples: int
 ) -> Generator[float, None, NDArray[np.float32]]:
-    """Irradiance (C, 3) of the cells from all lights, by `n_samples` samples of each kind; yields how much is done."""
-    total = np.zeros((len(cells), 3), np.float32)
+    """Irradiance (C, N_SLANTS, 3) of the cells from all lights, see `CellLight`, by `n_samples` samples of each kind;
+    yields how much is done."""
+    total = np.zeros((len(cells), N_SLANTS, 3), np.float32)
     step = max(_SAMPLES // n_samples, 1)
     for begin in range(0, len(cells), step):
         for seed, each in enumerate(lights):
@@ -82,33 +91,34 @@ def direct_irradiance(
 
 
 def radiosity(
-    light: CellLight, albedos: NDArray[np.floating], n_bounces: int, relative: NDArray[np.float32],
-    edited: int = NOBODY, matt: NDArray[np.floating] | None = None,
+    light: CellLight, albedos: NDArray[np.floating], n_bounces: int, cells: CellReflectance, edited: int = NOBODY,
+    lit_apart: bool = False,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:  # fmt: skip
     """Radiosity (C, D, 3) of the cells in a picture of N bounces, a polynomial in the albedo of the object `edited`;
-    and the same in one of N - 1, for what comes by one more reflection on its way, with such a share of the lights' own
-    as `matt` (C, 3) says, None for all of it.
+    and the same in one of N - 1, for what comes by one more reflection on its way.
 
-    albedos (M, 3), which cells have so many times, relative (C, 3); D = N powers, from 0 to N - 1, or 1 where nobody is
-    edited. N ≥ 2.
+    albedos (M, 3), of which cells have their own parts; D = N powers, from 0 to N - 1, or 1 where nobody is edited.
+    N ≥ 2. lit_apart: whether what glossy layers reflect of the lights is known from elsewhere: it is left out of the
+    second, and the first has it as if it came from all sides.
     """
     n_powers = n_bounces if edited != NOBODY else 1
     albedos = np.ascontiguousarray(albedos, np.float32)
     latest = np.zeros((len(light.objects), n_powers, 3), np.float32)
-    latest[:, 0] = light.direct
+    latest[:, 0] = light.irradiance if cells.slant is None else np.einsum("cbk,cbk->ck", light.direct, cells.slant)
     total, sent = latest.copy(), np.empty((*latest.shape[:2], 4), np.float32)
     once_less, before = total.copy(), np.zeros_like(total)
-    if matt is not None:
-        once_less[:, 0] *= matt
+    if lit_apart:
+        total[:, 0] = light.irradiance
+        once_less[:, 0] = cells.matt * light.irradiance
     for bounce in range(n_bounces - 2):
-        kernels.brighten(latest, light.objects, albedos, relative, edited, sent)
+        kernels.brighten(latest, light.objects, albedos, cells.relative, edited, sent)
         latest = bounced(light.seen, sent, min(bounce + 2, n_powers))
         before[:] = once_less
         total += latest
         once_less += latest
     bright = np.empty_like(latest)
-    kernels.brighten(before, light.objects, albedos, relative, edited, bright)
-    kernels.brighten(total, light.objects, albedos, relative, edited, before)
+    kernels.brighten(before, light.objects, albedos, cells.relative, edited, bright)
+    kernels.brighten(total, light.objects, albedos, cells.relative, edited, before)
     return held(before), held(bright)
 
 

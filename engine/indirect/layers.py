@@ -1,13 +1,14 @@
 """The layers of a scene as indirect light needs them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect.albedo import N_VIEW_SAMPLES, equivalent_albedo, tint_of
+from engine.indirect.albedo import N_VIEW_SAMPLES, directional_albedo, equivalent_albedo, tint_of
 from engine.indirect.curves import LayerCurves
+from engine.indirect.equivalence import N_SLANTS
 from engine.material.layer import Layer
 from engine.material.maps import LayerMaps
 from engine.scene.hits import PrimaryHits
@@ -17,7 +18,8 @@ from engine.scene.hits import PrimaryHits
 class IndirectLayer:
     """A visible layer of one object: its curves towards the eye, and as second bounce, f_q (3,), f_o (N, 3) at even
     angles from 0 to π/2, and its equivalent albedo (3,). Of textures and weight maps their mean over the surface, share
-    (3,), is in f_q and in the albedo; cells have their own, see `cell_maps`."""
+    (3,), is in f_q and in the albedo; cells have their own, see `cell_maps`. slant (N_SLANTS, 3): its albedo for light
+    from one direction, relative, see `equivalence.slant_of`."""
 
     i_object: int
     curves: LayerCurves
@@ -27,6 +29,7 @@ class IndirectLayer:
     albedo: NDArray[np.float64]
     maps: LayerMaps = LayerMaps()
     share: NDArray[np.float64] = field(default_factory=lambda: np.ones(3))
+    slant: NDArray[np.float64] = field(default_factory=lambda: np.ones((N_SLANTS, 3)))
 
 
 def indirect_layer(
@@ -47,12 +50,17 @@ def indirect_layer(
     return IndirectLayer(
         i_object, LayerCurves(layer.model, q, towards_eye, tint), LayerCurves(layer.model, q, towards_others, tint),
         share * layer.scale(), seen, share * equivalent_albedo(layer, bands),
-        LayerMaps() if mean is None else layer.maps, share,
+        LayerMaps() if mean is None else layer.maps, share, directional_albedo(layer, bands),
     )  # fmt: skip
 
 
 def _coefficients(layer: Layer, bands: tuple[int, ...]) -> tuple[NDArray[np.float64], ...]:
     return tuple(layer.coefficients(factor.name, n) for factor, n in zip(layer.model.factors, bands, strict=False))
+
+
+def even_slant(layer: IndirectLayer) -> IndirectLayer:
+    """The same as if it sent on light from all directions alike."""
+    return replace(layer, slant=np.ones_like(layer.slant))
 
 
 def is_glossy(layer: IndirectLayer) -> bool:

@@ -169,8 +169,7 @@ class IndirectLight:
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         albedos = albedos_of(layers, len(self.points.poles))
         # What glossy surfaces reflect of the lights themselves is recorded.
-        matt = cells.matt if self.points.glossy else None
-        return radiosity(self.light, albedos, self.n_bounces, cells.relative, edited, matt)
+        return radiosity(self.light, albedos, self.n_bounces, cells, edited, self.points.glossy)
 
     def sent(self, layers: Sequence[IndirectLayer], edited: int = NOBODY) -> SentLight:
         """What surfaces send towards the gather points under these layers."""

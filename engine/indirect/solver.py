@@ -250,7 +250,7 @@ class Solver:
             if bright is None:
                 light = yield from self._light(cells, self._roughly(), parts, (_LOOKED, _ROUGHLY_LIT))
                 albedos, mapped = albedos_of(layers, len(self._poles)), cells.maps.reflectance(layers, len(self._poles))
-                bright, _ = radiosity(light, albedos, self._n_bounces, mapped.relative)
+                bright, _ = radiosity(light, albedos, self._n_bounces, mapped)
                 if self._asks_need:
                     halves = self._halves_of_fans(self._points(gathered, photons), layers, cells, light)
                     if self._is_noisy(layers, gathered.rows, (yield from _said(halves, span[0], "looking around"))):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from engine.indirect._cell_kernels import MOST_CELLS, N_PLACES, NO_CELL, CellTable
 from engine.indirect._second_kernels import N_BY_POLE, N_BY_POWER, NO_LIGHT, LitPlaces, Records
 from engine.indirect.cells import N_SLOTS
+from engine.indirect.equivalence import N_SLANTS
 from engine.indirect.fineness import LEVELS, RayNeed
 from engine.indirect.gather import MOST_FANS, Gathered
 from engine.indirect.irradiance import CellLight
@@ -140,7 +141,7 @@ def read_cell_light(reader: ArrayReader, n_rays: int, objects: NDArray[np.int32]
     seen = reader.take("cell_seen", np.uint16, "sending", n_rays, below=known["C"], or_else=NO_CELL)
     if known["sending"] > known["C"]:
         raise UnsoundArrays("more cells send than there are")
-    return CellLight(objects, seen, reader.take("direct", np.float32, "C", 3))
+    return CellLight(objects, seen, reader.take("direct", np.float32, "C", N_SLANTS, 3))
 
 
 def read_need(reader: ArrayReader, most: int) -> RayNeed:

@@ -11,7 +11,7 @@ from app.measure.dense import DenseTensor
 from app.measure.multisets import NONE, Multisets
 from engine.errors import InsituError
 from engine.indirect.irradiance import NOBODY
-from engine.indirect.layers import indirect_layer
+from engine.indirect.layers import even_slant, indirect_layer
 from engine.indirect.light import IndirectLight
 from engine.indirect.representation import GatherPolynomial, Representation, Selected
 from engine.light.environment import constant_environment
@@ -21,8 +21,8 @@ from engine.steps import finish
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of, solve
 
 LAYERS = [
-    matt(0, [0.5, 0.1, 0.9]), indirect_layer(0, make_layer(MODELS["phong"]), (32,)), matt(1, 0.8),
-    indirect_layer(2, make_layer(MODELS["blinn_phong"]), (64,)),
+    matt(0, [0.5, 0.1, 0.9]), even_slant(indirect_layer(0, make_layer(MODELS["phong"]), (32,))), matt(1, 0.8),
+    even_slant(indirect_layer(2, make_layer(MODELS["blinn_phong"]), (64,))),
 ]  # fmt: skip
 
 
