@@ -76,7 +76,7 @@ class Scene:
     @cached_property
     def relief(self) -> Relief:
         """What its normal and bump maps do to normals."""
-        return Relief(self)
+        return Relief(replace(self))  # one that knows of no relief: a circle outlives what it is of
 
     def bumped(self, bumps: Mapping[str, Bumps]) -> Scene:
         """The scene with objects, by name, under these bumps instead of their own; names of no object do not count."""
