@@ -24,11 +24,12 @@ from app.jobs.shared_arrays import OutOfMemory, sweep_dead_blocks
 from app.machine.atomic import private_opener
 from app.machine.kernel_cache import use_kernel_cache
 from app.machine.paths import log_directory
-from app.machine.system import end_with_parent, inherited_socket
+from app.machine.system import end_with_parent, inherited_socket, release_memory
 from app.messages import Failed, Heartbeat, Request, Shutdown
 from app.naming import named
 
 _LARGEST_LOG = 1 << 20
+IDLE_SECONDS = 1.0  # after which memory goes back to the system
 
 
 class Worker:
@@ -39,12 +40,18 @@ class Worker:
         self.heartbeat = Heartbeat("starting")
 
     def run(self, schedule: Schedule) -> None:
+        has_worked = False
         while self._take_requests(schedule):
             chosen = schedule.choose()
             self._announce(chosen)
             if chosen is not None:
                 self._advance(schedule)
-            else:
+                has_worked = True
+            elif has_worked and not self._channel.wait(IDLE_SECONDS):
+                # What one scene or edit leaves between the next one's arrays adds up to hundreds of megabytes.
+                release_memory()
+                has_worked = False
+            elif not has_worked:
                 self._channel.wait(None)
 
     def _take_requests(self, schedule: Schedule) -> bool:

@@ -11,7 +11,6 @@ It has the right energy, at the common quotient's directions.
 """
 
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,14 +21,15 @@ from engine.indirect.equivalence import N_SLANTS, N_VIEWS, albedo_of, slant_of, 
 from engine.indirect.rays import cosine_tables, pole_tables
 from engine.material import MODELS, kinds
 from engine.material.layer import Layer
+from engine.recent import keeps_recent
 
 N_AZIMUTHS = 8
 N_VIEW_SAMPLES = 256
 _N_RAYS = 1024
+_MOST_BYTES = 8 << 20  # of tables that are kept: those of all layers of a scene, seldom of two roughnesses
 _GOLDEN = (1.0 + 5.0**0.5) / 2.0
 
 
-@lru_cache(maxsize=64)
 def albedo_bands(
     model_name: str, quotient_parameters: tuple[float, ...], bands: tuple[int, ...]
 ) -> NDArray[np.float64]:
@@ -62,7 +62,7 @@ def _is_coloured(model_name: str, quotient_parameters: tuple[float, ...]) -> boo
     return MODELS[model_name].is_coloured and bool(quotient_parameters[kinds.TABLE])
 
 
-@lru_cache(maxsize=64)
+@keeps_recent(_MOST_BYTES)
 def _common_bands(
     model_name: str, quotient_parameters: tuple[float, ...], bands: tuple[int, ...]
 ) -> NDArray[np.float64]:
