@@ -22,7 +22,7 @@ from engine.light.environment import LUMINANCE
 from engine.threads import even_parts, on_threads
 
 # Of a patch's samples in the R2 sequence, the plane's evenest [Roberts18]: no two beside one another are alike.
-_R2 = np.array([0.7548776662466927, 0.5698402909980532])
+R2 = np.array([0.7548776662466927, 0.5698402909980532])
 
 Floats = NDArray[np.float64]
 Importance = Callable[[Floats, NDArray[np.intp]], Floats]
@@ -43,11 +43,8 @@ class EmitterPatches:
 
     @property
     def samples(self) -> NDArray[np.float32]:
-        """A place (M, 3) on each patch, spread so that no straight edge of a shadow passes many of them at once."""
-        u = np.modf(0.5 + np.arange(1, len(self) + 1)[:, None] * _R2)[0]
-        root = np.sqrt(u[:, :1])
-        weights = np.concatenate([1.0 - root, root * (1.0 - u[:, 1:]), root * u[:, 1:]], axis=1)
-        return np.einsum("mk,mki->mi", weights, self.corners, dtype=np.float64).astype(np.float32)
+        """A place (M, 3) on each patch, see `spread_places`."""
+        return spread_places(self.corners)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +62,14 @@ class EmitterTree:
     first: NDArray[np.int64]
     n_roots: int
     leaves: EmitterPatches
+
+
+def spread_places(triangles: NDArray[np.floating]) -> NDArray[np.float32]:
+    """A place (M, 3) on each triangle (M, 3, 3), spread so that no straight edge of a shadow passes many at once."""
+    u = np.modf(0.5 + np.arange(1, len(triangles) + 1)[:, None] * R2)[0]
+    root = np.sqrt(u[:, :1])
+    weights = np.concatenate([1.0 - root, root * (1.0 - u[:, 1:]), root * u[:, 1:]], axis=1)
+    return np.einsum("mk,mki->mi", weights, triangles, dtype=np.float64).astype(np.float32)
 
 
 def emitter_patches(triangles: ArrayLike, radiance: ArrayLike, n_patches: int) -> EmitterPatches:

@@ -36,6 +36,7 @@ Mapping = Literal["latlong", "angular"]
 
 LARGEST_HALF = 65504.0
 _MOST_INTEGRATED_ROWS = 2048
+_REFINED_ROWS, _MOST_REFINEMENT = 1024, 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,6 +137,30 @@ def downsampled(environment: Environment, height: int) -> Environment:
     return Environment(image, environment.source, environment.notes)
 
 
+@lru_cache(maxsize=2)
+def interpolated(environment: Environment) -> Environment:
+    """The environment as `evaluate` has it, by up to four times as many texels, of the same light in all.
+
+    A sun of few texels is as wide as interpolation makes it, and so are its shadows' edges: with texels of constant
+    radiance a room of 256 rows of sky was 4.4 % off the path tracer, with these 1.9 %. From 1,024 rows on it is itself.
+    """
+    height, width, _ = environment.radiance.shape
+    times = min(_MOST_REFINEMENT, _REFINED_ROWS // height)
+    if times < 2:
+        return environment
+    row = np.clip((np.arange(times * height) + 0.5) / times - 0.5, 0.0, height - 1.0)
+    column = (np.arange(times * width) + 0.5) / times - 0.5
+    rows, columns = (axis.ravel() for axis in np.meshgrid(row, column, indexing="ij"))
+    image = _bilinear(environment.radiance, rows, columns).reshape(times * height, times * width, 3)
+    # Rows at the poles have more neighbours than their solid angle is worth.
+    before, after = (
+        np.einsum("hwc,h->c", each, texel_solid_angles(*each.shape[:2]), dtype=np.float64)
+        for each in (environment.radiance, image)
+    )
+    image *= np.divide(before, after, out=np.ones(3), where=after > 0.0).astype(np.float32)
+    return Environment(image, environment.source, environment.notes)
+
+
 @lru_cache(maxsize=2)  # the stages of a picture cut the same light
 def triangle_integrals(environment: Environment, rotation: float, level: int) -> NDArray[np.float64]:
     """The integral of L d omega over each geodesic triangle of `level` (0 to 7): (20 * 4^level, 3) float64.
@@ -152,6 +177,14 @@ def triangle_integrals(environment: Environment, rotation: float, level: int) ->
     integrals = integrate_over_triangles(smaller.radiance, smaller.light_above, turn, level)
     integrals.flags.writeable = False
     return integrals
+
+
+def corner_integrals(environment: Environment, rotation: float, corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same over any spherical triangles with unit corners (K, 3, 3), counter-clockwise from outside: (K, 3)."""
+    from engine.light.triangle_integrals import integrate_over_corners  # late, as above
+
+    smaller = downsampled(environment, _MOST_INTEGRATED_ROWS)
+    return integrate_over_corners(smaller.radiance, smaller.light_above, math.radians(rotation % 360.0), corners)
 
 
 def tone_mapped_thumbnail(environment: Environment, width: int) -> NDArray[np.uint8]:

@@ -44,6 +44,7 @@ from engine.visibility.targets import Targets
 
 N_POINTS = 256
 FINER, FINER_PATCHES = 4, 16  # times as many lights, and as many leaves of the tree of emitters
+FINER_SUN_LEVELS = 4  # how far below the sky's finest triangles suns are split
 FINER_TOLERANCE = 0.05  # of the bands that may bend over a light, most of the error where light grazes a wall
 N_LOOKS = 6
 # Of a map of errors: points, and looks at each.
@@ -269,7 +270,10 @@ def _direct(
     # Bits of all points would fill the memory, whose pages are larger than a point's.
     cut, hits, points = None, placement.hits, placement.hits.at(rows)
     if sky.environment is not None:
-        cut = cut_lights(sky.environment, FINER * quality.n_lights, sky.rotation, quality.max_level)
+        sun_level = quality.max_level + FINER_SUN_LEVELS
+        cut = cut_lights(
+            sky.environment, FINER * quality.n_lights, sky.rotation, quality.max_level, sun_level=sun_level
+        )
     tree = placement.emitters(FINER_PATCHES * quality.n_patches)
     yield StillProgress(0.0, WHAT)
     lighting = prepare_lighting(cut, tree, FINER_TOLERANCE * quality.tolerance, own_rays=True, scale=sky.scale)

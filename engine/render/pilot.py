@@ -97,7 +97,9 @@ def _light_of(placement: Placement, samples: Mapping[int, np.ndarray], sky: SkyS
     """The plan's light as the samples see it."""
     quality, cut = still_quality(plan), None
     if sky.environment is not None:
-        cut = cut_lights(sky.environment, quality.n_lights, sky.rotation, quality.max_level)
+        cut = cut_lights(
+            sky.environment, quality.n_lights, sky.rotation, quality.max_level, sun_level=quality.sun_level
+        )
     lighting = prepare_lighting(cut, placement.emitters(quality.n_patches), quality.tolerance, not plan.needs_sphere)
     sphere = empty_visibility(placement.hits, placement.sphere.targets)
     fine = empty_visibility(placement.hits, lighting.fine_targets)

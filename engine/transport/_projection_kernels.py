@@ -143,7 +143,7 @@ def _split_curved(corners, rows, tree, n_lights, scale_a, scale_b, optics, frame
     """List the leaves of curved lights behind the others, n_lights, and take the lights themselves out; the new number.
 
     Each leaf has its own colour, behind those of the lights, and its own centre of brightness, as far down as the tree
-    goes. Where the list is full the rest stays whole.
+    goes; pieces of suns (row -1) are even. Where the list is full the rest stays whole.
     """
     stack, lights, weights, sizes, curved = (
         scratch.stack, scratch.spots.light, scratch.spots.weight, scratch.sizes, scratch.curved
@@ -151,17 +151,17 @@ def _split_curved(corners, rows, tree, n_lights, scale_a, scale_b, optics, frame
     x, y, z, n, most = scratch.x, scratch.y, scratch.z, n_lights, scratch.cx.shape[0] - LEAVES
     leaves = (scratch.cx, scratch.cy, scratch.cz, sizes, scratch.row, scratch.above)
     colours, n_rows, n_colours = scratch.colours, tree.shape[0], rows.shape[0]
-    has_tree = n_rows > 0
     for i in range(n_lights):
         if curved[i] == 0 or scratch.cz[i] <= -sizes[i] or n > most:
             continue
         m, first, weight, size = lights[i], n, weights[i], sizes[i]
+        has_tree = n_rows > 0 and rows[m] >= 0
         for corner in range(3):
             v = corners[m, corner]
             stack[0, corner, 0], stack[0, corner, 1], stack[0, corner, 2] = x[v], y[v], z[v]
         n = split(
-            stack, scratch.depths, scratch.below, rows[m], size, scale_a, scale_b, optics, n_rows, ox, oy, oz, leaves,
-            n,
+            stack, scratch.depths, scratch.below, rows[m], size, scale_a, scale_b, optics,
+            n_rows if has_tree else np.int64(0), ox, oy, oz, leaves, n,
         )  # fmt: skip
         for leaf in range(first, n):
             row, share, own = scratch.row[leaf], scratch.above[leaf] * scratch.above[leaf], n_colours + leaf - n_lights

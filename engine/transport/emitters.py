@@ -46,7 +46,10 @@ def emitters_for(scene: Scene, caster: RayCaster, hits: PrimaryHits, n_leaves: i
         return emitter_tree(corners, radiance, n_leaves)
     rows = np.unique(np.linspace(0, len(hits.pixel) - 1, N_POINTS).astype(np.int32))
     tried = emitter_patches(np.repeat(corners, N_RAYS, axis=0), np.repeat(radiance, N_RAYS, axis=0), 1)
-    seen = _sees(caster, hits, rows, tried.samples, tried.normal).reshape(len(rows), -1, N_RAYS).mean(axis=2)
+    n_seen = _sees(caster, hits, rows, tried.samples, tried.normal).reshape(len(rows), -1, N_RAYS).sum(axis=2)
+    # That none of a few rays arrived does not say that nothing is seen: what shines through a gap is often missed by
+    # all, and was never cut then, whatever the number of leaves. Of an unknown share (k + 1/2) / (n + 1) is expected.
+    seen = (n_seen + 0.5) / (N_RAYS + 1.0)
     points, normals = hits.position[rows].astype(np.float64), hits.horizon[rows].astype(np.float64)
     return emitter_tree(corners, radiance, n_leaves, seen_importance(corners, radiance, points, normals, seen))
 

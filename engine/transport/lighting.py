@@ -16,7 +16,7 @@ import numpy as np
 
 from engine.light.emitters import EmitterPatches, EmitterTree
 from engine.light.environment import LUMINANCE
-from engine.light.lights import TriangleLights
+from engine.light.lights import SUN_SHARE, TriangleLights
 from engine.transport._emitter_kernels import Emitters, Leaves
 from engine.transport._projection_kernels import SkyLights
 from engine.visibility.targets import VISIBILITY_LEVEL, Targets
@@ -100,11 +100,13 @@ def _sky(sky: TriangleLights | None, unit: float, own_rays: bool) -> tuple[SkyLi
         tree,
     )
     directions = np.ascontiguousarray(sky_centre[is_fine], np.float32)
+    luminance = sky_power @ LUMINANCE.astype(np.float32)
+    bright = luminance[is_fine] > 0.25 * SUN_SHARE * luminance.sum(dtype=np.float64)
     parents = None if own_rays else first[is_fine].astype(np.int32)
     neighbours = nearest_neighbours(directions)
     targets = Targets(
         directions, np.zeros_like(directions), neighbours,
-        parents=parents, weak_step=FINE_SENTINELS, weakest_step=FINE_SENTINELS,
+        parents=parents, weak_step=FINE_SENTINELS, weakest_step=FINE_SENTINELS, bright=bright if bright.any() else None,
     )  # fmt: skip
     return lights, targets
 

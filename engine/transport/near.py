@@ -3,7 +3,8 @@
 One ray a leaf is enough where leaves are many and small. Beside a lamp's frame one leaf is half of all there is, and in
 a narrow penumbra a few leaves are: there the shadow's edge would show each of them. A leaf that could bring more than
 `LEAST` of a point's light, while of those beside it some are seen and some are not, or it is larger than `NEAR`, is cut
-into four parts that are even on the point's sphere, one ray each, and their sum is taken by solid angle and cosine.
+into four parts that are even on the point's sphere, one ray each, and their sum is taken by solid angle and cosine;
+into 16 or 64 where those leaves bring much of all light, as behind a narrow gap, which shows a strip of a lamp.
 """
 
 from __future__ import annotations
@@ -22,8 +23,7 @@ from engine.transport._emitter_kernels import Emitters
 from engine.visibility.points import Visibility
 
 LEAST, NEAR = np.float32(0.002), np.float32(0.35)
-MOST = 128  # leaves of a point that are looked at
-DEPTH = 1
+MOST = 256  # leaves of a point that are looked at
 BLOCK, AT_ONCE = 1024, 8
 
 _Found = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float32]]
@@ -88,22 +88,34 @@ def near_leaves(
 def _of_block(
     hits: PrimaryHits, caster: RayCaster, emitters: Emitters, visibility: Visibility, rows: NDArray[np.int32]
 ) -> _Found:
-    counts, nodes = np.empty(len(rows), np.int32), np.empty((len(rows), MOST), np.int32)
-    kernels.list_near(rows, hits.position, hits.horizon, visibility.bits, emitters, LEAST, NEAR, counts, nodes)
-    pairs = np.repeat(rows, counts)
+    counts, depths, nodes = (np.empty(shape, np.int32) for shape in (len(rows), len(rows), (len(rows), MOST)))
+    kernels.list_near(rows, hits.position, hits.horizon, visibility.bits, emitters, LEAST, NEAR, counts, nodes, depths)
+    pairs, depth = np.repeat(rows, counts), np.repeat(depths, counts)
     listed = nodes[np.arange(MOST) < counts[:, None]]
-    n_parts = 4**DEPTH
-    n_rays = len(pairs) * n_parts
+    deltas = np.empty(len(pairs), np.float32)
+    for each in range(1, kernels.MOST_DEPTH + 1):
+        some = depth == each
+        deltas[some] = _deltas(hits, caster, emitters, visibility, pairs[some], listed[some], each)
+    told = deltas != 0.0  # most leaves beside an edge are what their bit says
+    counts = np.bincount(np.repeat(np.arange(len(rows)), counts)[told], minlength=len(rows)).astype(np.int32)
+    return counts, listed[told], deltas[told]
+
+
+def _deltas(
+    hits: PrimaryHits, caster: RayCaster, emitters: Emitters, visibility: Visibility, rows: NDArray[np.int32],
+    nodes: NDArray[np.int32], depth: int,
+) -> NDArray[np.float32]:  # fmt: skip
+    """What the points rows (K,) see of the leaves nodes (K,), by 4^depth rays each, less their bits."""
+    n_parts = 4**depth
+    n_rays = len(rows) * n_parts
     origins, directions = np.empty((n_rays, 3), np.float32), np.empty((n_rays, 3), np.float32)
     distances, weights = np.empty(n_rays, np.float32), np.empty(n_rays, np.float32)
     kernels.near_rays(
-        pairs, listed, hits.position, hits.offset_position, hits.horizon, emitters.corners, DEPTH, origins, directions,
+        rows, nodes, hits.position, hits.offset_position, hits.horizon, emitters.corners, depth, origins, directions,
         distances, weights,
     )  # fmt: skip
     blocked = caster.occluded(origins, directions, distances)
     visibility.rays.traced += n_rays
-    deltas = np.empty(len(pairs), np.float32)
-    kernels.near_shares(pairs, listed, visibility.bits, emitters.first, blocked, weights, n_parts, deltas)
-    told = deltas != 0.0  # most leaves beside an edge are what their bit says
-    counts = np.bincount(np.repeat(np.arange(len(rows)), counts)[told], minlength=len(rows)).astype(np.int32)
-    return counts, listed[told], deltas[told]
+    deltas = np.empty(len(rows), np.float32)
+    kernels.near_shares(rows, nodes, visibility.bits, emitters.first, blocked, weights, n_parts, deltas)
+    return deltas

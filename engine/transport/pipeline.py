@@ -34,6 +34,7 @@ class Quality:
     Every `stride`-th pixel; sky lights; leaves of the tree of emitters; deepest sky triangle; how many bands γ may bend
     over a light. own_rays: trace the lights of the cut alone, without the sphere's visibility; where that is known all
     the same, a stage on the way takes it. stays: this picture is the last, which is the same whatever is known by then.
+    sun_level: the level that suns are split to, see `engine.light.lights`.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Quality:
     tolerance: float = 1.0
     own_rays: bool = True
     stays: bool = False
+    sun_level: int = 0
 
 
 # One level less takes a tenth of a second from the first picture; its samples are four pixels apart anyway.
@@ -51,7 +53,7 @@ COARSE = Quality("coarse", 4, 400, 32, max_level=5)
 PREVIEW = Quality("preview", 1, 400, 32)
 # The sky is summed one level deeper than its lights mostly go: so the centres of brightness of the finest are true, and
 # the built-in tea tray is 0.46 % off the brute-force oracle where it was 0.54 %.
-FINAL = Quality("final", 1, 4000, 768, max_level=7, tolerance=0.5, own_rays=False, stays=True)
+FINAL = Quality("final", 1, 4000, 768, max_level=7, tolerance=0.5, own_rays=False, stays=True, sun_level=10)
 # While a light is dragged nothing new is traced: the brightest regions make do with the sphere's own bits.
 DRAG = Quality("drag", 8, 400, 16, VISIBILITY_LEVEL, own_rays=False)
 
@@ -134,7 +136,14 @@ class Placement:
             if not own_rays:
                 yield from _within(self._see(self.sphere, quality.stride), 0.0, SPHERE_SEEN)
                 seen = seen_shares(self.sphere, rows)
-            cut = cut_lights(sky.environment, quality.n_lights, sky.rotation, quality.max_level, seen=seen)
+            cut = cut_lights(
+                sky.environment,
+                quality.n_lights,
+                sky.rotation,
+                quality.max_level,
+                seen=seen,
+                sun_level=quality.sun_level,
+            )
         lighting = prepare_lighting(cut, self.emitters(quality.n_patches), quality.tolerance, own_rays, sky.scale)
         fine = empty_visibility(self.hits, lighting.fine_targets)
         yield from _within(self._see(fine, quality.stride, None if own_rays else self.sphere), SPHERE_SEEN, FINE_SEEN)

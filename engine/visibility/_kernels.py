@@ -12,6 +12,8 @@ _ONE = np.uint64(1)
 _SCATTER = np.uint32(2654435769)
 # Directions that are tried against the horizon together: see `_horizon_of_directions`.
 GROUP = 16
+# Of what any of the points around sees, so much they must agree on to be believed.
+SHARED = 0.5
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -74,6 +76,8 @@ def predict(rows, informers, bits, horizon, believed, always, weak, weakest, bou
     traced, and a tie is no guess at all (`doubt`). With fewer than four informers the guess is weaker, so its boundary
     is traced too. Of the targets in `believed` (words,) three of four points that see one are enough. Those in a row of
     `always` (S, words) are traced whatever the guess, in `weak` where three points inform, in `weakest` where two do.
+    Informers that agree on less than a `SHARED` part of what any of them sees tell nothing of what is seen between
+    them, as where light falls through a gap: there everything is traced.
     """
     known = np.empty(4, np.int64)
     for b in range(rows.shape[0]):
@@ -92,6 +96,10 @@ def predict(rows, informers, bits, horizon, believed, always, weak, weakest, bou
             _agreement_of_two(bits[known[0]], bits[known[1]], guess, asked, unsure)
         else:
             guess[:], unsure[:], asked[:] = np.uint64(0), np.uint64(0), ~np.uint64(0)
+        if n >= 2 and _hardly_agree(guess, asked, above):
+            for w in range(above.shape[0]):
+                guess[w], unsure[w], asked[w] = np.uint64(0), np.uint64(0), above[w]
+            continue
         turns = always if n == 4 else weak if n == 3 else weakest
         sentinels = turns[(np.uint32(rows[b]) * _SCATTER >> np.uint32(8)) % turns.shape[0]]
         for w in range(above.shape[0]):
@@ -100,6 +108,16 @@ def predict(rows, informers, bits, horizon, believed, always, weak, weakest, bou
             asked[w] = (asked[w] | sentinels[w]) & above[w]
         if n == 2 or n == 3:
             _mark_boundary(guess, above, boundary_neighbours, asked)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _hardly_agree(guess, asked, above):
+    """Whether informers agree (`guess`) on little of what any of them sees above the horizon (`guess` or `asked`)."""
+    n_guessed, n_any = 0, 0
+    for w in range(above.shape[0]):
+        n_guessed += _count(guess[w] & above[w])
+        n_any += _count((guess[w] | asked[w]) & above[w])
+    return n_guessed < SHARED * n_any
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")

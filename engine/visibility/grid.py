@@ -139,6 +139,8 @@ def coherent_visibility(
             if sphere is not None:
                 parents = visibility.targets.parents
                 kernels.consult_sphere(rows, informers, sphere.bits, parents, around, bits, horizon, todo)
+            if targets.bright is not None:
+                todo |= horizon & targets.bright_words
             if beside:
                 known = np.flatnonzero(informers[:, 0] >= 0)
                 todo[known] |= horizon[known] & ~horizons(hits, targets, informers[known, 0])

@@ -22,7 +22,8 @@ class Targets:
     of light is small, and the points around a thin shadow can agree on all of it. For a point with three informers it
     is every `weak_step`-th, with two every `weakest_step`-th. doubt_step: in the last step of the picture only every so
     many of those targets are traced that three of four points see (0: all). rotating: other points trace other targets
-    than every such, and all of them are somebody's.
+    than every such, and all of them are somebody's. bright (D,) bool: targets that every point traces, whatever others
+    guess: so much light comes from each that no mistake is small; None: none.
     """
 
     positions: np.ndarray
@@ -35,6 +36,7 @@ class Targets:
     weakest_step: int = 0
     doubt_step: int = 0
     rotating: bool = False
+    bright: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         # Read alone, as the sphere's are: kernels would be compiled anew for those that may be written.
@@ -61,6 +63,14 @@ class Targets:
         cosine = np.minimum.reduceat(along, starts)
         sine = np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0)) + 1e-4
         return np.column_stack([axes, np.where(cosine > 0.0, sine, 2.0)]).astype(np.float32)
+
+    @cached_property
+    def bright_words(self) -> np.ndarray:
+        """Packed bits (words,) of the bright ones."""
+        marked = np.zeros(64 * self.n_words, np.uint8)
+        if self.bright is not None:
+            marked[: len(self.bright)] = self.bright
+        return np.packbits(marked, bitorder="little").view(np.uint64)
 
     def sentinels(self, step: int) -> np.ndarray:
         """Packed bits (S, words) of every step-th target: of a sphere, for a power of four, the middle ones.

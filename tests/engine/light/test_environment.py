@@ -12,6 +12,7 @@ from engine.light.environment import (
     Environment,
     constant_environment,
     downsampled,
+    interpolated,
     load_environment,
     texel_solid_angles,
     tone_mapped_thumbnail,
@@ -341,3 +342,19 @@ def test_thumbnail_shows_the_zenith_on_top() -> None:
     image[:10, :, 2] = 1.0
     thumbnail = tone_mapped_thumbnail(Environment(image, "blue sky"), 8)
     assert thumbnail[0, 0, 2] > 100 and thumbnail[-1].max() == 0
+
+
+def test_interpolated_is_what_is_shown_and_keeps_the_light() -> None:
+    image = np.random.default_rng(5).uniform(0.0, 1.0, (16, 32, 3)).astype(np.float32) ** 4
+    environment = Environment(image, "test")
+    finer = interpolated(environment)
+    assert finer.radiance.shape == (64, 128, 3)
+    light = [np.einsum("hwc,h->c", e.radiance, texel_solid_angles(*e.radiance.shape[:2])) for e in (environment, finer)]
+    np.testing.assert_allclose(*light, rtol=1e-4)
+    theta, phi = np.pi * (np.arange(64) + 0.5) / 64, 2.0 * np.pi * ((np.arange(128) + 0.5) / 128 - 0.5)
+    theta, phi = (axis.ravel() for axis in np.meshgrid(theta, phi, indexing="ij"))
+    d = np.stack([np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)], axis=1)
+    np.testing.assert_allclose(finer.radiance.reshape(-1, 3), environment.evaluate(d), rtol=0.02, atol=1e-3)
+    assert interpolated(constant_environment(2.0)).radiance == pytest.approx(2.0)
+    many = Environment(np.ones((1024, 2, 3), np.float32), "test")
+    assert interpolated(many) is many

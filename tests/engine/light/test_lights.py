@@ -13,7 +13,7 @@ from engine.light.environment import (
     texel_solid_angles,
     triangle_integrals,
 )
-from engine.light.lights import TriangleLights, cut_lights
+from engine.light.lights import SUN_SHARE, TriangleLights, cut_lights
 from engine.sphere.geodesic import geodesic, locate, triangle_first_moments
 from tests.naive.sphere import directions_of_texels
 
@@ -114,6 +114,36 @@ def test_a_sun_is_cut_out_finely_and_keeps_its_place(row: int, column: int) -> N
     np.testing.assert_allclose(lights.power.sum(axis=0, dtype=np.float64), expected, rtol=1e-6)
     mean = (lights.power[:, :1].astype(float) * lights.centre).sum(axis=0)
     assert np.degrees(np.arccos(mean @ direction / np.linalg.norm(mean))) < 0.3
+
+
+@pytest.mark.parametrize(("row", "column", "rotation"), [(70, 300, 0.0), (128, 511, 33.0), (255, 0, 0.0)])
+def test_a_sun_is_split_into_pieces_that_have_its_light(row: int, column: int, rotation: float) -> None:
+    environment = sun(row, column)
+    whole, lights = (cut_lights(environment, 200, rotation, 5, sun_level=level) for level in (5, 9))
+    is_piece = lights.rows < 0
+    assert is_piece.any() and lights.level.max() > 5 and lights.level[~is_piece].max() <= 5
+    assert (lights.level[is_piece] > 5).all() and lights.level.max() <= 9
+    # What holds much of the light is as fine as it may be, and the pieces have the light and the place of the whole.
+    power = lights.power.sum(axis=1, dtype=np.float64)
+    assert (lights.level[(power > SUN_SHARE * power.sum()) & (lights.level >= 5)] == 9).all()
+    assert lights.solid_angle.sum(dtype=np.float64) == pytest.approx(4.0 * np.pi, rel=1e-6)
+    for level, index in zip(whole.level, whole.index, strict=True):
+        below = lights.index >> (2 * np.maximum(lights.level.astype(int) - level, 0)) == index
+        mine = (lights.level >= level) & below
+        expected = whole.power[(whole.level == level) & (whole.index == index)][0]
+        np.testing.assert_allclose(lights.power[mine].sum(axis=0, dtype=np.float64), expected, rtol=1e-4, atol=1e-6)
+    pieces = lights.vertices[lights.corners[is_piece]].astype(np.float64)
+    assert (np.linalg.det(pieces) > 0.0).all()
+    finest = np.minimum(lights.level[is_piece].astype(int), 7)
+    index = lights.index[is_piece] >> 2 * (lights.level[is_piece] - finest)
+    for level in np.unique(finest):
+        chosen = finest == level
+        np.testing.assert_array_equal(locate(lights.centre[is_piece][chosen], int(level)), index[chosen])
+
+
+def test_an_even_sky_has_no_sun() -> None:
+    plain, split = (cut_lights(noise(), 300, max_level=4, sun_level=level) for level in (4, 9))
+    np.testing.assert_array_equal(plain.index, split.index)
 
 
 def test_centres_are_inside_and_follow_the_light() -> None:

@@ -150,11 +150,15 @@ def test_the_horizon_of_groups_is_that_of_each_direction(n_targets: int) -> None
         np.testing.assert_array_equal(unpacked, expected)
 
 
+@pytest.mark.parametrize("alike", [True, False])
 @pytest.mark.parametrize("n_informers", [0, 1, 2, 3, 4])
-def test_a_guess_counts_the_votes(n_informers: int) -> None:
-    # Target by target, counted with ones and zeros; without neighbours there is no boundary to mark.
+def test_a_guess_counts_the_votes(n_informers: int, alike: bool) -> None:
+    # Target by target, counted with ones and zeros; without neighbours there is no boundary to mark. Of informers that
+    # see different things nothing is believed.
     random = np.random.default_rng(n_informers)
     bits, horizon, believed, always, weak, weakest = random.integers(0, 1 << 63, (6, 5, 2), dtype=np.uint64)
+    if alike:
+        bits = bits[:1] ^ (bits & np.roll(bits, 1, axis=0) & np.roll(bits, 2, axis=0))
     always, weak, weakest, believed = always[:1], weak[:1], weakest[:1], believed[0]
     informers = np.full((1, 4), -1, np.int32)
     informers[0, :n_informers] = random.permutation(4)[:n_informers]
@@ -175,6 +179,10 @@ def test_a_guess_counts_the_votes(n_informers: int) -> None:
         sentinels = unpacked({2: weakest, 3: weak, 4: always}[n_informers])
         trusted = (votes == 3) & unpacked(believed) if n_informers == 4 else above & False
         asked = (votes > 0) & (votes < n_informers) & ~trusted | sentinels
+        agree = (guess & above).sum() >= kernels.SHARED * ((votes > 0) & above).sum()
+        assert agree or not alike
+        if not agree:
+            guess, unsure, asked = above & False, above & False, above
     for found, expected in ((bits[4], guess), (todo[0], asked), (doubt[0], unsure)):
         np.testing.assert_array_equal(unpacked(found), expected & above)
     np.testing.assert_array_equal(bits[:4], before[:4])
