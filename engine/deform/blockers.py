@@ -95,10 +95,9 @@ def add_shadows(
 ) -> None:  # fmt: skip
     """Darken white (S, 3), what white matt points at places (S, 3) with normals (S, 3) send, by clusters (K, `ROW`).
 
-    casts (M, C): on which objects each of those that have clusters casts its shadow.
+    casts (M, C): on which objects each of those that have clusters casts its shadow. Where there are none the kernel
+    runs all the same, so that it is compiled before anything bends.
     """
-    if not len(rows) or not casts.any():
-        return
     window = spread_of(light.table.shape[2])
     on_threads(
         lambda start, stop: kernels.shadow_range(
