@@ -6,6 +6,8 @@ shows what stands on it. Meshes that are open, or whose backs light reaches, hav
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -185,6 +187,8 @@ def bending_points(
 ) -> BendingPoints:
     """About n_points besides the meshes' own vertices; caster: of the scene's triangles; even: see `shading_points`."""
     points = shading_points(scene, caster, n_points, even, is_whole=True)
+    # Rays go out above the points themselves: beside them, as Orbit's do, they may begin within a coarse mesh.
+    points = replace(points, lifted=caster.offset_origins(points.position, points.normal))
     return BendingPoints(scene, with_backs(points, _is_open(scene) | lit_sides(scene, caster)[:, 1]))
 
 
