@@ -17,6 +17,8 @@ Bytes = NDArray[np.uint8]
 N_ROOTS = 20
 # Directions of suns that a point keeps apart while something moves.
 N_SUN_PLACES = 40
+# Of the brightest suns, that points ask by a ray each.
+N_ASKED = 8
 
 
 class Hemisphere(NamedTuple):
@@ -51,14 +53,16 @@ class Light(NamedTuple):
 
 
 class Places(NamedTuple):
-    """Points: position (S, 3), frame (S, 3, 3), visibility bits (S, 1280), bits of patches (S, ⌈L / 8⌉), and slot
-    (S,): the row of what is kept for gloss, −1 for irradiance alone."""
+    """Points: position (S, 3), frame (S, 3, 3), visibility bits (S, 1280), bits of patches (S, ⌈L / 8⌉), slot (S,):
+    the row of what is kept for gloss, −1 for irradiance alone; and suns (S,): bits of the brightest, each asked by a
+    ray of its own, −1 where none was."""
 
     position: Floats
     frame: Floats
     bits: Bytes
     patch_bits: Bytes
     slot: NDArray[np.int32]
+    suns: NDArray[np.int16]
 
 
 class Kept(NamedTuple):
@@ -196,7 +200,10 @@ def _add_suns(p: int, at: Places, half: Hemisphere, light: Light, kept: Kept) ->
         z = frame[2, 0] * d[0] + frame[2, 1] * d[1] + frame[2, 2] * d[2]
         child = child_at(x, y, z, half.children)
         k = child >> 2
-        if not at.bits[p, k >> 1] >> (4 * (k & 1) + (child & 3)) & 1:
+        if at.suns[p] >= 0 and s < N_ASKED:
+            if not at.suns[p] >> s & 1:
+                continue
+        elif not at.bits[p, k >> 1] >> (4 * (k & 1) + (child & 3)) & 1:
             continue
         kept.sun_bits[p, s >> 3] |= np.uint8(1 << (s & 7))
         for i in range(3):

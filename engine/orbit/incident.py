@@ -24,6 +24,7 @@ from engine.orbit import _incident_kernels as kernels
 from engine.orbit.shading_points import ShadingPoints
 from engine.orbit.sky import MOST_SUNS, Sky
 from engine.orbit.visibility import LEVEL, Bits, upper
+from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic, locate, triangle_first_moments
 from engine.threads import on_threads
 
@@ -94,15 +95,15 @@ def more_glossy(incident: Incident, new: NDArray[np.bool_], n_more: int = 0) -> 
 
 def light(
     points: ShadingPoints, bits: Bits, sky: Sky, incident: Incident, lamps: Lamps | None = None,
-    which: NDArray[np.integer] | None = None, is_coarse: bool = False,
+    which: NDArray[np.integer] | None = None, is_coarse: bool = False, suns: NDArray[np.int16] | None = None,
 ) -> None:  # fmt: skip
     """Fill `incident` at all points, or at those which (N,) are named.
 
     bits: as `visibility.see` gives them; is_coarse: by triangles of level 2, in a sixth of the time. Lamps are not
-    distant: their directions and distances are each point's own.
+    distant: their directions and distances are each point's own. suns (S,): see `visible_suns`.
     """
     asked = np.arange(len(points)) if which is None else np.asarray(which, np.int64)
-    tables: Any = places(points, bits, incident.slot, lamps), hemisphere(), lights(sky, lamps), incident.kept
+    tables: Any = places(points, bits, incident.slot, lamps, suns), hemisphere(), lights(sky, lamps), incident.kept
     fill_range: Any = kernels.light_range
 
     def fill(start: int) -> None:
@@ -111,10 +112,28 @@ def light(
     on_threads(fill, range(0, len(asked), _BATCH))
 
 
-def places(points: ShadingPoints, bits: Bits, slot: NDArray[np.int32], lamps: Lamps | None) -> kernels.Places:
+def visible_suns(points: ShadingPoints, caster: RayCaster, sky: Sky, which: NDArray[np.integer]) -> NDArray[np.int16]:
+    """Bits (S,) of the brightest suns that points (N,) see, −1 at the others; caster: of the scene's triangles.
+
+    A triangle of the sphere says that to 1.4 degrees, by which the shadow of a slat may lie beside it.
+    """
+    found, directions = np.full(len(points), -1, np.int16), sky.sun_direction[: kernels.N_ASKED]
+    found[which] = 0
+    for s, direction in enumerate(directions):
+        above = which[points.normal[which] @ direction > 0.0]
+        free = ~caster.occluded(points.lifted[above], np.tile(direction, (len(above), 1)))
+        found[above[free]] |= np.int16(1 << s)
+    return found
+
+
+def places(
+    points: ShadingPoints, bits: Bits, slot: NDArray[np.int32], lamps: Lamps | None,
+    suns: NDArray[np.int16] | None = None,
+) -> kernels.Places:  # fmt: skip
     """Points as the kernels take them."""
     patch_bits = lamps.bits if lamps else np.zeros((len(points), 0), np.uint8)
-    return kernels.Places(points.position, points.frames, bits, patch_bits, slot)
+    asked = np.full(len(points), -1, np.int16) if suns is None else suns
+    return kernels.Places(points.position, points.frames, bits, patch_bits, slot, asked)
 
 
 def lights(sky: Sky, lamps: Lamps | None) -> kernels.Light:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from engine.light.emitters import EmitterPatches
 from engine.orbit.bounced import Bounces, bouncing
 from engine.orbit.buried import buried
-from engine.orbit.incident import Incident, Lamps, light, more_glossy, no_light
+from engine.orbit.incident import Incident, Lamps, light, more_glossy, no_light, visible_suns
 from engine.orbit.picture import PointMesh
 from engine.orbit.reflected import no_shades
 from engine.orbit.shading_points import ShadingPoints, with_backs
@@ -79,7 +79,9 @@ class LitPoints:
         return found if len(found) else np.flatnonzero(wanted)[:n]
 
     def light(self, which: NDArray[np.int64], sky: Sky, lamps: Lamps | None, is_coarse: bool) -> None:
-        light(self.points, self.bits, sky, self.incident, lamps, which, is_coarse)
+        traced = which[self.traced[which]]
+        suns = None if is_coarse else visible_suns(self.points, self.caster, sky, traced)
+        light(self.points, self.bits, sky, self.incident, lamps, which, is_coarse, suns)
         slots = self.incident.slot[which]
         self.shades.key[slots[slots >= 0]] = -1
         self.state[which] = COARSELY if is_coarse else EXACTLY

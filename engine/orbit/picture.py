@@ -15,7 +15,7 @@ from engine.orbit.shading_points import ShadingPoints
 from engine.orbit.sight import Sight
 from engine.scene.camera import camera_frame
 from engine.scene.description import CameraDescription
-from engine.scene.edges import ray_offsets
+from engine.scene.edges import Surface, edge_pixels, ray_offsets, turn_of
 from engine.scene.frames import local_frames, object_tangents
 from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections, RayCaster
@@ -24,6 +24,7 @@ from engine.threads import even_parts, on_threads
 Floats = NDArray[np.float32]
 Rows = NDArray[np.int64]
 _RAYS = 16384  # at a time
+_FEW_EDGE_RAYS = 4  # a pixel, up to which edges are silhouettes alone
 
 
 class PointMesh:
@@ -48,8 +49,9 @@ class PointMesh:
         self, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int = 0, in_sight: bool = False
     ) -> Seen:
         """What the eye sees in a picture of resolution (width, height), one ray through each pixel's centre; where
-        edges are to be soft 4, 8 or 16 through the pixels at them; in_sight: of points that see what they are asked
-        about alone. The last is kept, as the camera stays while a material or the light moves."""
+        edges are to be soft 4, 8 or 16 through the pixels at them, which by more than 4 are also those where an object
+        bends or breaks off; in_sight: of points that see what they are asked about alone. The last is kept, as the
+        camera stays while a material or the light moves."""
         asked = camera, resolution, n_edge_rays, in_sight
         if self._last is None or self._last[0] != asked:
             self._last = asked, self._looked(*asked)
@@ -61,7 +63,10 @@ class PointMesh:
         samples, found = self._trace(camera, resolution, np.empty((0, 2)), len(pixel))
         if n_edge_rays:
             edges = np.zeros((height, width), bool)
-            kernels.silhouettes(samples.i_object.reshape(height, width), edges)
+            if n_edge_rays > _FEW_EDGE_RAYS:
+                edges[:] = self._edges(samples, found, resolution).reshape(height, width)
+            else:
+                kernels.silhouettes(samples.i_object.reshape(height, width), edges)
             inner, outer = np.flatnonzero(~edges), np.flatnonzero(edges)
             places = np.stack([outer % width, outer // width], axis=1)[:, None] + (0.5 + ray_offsets(n_edge_rays))
             more, found_more = self._trace(camera, resolution, places.reshape(-1, 2), n_edge_rays * len(outer))
@@ -77,6 +82,20 @@ class PointMesh:
         eye = np.subtract(camera.position, self._scene.origin).astype(np.float32)
         axes = _plane(camera, resolution)
         return Seen((width, height), eye, axes, samples, pixel, share, order, bounds, found, self._points)
+
+    def _edges(
+        self, samples: kernels.Samples, found: tuple[NDArray, ...], resolution: tuple[int, int]
+    ) -> NDArray[np.bool_]:  # fmt: skip
+        """Which pixels (R,) are at edges as Placement has them: also where one object breaks off or bends."""
+        reflects = np.flatnonzero(samples.corners[:, 0] >= 0)
+        ids = np.where(samples.corners[:, 0] >= 0, samples.i_object, -1)
+        position, normal = np.zeros((2, len(ids), 3), np.float32)
+        corners, weights = samples.corners[reflects], samples.weights[reflects]
+        between = np.einsum("rk,rki->ri", weights, self._points.normal[corners])
+        normal[reflects] = between / np.maximum(np.linalg.norm(between, axis=1, keepdims=True), 1e-30)
+        position[reflects] = np.einsum("rk,rki->ri", weights, self._points.corners[found[0][reflects]])
+        surface = Surface(ids.astype(np.int32), position, normal)
+        return edge_pixels(samples.i_object, surface, turn_of(_FEW_EDGE_RAYS), resolution)
 
     def shines(self, scene: Scene) -> None:
         """Take over what objects emit."""

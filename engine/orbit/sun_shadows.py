@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from engine.material.layer import Layer
 from engine.orbit import _sun_kernels as kernels
+from engine.orbit._incident_kernels import N_ASKED
 from engine.orbit.incident import Incident
 from engine.orbit.picture import Rows, Seen
 from engine.orbit.reflected import suns_of
@@ -24,7 +25,6 @@ from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
 
 Floats = NDArray[np.float32]
-_MOST = 8  # suns, the brightest
 _AT_ONCE = 16384  # samples
 
 
@@ -64,7 +64,7 @@ def sun_shadows(
 ) -> SunShadows:
     """What samples (N,) see of suns that their points do not know; caster: of the scene's triangles; everywhere:
     whether pixels whose points agree are asked as well."""
-    suns, n_suns, parts = suns_of(sky, incident, 0.0), min(len(sky.sun_power), _MOST), []
+    suns, n_suns, parts = suns_of(sky, incident, 0.0), min(len(sky.sun_power), N_ASKED), []
     for start in range(0, len(which) if n_suns else 0, _AT_ONCE):
         some = which[start : start + _AT_ONCE]
         normals = seen.normals(some)

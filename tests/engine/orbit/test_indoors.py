@@ -92,6 +92,22 @@ def test_shadows_of_the_sun_are_found_between_points() -> None:
     assert value[inside < 0.6].max() < 0.02 * value[inside > 1.5].min()
 
 
+def test_points_know_the_suns_that_they_see() -> None:
+    # Not to the 1.4 degrees of a triangle: as a ray to each sun has it.
+    image = np.zeros((64, 128, 3), np.float32)
+    image[16, 64] = 1e4
+    slat = placed("slat", "cube", "3,0,0,0, 0,0.02,0,1, 0,0,0.3,0, 0,0,0,1")
+    orbit = made(camera((0.0, 6.0, 0.6), 45, (32, 24)) + FLOOR + slat, 2000, SkyState(Environment(image, "sun")))
+    lit, sky = orbit.lit, orbit._sky
+    floor = np.flatnonzero((lit.points.i_object == 0) & (lit.points.normal[:, 1] > 0.0) & ~lit.points.buried)
+    assert 0 < len(sky.sun_power) <= 8
+    bits = np.unpackbits(lit.incident.kept.sun_bits[floor], axis=1, bitorder="little")
+    for s, direction in enumerate(sky.sun_direction):
+        free = ~lit.caster.occluded(lit.points.lifted[floor], np.tile(direction, (len(floor), 1)))
+        np.testing.assert_array_equal(bits[:, s], free)
+        assert 0.01 < (~free).mean() < 0.5
+
+
 @pytest.mark.parametrize("quality", ["rest", "still"])
 def test_gloss_shows_what_stands_around_it(quality: str) -> None:
     # Where every surface sends 1, a layer sends its directional albedo: the integral of its BRDF times the cosine.
