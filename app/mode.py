@@ -19,7 +19,7 @@ from app.commands import EditCommand
 from app.document import Document
 from app.history import History
 from app.messages import Request, Response
-from app.picture import PictureEvent
+from app.picture import PictureEvent, SkyChanged
 from app.status import Gauges, Status
 from app.view_state import ViewState
 from engine.material.layer import Layer
@@ -112,6 +112,10 @@ class ModeTalk(Protocol):
     def take(self, response: Response) -> list[PictureEvent]:
         """An answer of the worker, which may be of no interest; what of it the picture needs."""
         return []
+
+    def sky_came(self, event: SkyChanged) -> list[PictureEvent]:
+        """Another sky stands behind the scene; what the picture needs of that now."""
+        return [event]
 
     def status(self, status: Status) -> Status:
         """The status with what is to be said of the picture."""

@@ -132,7 +132,7 @@ class SceneTalk:
         self._host.gauges.note(*response.notes)
         sky = SkyChanged(response.radiance)
         self._shown = [*self._shown[:1], sky]
-        return [sky]
+        return self._host.talk.sky_came(sky)
 
     def take_seen(self, response: SceneSeen) -> list[PictureEvent]:
         """The scene was traced: one that is being opened is open now."""

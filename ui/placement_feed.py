@@ -1,7 +1,8 @@
 """Placement's picture: the worker's answers to the renderer, the document's curves after them.
 
     take: picture events ─► renderer (frame, footprint, layers, transport)
-    draw: document ─► gains, view curves, visibility, curve coefficients ─► renderer.update ─► display texture
+    draw: the document drawn (`app.placement.changeover`) ─► gains, view curves, visibility, curve coefficients
+          ─► renderer.update ─► display texture
           renderer's report ─► PlacementTalk.rendered
 
 An upload under way takes part of the frame's time, coefficients what is left.
@@ -18,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.commands.light import emission_of
-from app.document import RGB, LightState, ObjectState, layer_key
+from app.document import RGB, Document, LightState, ObjectState, layer_key
 from app.editor import Editor
 from app.picture import PictureEvent, SceneFrame, SkyChanged
 from app.placement.events import (
@@ -71,6 +72,7 @@ class PlacementFeed(PictureSource):
         self._rotation: float | None = None
         self._texture: moderngl.Texture | None = None
         self._exact_before = False
+        self._followed: Document | None = None
         self._spent_ms = 0.0
 
     @property
@@ -92,7 +94,7 @@ class PlacementFeed(PictureSource):
             return None
         return ShownStill(
             self.renderer.finished_image(self._display_view(editor)),
-            self.renderer.linear_image() * np.float32(editor.document.light.intensity),
+            self.renderer.linear_image() * np.float32(_talk(editor).drawn.light.intensity),
         )
 
     def close(self) -> None:
@@ -108,7 +110,7 @@ class PlacementFeed(PictureSource):
             case SceneFrame():
                 self._take_scene(event)
             case SkyChanged():
-                self.renderer.set_environment(event.radiance, editor.document.light.rotation)
+                self.renderer.set_environment(event.radiance, _talk(editor).drawn.light.rotation)
             case LayerRadiance():
                 self._take_radiance(event)
             case IndirectRadiance():
@@ -136,7 +138,7 @@ class PlacementFeed(PictureSource):
         self._emission.clear()
         self._maps.clear()
         self._wanted = {}
-        self._compared = self._rotation = None
+        self._compared = self._rotation = self._followed = None
 
     def _take_radiance(self, event: LayerRadiance) -> None:
         renderer = self.renderer
@@ -167,11 +169,15 @@ class PlacementFeed(PictureSource):
     # ---------------------------------------------------------------------------------------------------- each frame
 
     def draw(self, editor: Editor, last_frame_ms: float, all_taken: bool) -> bool:
-        shades_plainly = self._shade_plainly(editor)
-        self._follow_environment(editor)
-        self._follow_emitters(editor)
-        self._follow_layers(editor)
-        self._follow_curve(editor)
+        document = _talk(editor).drawn
+        shades_plainly = self._shade_plainly(editor, document)
+        if document is editor.document or document is not self._followed:
+            self._follow_environment(document)
+            self._follow_emitters(document)
+            self._follow_layers(editor, document)
+            self._follow_curve(editor)
+            self._followed = document
+        self._follow_visibility(editor, document)
         self._follow_comparison(editor)
         allowed = editor.view.frame_budget_ms
         budget = 1e-3 * max(allowed - (last_frame_ms - self._spent_ms), LEAST_SHARE * allowed)
@@ -196,24 +202,24 @@ class PlacementFeed(PictureSource):
         self._exact_before = exact
         return not exact or changed or self._view.waits or shades_plainly
 
-    def _shade_plainly(self, editor: Editor) -> bool:
+    def _shade_plainly(self, editor: Editor, document: Document) -> bool:
         """Show objects plainly that have no picture yet, for a few milliseconds; whether some may be left."""
         until = time.perf_counter() + PLAIN_SECONDS
         there = self._plain | {object_of(key) for key in self.renderer.layer_keys}
-        for state in editor.document.objects:
+        for state in document.objects:
             if state.name in there or state.emits or state.name not in self._names:
                 continue
             if time.perf_counter() > until:
                 return True
             self._plain.add(state.name)
-            self._shade_object(editor, state)
+            self._shade_object(editor, document, state)
         return False
 
-    def _shade_object(self, editor: Editor, state: ObjectState) -> None:
+    def _shade_object(self, editor: Editor, document: Document, state: ObjectState) -> None:
         """As a layer of its own, which has the object's name for a key and goes when the first real one comes."""
         frame, index = self.renderer.frame, self._names.index(state.name)
         layers = {layer_key(state.name, i): layer for i, layer in enumerate(state.layers)}
-        seen = [layer for key, layer in layers.items() if is_seen(editor.document, editor.view, key)]
+        seen = [layer for key, layer in layers.items() if is_seen(document, editor.view, key)]
         if frame is None or not seen:
             return
         theta_o = frame.theta_o[slice(*frame.object_ranges[index])]
@@ -221,40 +227,38 @@ class PlacementFeed(PictureSource):
         self.renderer.set_layer(state.name, index, len(theta_o))
         self.renderer.set_layer_radiance(state.name, plain_radiance(plain_colour(seen), theta_o), stage="plain")
 
-    def _follow_environment(self, editor: Editor) -> None:
+    def _follow_environment(self, document: Document) -> None:
         """Turn the background with the light."""
-        rotation = editor.document.light.rotation
+        rotation = document.light.rotation
         if rotation != self._rotation:
             self.renderer.turn_environment(rotation)
             self._rotation = rotation
 
-    def _follow_emitters(self, editor: Editor) -> None:
+    def _follow_emitters(self, document: Document) -> None:
         """What is seen of them."""
-        for name, radiance in emission_of(editor.document):
+        for name, radiance in emission_of(document):
             if name in self._names and self._emission.get(name) != radiance:
                 self._emission[name] = radiance
                 self.renderer.set_emission(self._names.index(name), radiance)
 
-    def _follow_layers(self, editor: Editor) -> None:
-        """Gains, view curves and visibility; each setter of the renderer is free where nothing changed."""
-        document, gone = editor.document, set(self.renderer.layer_keys)
-        for state in document.objects:
-            for index in range(len(state.layers)):
-                key = layer_key(state.name, index)
-                if key not in gone:
-                    continue
-                gone.remove(key)
-                self.renderer.set_layer_visible(key, is_seen(document, editor.view, key))
-                if not self._is_drawn(editor, key):
-                    continue
-                self.renderer.set_layer_gain(key, _talk(editor).layer_gain(key).tolist())
-                self._maps.follow(key, state.layers[index].maps)
-                curve = _talk(editor).view_curve(key)
-                if self._view_curves.get(key) is not curve:
-                    self._view_curves[key] = curve
-                    self.renderer.set_view_curve(key, curve)
-        for key in gone - self._plain:  # it may come back, by undo, before the worker has heard of it
-            self.renderer.set_layer_visible(key, False)
+    def _follow_layers(self, editor: Editor, document: Document) -> None:
+        """Gains and view curves; each setter of the renderer is free where nothing changed."""
+        there = set(self.renderer.layer_keys)
+        for key, layer in document.layers():
+            if key not in there or not self._is_drawn(editor, key):
+                continue
+            self.renderer.set_layer_gain(key, _talk(editor).layer_gain(key).tolist())
+            self._maps.follow(key, layer.maps)
+            curve = _talk(editor).view_curve(key)
+            if self._view_curves.get(key) is not curve:
+                self._view_curves[key] = curve
+                self.renderer.set_view_curve(key, curve)
+
+    def _follow_visibility(self, editor: Editor, document: Document) -> None:
+        """Which layers are seen; one that is gone may come back, by undo, before the worker has heard of it."""
+        known = {key for key, _ in document.layers()}
+        for key in set(self.renderer.layer_keys) - self._plain:
+            self.renderer.set_layer_visible(key, key in known and is_seen(document, editor.view, key))
 
     def _is_drawn(self, editor: Editor, key: str) -> bool:
         """Whether the picture of a layer is its own, and not that of the one that it took the place of."""
@@ -266,7 +270,7 @@ class PlacementFeed(PictureSource):
         factor = (editor.view.selected and editor.view.selected.factor) or ""
         found: dict[str, NDArray[np.float64]] = {}
         for key in _talk(editor).edited_layers:
-            coefficients = _talk(editor).wanted_coefficients(key).get(factor)
+            coefficients = _talk(editor).drawn_coefficients(key).get(factor)
             if coefficients is not None and key in self.renderer.layer_keys:
                 if not self._is_drawn(editor, key):
                     self._holds = True
@@ -290,7 +294,7 @@ class PlacementFeed(PictureSource):
         """Exposure takes the light's intensity along: it multiplies the finished picture."""
         view, compared = editor.view, editor.view.compare
         return DisplayView(
-            exposure=view.exposure + stops(editor.document.light),
+            exposure=view.exposure + stops(_talk(editor).drawn.light),
             compare_exposure=None if compared is None else view.exposure + stops(compared.light),
             tone_mapping=self._view.follow(view.tone_mapping),
             selected=self._index(view.selected.object if view.selected else None),

@@ -232,12 +232,14 @@ class PlacementWork(ModeWork):
         return sorted(request.scene.layers, key=lambda work: self._selected_factor(work.key) is None)
 
     def _tell_held(self, placement: Placement, request: ComputeTransport, lit_by: LitBy) -> Steps:
-        """Answer with what is there already."""
+        """Answer with what is there already, as far as the window does not have it."""
         for work in self._selected_first(request):
             data = self._layers.get(work.key)
             if data is not None and data.is_picture_of(work, lit_by):
-                data = self._hold(data.taken_over_by(work))
-                yield from self._answers(data, self._selected_factor(work.key), self._precision)
+                data, factor = self._hold(data.taken_over_by(work)), self._selected_factor(work.key)
+                is_told = work.key in request.told
+                if not is_told or factor is not None and work.key not in request.told_curves:
+                    yield from self._answers(data, factor, self._precision, picture=not is_told)
 
     def _tell_kept(self, placement: Placement, request: ComputeTransport, sky: SkyState, lit_by: LitBy) -> Steps:
         """Answer with what the disk has of the last stage: a view that was computed before is there at once."""
@@ -429,6 +431,8 @@ def _stages(request: ComputeTransport) -> list[tuple[Quality, bool]]:
     if request.is_drag:
         return [(DRAG, True)]
     coarse = replace(COARSE, n_lights=request.n_lights_preview)
+    if request.is_fine:
+        return [(coarse, False), (final_quality(request.decisions), True)]
     preview = replace(PREVIEW, n_lights=request.n_lights_preview)
     if request.decisions.n_lights <= request.n_lights_preview:
         return [(coarse, False), (replace(preview, stays=True), True)]

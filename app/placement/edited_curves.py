@@ -50,9 +50,10 @@ class EditedCurves:
         self._asked: dict[str, CurveWish] = {}
         self._shown: dict[str, CurveShown] = {}
 
-    def forget_answers(self) -> None:
-        """Other transport was asked for, and with it what is wanted now."""
-        self._asked, self._shown = {wish.key: wish for wish in self.wished}, {}
+    def forget_answers(self, staying: Mapping[str, LayerShown]) -> None:
+        """Other transport was asked for, and with it what is wanted now; that of layers that stay is there."""
+        self._asked = {wish.key: wish for wish in self.wished}
+        self._shown = {key: shown for key, shown in self._shown.items() if key in staying}
 
     def forget_asked(self) -> None:
         """A new worker knows nothing of what was asked."""

@@ -95,3 +95,8 @@ class ComparedRefined(PictureEvent):
     """Side A of the A/B picture can be drawn anew: as what is on screen, with these layers looking like this."""
 
     looks: Mapping[str, LayerLook]
+
+
+@dataclass(frozen=True, eq=False)
+class DocumentDrawn(PictureEvent):
+    """What was waited for is there: the picture is the document's again."""

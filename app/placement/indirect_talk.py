@@ -35,6 +35,8 @@ from engine.material.layer import object_of
 FREEZE_PATIENCE = 5.0
 REST_SECONDS = 0.25
 FINE_STAGE = "fine"
+# How many freezings are kept beside the one that is drawn: undo goes back to them.
+N_KEPT = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +124,7 @@ class IndirectTalk:
         self._found: IndirectFound | None = None
         self._confirmed = -1
         self._frozen: tuple[FreezeWish, Frozen, Footprint] | None = None
+        self._kept: list[tuple[FreezeWish, Frozen, Footprint]] = []
         self._asked: tuple[FreezeWish, int] | None = None
         self._serial = 0
         self._asked_at = self._changed_at = -math.inf
@@ -132,7 +135,7 @@ class IndirectTalk:
         self._beyond: set[str] = set()
         self._noise: IndirectNoise | None = None
         self._n_bounces = 1
-        self._complete = False
+        self._complete = self._fits = self.is_on_screen = False
 
     @property
     def is_complete(self) -> bool:
@@ -191,6 +194,9 @@ class IndirectTalk:
 
     def took_found(self, response: IndirectFound) -> None:
         """Samples were found, or are those of another transport as well; what they reflect comes with a freezing."""
+        if self._found is not None and (self._found.stage, self._confirmed) == (FINE_STAGE, response.revision):
+            if response.stage != FINE_STAGE:
+                return  # what is there is finer, and of this light
         self._confirmed = response.revision
         if self._found is None or response.number != self._found.number:
             self._found = response
@@ -203,9 +209,21 @@ class IndirectTalk:
         footprint = Footprint(found.rows, found.weights)
         if self._frozen is not None and self._frozen[1].number == response.number:
             footprint = self._frozen[2]
-        self._frozen = self._asked[0], response, footprint
-        self._drawn = None
+        self._draw_with((self._asked[0], response, footprint))
+
+    def _draw_with(self, frozen: tuple[FreezeWish, Frozen, Footprint]) -> None:
+        """Use a freezing from now on; those before it are kept as long as they are of the same light."""
+        others = [each for each in (self._frozen, *self._kept) if each is not None and each is not frozen]
+        self._kept = [each for each in others if each[1].number == frozen[1].number][:N_KEPT]
+        self._frozen, self._drawn = frozen, None
         self._shown.clear()
+
+    def _recall(self, wish: FreezeWish) -> None:
+        """Use one that was made for the same before, until its own is here."""
+        for each in self._kept:
+            if each[0].serves(wish) and each[0].same(wish):
+                self._draw_with(each)
+                return
 
     def means_changed(self) -> None:
         """What layers send on became known otherwise than by an edit: the mean of a texture."""
@@ -219,24 +237,47 @@ class IndirectTalk:
         self, now: float, document: Document, selected: Selection | None, n_bounces: int, second: int | None,
         revision: int,
     ) -> list[PictureEvent]:  # fmt: skip
-        """Ask for what is missing; the radiances that changed. second: the most bands of the second bounce, None for
-        as many as a curve has; revision: of the transport asked last."""
+        """Ask for what is missing; the radiances that changed."""
+        self.ask(now, document, selected, n_bounces, second, revision)
+        return self.follow(document)
+
+    def ask(
+        self, now: float, document: Document, selected: Selection | None, n_bounces: int, second: int | None,
+        revision: int,
+    ) -> None:  # fmt: skip
+        """Ask for what is missing. second: the most bands of the second bounce, None for as many as a curve has;
+        revision: of the transport asked last."""
         self._n_bounces = n_bounces
         if n_bounces <= 1:
-            return self._none()
+            return
         wish = self._wish(document, selected, second)
         self._ask(now, wish, revision)
         if self._frozen is None:
-            self._complete = False
-            return []
+            self._complete = self._fits = False
+            return
+        if not self._frozen[0].serves(wish):
+            self._recall(wish)
         made_for, frozen, _ = self._frozen
-        fits = made_for.serves(wish)
+        self._fits = made_for.serves(wish)
         is_final = self._is_current(frozen, revision) and self._found is not None and self._found.stage == FINE_STAGE
-        self._complete = fits and is_final and made_for.same(wish) and self._knows_noise
-        if not fits or self._drawn is wish:
+        self._complete = self._fits and is_final and made_for.same(wish) and self._knows_noise
+
+    def follow(self, document: Document) -> list[PictureEvent]:
+        """The radiances that changed, of the document that was asked for last."""
+        if self._n_bounces <= 1:
+            return self._none()
+        if self._frozen is None or not self._fits or self._drawn is self._last:
             return []
-        self._drawn = wish
+        self._drawn, self.is_on_screen = self._last, True
         return self._radiances(document, *self._frozen)
+
+    def is_behind(self, revision: int | None) -> bool:
+        """Whether the picture has indirect light, and none of the document's is here yet. revision: of the transport
+        under way, None where none is."""
+        if self._n_bounces <= 1 or not self.is_on_screen or self._asked is None:
+            return False
+        is_due = not self._fits and self._frozen is not None and self._frozen[0] is not self._asked[0]
+        return is_due or revision is not None and self._confirmed != revision
 
     def _is_current(self, frozen: Frozen, revision: int) -> bool:
         """Whether it is the newest light, and that of the transport asked last."""
@@ -245,6 +286,7 @@ class IndirectTalk:
     def _none(self) -> list[PictureEvent]:
         shown, self._shown, self._frozen, self._asked, self._drawn = self._shown, {}, None, None, None
         self._beyond.clear()
+        self.is_on_screen = False
         return [IndirectRadiance(key) for key in shown]
 
     def _wish(self, document: Document, selected: Selection | None, second: int | None) -> FreezeWish:

@@ -47,6 +47,9 @@ class MapTalk:
         self._awaited: set[Surface] = set()
         self._request = 0
         self._document: Document | None = None
+        self._followed: Document | None = None
+        self._wanted: dict[str, LayerMaps] = {}
+        self._found: dict[str, MapsSampled | None] = {}
         self._missing: tuple[tuple[str, Images], ...] = ()
         self._curves.map_means.clear()
 
@@ -54,6 +57,10 @@ class MapTalk:
     def is_complete(self) -> bool:
         """Whether the images of all layers are in the picture, as far as they can be used."""
         return not self._missing
+
+    def is_wanted(self, document: Document) -> bool:
+        """Whether a document has images."""
+        return bool(_wanted(document))
 
     def refusal(self, key: str, maps: LayerMaps) -> str | None:
         """Why a layer's images cannot be used, in one line."""
@@ -123,21 +130,40 @@ class MapTalk:
 
     def update(self, document: Document) -> list[LayerMapsChanged]:
         """Ask for what is missing; the layers whose samples are others than those shown."""
+        self.ask(document)
+        return self.follow(document)
+
+    def ask(self, document: Document) -> None:
+        """Ask for what is missing."""
         if document is self._document:
-            return []
-        self._document = document
-        wanted = _wanted(document)
-        events = [self._drop(key) for key in list(self._shown) if key not in wanted]
+            return
+        self._document, self._followed = document, None
+        self._wanted = _wanted(document)
         missing: dict[Surface, str] = {}
-        found: dict[str, MapsSampled | None] = {}
-        for key, maps in wanted.items():
+        self._found = {}
+        for key, maps in self._wanted.items():
             surface = (object_of(key), maps.images)
-            found[key] = self._known.get(surface)
-            if found[key] is None and surface not in self._refused:
+            found = self._known.get(surface)
+            if found is None and surface not in self._refused:
                 missing.setdefault(surface, key)
-                found[key] = self._painted_so_far(surface)
-                if found[key] is None:
-                    del found[key]
+                found = self._painted_so_far(surface)
+                if found is None:
+                    continue
+            self._found[key] = found
+        self._missing = tuple((key, images) for (_, images), key in missing.items())
+        if not self._hand_is_ahead(missing):
+            if self._missing and self._missing != self._asked:
+                self._request = self._send(SampleMaps(self._missing))
+                self._awaited = set(missing)
+            self._asked = self._missing
+
+    def follow(self, document: Document) -> list[LayerMapsChanged]:
+        """The layers whose samples are others than those shown, of the document that was asked for last."""
+        if document is self._followed or document is not self._document:
+            return []
+        self._followed = document
+        wanted, found = self._wanted, self._found
+        events = [self._drop(key) for key in list(self._shown) if key not in wanted]
         waits = _out_of_step(wanted, found)
         changed = [key for key in found if key not in waits and found[key] is not self._shown.get(key)]
         for key, following in zip_longest(changed, changed[1:]):
@@ -153,12 +179,6 @@ class MapTalk:
                     with_next=with_next and bool(wanted[key].strokes),
                 )
             )  # fmt: skip
-        self._missing = tuple((key, images) for (_, images), key in missing.items())
-        if not self._hand_is_ahead(missing):
-            if self._missing and self._missing != self._asked:
-                self._request = self._send(SampleMaps(self._missing))
-                self._awaited = set(missing)
-            self._asked = self._missing
         return events
 
     def _hand_is_ahead(self, missing: Iterable[Surface]) -> bool:

@@ -43,6 +43,10 @@ class ComputeTransport(Request):
     n_lights_preview: what cuts the sky at first. is_drag: stop after one quick picture, nothing finer follows. With
     more than one bounce the indirect light is found as well; `BouncesPlanned` says how many. Tables of measured layers
     are read first where a worker does not have them.
+
+    told: keys of layers whose picture the window has already, and `told_curves` of those of them whose transport it
+    has: what is the same is not told again. is_fine: what is on screen is of the last stage under this light, so that
+    a preview would not be shown.
     """
 
     built_on = (LookFrom,)
@@ -55,6 +59,9 @@ class ComputeTransport(Request):
     precision: Precision = "half"
     followers: tuple[str, ...] = ()
     is_drag: bool = False
+    told: tuple[str, ...] = ()
+    told_curves: tuple[str, ...] = ()
+    is_fine: bool = False
 
     @property
     def lit(self) -> Decisions:

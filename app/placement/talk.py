@@ -20,13 +20,14 @@ from app.decided import decided_view, decisions_of
 from app.document import Document, layer_key
 from app.messages import Cancel, Failed, Response
 from app.mode import Desk, ModeTalk, OpenedScene
-from app.picture import PictureEvent
+from app.picture import PictureEvent, SkyChanged
 from app.placement.band_plans import BandPlans, BandTalk
+from app.placement.changeover import Asked, Changeover
 from app.placement.comparison import Comparison
 from app.placement.curves import Array, Curves, drawn_as
 from app.placement.edited_curves import edited_layers
 from app.placement.error_talk import ErrorTalk
-from app.placement.events import Footprint, LayerRadiance, TransportReady
+from app.placement.events import DocumentDrawn, Footprint, LayerRadiance, TransportReady
 from app.placement.indirect_talk import IndirectTalk
 from app.placement.known_light import KnownLight
 from app.placement.map_talk import MapTalk
@@ -80,6 +81,7 @@ class PlacementTalk(ModeTalk):
         self._comparison = Comparison(desk.send, self.curves, self.maps.samples)
         self._error = ErrorTalk(desk.send, self.curves)
         self._relight = RelightTalk(desk.send, self.curves)
+        self._changeover = Changeover(self.curves)
         self._told_beyond = False
         self._forget()
 
@@ -89,7 +91,7 @@ class PlacementTalk(ModeTalk):
         self._footprints: dict[str, Footprint] = {}
         self._known_light = KnownLight()
         self._report = RenderReport()
-        self._has_picture = False
+        self._was_held = False
         self._bounces, self._bounces_reason = (0, ""), ""
         self._light_plan = LightPlanned(0, 0)
         self._transport_bytes = 0
@@ -124,6 +126,7 @@ class PlacementTalk(ModeTalk):
         self._relight.forget()
         self._known_light.worked(scene.described.light)
         self.curves.opened(scene.description)
+        self._changeover.scene_opened(scene.document, scene.description.environment is not None)
         self.learn(scene.planned)
 
     def left(self) -> None:
@@ -136,6 +139,7 @@ class PlacementTalk(ModeTalk):
     def edited(self, command: EditCommand | None = None) -> None:
         if isinstance(command, SetMaterial):
             self.curves.plans.replan(layer_key(command.object, index) for index in range(len(command.layers)))
+            self._transport.hand_released()  # chosen, and not on its way to something else
         self._picture_changed()
         self._transport.edited()
         self.indirect.edited()
@@ -181,28 +185,56 @@ class PlacementTalk(ModeTalk):
     def update(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
         compare = partial(self._compare, now, document, view)
         none: list[PictureEvent] = []
-        asked = self._ask(now, document, view)
+        planned = self._ask(now, document, view)
+        events = self._change_over(document, view, planned)
         rests = self._picture in ("finished", "exact") and not self._desk.history.dragging
         self._error.update(now, document, view, self._transport.revision, rests)
         turns = rests and self._transport.asked_rotation is not None
         self._relight.update(now, document, self._transport.revision, turns)
-        return asked + self._desk.barrier.run("Side A", compare, none, (document, view))
+        return events + self._desk.barrier.run("Side A", compare, none, (document, view))
 
-    def _ask(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
-        """Ask for what is missing; how indirect light and images have changed."""
-        talk = self._transport
+    def _ask(self, now: float, document: Document, view: ViewState) -> bool:
+        """Ask for what is missing; whether the bands of all layers are known."""
+        talk, revision = self._transport, self._transport.revision
         planned = self._bands.update(document)
         decisions = decisions_of(view, document)
-        talk.update(now, document, view.selected, decisions, self._desk.history.dragging, view.precision, planned)
-        events: list[PictureEvent] = [*self.maps.update(document)]
+        dragging, is_fine = self._desk.history.dragging, self._changeover.is_fine
+        talk.update(now, document, view.selected, decisions, dragging, view.precision, planned, is_fine)
+        if talk.revision != revision:
+            self._changeover.asked_anew(talk.received)
+        self.maps.ask(document)
         if planned and not talk.drag_quality:
-            events += self.indirect.update(
-                now, document, view.selected, view.n_bounces, view.second_bands, talk.revision
-            )
+            self.indirect.ask(now, document, view.selected, view.n_bounces, view.second_bands, talk.revision)
+        return planned
+
+    def _change_over(self, document: Document, view: ViewState, planned: bool) -> list[PictureEvent]:
+        """What takes its place in the picture now, all of it in one frame."""
+        talk, change, was_held = self._transport, self._changeover, self._was_held
+        asked, dragging = self._asked() if planned else None, self._desk.history.dragging
+        changes = change.update(document, asked, dragging, self.edited_layers, self._factor)
+        if changes:
+            self._picture_changed()
+        self._was_held = change.drawn is not document
+        if self._was_held:
+            return _in_one_frame(changes)
+        events = self.maps.follow(document)
+        if planned and not talk.drag_quality:
+            changes += self.indirect.follow(document)
             if self.indirect.is_beyond and not self._told_beyond:
                 self._desk.notify(TOO_BRIGHT, True)
             self._told_beyond = self.indirect.is_beyond
-        return events
+        if was_held and not (changes or events):
+            changes.append(DocumentDrawn())
+        return _in_one_frame([*changes, *events]) if changes else [*events]
+
+    def _asked(self) -> Asked | None:
+        """The transport asked last, and what else has come of the document."""
+        talk = self._transport
+        if talk.asked is None or not talk.is_open:
+            return None
+        wish, document = talk.asked
+        has_rest = self.maps.is_complete and not self.indirect.is_behind(talk.revision if talk.running else None)
+        return Asked(wish, document, talk.drag_quality, talk.delivered_final, has_rest, talk.finished)
 
     def _compare(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
         """Side A as it is chosen, and brought up to date."""
@@ -223,9 +255,35 @@ class PlacementTalk(ModeTalk):
 
     # ------------------------------------------------------------------------------------------------------ rendering
 
+    @property
+    def drawn(self) -> Document:
+        """The document that the picture shows: the newest of which all is there that it changes."""
+        document, change = self._document, self._changeover
+        if self._desk.history.dragging:
+            change.follow_hand(document)
+        elif change.drawn is not document and not (self.indirect.is_on_screen or self.maps.is_wanted(document)):
+            change.draw_now(document, self.edited_layers, self._factor)
+        return change.drawn
+
+    @property
+    def _factor(self) -> str | None:
+        """The curve that is selected."""
+        selected = self._desk.view.selected
+        return None if selected is None else selected.factor
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the picture shows an earlier document than there is."""
+        return self.drawn is not self._document
+
     def wanted_coefficients(self, key: str) -> dict[str, Array]:
         """Band values (J,3) of each transport factor of a layer, as the document has them."""
         return self.curves.coefficients(self._document, key)
+
+    def drawn_coefficients(self, key: str) -> dict[str, Array]:
+        """The same, as the document drawn has them; none where the document has another layer by now."""
+        models = [{key: layer.model for key, layer in each.layers()}.get(key) for each in (self.drawn, self._document)]
+        return self.curves.coefficients(self.drawn, key) if models[0] is models[1] else {}
 
     @property
     def edited_layers(self) -> tuple[str, ...]:
@@ -234,26 +292,27 @@ class PlacementTalk(ModeTalk):
 
     def drawn_as(self, key: str) -> tuple[object, ...]:
         """What f_q and the curves of a layer belong to: a picture of another one is not to be drawn with them."""
-        layer = self._document.layer(key)
+        layer = self.drawn.layer(key)
         return drawn_as(layer.model.name, layer.quotient_parameters().tolist())
 
     def layer_gain(self, key: str) -> Array:
         """What a layer's picture is multiplied by, (3,): f_q, and how much brighter the only light has become."""
-        return self.curves.gain(self._document, key) * self._transport.light_gain
+        return self.curves.gain(self.drawn, key) * self._changeover.light_gain
 
     def view_curve(self, key: str) -> Array:
         """f_o of a layer at 256 angles θ_o from 0 to π/2, (256,3)."""
-        return self.curves.view_curve(self._document, key)
+        return self.curves.view_curve(self.drawn, key)
 
     def rendered(self, report: RenderReport) -> None:
         """What the renderer reached in the frame just drawn, for the present document and selection."""
-        self._report = report
-        selected = self._desk.view.selected
-        factor = None if selected is None else selected.factor
+        waits = self.is_held or self._changeover.waits
+        self._report = report = replace(report, exact=report.exact and not waits)
+        factor = self._factor
         for key in self.edited_layers if report.exact else ():
-            wanted = self.wanted_coefficients(key)
+            wanted = self.drawn_coefficients(key)
             if factor in wanted:
                 self._transport.rendered(key, factor, wanted[factor])
+                self._changeover.rendered(key, factor, wanted[factor])
 
     def status(self, status: Status) -> PlacementStatus:
         talk, report, view = self._transport, self._report, self._view
@@ -275,9 +334,9 @@ class PlacementTalk(ModeTalk):
             "error_colours": None if estimate is None else self._error.colours_of(self._document),
             "precomputed_mb": self._transport_bytes / 1e6,
             "gpu_mb": report.gpu_mb,
-            "light_note": light_note(talk) if self._has_picture else "",
-            "material_note": material_note(talk) if self._has_picture else "",
-            "emitter_note": emitter_note(talk) if self._has_picture else "",
+            "light_note": light_note(talk) if self._changeover.has_picture else "",
+            "material_note": material_note(talk) if self._changeover.has_picture else "",
+            "emitter_note": emitter_note(talk) if self._changeover.has_picture else "",
             "missing_note": missing or "Wavelet coefficients, or light of further bounces, are still being added.",
             "error_note": error_note(report.image_error if known else None, self.indirect.noise),
             "compared_exact": self._comparison.exact,
@@ -317,11 +376,11 @@ class PlacementTalk(ModeTalk):
     @property
     def _picture(self) -> PictureState:
         talk = self._transport
-        if not self._has_picture:
+        if not self._changeover.has_picture:
             return "waiting"
         if not (talk.is_open and (talk.shows_final or talk.transport_is_current and talk.delivered_final)):
             return "preview"
-        if not (talk.finished and self._report.exact and self._rest_is_complete):
+        if not (talk.finished and self._report.exact and self._rest_is_complete) or self.is_held:
             return "refining"
         return "exact" if self._noise <= NO_NOISE else "finished"
 
@@ -354,6 +413,12 @@ class PlacementTalk(ModeTalk):
                 return self._take_picture(response)
         return []
 
+    def sky_came(self, event: SkyChanged) -> list[PictureEvent]:
+        if not self._changeover.has_picture:
+            return [event]
+        self._changeover.took_sky(event)
+        return []
+
     def _take_picture(self, response: Response) -> list[PictureEvent]:
         match response:
             case LightPlanned():
@@ -370,10 +435,11 @@ class PlacementTalk(ModeTalk):
             case LayerPicture() if self._comparison.took(response):
                 return []
             case LayerPicture():
-                return [self._take_radiance(response)]
+                self._changeover.took_radiance(self._take_radiance(response))
             case LayerTransport() if self._transport.took_transport(response, self._document, self._desk.view.selected):
                 self._picture_changed()
-                return [_transport_ready(response, self.edited_layers, self._footprints.get(response.stage))]
+                footprint = self._footprints.get(response.stage)
+                self._changeover.took_transport(_transport_ready(response, self.edited_layers, footprint))
             case StageDone():
                 self._take_stage(response)
         return []
@@ -383,7 +449,6 @@ class PlacementTalk(ModeTalk):
         if talk.asked_light is not None:
             self._known_light.worked(talk.asked_light)
         made_with = talk.took_picture(response)
-        self._has_picture = True
         self._picture_changed()
         footprint, look = self._footprints.get(response.stage), talk.drawn_as(response.key)
         return LayerRadiance(response.key, response.stage, response.radiance, made_with, footprint, look)
@@ -416,6 +481,11 @@ class PlacementTalk(ModeTalk):
         if response.exact:
             self._done = response
             self._desk.gauges.progress = None
+
+
+def _in_one_frame(events: list[PictureEvent]) -> list[PictureEvent]:
+    """None of them to be seen without the others."""
+    return [*(replace(event, with_next=True) for event in events[:-1]), *events[-1:]]
 
 
 def _transport_ready(response: LayerTransport, beside: tuple[str, ...], footprint: Footprint | None) -> TransportReady:

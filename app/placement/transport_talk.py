@@ -67,6 +67,7 @@ class TransportTalk:
         self._wish_since = -math.inf
         self._wish_made_of: tuple[Document, Decisions] | None = None
         self._asked: TransportWish | None = None
+        self._asked_document: Document | None = None
         self._becoming_editable: tuple[str, ...] = ()
         self._drag_quality = False
         self._transport_id: int | None = None
@@ -77,12 +78,14 @@ class TransportTalk:
         self._made_for: tuple[Document, Decisions] | None = None
         self._light_gain = np.ones(3)
         self.emitters_are_all = False
+        self._is_fine = False
         self._edited = EditedCurves()
-        self._forget_answers()
+        self._forget_answers({})
 
-    def _forget_answers(self) -> None:
-        self._layers: dict[str, LayerShown] = {}
-        self._edited.forget_answers()
+    def _forget_answers(self, staying: dict[str, LayerShown]) -> None:
+        """But for what is on screen of these layers."""
+        self._layers = staying
+        self._edited.forget_answers(staying)
         self._asked_pictures: dict[str, Coefficients] = {}
         self._contraction: Contraction | None = None
 
@@ -168,6 +171,16 @@ class TransportTalk:
     def asked_light(self) -> LightState | None:
         """The light in the transport asked last, at intensity 1."""
         return None if self._asked is None else self._asked.light
+
+    @property
+    def asked(self) -> tuple[TransportWish, Document] | None:
+        """The transport asked last, and of which document that was."""
+        return None if self._asked is None or self._asked_document is None else (self._asked, self._asked_document)
+
+    @property
+    def received(self) -> Collection[str]:
+        """Keys of the layers whose radiance is that of the transport asked last."""
+        return self._layers.keys()
 
     def serves(self, document: Document, like: Document, decisions: Decisions) -> bool:
         """Whether the transport asked last would draw another document of the same models as ``like``."""
@@ -261,12 +274,13 @@ class TransportTalk:
 
     def update(
         self, now: float, document: Document, selected: Selection | None, decisions: Decisions, dragging: bool,
-        precision: Precision = "half", planned: bool = True,
+        precision: Precision = "half", planned: bool = True, is_fine: bool = False,
     ) -> None:  # fmt: skip
         """Ask for what is missing; ``now`` in seconds of any steady clock. planned: whether the bands of all layers
-        are known; until they are, nothing is asked for."""
+        are known; until they are, nothing is asked for. is_fine: whether all that is on screen is of the last stage."""
         if not self.is_open:
             return
+        self._is_fine = is_fine
         self._precision = precision
         made_for = (document, decisions)
         self._stopped = self._stopped and made_for == self._made_for
@@ -301,10 +315,11 @@ class TransportTalk:
         self._edited.wished = curves = curve_wishes(document, selected, self._curves, self._precision)
         staying = self._staying(wish, is_drag)
         was_fixed = [shape.key for shape in self.layers_asked if shape.is_fixed and shape.key in staying]
+        is_fine = self._is_fine and self._asked is not None and wish.stands_beside(self._asked) and not is_drag
         self.revision += 1
         self._asked, self._drag_quality, self._running, self._exact = wish, is_drag, True, False
-        self._forget_answers()
-        self._layers = staying
+        self._asked_document = document
+        self._forget_answers(staying)
         self._becoming_editable = tuple(s.key for s in wish.layers if s.key in was_fixed and not s.is_fixed)
         request = ComputeTransport(
             replace(self._curves.scene_state(document), emission=wish.emission),
@@ -315,6 +330,9 @@ class TransportTalk:
             self._precision,
             tuple(curve.key for curve in curves[1:]),
             is_drag,
+            tuple(staying),
+            tuple(curve.key for curve in curves if self._edited.has(curve, staying)),
+            is_fine,
             revision=self.revision,
         )
         self._transport_id = self._send(request)

@@ -70,17 +70,22 @@ class TransportWish:
     decisions: Decisions = Decisions()
 
     def moved_from(self, other: TransportWish) -> bool:
-        """Whether only the environment's rotation differs, or what emitters emit."""
+        """Whether of the light only the environment's rotation differs, or what emitters emit."""
         light = replace(self.light, rotation=other.light.rotation)
-        return self != other and replace(self, light=light, emission=other.emission) == other
+        stayed = replace(self, light=light, emission=other.emission, layers=other.layers)
+        return stayed == other and not self.lights_like(other)
 
     def lights_like(self, other: TransportWish) -> bool:
         """Whether the light is the same."""
         return (self.light, self.emission) == (other.light, other.emission)
 
+    def stands_beside(self, other: TransportWish) -> bool:
+        """Whether pictures of layers under both can stand side by side."""
+        return self.lights_like(other) and self.decisions.lit == other.decisions.lit
+
     def alike(self, before: TransportWish) -> tuple[str, ...]:
         """Keys of the layers that look as they did under the wish before."""
-        if not self.lights_like(before) or self.decisions.lit != before.decisions.lit:
+        if not self.stands_beside(before):
             return ()
         return tuple(shape.key for shape in self.layers if shape.looks_like(before.shape(shape.key)))
 

@@ -109,11 +109,11 @@ def test_a_new_material_is_first_seen_in_a_picture_of_its_own(window: HeadlessWi
     bright = new_layer("cook_torrance").with_parameter("scale", 4.0)
     editor.do(SetMaterial("teapot", (editor.document.layer("teapot.0"), bright)))
     n_pictures = 0
-    while not feed(window).source._is_drawn(editor, "teapot.1"):
+    while editor.talk.is_held:
         np.testing.assert_array_equal(feed(window).source.renderer.linear_image(), before)
         window.frame()
         n_pictures += 1
-    assert n_pictures > 5  # the light is asked for when the hand has rested
+    assert n_pictures > 0
     np.testing.assert_allclose(exact_picture(window), expected_picture(window), rtol=HALF_FLOAT, atol=1e-5)
 
 
@@ -260,20 +260,23 @@ def test_a_scene_waits_when_its_description_took_the_time(opening: Opening, monk
     assert opening.step()[1] == ["set_frame"]  # no longer than that
 
 
-def test_answers_are_taken_one_by_one_when_time_is_short(opening: Opening, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_answers_are_taken_piece_by_piece_when_time_is_short(opening: Opening, monkeypatch: pytest.MonkeyPatch) -> None:
     opening.step()
     opening.draw()
     monkeypatch.setattr(picture_feed, "TAKING_SECONDS", 0.0)
     seen = []
     for _ in range(40):
         _, calls = opening.step()
-        assert len(calls) <= 1
+        if calls and calls[0] == "set_layer_radiance":  # a picture comes as one piece
+            assert calls == 4 * ["set_layer_radiance"] + ["begin_transport"]
+        else:
+            assert len(calls) <= 1
         seen += calls
         busy, _ = opening.draw()
         if opening.editor.status.picture == "exact":
             break
         assert busy  # also while answers wait that the editor has counted already
-    assert seen.count("set_layer_radiance") == 4 and seen[-1] == "set_layer_radiance"
+    assert seen.count("set_layer_radiance") == 4 and seen.count("set_environment") == 1
     assert opening.editor.status.picture == "exact"
 
 
@@ -342,8 +345,10 @@ def test_a_plain_colour_is_about_what_a_material_reflects() -> None:
     for albedo in (0.2, 0.7):
         layer = new_layer("lambert").with_parameter("albedo", albedo)
         np.testing.assert_allclose(plain_colour([layer]), albedo, rtol=1e-6)
-    gold = plain_colour([new_layer("rough_conductor").with_parameter("alpha", 0.2)])
-    assert (gold > 0.3).all() and (gold <= 1.0).all()
+    # However narrow its lobe, gold reflects about as much as its Fresnel term lets it, and so it does of its three hues.
+    for alpha in (0.01, 0.03, 0.06, 0.2):
+        gold = plain_colour([new_layer("rough_conductor").with_parameter("alpha", alpha)])
+        np.testing.assert_allclose(gold, (0.95, 0.62, 0.51), rtol=0.06)
     np.testing.assert_allclose(plain_colour([layer, layer]), 1.0)  # more than all there is
 
 

@@ -146,6 +146,7 @@ def test_roughness_is_asked_for_when_the_hand_rests(settled: Editor, client: Fak
 
 def test_undo_of_another_layer_asks_for_its_picture_alone(settled: Editor, client: FakeClient) -> None:
     settled.do(AddOperator("pot.1", "theta_h", LIFT))
+    settled.tick(1.05)
     settled.talk.rendered(EXACT)
     settled.select("floor.0")
     settled.tick(1.1)
@@ -168,6 +169,7 @@ def test_undo_of_another_layer_asks_for_its_picture_alone(settled: Editor, clien
 
 def test_a_layer_rendered_exactly_is_not_asked_for_when_left(settled: Editor, client: FakeClient) -> None:
     settled.do(AddOperator("pot.1", "theta_h", LIFT))
+    settled.tick(1.05)
     settled.talk.rendered(EXACT)
     settled.select("floor.0")
     settled.tick(1.1)

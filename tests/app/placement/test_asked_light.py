@@ -6,6 +6,7 @@ from app.commands.light import SetEnvironment, SetRotation
 from app.editor import Editor
 from app.messages import SkyImage
 from app.picture import SkyChanged
+from app.placement.events import LayerRadiance, TransportReady
 from app.placement.messages import BouncesPlanned
 from app.placement.status import RenderReport
 from app.view_state import AS_PLANNED, SetView
@@ -96,4 +97,8 @@ def test_the_sky_is_handed_on_though_the_light_was_turned_meanwhile(settled: Edi
     settled.tick(1.5)
     assert len(computed(client)) == 2  # the worker says what sky it is once, under the first of both
     client.answer(under_way, SkyImage(np.ones((2, 4, 3)), id=VIEW_ID))
-    assert [type(event) for event in settled.tick(1.6)] == [SkyChanged]
+    assert settled.tick(1.6) == [] and settled.talk.drawn.light.environment == "scene"  # its pictures are not there yet
+    client.finish_stage("drag", exact=True)
+    sky, *layers = settled.tick(1.7)
+    assert isinstance(sky, SkyChanged) and {type(event) for event in layers} == {LayerRadiance, TransportReady}
+    assert all(event.with_next for event in (sky, *layers[:-1])) and settled.talk.drawn is settled.document

@@ -1,0 +1,301 @@
+"""From one picture to the next: what has come of the next waits until it can take the place of the one on screen.
+
+The worker answers layer by layer and stage by stage. Shown as it comes, that would be parts of two documents in one
+picture, and coarse samples where fine ones were. So the picture is always one document's (`drawn`), and a document is
+drawn from the frame in which all that it changes is there:
+
+- A layer's radiance replaces another of the same light that is no finer. Layers that change together appear together.
+- Under other light all layers and the sky behind them change in one frame, once every pixel has samples of its own,
+  those at edges included; what 400 lights then still leave to be wished for takes less time than a person waits.
+- A light in the hand is followed by quick pictures, whole ones; so is the hand by coarse ones, where it moves something
+  that the picture has not shown yet.
+- The first picture of a view replaces objects lit from the eye, and is as coarse as it comes.
+- The last stage takes its place in any case, whatever was there: nothing finer will come.
+
+Rejected: to show coarse samples of a new material at once, which is a second earlier and looks like a fault; to fade
+from one picture into the other, which is a mixture of both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.commands.light import emission_of
+from app.document import SCENE_ENVIRONMENT, Document, layer_key
+from app.picture import PictureEvent, SkyChanged
+from app.placement.curves import Array, Coefficients, Curves, drawn_as
+from app.placement.events import LayerRadiance, TransportReady
+from app.placement.wishes import TransportWish, brightened, same_coefficients
+
+# Coarse to fine. Lit anew is as fine as a preview in its pixels, and has the exact picture's details beside.
+_RANK = {"drag": 0, "coarse": 1, "preview": 2, "relit": 3, "final": 4}
+_FULL_RESOLUTION = _RANK["preview"]
+_ANY = -1
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The transport asked last: what it is of, the document then, and how far it and the document's other needs are.
+
+    is_drag: for a light in the hand. is_last: whether its last stage has come. has_rest: whether images and indirect
+    light of the document as it is now are there; is_finished: whether all of its picture is.
+    """
+
+    wish: TransportWish
+    document: Document
+    is_drag: bool
+    is_last: bool
+    has_rest: bool
+    is_finished: bool
+
+
+@dataclass
+class _OnScreen:
+    """What a layer's picture was made of. curve: that whose transport came with it, None for none."""
+
+    rank: int
+    drawn_as: tuple[object, ...]
+    coefficients: Coefficients
+    curve: str | None = None
+
+
+class Changeover:
+    """The document that is drawn, and what has come for the next."""
+
+    def __init__(self, curves: Curves) -> None:
+        self._curves = curves
+        self.scene_opened(Document(""), has_sky=True)
+
+    def scene_opened(self, document: Document, has_sky: bool) -> None:
+        """Nothing is on screen yet but objects lit from the eye. has_sky: whether the scene's own light has one."""
+        self._has_sky = has_sky
+        self.drawn = document
+        self._wish: TransportWish | None = None
+        self._layers: dict[str, _OnScreen] = {}
+        self._coming: dict[str, LayerRadiance] = {}
+        self._transports: dict[str, TransportReady] = {}
+        self._sky: SkyChanged | None = None
+
+    @property
+    def has_picture(self) -> bool:
+        """Whether anything that was computed is on screen."""
+        return self._wish is not None
+
+    @property
+    def waits(self) -> bool:
+        """Whether something has come that is not on screen."""
+        return bool(self._coming or self._transports or self._sky)
+
+    @property
+    def is_fine(self) -> bool:
+        """Whether all that is on screen is of the last stage."""
+        return self.has_picture and self._rank == _RANK["final"]
+
+    @property
+    def light_gain(self) -> Array:
+        """How much brighter (3,) the emitters of the document drawn are than in its pictures, where they are all there
+        is of light."""
+        factors = None if self._wish is None else brightened(emission_of(self.drawn), self._wish.emission)
+        return np.ones(3) if factors is None else factors
+
+    # ------------------------------------------------------------------------------------------------- what has come
+
+    def asked_anew(self, staying: Collection[str]) -> None:
+        """Other transport was asked for: what has come of these layers is a part of it, all else is void."""
+        self._coming = {key: event for key, event in self._coming.items() if key in staying}
+        self._transports = {key: event for key, event in self._transports.items() if key in self._coming}
+
+    def took_radiance(self, event: LayerRadiance) -> None:
+        self._coming[event.key] = event
+        self._transports.pop(event.key, None)
+
+    def took_transport(self, event: TransportReady) -> None:
+        self._transports[event.key] = event
+
+    def took_sky(self, event: SkyChanged) -> None:
+        self._sky = event
+
+    def rendered(self, key: str, factor: str, coefficients: Array) -> None:
+        """The renderer has stepped a layer's picture to these exactly."""
+        layer = self._layers.get(key)
+        if layer is not None and key not in self._coming:
+            layer.coefficients = {**layer.coefficients, factor: coefficients}
+
+    # ------------------------------------------------------------------------------------------------- what is shown
+
+    def update(
+        self, document: Document, asked: Asked | None, dragging: bool, edited: Iterable[str], factor: str | None
+    ) -> list[PictureEvent]:
+        """What takes its place on screen now, in one frame; `drawn` is then the document of the picture.
+
+        edited: keys of the layers that follow the selected curve, `factor`, in every frame.
+        """
+        if not self.has_picture:  # objects lit from the eye need nothing
+            self.drawn = document
+        if asked is None:
+            return []
+        follows = dict.fromkeys(edited, factor)
+        if self._wish is not None and asked.wish.stands_beside(self._wish):
+            return self._refined(document, asked, dragging, follows)
+        return self._replaced(document, asked, dragging, follows)
+
+    def draw_now(self, document: Document, edited: Iterable[str], factor: str | None) -> None:
+        """Draw an edit in this very frame, where nothing of it has to come."""
+        if self._can_draw(document, self._layers, dict.fromkeys(edited, factor), False):
+            self.drawn = document
+
+    def follow_hand(self, document: Document) -> None:
+        """A hand moves something: draw it in this very frame, as far as it can be while another edit is waited for."""
+        if document is self.drawn or not self.has_picture:
+            self.drawn = document
+        elif self._can_draw(document, self._layers, {}, True):
+            self.drawn = document
+        elif self._is_lit_alike(document, self._wish) and self._is_lit_alike(self.drawn, self._wish):
+            for before, now in zip(self.drawn.objects, document.objects, strict=True):
+                if now != before and self._can_draw_object(now.name, document, self._layers, {}, True):
+                    self.drawn = self.drawn.with_object(now)
+
+    def _refined(
+        self, document: Document, asked: Asked, dragging: bool, follows: Mapping[str, str | None]
+    ) -> list[PictureEvent]:
+        """Under the light that is on screen: the layers that are no coarser than theirs, if the document can then be
+        drawn."""
+        good = {
+            key: event for key, event in self._coming.items()
+            if asked.is_last or _RANK[event.stage] >= self._least_rank(document, key, dragging)
+        }  # fmt: skip
+        can_draw = self._can_draw(document, self._after(good), follows, dragging)
+        if asked.is_finished or can_draw and (dragging or asked.has_rest):
+            self.drawn, self._wish = document, asked.wish
+            return self._released(good)
+        return self._released({})
+
+    def _replaced(
+        self, document: Document, asked: Asked, dragging: bool, follows: Mapping[str, str | None]
+    ) -> list[PictureEvent]:
+        """Under other light: all of the picture, once all of it is there."""
+        least = _ANY
+        if self._wish is not None and not (asked.is_drag or asked.is_last):
+            same_light = asked.wish.lights_like(self._wish)
+            least = self._rank if same_light else min(self._rank, _FULL_RESOLUTION)
+        keys = [shape.key for shape in asked.wish.layers]
+        is_whole = all(key in self._coming and _RANK[self._coming[key].stage] >= least for key in keys)
+        if not is_whole or not (asked.has_rest or asked.is_drag or asked.is_finished):
+            return []
+        if self._can_draw(document, self._after(self._coming, {}), follows, dragging, asked.wish):
+            next_drawn = document
+        elif _models(asked.document) == _models(document):
+            next_drawn = asked.document
+        else:
+            return []
+        self.drawn, self._wish, self._layers = next_drawn, asked.wish, {}
+        return self._released(self._coming)
+
+    def _released(self, radiances: Mapping[str, LayerRadiance]) -> list[PictureEvent]:
+        """These layers, the sky of their light, and the transport of layers that are on screen."""
+        events: list[PictureEvent] = [] if self._sky is None else [self._sky]
+        self._sky = None
+        for key, event in radiances.items():
+            self._layers[key] = _look(event)
+            events.append(event)
+        self._coming = {key: event for key, event in self._coming.items() if key not in radiances}
+        for key in [key for key in self._transports if key in self._layers and key not in self._coming]:
+            transport = self._transports.pop(key)
+            for other, layer in self._layers.items():
+                layer.curve = transport.factor if other == key else layer.curve if other in transport.beside else None
+            events.append(transport)
+        return events
+
+    # -------------------------------------------------------------------------------------------- what can be drawn
+
+    @property
+    def _rank(self) -> int:
+        return min((layer.rank for layer in self._layers.values()), default=_ANY)
+
+    def _least_rank(self, document: Document, key: str, dragging: bool) -> int:
+        """How fine a layer's picture has to be: as the one on screen, if a hand does not move what that is not of."""
+        shown = self._layers.get(key)
+        if dragging and (shown is None or shown.drawn_as != _drawn_as(document, key)):
+            return _ANY
+        return self._rank if shown is None else shown.rank
+
+    def _after(
+        self, radiances: Mapping[str, LayerRadiance], before: Mapping[str, _OnScreen] | None = None
+    ) -> dict[str, _OnScreen]:
+        """The layers with these put on screen, and the transport that has come."""
+        after = dict(self._layers if before is None else before)
+        after.update((key, _look(event)) for key, event in radiances.items())
+        for key, transport in self._transports.items():
+            if key in radiances or key not in self._coming and key in after:
+                after[key] = replace(after[key], curve=transport.factor)
+        return after
+
+    def _is_lit_alike(self, document: Document, wish: TransportWish | None) -> bool:
+        """Whether a document's light is that of transport, but for what multiplies its pictures."""
+        if wish is None or replace(document.light, intensity=1.0) != wish.light:
+            return False
+        emission = emission_of(document)
+        if emission == wish.emission:
+            return True
+        emitters_are_all = not self._has_sky and wish.light.environment == SCENE_ENVIRONMENT
+        return emitters_are_all and brightened(emission, wish.emission) is not None
+
+    def _can_draw(
+        self, document: Document, layers: Mapping[str, _OnScreen], follows: Mapping[str, str | None], roughly: bool,
+        wish: TransportWish | None = None,
+    ) -> bool:  # fmt: skip
+        """Whether these layers, lit as on screen or as in this transport, are all that a document shows. roughly: with
+        curves that are on their way."""
+        return self._is_lit_alike(document, wish or self._wish) and all(
+            self._can_draw_object(state.name, document, layers, follows, roughly)
+            for state in document.objects if not state.emits
+        )  # fmt: skip
+
+    def _can_draw_object(
+        self, name: str, document: Document, layers: Mapping[str, _OnScreen], follows: Mapping[str, str | None],
+        roughly: bool,
+    ) -> bool:  # fmt: skip
+        state = document.object(name)
+        for index in range(0 if state.emits else len(state.layers)):
+            key = layer_key(name, index)
+            if not document.is_visible(key):
+                continue
+            look = layers.get(key)
+            if look is None or look.drawn_as != _drawn_as(document, key):
+                return False
+            if not (roughly or self._shows_curves(document, key, look, follows.get(key))):
+                return False
+        return True
+
+    def _shows_curves(self, document: Document, key: str, look: _OnScreen, followed: str | None) -> bool:
+        """Whether a layer's picture has the document's curves, or follows that in which it has not."""
+        wanted = self._curves.coefficients(document, key)
+        if same_coefficients(look.coefficients, wanted):
+            look.coefficients = wanted
+            return True
+        if followed is None or followed != look.curve:
+            return False
+        shown, others = (
+            {name: values for name, values in each.items() if name != followed} for each in (look.coefficients, wanted)
+        )
+        bands = followed in wanted and len(look.coefficients.get(followed, ())) == len(wanted[followed])
+        return bands and same_coefficients(shown, others)
+
+
+def _look(event: LayerRadiance) -> _OnScreen:
+    return _OnScreen(_RANK[event.stage], event.drawn_as, event.coefficients)
+
+
+def _drawn_as(document: Document, key: str) -> tuple[object, ...]:
+    """Of the layer that a document has by this key; nothing where it has none."""
+    if all(key != each for each, _ in document.layers()):
+        return ()
+    layer = document.layer(key)
+    return drawn_as(layer.model.name, layer.quotient_parameters().tolist())
+
+
+def _models(document: Document) -> list[tuple[str, str]]:
+    return [(key, layer.model.name) for key, layer in document.layers()]
