@@ -46,6 +46,7 @@ class Request(Message):
     `quick`: it is served between the steps of long ones, which none of it may be; the lower number goes first; None:
     it is a long one. `once`: answered once and for all, not again to a worker that is started anew. `alone`: nothing is
     served before it is done, but what is served at `any_time`. `stops`: a person who stops the work means it as well.
+    `waited_for`: a person waits for the answer; of all others the processors are left to whoever wants them.
     """
 
     built_on: ClassVar[tuple[type[Request], ...]] = ()
@@ -54,6 +55,7 @@ class Request(Message):
     alone: ClassVar[bool] = False
     any_time: ClassVar[bool] = False
     stops: ClassVar[bool] = True
+    waited_for: ClassVar[bool] = True
 
     @classmethod
     def needs(cls, kind: type[Request]) -> bool:

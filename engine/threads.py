@@ -27,32 +27,44 @@ def n_threads() -> int:
     return n_cores()
 
 
-def pool() -> ThreadPoolExecutor:
-    """Threads for work that comes bit by bit; to be closed, by `with`."""
-    return ThreadPoolExecutor(n_threads())
+def pool(n: int | None = None) -> ThreadPoolExecutor:
+    """Threads for work that comes bit by bit, n or one a core; to be closed, by `with`."""
+    return ThreadPoolExecutor(n or n_threads(), initializer=_begin, initargs=(stands_apart(),))
 
 
 def on_threads(work: Callable[..., Result], *items: Iterable[Any]) -> list[Result]:
     """What `work` makes of the items, as `map` calls it, in their order; the items are shared among the threads.
 
     These stay, as a picture has some fifteen such works, and to begin threads for each costs a sixth of its time.
+    One that is kept apart has threads of its own.
     """
     calls = list(zip(*items, strict=True))
     if len(calls) == 1 or getattr(_OWN, "is_shared", False):  # those that wait for themselves would wait for ever
         return [work(*call) for call in calls]
-    futures = [_shared(n_threads()).submit(work, *call) for call in calls]
+    futures = [_shared(n_threads(), stands_apart()).submit(work, *call) for call in calls]
     wait(futures)
     return [future.result() for future in futures]
 
 
-@lru_cache(maxsize=4)
-def _shared(n: int) -> ThreadPoolExecutor:
-    """The threads of all such works."""
-    return ThreadPoolExecutor(n, "work", initializer=_note_shared)
+def keep_apart() -> None:
+    """From now on this thread, which has another priority than others, shares its work with threads that have the same:
+    they get it from the one that begins them."""
+    _OWN.is_apart = True
 
 
-def _note_shared() -> None:
-    _OWN.is_shared = True
+def stands_apart() -> bool:
+    """Whether this thread was kept apart, or works for one that was."""
+    return getattr(_OWN, "is_apart", False)
+
+
+@lru_cache(maxsize=8)
+def _shared(n: int, is_apart: bool) -> ThreadPoolExecutor:
+    """The threads of all such works, or of those that are kept apart."""
+    return ThreadPoolExecutor(n, "work", initializer=_begin, initargs=(is_apart, True))
+
+
+def _begin(is_apart: bool, is_shared: bool = False) -> None:
+    _OWN.is_apart, _OWN.is_shared = is_apart, is_shared
 
 
 def even_parts(count: int) -> tuple[list[int], list[int]]:

@@ -198,7 +198,8 @@ class PictureFeed:
             thumbnail_came = self._scene.follow()
             editor.gauges.frame_ms = self._frame_ms
             busy = self.source.draw(editor, last_frame_ms, not self._waiting) or thumbnail_came
-            if editor.status.picture != "waiting" or self.shows_view_before and editor.status.stopped:
+            status = editor.status
+            if status.picture != "waiting" or status.goes_with_hand or self.shows_view_before and status.stopped:
                 self._leave()
         except GraphicsError as error:
             editor.notify(str(error), True)

@@ -36,13 +36,13 @@ from app.placement.talk import PlacementTalk
 from app.solo import is_seen
 from engine.curve.wavelet import forward
 from engine.material.layer import object_of
+from engine.render.plain_shading import plain_colour, plain_radiance
 from ui.gl.placement.layers import ComparedLook
 from ui.gl.placement.rehearsal import rehearse
 from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.tonemap import DisplayView
 from ui.map_feed import MapFeed
 from ui.picture_feed import PictureSource
-from ui.plain_shading import plain_colour, plain_radiance
 from ui.shown_view import ShownView
 from ui.still import ShownStill
 

@@ -23,7 +23,7 @@ from app.deform.status import DeformStatus
 from app.document import Document
 from app.messages import Failed, Request, Response
 from app.mode import Desk
-from app.orbit.messages import Carried, OrbitAdvanced, OrbitDrawn
+from app.orbit.messages import Carried, DrawPlainly, OrbitAdvanced, OrbitDrawn
 from app.orbit.talk import REST_SECONDS, OrbitTalk
 from app.orbit.wishes import Drawing, OrbitWish
 from app.picture import PictureEvent
@@ -184,6 +184,10 @@ class DeformTalk(OrbitTalk):
         assert isinstance(wish, DeformWish)
         effort = wish.n_rays, wish.n_lobes
         return PrepareDeform(wish.scene, wish.n_bounces, wish.posed, wish.surfaces, wish.traced, *effort)
+
+    def _plain_request(self, camera: Camera, wanted: Drawing) -> Request:
+        assert self._wish is not None
+        return DrawPlainly(camera, wanted.resolution, self._wish.scene, wanted.poses)
 
     def _draw_request(self, camera: Camera, wanted: Drawing) -> Request:
         shows_light = wanted.split is None and not wanted.fit_error

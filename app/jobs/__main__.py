@@ -1,4 +1,4 @@
-"""`python -m app.jobs`: the worker process. It steps back first, before it imports anything that takes time."""
+"""`python -m app.jobs`: the worker process. First it leaves to the window what is the window's."""
 
 from app.jobs.background import step_back
 

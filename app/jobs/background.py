@@ -1,20 +1,62 @@
-"""How a process of ours makes way for the window: processor, Ctrl-C, memory. Light, for it is imported first of all."""
+"""Which work of ours has the processors first: what a person waits for as others have them, all else after that.
+
+    window; worker; the compiling of what the first picture needs       as any process
+    a worker's thread for what nobody waits for (`Request.waited_for`)  behind
+    the compiling of what is wanted later                               behind all
+
+A process that has stepped back cannot step forward again, but on Linux each thread stands for itself: the worker's
+first thread never steps back, and lets another take the steps of what nobody waits for. One of both works at a time.
+Where threads have no priority of their own, all the worker does is waited for.
+
+The window's thread sleeps between frames and has to run at once when something happens, so those of the worker do not
+take a processor from one that runs (SCHED_BATCH). Rejected: a worker that steps back as a whole, which beside a busy
+program of another kind had a tenth of a processor for the picture that a person waited for.
+Light to import, for it is imported first of all.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import signal
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
 
-from app.machine.system import step_back_by
+from app.machine.system import HAS_THREAD_PRIORITIES, let_wake_before_us, step_back_by
 
-_NICENESS = 10  # the window comes first
-_FURTHER = 9  # and the worker before those that help it
-_OOM_SCORE = "800"  # and the system, short of memory, ends us before the window
+Result = TypeVar("Result")
+NICENESS = 10
+_LAST = 19
+_OOM_SCORE = "800"  # the system, short of memory, ends us before the window
 
 
-def step_back(further: bool = False) -> None:
-    """Leave Ctrl-C, the processor and, when memory runs out, survival to the window; `further`: behind the worker."""
+def step_back(last: bool = False) -> None:
+    """Leave Ctrl-C and, when memory runs out, survival to the window; `last`: and the processor to everybody."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    step_back_by(_FURTHER if further else _NICENESS)
+    let_wake_before_us()
+    if last:
+        step_back_by(_LAST)
     with contextlib.suppress(OSError), open("/proc/self/oom_score_adj", "w", encoding="ascii") as file:
         file.write(_OOM_SCORE)
+
+
+class Background:
+    """A thread that has stepped back, and those that it shares its work with."""
+
+    def __init__(self) -> None:
+        self._thread: ThreadPoolExecutor | None = None
+
+    def run(self, step: Callable[[], Result]) -> Result:
+        """Have it take a step, and wait for that; raises what the step raises."""
+        if not HAS_THREAD_PRIORITIES:
+            return step()
+        if self._thread is None:
+            self._thread = ThreadPoolExecutor(1, "background", initializer=_begin)
+        return self._thread.submit(step).result()
+
+
+def _begin() -> None:
+    from engine.threads import keep_apart  # late: it brings NumPy
+
+    step_back_by(NICENESS)
+    keep_apart()

@@ -213,7 +213,7 @@ def _rehearse_later() -> None:
 def main() -> None:
     """Another process: compile one part for the process of a number and end; without either all, as `make setup` does
     while nobody waits."""
-    step_back(further=True)
+    step_back(last=len(sys.argv) == 1 or sys.argv[1] == LATER_PART)
     use_kernel_cache()
     if len(sys.argv) == 1:
         compile_all()

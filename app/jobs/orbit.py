@@ -24,6 +24,7 @@ from app.messages import Progress
 from app.mode import ModeWork
 from app.orbit.messages import (
     DrawOrbit,
+    DrawPlainly,
     EstimateOrbit,
     LookOrbit,
     OrbitAdvanced,
@@ -33,6 +34,8 @@ from app.orbit.messages import (
     PrepareOrbit,
 )
 from app.scene_state import LayerState
+from engine.deform.pose import Poses
+from engine.deform.posed_scene import posed
 from engine.material.bumps import Bumps
 from engine.material.layer import Layer
 from engine.scene.load import Scene
@@ -58,6 +61,7 @@ class OrbitWork(ModeWork):
         self._caster: RayCaster | None = None
         self._prepared = 0
         self._telling: tuple[int, Telling] | None = None
+        self._posed: tuple[tuple[Scene, Poses], Scene, RayCaster] | None = None
         self._emission: tuple[tuple[str, RGB], ...] = ()
         self._effort: tuple[int, ...] = ()
 
@@ -66,6 +70,7 @@ class OrbitWork(ModeWork):
         return {
             PrepareOrbit: self._prepare,
             DrawOrbit: self._draw,
+            DrawPlainly: self._draw_plainly,
             LookOrbit: self._look,
             EstimateOrbit: self._estimate,
         }
@@ -73,7 +78,7 @@ class OrbitWork(ModeWork):
     def scene_seen(self) -> None:
         caster = self._bench.open_placement.caster
         if caster is not self._caster:  # another scene, not the same from another camera
-            self._orbit, self._caster, self._emission = None, caster, ()
+            self._orbit, self._caster, self._emission, self._posed = None, caster, (), None
 
     def _prepare(self, request: PrepareOrbit) -> Steps:
         scene = request.scene
@@ -139,6 +144,18 @@ class OrbitWork(ModeWork):
         is_done = was_done and orbit.is_done  # it may have seen what nothing was made ready for, such as backs
         yield OrbitDrawn(picture, prepared, version, is_done, time.monotonic() - started)
 
+    def _draw_plainly(self, request: DrawPlainly) -> Steps:
+        from engine.render.plain_picture import plain_picture
+
+        started, sky = time.monotonic(), self._bench.sky(request.scene.light)
+        scene, caster = self._standing(request.poses)
+        seen, layers = (
+            scene.seen_from(request.camera, request.resolution),
+            layers_by_object(scene, request.scene.layers),
+        )
+        picture = yield from told_as(plain_picture(seen, caster, layers, sky, request.resolution), lambda step: None)
+        yield OrbitDrawn(picture, 0, 0, False, time.monotonic() - started)
+
     def _estimate(self, request: EstimateOrbit) -> Steps:
         from app.jobs.error_estimate import estimated_drawn
 
@@ -147,6 +164,16 @@ class OrbitWork(ModeWork):
             yield OrbitUnknown()
             return
         yield from estimated_drawn(request, self._bench, orbit.n_bounces, lambda wanted: _drawing(orbit, wanted))
+
+    def _standing(self, poses: Poses | None) -> tuple[Scene, RayCaster]:
+        """The scene in these poses, None: as it is open, and its rays."""
+        if poses is None:
+            return self._bench.open_placement.scene, self._bench.open_placement.caster
+        made_of = self._bench.resting_scene, poses
+        if self._posed is None or self._posed[0][0] is not made_of[0] or self._posed[0][1] != poses:
+            scene = posed(*made_of)
+            self._posed = made_of, scene, RayCaster(scene.vertices, scene.triangles)
+        return self._posed[1:]
 
     def _made(self, n_points: int, n_coefficients: int) -> Orbit:
         """That of the scene which is open; another one where it is to have other points, or coefficients at each."""

@@ -1,9 +1,10 @@
 """The second process, which does all the slow work: `python -m app.jobs`, started by `client`.
 
-One thread works: it looks for new requests, advances a job by one step, sends what came out, and begins again. A small
-second thread says every quarter of a second that the process lives, and ends it when the window is gone: whichever way
-the window died, no orphan computes on. On Linux the kernel ends the worker with its parent besides
-(PR_SET_PDEATHSIG). Spawned, never forked: a fork of a process with threads and a GL context is undefined.
+One thread at a time works: it looks for new requests, advances a job by one step, sends what came out, and begins
+again; what nobody waits for another takes a step of, which has stepped back (`background`). A small one says every
+quarter of a second that the process lives, and ends it when the window is gone: whichever way the window died, no
+orphan computes on. On Linux the kernel ends the worker with its parent besides (PR_SET_PDEATHSIG). Spawned, never
+forked: a fork of a process with threads and a GL context is undefined.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import threading
 from collections.abc import Sequence
 from typing import Any, cast
 
+from app.jobs.background import Background
 from app.jobs.channel import Channel, ChannelClosed
 from app.jobs.schedule import Schedule
 from app.jobs.shared_arrays import OutOfMemory, sweep_dead_blocks
@@ -37,6 +39,7 @@ class Worker:
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
+        self._background = Background()
         self.heartbeat = Heartbeat("starting")
 
     def run(self, schedule: Schedule) -> None:
@@ -45,7 +48,7 @@ class Worker:
             chosen = schedule.choose()
             self._announce(chosen)
             if chosen is not None:
-                self._advance(schedule)
+                self._advance(schedule, chosen)
                 has_worked = True
             elif has_worked and not self._channel.wait(IDLE_SECONDS):
                 # What one scene or edit leaves between the next one's arrays adds up to hundreds of megabytes.
@@ -69,8 +72,8 @@ class Worker:
             self.heartbeat = beat
             self._channel.send(beat)
 
-    def _advance(self, schedule: Schedule) -> None:
-        response = schedule.step()
+    def _advance(self, schedule: Schedule, chosen: Request) -> None:
+        response = schedule.step() if chosen.waited_for else self._background.run(schedule.step)
         if response is None:
             return
         try:

@@ -23,14 +23,25 @@ from pathlib import Path
 HAS_ANONYMOUS_FILES = sys.platform == "linux"
 # Descriptors, and with them blocks of memory, travel over sockets; elsewhere blocks have a name until they are read.
 PASSES_DESCRIPTORS = hasattr(socket, "SCM_RIGHTS")
+# Elsewhere nice(2) is about all of a process.
+HAS_THREAD_PRIORITIES = sys.platform == "linux"
 _PR_SET_PDEATHSIG = 1
 _LOOK_SECONDS = 0.02
 
 # ------------------------------------------------------------------------------------------------------- processes
 
 
+def let_wake_before_us() -> None:
+    """Have this process, and the threads that it begins, never take a processor as soon as they have something to do:
+    sched(7), SCHED_BATCH. Nothing elsewhere."""
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+
+
 def step_back_by(niceness: int) -> None:
-    """Leave the processors to others; niceness: by how much, as nice(2) counts."""
+    """Leave the processors to others; niceness: by how much, as nice(2) counts. On Linux this thread does, and those
+    that it begins."""
     with contextlib.suppress(OSError):
         if sys.platform != "win32":
             os.nice(niceness)

@@ -12,6 +12,7 @@ from app.messages import LookFrom, OpenScene, Request, Response
 
 if TYPE_CHECKING:
     from app.scene_state import SceneState
+    from engine.deform.pose import Poses
     from engine.orbit.parts import Part
     from engine.render.picture_error import ErrorEstimate
     from engine.scene.description import Camera
@@ -73,6 +74,22 @@ class DrawOrbit(Request):
 
 
 @dataclass(frozen=True)
+class DrawPlainly(Request):
+    """Draw the scene from a camera, in so many pixels (width, height), in poses, None: as it is open, of nothing that
+    has to be made ready: its objects in light from the eye. Answered by `OrbitDrawn` of version 0."""
+
+    built_on = (OpenScene,)
+    quick = 0
+    once = True
+    stops = False
+
+    camera: Camera
+    resolution: tuple[int, int]
+    scene: SceneState
+    poses: Poses | None = None
+
+
+@dataclass(frozen=True)
 class EstimateDrawn(Request):
     """Say how far off two pictures of the view that is open are: as they are drawn at rest, and while something moves.
     scene, n_bounces: what they show, see `PrepareOrbit`; has_map: with where the former is off. Answered by
@@ -82,6 +99,7 @@ class EstimateDrawn(Request):
     quick = 8
     once = True
     stops = False
+    waited_for = False
 
     scene: SceneState
     n_bounces: int

@@ -10,12 +10,13 @@ from app.status import Status
 @dataclass(frozen=True)
 class OrbitStatus(Status):
     """The status while Orbit's picture is seen: in how many pixels (width, height) it was drawn, and how long that took
-    in the worker; (0, 0) before there is one."""
+    in the worker; (0, 0) before there is one. is_plain: nothing was ready for it, and objects are lit from the eye."""
 
     drawn_resolution: tuple[int, int] = (0, 0)
     drawn_seconds: float = 0.0
+    is_plain: bool = False
 
     @property
     def goes_with_hand(self) -> bool:
         """It is: pictures are drawn as the hand moves, from the first on."""
-        return self.picture != "waiting"
+        return self.is_plain or self.picture != "waiting"

@@ -33,6 +33,7 @@ from app.orbit.events import OrbitPartCame, OrbitPicture
 from app.orbit.messages import (
     DrawnEstimated,
     DrawOrbit,
+    DrawPlainly,
     EstimateDrawn,
     EstimateOrbit,
     LookOrbit,
@@ -158,7 +159,7 @@ class OrbitTalk(ModeTalk):
             self._asked = None
 
     def left(self) -> None:
-        self._desk.send(Cancel(of=(self.prepares, self.draws, self.estimates)))
+        self._desk.send(Cancel(of=(self.prepares, self.draws, self.estimates, DrawPlainly)))
         self.placement.left()
 
     def edited(self, command: EditCommand | None = None) -> None:
@@ -216,7 +217,7 @@ class OrbitTalk(ModeTalk):
         """From which camera, in how many pixels (width, height) and by how many coefficients a point the window is to
         draw what it was told; None where it is to show a picture of the worker's."""
         shown = self._shown
-        if not self._listener or shown is None or shown.quality != "moving":
+        if not self._listener or shown is None or shown.quality != "moving" or shown.is_plain:
             return None
         return self._camera(shown.look), shown.resolution, self._pace.n_coefficients
 
@@ -263,12 +264,13 @@ class OrbitTalk(ModeTalk):
             "error_colours": self._error_colours,
             "image_error": None if estimate is None else estimate.total,
         }
-        return OrbitStatus(**(vars(status) | said), drawn_resolution=resolution, drawn_seconds=self._seconds)
+        told = vars(status) | said
+        return OrbitStatus(**told, drawn_resolution=resolution, drawn_seconds=self._seconds, is_plain=self._is_plain)
 
     @property
     def _estimate(self) -> ErrorEstimate | None:
         """How far off the picture is that is shown: at rest by itself, else as those are that are drawn like it."""
-        if self._shown is None or self._seen is None or not self._can_be_judged:
+        if self._shown is None or self._is_plain or self._seen is None or not self._can_be_judged:
             return None
         return self._error.at_rest(self._seen) if self._is_whole else self._error.moving(self._seen.wish)
 
@@ -286,11 +288,16 @@ class OrbitTalk(ModeTalk):
 
     @property
     def _picture(self) -> PictureState:
-        if self._shown is None:
+        if self._shown is None or self._is_plain:
             return "waiting"
         if self._is_whole:
             return "refining" if self._may_hand_over else "finished"
         return "preview"
+
+    @property
+    def _is_plain(self) -> bool:
+        """Whether nothing was ready for the picture, which shows objects in light from the eye."""
+        return self._shown is not None and self._shown.is_plain
 
     @property
     def _is_known_to_be_done(self) -> bool:
@@ -341,6 +348,10 @@ class OrbitTalk(ModeTalk):
         return PrepareOrbit(
             wish.scene, wish.n_bounces, self._listener, self._most_bytes, wish.n_points, wish.n_coefficients
         )
+
+    def _plain_request(self, camera: Camera, wanted: Drawing) -> Request:
+        assert self._wish is not None
+        return DrawPlainly(camera, wanted.resolution, self._wish.scene)
 
     def _draw_request(self, camera: Camera, wanted: Drawing) -> Request:
         if wanted.quality == "rest":
@@ -434,7 +445,7 @@ class OrbitTalk(ModeTalk):
 
     def _draw(self, now: float) -> None:
         """Ask for a picture, where there is another one than is shown or under way."""
-        wanted = self._wanted(now)
+        wanted = self._wanted(now) or self._wanted_plainly(now)
         if (
             wanted is None
             or wanted in (self._drawing, self._refused)
@@ -442,7 +453,7 @@ class OrbitTalk(ModeTalk):
             and self._shown.is_as_good_as(wanted)
         ):
             return
-        if self._listener and wanted.quality == "moving":
+        if self._listener and wanted.quality == "moving" and not wanted.is_plain:
             self._show_in_window(wanted, now)
             return
         if self._drawing is not None and self._drawing.quality == "moving":
@@ -450,7 +461,9 @@ class OrbitTalk(ModeTalk):
         if self._only_better(wanted) and now - self._drawn_at < _WORK_SHARE * self._seconds:
             return
         self._drawing, self._drawn_at = wanted, now
-        self._drawing_id = self._desk.send(self._draw_request(self._camera(wanted.look), wanted))
+        draws = self._plain_request if wanted.is_plain else self._draw_request
+        request = draws(self._camera(wanted.look), wanted)
+        self._drawing_id = self._desk.send(request)
 
     def _show_in_window(self, wanted: Drawing, now: float) -> None:
         """Nothing is asked for but that what is seen be made ready first; once all is ready that is seldom anything."""
@@ -472,6 +485,15 @@ class OrbitTalk(ModeTalk):
         quality: Quality = "rest" if rests and self._is_known_to_be_done else "moving"
         resolution = whole if rests else self._pace.resolution(whole)
         return Drawing(self._look, resolution, quality, self._known, self._poses, self._split, self._fit_error)
+
+    def _wanted_plainly(self, now: float) -> Drawing | None:
+        """Before there could be any: where view or poses have moved on from those of the objects that are seen, how
+        these look from there."""
+        if self._look is None or not (self.is_away or self._is_plain):
+            return None
+        rests, (width, height) = now - self._moved_at >= REST_SECONDS, self._whole
+        resolution = (width, height) if rests else (max(width // 2, 1), max(height // 2, 1))
+        return Drawing(self._look, resolution, "moving", Known(), self._poses, is_plain=True)
 
     @property
     def _whole(self) -> tuple[int, int]:
@@ -524,11 +546,15 @@ class OrbitTalk(ModeTalk):
             return []
         made_of = Known(response.prepared, response.version, response.is_done)
         self._shown, self._drawing, self._refused = replace(drawing, made_of=made_of), None, None
-        if made_of.prepared == self._prepare_id and made_of.version >= self._known.version:
+        if made_of.version and made_of.prepared == self._prepare_id and made_of.version >= self._known.version:
             self._learn(made_of)
         self._seconds = response.seconds
         self._shows_placement = self._placement_follows
-        if drawing.quality == "moving" and drawing.resolution == self._pace.resolution(self._whole):
+        if (
+            drawing.quality == "moving"
+            and not drawing.is_plain
+            and drawing.resolution == self._pace.resolution(self._whole)
+        ):
             self._pace.took(response.seconds)
         return [OrbitPicture(response.radiance, drawing.fit_error)]
 

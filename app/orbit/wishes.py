@@ -52,7 +52,8 @@ class Known:
 @dataclass(frozen=True)
 class Drawing:
     """A picture that was asked for, or has come: from where, in how many pixels (width, height), how well, of what, in
-    which poses, and what else than light alone it shows (`ViewState.split`, `fit_error`)."""
+    which poses, and what else than light alone it shows (`ViewState.split`, `fit_error`). is_plain: of nothing that
+    has to be made ready."""
 
     look: Viewpoint
     resolution: tuple[int, int]
@@ -61,6 +62,7 @@ class Drawing:
     poses: Poses = ()
     split: tuple[float, float] | None = None
     fit_error: bool = False
+    is_plain: bool = False
 
     def is_as_good_as(self, other: Drawing) -> bool:
         """Whether it shows the same, in as many pixels and as well."""

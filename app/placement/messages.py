@@ -114,6 +114,7 @@ class EstimateError(Request):
 
     built_on = (ComputeTransport,)
     once = True
+    waited_for = False
 
     scene: SceneState
     second_bands: int | None = None
@@ -127,6 +128,7 @@ class PrepareRelighting(Request):
 
     built_on = (ComputeTransport,)
     once = True
+    waited_for = False
 
     scene: SceneState
 

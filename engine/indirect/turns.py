@@ -8,9 +8,10 @@ at a time decides the order, so that it is two on any number of cores; the rays 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from threading import Event
 from typing import TypeVar
+
+from engine.threads import pool
 
 AT_A_TIME = 2
 
@@ -43,12 +44,12 @@ class Turn:
 
 def by_turns(work: Callable[[Item, Turn], Result], items: Sequence[Item], n_stages: int) -> Iterator[Result]:
     """`work` of all items, two at a time, in their order; each may enter its turn `n_stages` times."""
-    with ThreadPoolExecutor(AT_A_TIME) as pool:
+    with pool(AT_A_TIME) as threads:
         for begin in range(0, len(items), AT_A_TIME):
             few = items[begin : begin + AT_A_TIME]
             passed = [Event() for _ in range(n_stages * len(few))]
             turns = [Turn(passed, i, len(few)) for i in range(len(few))]
-            yield from pool.map(lambda item, turn: _ended(work, item, turn), few, turns)
+            yield from threads.map(lambda item, turn: _ended(work, item, turn), few, turns)
 
 
 def _ended(work: Callable[[Item, Turn], Result], item: Item, turn: Turn) -> Result:

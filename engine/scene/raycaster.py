@@ -19,7 +19,7 @@ import numpy.typing as npt
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from engine.threads import n_threads
+from engine.threads import n_threads, stands_apart
 
 Floats = npt.NDArray[np.float32]
 
@@ -64,7 +64,8 @@ class RayCaster:
         largest = float(np.abs((used - self._centre) * self._scale).max())
         self._offset = _OFFSET * (largest + float(np.abs(self._centre).max()) * self._scale) / self._scale
         self._n_threads = threads or n_threads()
-        self._pool = ThreadPoolExecutor(self._n_threads, "rays") if self._n_threads > 1 else None
+        # Threads that stay, and others for whom stands apart: they begin when they are first wanted.
+        self._pools = {is_apart: ThreadPoolExecutor(self._n_threads, "rays") for is_apart in (False, True)}
         self._scene = EmbreeScene()
         self._mesh = TriangleMesh(self._scene, local, faces)
         self._scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32), query="OCCLUDED")  # builds the tree
@@ -131,11 +132,11 @@ class RayCaster:
     def _split(self, n_rays: int, trace: Callable[[slice], None]) -> None:
         """Trace all rays in chunks, over the threads when there are enough of them."""
         parts = [slice(start, min(start + _CHUNK, n_rays)) for start in range(0, n_rays, _CHUNK)]
-        if self._pool is None or len(parts) < 2:
+        if self._n_threads == 1 or len(parts) < 2:
             for part in parts:
                 trace(part)
         else:
-            list(self._pool.map(trace, parts))
+            list(self._pools[stands_apart()].map(trace, parts))
 
 
 def _normalization(points: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], float]:

@@ -19,6 +19,7 @@ from app.messages import SkyImage
 from app.placement.events import LayerMapsChanged
 from app.placement.messages import ComputeTransport
 from app.view_state import SetView
+from engine.render.plain_shading import plain_colour, plain_radiance
 from tests.app.fake_worker import FakeClient
 from tests.ui.stand_in import HEIGHT, WIDTH, StandInClient, scene_frame, transport_of
 from ui import picture_feed, scene_view
@@ -27,7 +28,6 @@ from ui.gl.placement.sample_layout import SAMPLES_PER_ROW, row_count
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
 from ui.placement_feed import PlacementFeed
-from ui.plain_shading import plain_colour, plain_radiance
 
 pytestmark = pytest.mark.gl
 
@@ -345,7 +345,7 @@ def test_a_plain_colour_is_about_what_a_material_reflects() -> None:
     for albedo in (0.2, 0.7):
         layer = new_layer("lambert").with_parameter("albedo", albedo)
         np.testing.assert_allclose(plain_colour([layer]), albedo, rtol=1e-6)
-    # However narrow its lobe, gold reflects about as much as its Fresnel term lets it, and so it does of its three hues.
+    # However narrow its lobe, gold reflects about as much as its Fresnel term lets it, of each of its hues.
     for alpha in (0.01, 0.03, 0.06, 0.2):
         gold = plain_colour([new_layer("rough_conductor").with_parameter("alpha", alpha)])
         np.testing.assert_allclose(gold, (0.95, 0.62, 0.51), rtol=0.06)

@@ -1,7 +1,8 @@
 """What is shown of objects before anything is computed: their colours in light from the eye, without a shadow.
 
 The first picture may take a while (a scene that is large, kernels that have to be compiled); what there is, where it is
-and roughly how it is coloured can be seen at once, from what came with the scene.
+and roughly how it is coloured can be seen at once, from what came with the scene, and as the camera moves from what it
+meets.
 """
 
 from __future__ import annotations
@@ -50,8 +51,8 @@ def _directions() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     halfway = _about_z(10.0 ** (-_SHARPEST * (1.0 - sine_squared)), azimuth)
     mirrored = 2.0 * (halfway @ wo)[:, None] * halfway - wo
     wi = np.concatenate([even, mirrored[mirrored[:, 2] > 0.0]])
-    # Densities by solid angle, of N² directions each: cos θ / π; and of halfway vectors, p(sin² θ) cos θ / π, divided by
-    # 4 (wo·h) for what they mirror [Walter 2007, eq. 14].
+    # Densities by solid angle, of N² directions each: cos θ / π; and that of halfway vectors, p(sin² θ) cos θ / π,
+    # divided by 4 (wo·h) for what they mirror [Walter 2007, eq. 14].
     h = wi + wo
     h /= np.linalg.norm(h, axis=1, keepdims=True)
     s = np.maximum(1.0 - h[:, 2] ** 2, 1e-12)

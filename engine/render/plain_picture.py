@@ -1,0 +1,35 @@
+"""Objects in light from the eye (`plain_shading`), as any camera sees them: what moves before anything is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.material.layer import Layer
+from engine.render.plain_shading import plain_colour, plain_radiance
+from engine.scene.hits import tracing_primary
+from engine.scene.load import Scene
+from engine.scene.picture_frame import picture_frame
+from engine.scene.raycaster import RayCaster
+from engine.transport.pipeline import SkyState
+
+
+def plain_picture(
+    scene: Scene, caster: RayCaster, layers: Mapping[int, Sequence[Layer]], sky: SkyState, resolution: tuple[int, int]
+) -> Generator[None, None, NDArray[np.float32]]:
+    """The radiance (H, W, 3) of a scene as its camera sees it, in resolution (width, height): its objects with these
+    layers, by index, in light from the eye, what shines, and the sky behind. In steps."""
+    hits = yield from tracing_primary(scene, caster, resolution)
+    frame = picture_frame(hits, scene.eye)
+    picture = np.array(frame.emission_image, np.float32)
+    behind = frame.open_image > 0.0
+    if sky.environment is not None:
+        picture[behind] = sky.scale * sky.environment.evaluate(frame.ray_directions[behind], sky.rotation)
+    yield
+    points = picture.reshape(-1, 3)
+    for index, own in layers.items():
+        rows = slice(*frame.object_ranges[index])
+        points[frame.pixel[rows]] = plain_radiance(plain_colour(own), frame.theta_o[rows])
+    return picture

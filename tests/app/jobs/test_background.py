@@ -1,0 +1,84 @@
+"""What a person waits for has the processors as other programs have them, and what nobody waits for has not."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from app.jobs.background import NICENESS, Background
+from app.jobs.schedule import Schedule
+from app.jobs.worker import Worker
+from app.messages import LookFrom, Request, Response
+from app.orbit.messages import EstimateOrbit
+from app.placement.messages import EstimateError, PrepareRelighting
+from engine.scene.raycaster import RayCaster
+from engine.threads import on_threads, pool
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="threads have no priority of their own")
+
+
+def priority(_: object = None) -> int:
+    """That of this thread."""
+    return os.getpriority(os.PRIO_PROCESS, 0)
+
+
+BEHIND = min(priority() + NICENESS, 19)
+
+
+def everywhere() -> set[int]:
+    """Of this thread, and of those that it shares its work with."""
+    with pool() as threads:
+        return {priority(), *on_threads(priority, range(8)), *threads.map(priority, range(8))}
+
+
+def test_a_thread_steps_back_with_all_that_work_for_it() -> None:
+    ours, background = priority(), Background()
+    assert background.run(everywhere) == {BEHIND}
+    assert everywhere() == {ours}  # and nobody else
+    assert background.run(everywhere) == {BEHIND}
+
+
+def test_rays_are_traced_as_those_wait_who_ask(monkeypatch: pytest.MonkeyPatch) -> None:
+    caster = RayCaster(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float), np.array([[0, 1, 2]]), threads=2)
+    seen: set[int] = set()
+    ask = lambda: caster._split(1 << 18, lambda part: seen.add(priority()))  # noqa: E731
+    for _ in range(2):
+        seen.clear()
+        Background().run(ask)
+        assert seen == {BEHIND}
+        seen.clear()
+        ask()
+        assert seen == {priority()}
+
+
+def test_what_a_step_raises_is_raised() -> None:
+    with pytest.raises(ZeroDivisionError):
+        Background().run(lambda: 1 // 0)
+
+
+class Noting:
+    """Takes three steps for anything, and notes with what priority."""
+
+    def __init__(self) -> None:
+        self.found: dict[type[Request], set[int]] = {}
+
+    def handle(self, request: Request) -> Iterator[Response | None]:
+        for _ in range(3):
+            self.found.setdefault(type(request), set()).add(priority())
+            yield None
+
+
+def test_the_worker_steps_back_for_what_nobody_waits_for() -> None:
+    tasks = Noting()
+    worker, schedule = Worker(None), Schedule(tasks)
+    look = LookFrom(1)
+    for request in (look, EstimateOrbit(None, 1, look, look), EstimateError(None), PrepareRelighting(None)):
+        schedule.accept(request)
+    while (chosen := schedule.choose()) is not None:
+        worker._advance(schedule, chosen)
+    assert tasks.found.pop(LookFrom) == {priority()}
+    assert tasks.found == dict.fromkeys((EstimateOrbit, EstimateError, PrepareRelighting), {BEHIND})
