@@ -206,7 +206,7 @@ class PlacementWork(ModeWork):
                 yield from tasks.find(
                     scene.visible, sky, _lit_key(sky, placement.scene), n_bounces, exact, decisions.n_rays
                 )
-            if due or exact:
+            if due or exact or quality.name == COARSE.name:
                 spent = time.process_time() - begun
                 yield StageDone(quality.name, exact, time.monotonic() - started, self._n_bytes, spent)
             yield from self._bench.noted()

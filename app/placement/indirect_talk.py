@@ -271,6 +271,11 @@ class IndirectTalk:
         self._drawn, self.is_on_screen = self._last, True
         return self._radiances(document, *self._frozen)
 
+    @property
+    def is_on_its_way(self) -> bool:
+        """Whether it has been found, and none of it is here yet."""
+        return self._n_bounces > 1 and self._found is not None and self._frozen is None
+
     def is_behind(self, revision: int | None) -> bool:
         """Whether the picture has indirect light, and none of the document's is here yet. revision: of the transport
         under way, None where none is."""

@@ -234,6 +234,8 @@ class PlacementTalk(ModeTalk):
             return None
         wish, document = talk.asked
         has_rest = self.maps.is_complete and not self.indirect.is_behind(talk.revision if talk.running else None)
+        if talk.running and not self._changeover.has_picture:  # of which light between surfaces is a part
+            has_rest = has_rest and talk.has_stage and not self.indirect.is_on_its_way
         return Asked(wish, document, talk.drag_quality, talk.delivered_final, has_rest, talk.finished)
 
     def _compare(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:

@@ -73,6 +73,7 @@ class TransportTalk:
         self._transport_id: int | None = None
         self._running = False
         self._exact = False
+        self.has_stage = False  # of the transport asked last
         self._complete = False
         self._released = self._stopped = False
         self._made_for: tuple[Document, Decisions] | None = None
@@ -318,7 +319,7 @@ class TransportTalk:
         is_fine = self._is_fine and self._asked is not None and wish.stands_beside(self._asked) and not is_drag
         self.revision += 1
         self._asked, self._drag_quality, self._running, self._exact = wish, is_drag, True, False
-        self._asked_document = document
+        self._asked_document, self.has_stage = document, False
         self._forget_answers(staying)
         self._becoming_editable = tuple(s.key for s in wish.layers if s.key in was_fixed and not s.is_fixed)
         request = ComputeTransport(
@@ -461,7 +462,7 @@ class TransportTalk:
     def took_stage(self, response: StageDone) -> None:
         """Note the end of a stage: what did not come with it, or came with older curves, is asked for again."""
         self._edited.took_stage(self._layers)
-        self._asked_pictures = {}
+        self._asked_pictures, self.has_stage = {}, True
         if response.id == self._transport_id and response.exact:
             self._running, self._exact = False, not self._drag_quality
 
