@@ -487,9 +487,9 @@ class OrbitTalk(ModeTalk):
         return Drawing(self._look, resolution, quality, self._known, self._poses, self._split, self._fit_error)
 
     def _wanted_plainly(self, now: float) -> Drawing | None:
-        """Before there could be any: where view or poses have moved on from those of the objects that are seen, how
-        these look from there."""
-        if self._look is None or not (self.is_away or self._is_plain):
+        """Before there was any: where view or poses have moved on from those of the objects that are seen, how these
+        look from there."""
+        if self._look is None or not (self._is_plain or self._shown is None and self.is_away):
             return None
         rests, (width, height) = now - self._moved_at >= REST_SECONDS, self._whole
         resolution = (width, height) if rests else (max(width // 2, 1), max(height // 2, 1))

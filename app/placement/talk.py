@@ -234,7 +234,8 @@ class PlacementTalk(ModeTalk):
             return None
         wish, document = talk.asked
         has_rest = self.maps.is_complete and not self.indirect.is_behind(talk.revision if talk.running else None)
-        if talk.running and not self._changeover.has_picture:  # of which light between surfaces is a part
+        if talk.running and not self._changeover.has_picture and self._view.n_bounces != 1:
+            # A first picture without the light between surfaces would have black metal.
             has_rest = has_rest and talk.has_stage and not self.indirect.is_on_its_way
         return Asked(wish, document, talk.drag_quality, talk.delivered_final, has_rest, talk.finished)
 
