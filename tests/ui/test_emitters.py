@@ -55,9 +55,7 @@ def lamp_pixels(window: HeadlessWindow) -> np.ndarray:
     return whole.reshape(frame.object_image.shape)
 
 
-def test_the_lamp_is_seen_as_it_lights_and_as_if_it_had_always(
-    context: moderngl.Context, tmp_path: Path
-) -> None:
+def test_the_lamp_is_seen_as_it_lights_and_as_if_it_had_always(context: moderngl.Context, tmp_path: Path) -> None:
     for window, client in opened(context, tmp_path / "edited", SCENE):
         lamp, asked = lamp_pixels(window), client.n_asked(ComputeTransport)
         assert lamp.sum() > 20
