@@ -85,6 +85,12 @@ class Fans:
         """Memory of what is kept."""
         return self._second.n_bytes + sum(aim.n_bytes for aim in self._aims.values())
 
+    def forget_all_but(self, layers: Sequence[LayerCurves]) -> None:
+        """Keep nothing of other layers than these: of each roughness that a slider goes through there would be as much
+        as of all rays."""
+        wanted = {_aim_key(layer.optics()) for layer in layers}
+        self._aims = {key: aim for key, aim in self._aims.items() if key in wanted}
+
     def landing(self, photon_map: PhotonMap, i_object: int, farthest: NDArray[np.float32], caster: RayCaster) -> Landed:
         """The photons about the points of the fans, no farther than (q,)."""
         return land(photon_map, i_object, self._hits, self._fans, self._times, farthest, self._clearance, caster)
@@ -133,7 +139,7 @@ class Fans:
 
     def _aim(self, optics: kernels.ReflectingLayer) -> Aim:
         """What is kept for such a layer, or new."""
-        key = optics.model, optics.q.tobytes()
+        key = _aim_key(optics)
         kept = self._aims.get(key)
         if kept is not None and kept.n_angles >= n_angles_of(optics):
             return kept
@@ -164,6 +170,11 @@ class Fans:
             yield
         for aim in aims:
             aim.complete()
+
+
+def _aim_key(optics: kernels.ReflectingLayer) -> tuple[int, bytes]:
+    """What an aim hangs on."""
+    return optics.model, optics.q.tobytes()
 
 
 def _mean_rows(light: NDArray[np.float32], means: Smoothing) -> NDArray[np.float32]:

@@ -98,6 +98,7 @@ class GatherPolynomial:
         for i_object in sorted({layer.i_object for layer in layers}):
             fans = self._fans_of(i_object)
             own = [i for i, layer in enumerate(layers) if layer.i_object == i_object]
+            fans.forget_all_but([layers[i].curves for i in own])
             whole = [i for i in own if selected is None or i != selected.layer]
             found = yield from fans.reflected([layers[i].curves for i in whole], light)
             reflected |= zip(whole, found, strict=True)

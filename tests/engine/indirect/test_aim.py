@@ -10,6 +10,7 @@ from engine.indirect import reflection
 from engine.indirect.layers import IndirectLayer, indirect_layer
 from engine.indirect.light import IndirectLight
 from engine.indirect.reflection import Fans, SentLight
+from engine.indirect.representation import GatherPolynomial, Selected
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
@@ -99,3 +100,16 @@ def test_contraction_is_the_sum_over_the_rays(found, i_layer):
     points = range(0, len(fans), len(fans) // 6)
     slowly = np.array([reflected_naively(fans._fans, i, layer.curves, matt_only.matt) for i in points])
     np.testing.assert_allclose(reflected[points], slowly, rtol=1e-4, atol=1e-5 * reflected.max())
+
+
+def test_no_more_is_kept_than_of_the_layers_that_there_are(found):
+    # Each roughness weighs the rays anew: after many of them no more is kept than after one.
+    kept, sizes = GatherPolynomial(found), []
+    for alpha in (0.2, 0.25, 0.3, 0.35):
+        gloss = indirect_layer(0, make_layer(MODELS["rough_conductor"], {"alpha": alpha}), (64, 16))
+        layers = [LAYERS[0], gloss, *LAYERS[2:]]
+        again = finish(kept.freeze(layers, 0, Selected(1, 0)))
+        anew = finish(GatherPolynomial(found).freeze(layers, 0, Selected(1, 0)))
+        np.testing.assert_array_equal(again.bands, anew.bands)
+        sizes.append(kept.n_bytes)
+    assert sizes[0] > 0 and len(set(sizes)) == 1
