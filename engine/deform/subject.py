@@ -49,7 +49,8 @@ class Subject:
     def casts(self) -> NDArray[np.bool_]:
         """Whether the shadow of each of these is to be on an object (M, C)."""
         shading = self.shading
-        return np.array([[each in casters for each in shading] for casters in self.casters], bool)
+        found = np.array([[each in casters for each in shading] for casters in self.casters], bool)
+        return found.reshape(len(self.scene.smooth), len(shading))
 
     @property
     def albedos(self) -> Singles:

@@ -121,3 +121,9 @@ def test_the_shadow_goes_along(deform: Deform) -> None:
         middle = (areas[:, None] * corners.mean(axis=1)).sum(axis=0) / areas.sum()
         found = (rows[:, 3:4] * rows[:, :3]).sum(axis=0) / rows[:, 3].sum()
         assert found == pytest.approx(middle, abs=0.02) and rows[:, 3].sum() == pytest.approx(areas.sum(), rel=0.05)
+
+
+def test_without_anything_that_casts_there_is_no_row(deform: Deform) -> None:
+    subject, pictures = finished(deform)._subject()
+    bare = replace(subject, casters=())
+    assert bare.casts.shape == (2, 0) and np.isfinite(pictures.draw(bare, deform.scene.description.camera, SIZE)).all()
