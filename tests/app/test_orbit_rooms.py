@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.project import open_project
+from app.front import front
+from app.project import open_project, overruled
 from app.stills import render_project
 from engine.indirect.series import BounceSeries
-from tests.app.test_orbit_stills import off
-from tests.rooms import inside_out, slit, solid
+from engine.transport.pipeline import Placement
+from tests.app.test_orbit_stills import inner, off
+from tests.rooms import ROOMS, inside_out, slit, solid
 
 FEW = {"n_points": 2500}
 
@@ -54,3 +56,25 @@ def test_no_light_comes_through_a_wall(tmp_path: Path) -> None:
     dark = still(slit(tmp_path / "shut", width=0.0), (32, 24), 3, n_patches=16, mode="orbit", knobs=FEW)
     ajar = still(slit(tmp_path / "open", width=0.3), (32, 24), 3, n_patches=16, mode="orbit", knobs=FEW)
     assert dark.max() < 1e-3 * ajar.mean()
+
+
+# relRMSE and difference of means of pixels whose neighbours show the same object, in 64 × 48 with everything else as
+# `insitu render` has it: what was measured, and a little more. docs/orbit.md says where more than a tenth comes from.
+MEASURED = {
+    "ajar": (0.15, 0.025), "room": (0.15, 0.02), "stairwell": (0.06, 0.02), "storeroom": (0.11, 0.02),
+    "inside_out": (0.03, 0.01), "slats": (0.33, 0.02), "slit": (1.4, 0.03),
+}  # fmt: skip
+
+
+@pytest.mark.sweep
+@pytest.mark.parametrize("name", MEASURED)
+def test_rooms_at_rest_are_as_bright_as_in_placement(name: str, tmp_path: Path) -> None:
+    room = str(ROOMS[name](tmp_path)) if name in ROOMS else name
+    finest = dict(front().stop("placement", 1.0).knobs)
+    project = open_project(room, (64, 48))
+    fine = overruled(project, {"rays": finest.pop("n_fan_rays")})
+    truth = render_project(fine, lambda _: None, series=BounceSeries(4), **finest).picture
+    found = render_project(project, lambda _: None, series=BounceSeries(4), mode="orbit").picture
+    where = inner(Placement(project.scene))
+    error, difference = off(found[where], truth[where])
+    assert error < MEASURED[name][0] and abs(difference) < MEASURED[name][1]
