@@ -117,9 +117,10 @@ def shining_triangles(corners: Floats, radiance: Floats) -> NDArray[np.bool_]:
 def merged_triangles(corners: Floats, radiance: Floats, most: int) -> tuple[Floats, Floats]:
     """At most about so many triangles in the place of many that shine (T, 3, 3), with radiance (T, 3).
 
-    Those that stand together, face alike and shine alike become one that has the sum of their area vectors, so that it
-    brings far points the same light, the middle and the two extents of the whole, and lies on its outermost corner: it
-    is not hidden by what it stands for. Each radiance keeps one at least.
+    Those that stand together, face alike and shine alike become one that faces as the sum of their area vectors, has the
+    sum of their areas, the middle and the two extents of the whole, and lies on its outermost corner: it is not hidden
+    by what it stands for. Each radiance keeps one at least. The length of the sum for an area was rejected: it leaves
+    out what a bent patch shows of itself at its edge, and a ball in 64 pieces was 1.5 % too dark.
     """
     if len(corners) <= most:
         return corners, radiance
@@ -156,8 +157,8 @@ def _merged(corners: Floats, vectors: Floats) -> Floats:
     if len(corners) == 1:
         return corners[0]
     vector = vectors.sum(axis=0)
-    area = max(float(np.linalg.norm(vector)), 1e-30)
-    normal = vector / area
+    area = float(np.linalg.norm(vectors, axis=1).sum())
+    normal = vector / max(float(np.linalg.norm(vector)), 1e-30)
     middle = np.average(corners.mean(axis=1), axis=0, weights=np.linalg.norm(vectors, axis=1))
     away = corners.reshape(-1, 3) - middle
     height = away @ normal

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from app.project import Project, open_project, with_edges
 from app.stills import layers_by_object, plan_still
@@ -12,7 +13,7 @@ from engine.render.path_tracer import trace_paths
 from engine.render.still import reflected, still_layers, still_quality, with_maps
 from engine.steps import finish
 from engine.transport.pipeline import Placement
-from tests.direct_rooms import blinds_room, gap_irradiance, gap_room
+from tests.direct_rooms import blinds_room, gap_irradiance, gap_room, lamp_room, sphere_irradiance
 from tests.engine.render.test_indirect import errors
 
 
@@ -55,3 +56,12 @@ def test_a_lamp_through_a_narrow_gap_lights_a_ceiling_smoothly(tmp_path: Path) -
 def test_more_patches_help(tmp_path: Path) -> None:
     rmse, mean = in_the_gap_room(tmp_path, 3072)
     assert rmse < 0.04 and abs(mean) < 0.005
+
+
+@pytest.mark.parametrize("n_patches", [96, 768])
+def test_a_ball_of_many_triangles_shines_as_a_ball(tmp_path: Path, n_patches: int) -> None:
+    # Its triangles were merged into some that were smaller than they: 1.8 and 0.4 % too dark.
+    _, placement, found = lit(lamp_room(tmp_path, (32, 24)), n_patches)
+    expected = 0.7 / np.pi * sphere_irradiance(placement.hits.position, 0.2)
+    rmse, mean = errors(found, np.repeat(expected[:, None], 3, axis=1))
+    assert rmse < 0.01 and abs(mean) < 0.002
