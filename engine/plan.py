@@ -321,9 +321,16 @@ def _plan_layer(key: str, layer: Layer, editable: bool, still: bool) -> LayerPla
 
 
 def _plan_still_layer(key: str, layer: Layer) -> LayerPlan:
-    counts = {name: min(2 * n_bands, MOST_BANDS) for name, n_bands in band_counts(layer).items()}
-    reasons = ("twice what an editor would keep",) * len(counts)
-    return LayerPlan(key, layer.model.name, False, tuple(counts), tuple(counts.values()), reasons)
+    counts, reasons = {}, []
+    for place, (name, n_bands) in enumerate(band_counts(layer).items()):
+        counts[name] = min(2 * n_bands, MOST_BANDS)
+        reasons.append("twice what an editor would keep")
+        # Nothing is kept, so that a highlight narrower than an editor's bands gets as many as it has.
+        if place == 0 and layer.model.factors[0].gamma not in SLOW_ANGLES and n_bands == MOST_BANDS:
+            most = MOST_BANDS_OVERRULED[0]
+            counts[name] = min(2 * bandwidth(layer, name, most=most, least=MOST_BANDS), most)
+            reasons[0] = "a highlight narrower than an editor's bands"
+    return LayerPlan(key, layer.model.name, False, tuple(counts), tuple(counts.values()), tuple(reasons))
 
 
 def sphere_reason(has_sky: bool, needs_sphere: bool) -> str:

@@ -117,10 +117,10 @@ def shining_triangles(corners: Floats, radiance: Floats) -> NDArray[np.bool_]:
 def merged_triangles(corners: Floats, radiance: Floats, most: int) -> tuple[Floats, Floats]:
     """At most about so many triangles in the place of many that shine (T, 3, 3), with radiance (T, 3).
 
-    Those that stand together, face alike and shine alike become one that faces as the sum of their area vectors, has the
-    sum of their areas, the middle and the two extents of the whole, and lies on its outermost corner: it is not hidden
-    by what it stands for. Each radiance keeps one at least. The length of the sum for an area was rejected: it leaves
-    out what a bent patch shows of itself at its edge, and a ball in 64 pieces was 1.5 % too dark.
+    Those that stand together, face alike and shine alike become one that faces as the sum of their area vectors, has
+    the sum of their areas, the middle and the two extents of the whole, and lies on its outermost corner: it is not
+    hidden by what it stands for. Each radiance keeps one at least. The length of the sum for an area was rejected: it
+    leaves out what a bent patch shows of itself at its edge, and a ball in 64 pieces was 1.5 % too dark.
     """
     if len(corners) <= most:
         return corners, radiance

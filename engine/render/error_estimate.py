@@ -1,7 +1,7 @@
 """How far off a picture is, by its own judgement, from some hundred of its points.
 
-Direct light is computed there six times more, from four times as many lights, sixteen times as many patches and twice
-the bands, with random rays of its own to the sky. Light between surfaces is held against paths through the scene
+Direct light is computed there six times more, from four times as many lights, sixteen times as many patches and four
+times the bands, with random rays of its own to the sky. Light between surfaces is held against paths through the scene
 (`path_tracer`), so that all that was left out of it counts: chance, interpolation, cells, series that end in albedos.
 Either is noisy; but two looks at it, a and b, are so independently, and of what the picture has, v, and the truth, t,
 
@@ -29,7 +29,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.light.lights import TriangleLights, cut_lights
-from engine.plan_lines import MOST_BANDS_OVERRULED
 from engine.render.path_tracer import trace_halves
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import StillLayer, StillProgress, by_object, layer_radiance, shape_of
@@ -46,6 +45,8 @@ N_POINTS = 256
 FINER, FINER_PATCHES = 4, 16  # times as many lights, and as many leaves of the tree of emitters
 FINER_SUN_LEVELS = 4  # how far below the sky's finest triangles suns are split
 FINER_TOLERANCE = 0.05  # of the bands that may bend over a light, most of the error where light grazes a wall
+# Times as many bands of the sharpest curve: where 64 are too few for a highlight, 128 are, too.
+FINER_BANDS, MOST_FINER_BANDS = 4, (1024, 128)
 N_LOOKS = 6
 # Of a map of errors: points, and looks at each.
 MAP_POINTS, MAP_LOOKS = 1024, 2
@@ -287,7 +288,7 @@ def _direct(
         for each in layers:
             mine = np.arange(*points.object_ranges[each.i_object], dtype=np.int32)
             if len(mine):
-                finer = replace(each, bands=_twice(each.bands))
+                finer = replace(each, bands=_finer(each.bands))
                 tile = project_points(points, mine, light, shape_of(finer), 0)
                 look[mine] += layer_radiance(hits, rows[mine], finer, tile, lighting.unit)
                 yield StillProgress(0.0, WHAT)
@@ -327,10 +328,10 @@ def _within(triangles: NDArray[np.floating], generator: np.random.Generator) -> 
     return np.asarray(np.einsum("mk,mki->mi", shares, triangles.astype(np.float64)))
 
 
-def _twice(bands: tuple[int, int]) -> tuple[int, int]:
-    """Twice as many of each curve that has any, as far as there can be."""
-    most = MOST_BANDS_OVERRULED[0] if bands[1] == 1 else min(MOST_BANDS_OVERRULED)
-    return min(2 * bands[0], most), 1 if bands[1] == 1 else min(2 * bands[1], most)
+def _finer(bands: tuple[int, int]) -> tuple[int, int]:
+    """So many times as many of each curve that has any, as far as transport takes them."""
+    most_a, most_b = MOST_FINER_BANDS
+    return min(FINER_BANDS * bands[0], most_a), 1 if bands[1] == 1 else min(2 * bands[1], most_b)
 
 
 def _squares(shown: Floats, looks: Floats, top: float) -> Floats:

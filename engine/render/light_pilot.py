@@ -8,6 +8,10 @@ editor it is tried half as wide and three times as bright too. Rejected: mirrors
 every sky that has a sun, though most highlights never become any; and as many lights as each layer needs by itself,
 for matt layers need no fewer: their shadows do.
 
+That nothing is seen is no reason to take fewer: what comes through a gap is missed by few patches and many alike, and
+all that are black agree. Patches are held against four times the most there may be, and where even these bring nothing
+from a lamp that shines, or a sky from which nothing comes is not black, all are kept.
+
 Pictures of fewer than `PAYS_FROM` points are computed sooner than tried.
 """
 
@@ -32,7 +36,11 @@ N_POINTS = 768
 PAYS_FROM = 50_000
 FEWER = (8, 4, 2)
 LEAST = {"lights": 500, "patches": 96}
+CLOSER = 4  # times as many patches as there may be are what fewer are held against
 NARROWER, BRIGHTER = 2, 3.0
+
+# How far off a picture is of whose light nothing was seen.
+NOT_FOUND = float("inf")
 
 Pictures = Sequence[NDArray[np.float64]]
 """As layers are, and with sharper highlights where these can be edited; (P, 3) each."""
@@ -61,6 +69,8 @@ class LightNeed:
             fewer = f"{ceiling // FEWER[-1]:,}"
             if needed < ceiling:
                 said[line] = f"within {100.0 * plain:.1f} % of what {ceiling:,} show"
+            elif plain == NOT_FOUND:
+                said[line] = "no point that was tried is lit, which does not say that none is"
             elif plain > TOLERANCE:
                 said[line] = f"{fewer} would change the picture by {100.0 * plain:.1f} %"
             else:
@@ -86,10 +96,17 @@ def needed_light(
     if not (lines and layers and pays(placement)):
         return need
     tried = _Trials(placement, layers, sky, is_still, seed)
-    truth = yield from tried.pictures(most)
     for line in lines:
         ceiling = getattr(need, line)
-        for number in (ceiling // fewer for fewer in FEWER if ceiling // fewer >= LEAST[line]):
+        numbers = [ceiling // fewer for fewer in FEWER if ceiling // fewer >= LEAST[line]]
+        if not numbers:
+            continue
+        closest = most if line == "lights" else replace(need.decided(most, is_still), n_patches=CLOSER * ceiling)
+        truth = yield from tried.pictures(closest)
+        if tried.misses(line):
+            need = replace(need, off=(*need.off, (line, NOT_FOUND, NOT_FOUND)))
+            continue
+        for number in numbers:
             fewer = replace(need, **{line: number})
             errors = deviations((yield from tried.pictures(fewer.decided(most, is_still))), truth)
             if errors[0] <= TOLERANCE and errors[1] <= EDITED_TOLERANCE:
@@ -132,13 +149,20 @@ class _Trials:
         self._rows = np.sort(chosen).astype(np.int32)
         self._placement, self._layers, self._sky, self._is_still = placement, layers, sky, is_still
         self._part = placement.at(self._rows)
+        self._lit_by = {"lights": False, "patches": False}
         if placement.sphere.done[self._rows].all():
             self._part.sphere.bits[:], self._part.sphere.done[:] = placement.sphere.bits[self._rows], True
+
+    def misses(self, line: str) -> bool:
+        """Whether none of the points was seen to be lit by what a line is about in the last pictures, though it
+        shines."""
+        return not self._lit_by[line]
 
     def pictures(self, decisions: Decisions) -> Generator[None, None, Pictures]:
         """What the points reflect (P, 3): as the layers are, and with sharper highlights where these can be edited."""
         part = self._part if decisions.keeps_sphere else self._placement.at(self._rows)
         light = yield from told_as(part.light(self._sky, final_quality(decisions)), lambda fraction: None)
+        self._lit_by = {"lights": _any_sky(light, self._sky), "patches": bool(light.emitters.bits.any())}
         found = np.zeros((2, len(self._rows), 3))
         for each in self._layers:
             rows = part.rows_of(each.i_object)
@@ -146,6 +170,22 @@ class _Trials:
                 found[:, rows] += _reflected(part.hits, rows, each, light, self._is_still)
                 yield None
         return list(found)
+
+
+def _any_sky(light: VisibleLight, sky: SkyState) -> bool:
+    """Whether any point sees light of the sky, or there is none to be seen."""
+    lights = light.lighting.sky
+    shines = lights.colours.any(axis=1)
+    if sky.environment is None or not shines.any():
+        return True
+    fine, sphere = (
+        np.unpackbits(np.bitwise_or.reduce(each.bits, axis=0).view(np.uint8), bitorder="little")
+        for each in (light.fine, light.sphere)
+    )
+    coarse = np.flatnonzero(shines & (lights.fine < 0))
+    return bool(fine[lights.fine[shines & (lights.fine >= 0)]].any()) or any(
+        sphere[lights.first[m] : lights.first[m] + lights.n_bits[m]].any() for m in coarse
+    )
 
 
 def _reflected(

@@ -105,7 +105,8 @@ class Placement:
         part = copy(self)
         part.hits = self.hits.at(rows)
         part.sphere = empty_visibility(part.hits, self.sphere.targets)
-        part._rows, part._footprints = {}, {}
+        # Its lamps are cut for its own points: had it the whole's, these would depend on who came first.
+        part._rows, part._footprints, part._emitters = {}, {}, {}
         return part
 
     def rows_of(self, i_object: int, stride: int = 1) -> np.ndarray:

@@ -13,6 +13,7 @@ from engine.render.light_pilot import LightNeed, needed_light
 from engine.render.still import reflected, still_layers
 from engine.steps import finish
 from engine.transport.pipeline import Placement, final_quality
+from tests.direct_rooms import gap_room
 from tests.scene_text import ground, placed
 
 POST = placed("post", "cube", "0.3,0,0,0, 0,0.8,0,0.4, 0,0,0.3,0, 0,0,0,1", 'layer = [{ model = "lambert" }]\n')
@@ -114,3 +115,43 @@ def test_the_reasons_say_what_is_kept_for_sharper_highlights() -> None:
     assert reason == (
         "2,000 would do for the picture as it is, but be 4.0 % off once its highlights are edited to be sharper"
     )
+
+
+WALL = placed("wall", "cube", "8,0,0,0, 0,8,0,0, 0,0,0.02,-1.2, 0,0,0,1", 'layer = [{ model = "lambert" }]\n')
+HIDDEN_LAMP = """
+[[object]]
+name = "lamp"
+primitive = "quad"
+transform = [0.5,0,0,0, 0,0.5,0,0.6, 0,0,0.5,-1.6, 0,0,0,1]
+emission = [40, 30, 20]
+"""
+
+
+@pytest.mark.parametrize("radiance", ["[0.0, 0.0, 0.0]", "[0.4, 0.5, 0.7]"], ids=["dark", "under a sky"])
+def test_a_lamp_that_no_point_sees_keeps_its_patches(tmp_path: Path, radiance: str) -> None:
+    # All numbers of patches agree on nothing; that was taken for an error of 0, and 96 of 768 were kept.
+    most = Decisions(4000, 768)
+    need, _, _ = needed(tmp_path, ground((64, 48), radiance) + WALL + HIDDEN_LAMP, most)
+    assert need.patches == 768
+    assert need.reasons(most)["patches"] == "no point that was tried is lit, which does not say that none is"
+
+
+def test_a_lamp_through_a_gap_keeps_its_patches(tmp_path: Path) -> None:
+    most = Decisions(0, 768)
+    project = open_project(str(gap_room(tmp_path, (64, 48))))
+    need = _tried(project, Placement(project.scene), most, True)
+    assert need.patches == 768 and errors_of(need)["patches"] > light_pilot.TOLERANCE
+
+
+def test_pilots_leave_the_lamps_as_they_are_cut(tmp_path: Path) -> None:
+    project = open_project(str(gap_room(tmp_path, (16, 12))))
+    fresh, tried = Placement(project.scene), Placement(project.scene)
+    _tried(project, tried, Decisions(0, 192), True)
+    one, other = fresh.emitters(192), tried.emitters(192)
+    assert one is not None and other is not None
+    np.testing.assert_array_equal(one.corners, other.corners)
+
+
+def test_where_there_cannot_be_fewer_nothing_is_tried(tmp_path: Path) -> None:
+    need, _, _ = needed(tmp_path, ground((64, 48)) + POST + LAMP, Decisions(500, 96))
+    assert need == LightNeed(500, 96)
