@@ -179,14 +179,6 @@ def triangle_integrals(environment: Environment, rotation: float, level: int) ->
     return integrals
 
 
-def corner_integrals(environment: Environment, rotation: float, corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The same over any spherical triangles with unit corners (K, 3, 3), counter-clockwise from outside: (K, 3)."""
-    from engine.light.triangle_integrals import integrate_over_corners  # late, as above
-
-    smaller = downsampled(environment, _MOST_INTEGRATED_ROWS)
-    return integrate_over_corners(smaller.radiance, smaller.light_above, math.radians(rotation % 360.0), corners)
-
-
 def tone_mapped_thumbnail(environment: Environment, width: int) -> NDArray[np.uint8]:
     """A small picture of the environment for a panel: (max(1, width // 2), width, 3) uint8, sRGB.
 

@@ -38,41 +38,24 @@ def integrate_over_triangles(
     the world, radians.
     """
     sphere = geodesic(level)
-    mesh = sphere.vertices, sphere.triangles, sphere.edges, sphere.triangle_edges
-    return _integrate(radiance, light_above, turn, *mesh)
-
-
-def integrate_over_corners(
-    radiance: NDArray[np.float32], light_above: NDArray[np.float64], turn: float, corners: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """The same over any spherical triangles with unit corners (K, 3, 3), counter-clockwise from outside: (K, 3)."""
-    triangles = np.arange(3 * len(corners), dtype=np.int32).reshape(-1, 3)
-    edges = triangles[:, [[0, 1], [1, 2], [0, 2]]].reshape(-1, 2)  # the smaller number first
-    return _integrate(radiance, light_above, turn, corners.reshape(-1, 3), triangles, edges, triangles)
-
-
-def _integrate(
-    radiance: NDArray[np.float32], light_above: NDArray[np.float64], turn: float, vertices: NDArray[np.float64],
-    triangles: NDArray[np.int32], edges: NDArray[np.int32], triangle_edges: NDArray[np.int32],
-) -> NDArray[np.float64]:  # fmt: skip
-    """Over triangles (T, 3) of vertices (V, 3), whose edges (E, 2) are numbered in triangle_edges (T, 3)."""
-    edge_integrals = np.empty((len(edges), 3))
+    edge_integrals = np.empty((len(sphere.edges), 3))
     row_edges = _row_edges(len(radiance))
+    edges, triangle_edges = sphere.edges, sphere.triangle_edges
     on_threads(
         lambda start, stop: _kernels.integrate_above_edges(
-            start, stop, edges, vertices, turn, radiance, light_above, row_edges, edge_integrals
+            start, stop, edges, sphere.vertices, turn, radiance, light_above, row_edges, edge_integrals
         ),
         *even_parts(len(edges)),
     )
-    integrals = np.empty((len(triangles), 3))
+    integrals = np.empty((sphere.n_triangles, 3))
     on_threads(
         lambda start, stop: _kernels.sum_around_triangles(
-            start, stop, triangles, triangle_edges, edge_integrals, integrals
+            start, stop, sphere.triangles, triangle_edges, edge_integrals, integrals
         ),
-        *even_parts(len(triangles)),
+        *even_parts(sphere.n_triangles),
     )
     integrals *= -1.0  # counter-clockwise from outside, the upper edges run towards smaller azimuth
-    _close_at_nadir(vertices, triangles, turn, light_above[-1], integrals)
+    _close_at_nadir(sphere.vertices, sphere.triangles, turn, light_above[-1], integrals)
     return np.maximum(integrals, 0.0)
 
 
