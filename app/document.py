@@ -24,7 +24,7 @@ from engine.deform.deformers import KINDS
 from engine.deform.pose import Deformation, Moment, Poses, Row, without_rest
 from engine.errors import InsituError
 from engine.material.bumps import NO_BUMPS, Bumps, BumpsOf, bump_fields
-from engine.material.layer import Layer, object_of
+from engine.material.layer import Layer
 from engine.material.maps import map_fields
 from engine.material.model import Factor, Model
 from engine.plan_lines import LineValue
@@ -106,12 +106,17 @@ class ObjectState:
 
     @property
     def emits(self) -> bool:
-        """Whether the scene has it shine; an emitter is seen by its emission, be that black, not by its layers."""
+        """Whether the scene has it shine, be that black for now; with layers it reflects as well."""
         return self.emission is not None
+
+    @property
+    def is_lamp(self) -> bool:
+        """Whether it is seen by its emission alone."""
+        return self.emits and not self.layers
 
 
 class Selection(NamedTuple):
-    """The layer (and curve, when one is chosen) that panels show; of an emitter, which may have none, layer 0."""
+    """The layer (and curve, when one is chosen) that panels show; of a lamp, which has none, layer 0."""
 
     object: str
     layer: int
@@ -314,11 +319,8 @@ def _unknown(what: str, name: str, there: Iterable[str]) -> InsituError:
 
 
 def reflecting_layers(document: Document) -> tuple[tuple[str, Layer], ...]:
-    """The visible layers of all objects that reflect, by key: none of emitters."""
-    emitters = {state.name for state in document.objects if state.emits}
-    return tuple(
-        (key, layer) for key, layer in document.layers() if object_of(key) not in emitters and document.is_visible(key)
-    )
+    """The visible layers of all objects, by key."""
+    return tuple((key, layer) for key, layer in document.layers() if document.is_visible(key))
 
 
 def document_from_description(

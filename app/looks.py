@@ -139,7 +139,7 @@ class Looks:
         is hidden, lamps, and the grounds and backdrops behind it."""
         if name is not None and name not in self._boxes:
             raise InsituError(f"there is no object {name!r} to be framed; there is: {', '.join(self._boxes)}")
-        left_out = {state.name for state in self._onlooker.document.objects if state.emits or not state.visible}
+        left_out = {state.name for state in self._onlooker.document.objects if state.is_lamp or not state.visible}
         names = [name] if name is not None else [each for each in self._boxes if each not in left_out]
         boxes = np.array([self._boxes[each] for each in names or self._boxes])
         if not len(boxes):

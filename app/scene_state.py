@@ -95,5 +95,5 @@ def layer_state(document: Document, key: str, bands: tuple[int, ...] = (), means
 def scene_state(document: Document, layer: Callable[[Document, str], LayerState] = layer_state) -> SceneState:
     """What the worker is told of a document. layer: what it is told of one of the layers, by key."""
     emission = {state.name: state.emission for state in document.objects if state.emission is not None}
-    layers = tuple(layer(document, key) for key, _ in document.layers() if object_of(key) not in emission)
+    layers = tuple(layer(document, key) for key, _ in document.layers())
     return SceneState(replace(document.light, intensity=1.0), layers, tuple(emission.items()))

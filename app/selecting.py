@@ -11,16 +11,16 @@ Operators = tuple[CurveEdit, ...]
 
 
 def selection_of(document: Document, path: str | Selection) -> Selection:
-    """Of an object its topmost layer, of a layer its first curve, an emitter as it is. InsituError where there is no
+    """Of an object its topmost layer, of a layer its first curve, a lamp as it is. InsituError where there is no
     such thing."""
-    if isinstance(path, Selection) and document.object(path.object).emits:
+    if isinstance(path, Selection) and document.object(path.object).is_lamp:
         return Selection(path.object, 0)
     target = resolve(document, path.path if isinstance(path, Selection) else path)
     if target.kind == "light":
         raise InsituError("the light cannot be selected; name an object, a layer or a curve")
     state = document.object(target.object)
     layers = state.layers
-    if state.emits:
+    if state.is_lamp:
         return Selection(state.name, 0)
     if not layers:
         raise InsituError(f"{target.object} has no layers to edit")
@@ -31,13 +31,13 @@ def selection_of(document: Document, path: str | Selection) -> Selection:
 
 
 def seen_layer(document: Document, selected: Selection | None) -> Selection | None:
-    """The selection, where it is of a layer: an emitter is seen by its emission."""
-    return None if selected is None or document.object(selected.object).emits else selected
+    """The selection, where it is of a layer: a lamp is seen by its emission."""
+    return None if selected is None or document.object(selected.object).is_lamp else selected
 
 
 def first_choice(document: Document) -> str | None:
     """What is selected in a scene just opened: the first editable object's topmost layer."""
-    with_layers = [state for state in document.objects if state.layers and not state.emits]
+    with_layers = [state for state in document.objects if state.layers]
     editable = [state for state in with_layers if state.editable]
     return next((state.name for state in editable or with_layers), None)
 
@@ -46,7 +46,7 @@ def next_choice(document: Document, selected: Selection) -> str | Selection:
     """What is selected in the place of a layer or a curve that an edit took away; else what was."""
     state = document.object(selected.object)
     layers = state.layers
-    if state.emits:
+    if state.is_lamp:
         return selected
     if selected.layer >= len(layers):
         return selected.object

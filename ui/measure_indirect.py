@@ -111,7 +111,7 @@ def reflecting(bench: EditorRig, editable: bool = False) -> list[str]:
     return [
         state.name
         for state in bench.editor.document.objects
-        if state.name in seen and not state.emits and (state.editable or not editable)
+        if state.name in seen and not state.is_lamp and (state.editable or not editable)
     ]
 
 

@@ -207,7 +207,7 @@ class PlacementFeed(PictureSource):
         until = time.perf_counter() + PLAIN_SECONDS
         there = self._plain | {object_of(key) for key in self.renderer.layer_keys}
         for state in document.objects:
-            if state.name in there or state.emits or state.name not in self._names:
+            if state.name in there or state.is_lamp or state.name not in self._names:
                 continue
             if time.perf_counter() > until:
                 return True

@@ -104,7 +104,7 @@ def operators_of_copy(source: Layer, factor: str, onto: Layer, onto_factor: str)
 
 def _editable_object(document: Document, name: str) -> ObjectState:
     state = document.object(name)
-    if state.emits:
+    if state.is_lamp:
         raise InsituError(f"{name} shines; it is seen by its emission and has no material")
     if not state.editable:
         raise InsituError(f"{name} is fixed; make it editable to change its material")

@@ -67,6 +67,6 @@ def _reflecting(document: Document, name: str, what: str) -> ObjectState:
     state = document.object(name)
     if state.frozen:
         raise InsituError(f"{name} is frozen; thaw it to edit it")
-    if state.emits:
+    if state.is_lamp:
         raise InsituError(f"{name} shines; only what reflects has {what}")
     return state

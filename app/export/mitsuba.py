@@ -116,6 +116,7 @@ def _add_object(root: ElementTree.Element, project: Project, folder: Path, index
     if state.emits and state.emission is not None:
         emission = np.multiply(state.emission, project.document.light.intensity)
         add_numbers(add(shape, "emitter", type="area"), "rgb", "radiance", emission)
+    if state.is_lamp:
         add_numbers(add(shape, "bsdf", type="diffuse"), "rgb", "reflectance", (0.0, 0.0, 0.0))
         return []
     layers: list[Layer] = [layer for key, layer in project.layers.items() if object_of(key) == name]

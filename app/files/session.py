@@ -358,8 +358,8 @@ def _shining_as_in(scene: ObjectState, saved: ObjectState) -> ObjectState:
     """What is saved of an object; whether it shines, the scene alone says, and what it is made of where that is not
     saved."""
     emission = saved.emission or scene.emission if scene.emits else None
-    new = saved.new_bumps if saved.new_bumps != scene.own_bumps and not scene.emits else None
-    surface = saved.new_surface if saved.new_surface != scene.own_surface and not scene.emits else None
+    new = saved.new_bumps if saved.new_bumps != scene.own_bumps and not scene.is_lamp else None
+    surface = saved.new_surface if saved.new_surface != scene.own_surface and not scene.is_lamp else None
     return replace(
         saved, emission=emission, layers=saved.layers or scene.layers, animations=scene.animations,
         own_bumps=scene.own_bumps, new_bumps=new, own_surface=scene.own_surface, new_surface=surface,

@@ -33,10 +33,7 @@ class Subject:
     def layers(self) -> tuple[tuple[int, Layer], ...]:
         """(object index, layer) of all layers that reflect, in the scene's order."""
         return tuple(
-            (i_object, layer)
-            for i_object, state in enumerate(self.document.objects)
-            if not state.emits
-            for layer in state.layers
+            (i_object, layer) for i_object, state in enumerate(self.document.objects) for layer in state.layers
         )
 
 

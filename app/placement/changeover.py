@@ -251,7 +251,7 @@ class Changeover:
         curves that are on their way."""
         return self._is_lit_alike(document, wish or self._wish) and all(
             self._can_draw_object(state.name, document, layers, follows, roughly)
-            for state in document.objects if not state.emits
+            for state in document.objects
         )  # fmt: skip
 
     def _can_draw_object(
@@ -259,7 +259,7 @@ class Changeover:
         roughly: bool,
     ) -> bool:  # fmt: skip
         state = document.object(name)
-        for index in range(0 if state.emits else len(state.layers)):
+        for index in range(len(state.layers)):
             key = layer_key(name, index)
             if not document.is_visible(key):
                 continue

@@ -33,7 +33,7 @@ from app.placement.messages import Contract, LayerPicture
 from app.placement.transport_talk import CONTRACT_PATIENCE, TransportTalk
 from app.placement.wishes import same_coefficients
 from app.scene_state import LayerState, layer_state
-from engine.material.layer import Layer, object_of
+from engine.material.layer import Layer
 from engine.material.maps import LayerMaps
 from engine.plan import Decisions
 
@@ -186,5 +186,4 @@ class Comparison:
                 (self._samples(key, layer.maps), layer.maps.texture_strength, layer.maps.inverts),
             )
             for key, layer in compared.layers()
-            if not compared.object(object_of(key)).emits
         }

@@ -17,12 +17,12 @@ from engine.plan import Precision
 def edited_layers(document: Document, selected: Selection | None) -> tuple[str, ...]:
     """Keys of the layers that follow the selected curve, that of the selected layer first.
 
-    None where no curve is selected, or one of an emitter or a fixed object. Of layers that share it, those in sight.
+    None where no curve is selected, or one of a lamp or a fixed object. Of layers that share it, those in sight.
     """
     if selected is None or selected.factor is None:
         return ()
     state = document.object(selected.object)
-    if state.emits or not state.editable:
+    if state.is_lamp or not state.editable:
         return ()
     others = [i for i in group_of(state.layers, selected.layer) if i != selected.layer and state.layers[i].visible]
     sharing = [i for i in others if selected.factor in state.layers[i].model.curve_names]

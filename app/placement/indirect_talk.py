@@ -306,7 +306,7 @@ class IndirectTalk:
         key = factor = None
         edited: dict[str, int] = {}
         # What is frozen by hand is not edited: it takes no part in the polynomial, and costs no bands.
-        if selected is not None and not (document.object(selected.object).emits or document.is_frozen(selected.key)):
+        if selected is not None and not (document.object(selected.object).is_lamp or document.is_frozen(selected.key)):
             key = selected.key
             names = list(self._curves.coefficients(document, key))
             if selected.factor in names and document.object(selected.object).editable:

@@ -209,12 +209,8 @@ class MapTalk:
 
 
 def _wanted(document: Document) -> dict[str, LayerMaps]:
-    """The layers that have images and are seen by their material."""
-    emitters = {state.name for state in document.objects if state.emits}
-    return {
-        key: layer.maps for key, layer in document.layers()
-        if not layer.maps.is_plain and object_of(key) not in emitters
-    }  # fmt: skip
+    """The layers that have images."""
+    return {key: layer.maps for key, layer in document.layers() if not layer.maps.is_plain}
 
 
 def _out_of_step(wanted: dict[str, LayerMaps], found: dict[str, MapsSampled | None]) -> set[str]:

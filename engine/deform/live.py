@@ -104,7 +104,7 @@ class Deform:
     def set_layers(self, layers_of: LayersOf) -> None:
         """The layers of each object, by its index, from now on."""
         layers = {i: tuple(each for each in own if each.visible) for i, own in layers_of.items()}
-        layers = {i: own for i, own in layers.items() if not self.scene.emitters[i]}
+        layers = {i: own for i, own in layers.items() if self.scene.reflecting[i]}
         if layers != self._layers_of:
             before, self._layers_of = self._layers_of, layers
             self._reflectances = {i: each for i, each in self._reflectances.items() if before.get(i) == layers.get(i)}

@@ -55,7 +55,7 @@ class Cells:
         self.size = size
         self.caster = caster
         self._scene = scene
-        reflects = ~scene.emitters
+        reflects = scene.reflecting
         self.mesh = kernels.MeshArrays(
             scene.vertices, scene.normals, scene.triangles, np.ascontiguousarray(scene.geometric_normals),
             scene.object_of_triangle, scene.smooth, reflects,

@@ -92,7 +92,7 @@ class PhotonSource:
         """Those of n photons that land where the picture shows it; more start where more of them do."""
         area = _areas(self.scene)
         mine = np.array([area[begin:end].sum() for begin, end in self.scene.triangle_ranges])
-        mine[~self.glossy | self.scene.emitters] = 0.0
+        mine[~self.glossy | ~self.scene.reflecting] = 0.0
         able = np.flatnonzero(mine > 0.0)
         if not len(able) or not len(self.lamps.cumulative) or n_photons == 0:
             return _joined([], np.zeros(len(mine), np.float32))

@@ -90,8 +90,8 @@ class Orbit:
     def geometry(self) -> tuple[NDArray[np.generic] | int, ...]:
         """All that visibility hangs on."""
         scene = self.scene
-        arrays = scene.vertices, scene.normals, scene.triangles, scene.object_of_triangle, scene.smooth, scene.emitters
-        return (*arrays, self._n_points, self._n_patches)
+        arrays = scene.vertices, scene.normals, scene.triangles, scene.object_of_triangle, scene.smooth
+        return (*arrays, scene.emitters, scene.reflecting, self._n_points, self._n_patches)
 
     @property
     def has_traced(self) -> bool:
@@ -153,7 +153,7 @@ class Orbit:
 
     def set_layers(self, layers_of: LayersOf) -> None:
         """The layers of each object, by its index, from now on; what did not change is not computed again."""
-        if self._reflections.set_layers({i: own for i, own in layers_of.items() if not self.scene.emitters[i]}):
+        if self._reflections.set_layers({i: own for i, own in layers_of.items() if self.scene.reflecting[i]}):
             if self._lit is not None:
                 self._lit.need_gloss(self._are_glossy)
             self._rebounce()
@@ -363,7 +363,7 @@ class Orbit:
         """So many points there are at least: the places of vertices that reflect."""
         scene = self.scene
         used = np.zeros(len(scene.vertices), bool)
-        used[scene.triangles[~scene.emitters[scene.object_of_triangle]]] = True
+        used[scene.triangles[scene.reflecting[scene.object_of_triangle]]] = True
         bits = (scene.vertices[used] + np.float32(0.0)).view(np.int32).astype(np.int64)  # of -0 as of 0
         return len(np.unique(bits @ np.array([1, 0x9E3779B1, 0x85EBCA6B0001])))  # sums that wrap around: a hash
 

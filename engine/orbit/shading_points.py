@@ -116,7 +116,7 @@ def placing(
     """The same in pieces of some 30 ms."""
     if n_points < 0:
         raise ValueError(f"n_points = {n_points}, expected 0 or more")
-    reflects = ~scene.emitters[scene.object_of_triangle]
+    reflects = scene.reflecting[scene.object_of_triangle]
     even = np.zeros(len(scene.smooth), bool) if even is None else even
     yield
     sides = lit_sides(scene, caster)

@@ -99,7 +99,7 @@ class PathTracer:
         self._lights: list[PathLight] = [self._emitters] if self._emitters.shines else []
         self._lights += [self._sky] if self._sky is not None else []
         self._scattering = {i: Scattering(layers_of.get(i, ())) for i in range(len(scene.emission))}
-        able = [s.reflects and not shines for s, shines in zip(self._scattering.values(), scene.emitters, strict=True)]
+        able = [s.reflects for s in self._scattering.values()]
         self.maps = MapFactors(scene, layers_of)
         self._reflecting = np.array([*able, False])  # the last one: -1, the background
 

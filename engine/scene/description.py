@@ -229,8 +229,13 @@ class ObjectDescription(_Description):
 
     @property
     def emits(self) -> bool:
-        """Whether it is an emitter (shown by its emission, not by its layers)."""
+        """Whether it is an emitter; with layers it reflects as well."""
         return self.emission is not None and any(self.emission)
+
+    @property
+    def is_lamp(self) -> bool:
+        """Whether it emits and reflects nothing: it has no layers."""
+        return self.emits and not self.layers
 
 
 class SceneDescription(_Description):

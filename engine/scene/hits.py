@@ -112,7 +112,7 @@ class _Rays(NamedTuple):
 
     def reflecting(self, scene: Scene) -> npt.NDArray[np.intp]:
         """Which of them end where shading points may be."""
-        return np.flatnonzero((self.ids >= 0) & ~scene.emitters[self.ids])
+        return np.flatnonzero((self.ids >= 0) & scene.reflecting[self.ids])
 
     def lamps(self, scene: Scene, share: float, of: npt.NDArray[np.integer]) -> Lamps:
         """The emitters that the rays `of` see, each ray being such a share of its pixel."""

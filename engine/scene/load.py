@@ -114,6 +114,11 @@ class Scene:
         """Which objects are emitters (M,): those that the file has shine, however dark they have been made since."""
         return np.array([described.emits for described in self.description.objects], bool)
 
+    @property
+    def reflecting(self) -> npt.NDArray[np.bool_]:
+        """Which objects reflect light (M,): all but lamps, which have no layers."""
+        return np.array([not described.is_lamp for described in self.description.objects], bool)
+
     def shining(self, emission: Mapping[str, tuple[float, float, float]]) -> Scene:
         """The scene with emitters, by name, of this radiance instead of their own; names of no emitter do not count."""
         changed = self.emission.copy()
@@ -192,7 +197,7 @@ def _assemble(
         vertex_ranges=_ranges([len(mesh.vertices) for mesh in placed]),
         rigs=tuple(_rig(item, origin) for item in items),
         environment_path=environment_path,
-        notes=(*notes, *place_notes, *lost_notes, *_layer_notes(description), *_map_notes(description, placed)),
+        notes=(*notes, *place_notes, *lost_notes, *_map_notes(description, placed)),
     )
     _load_maps(scene)
     shrunk = scene.textures.take_notes()
@@ -206,7 +211,7 @@ def _load_maps(scene: Scene) -> None:
     """
     wanted, bumps = [], []
     for described in scene.description.objects:
-        for maps in (layer.maps for layer in described.layers if not layer.maps.is_plain and not described.emits):
+        for maps in (layer.maps for layer in described.layers if not layer.maps.is_plain):
             for what, name in (("texture", maps.texture), ("weight", maps.weight)):
                 if name:
                     resolve_inside(scene.folder, split_image_name(name)[0], scene.file, what)
@@ -214,7 +219,7 @@ def _load_maps(scene: Scene) -> None:
         for what, name in described.deform.files:
             resolve_inside(scene.folder, name, scene.file, what)
             wanted.append(Images(weight=name))
-        if (name := described.bumps.file) and not described.emits:
+        if (name := described.bumps.file) and not described.is_lamp:
             resolve_inside(scene.folder, split_image_name(name)[0], scene.file, described.bumps.kind)
             bumps.append(described.bumps)
     scene.textures.load(wanted, bumps)
@@ -310,15 +315,10 @@ def _rig(item: ObjectMesh, origin: npt.NDArray[np.float64]) -> Rig | None:
     return item.rig.placed(matrix)
 
 
-def _layer_notes(description: SceneDescription) -> list[str]:
-    """What the description says that will not be seen."""
-    return [f"{o.name}: shines, so its layers are not shown" for o in description.objects if o.emits and o.layers]
-
-
 def _map_notes(description: SceneDescription, placed: list[Mesh]) -> list[str]:
     """Which objects' images lie on them by the box."""
     return [
         f"{described.name}: {PROJECTED}"
         for described, mesh in zip(description.objects, placed, strict=True)
-        if mesh.uvs is None and not described.emits and described.is_of_files
+        if mesh.uvs is None and not described.is_lamp and described.is_of_files
     ]

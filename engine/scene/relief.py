@@ -69,7 +69,9 @@ class Relief:
         self.flaws: dict[str, LoadError] = {}
         for i, described in enumerate(scene.description.objects):
             try:
-                slopes = None if described.emits or described.bumps.are_flat else scene.textures.slopes(described.bumps)
+                slopes = (
+                    None if described.is_lamp or described.bumps.are_flat else scene.textures.slopes(described.bumps)
+                )
             except LoadError as error:
                 self.flaws[described.name] = error
                 continue

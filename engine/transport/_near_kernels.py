@@ -10,6 +10,7 @@ from engine.visibility._kernels import lowest_bit
 _ZERO, _ONE, _NONE = np.float32(0.0), np.float32(1.0), np.uint64(0)
 ROUGHNESS, FINE, MOST_DEPTH = np.float32(0.3), np.float32(0.01), 3
 _LESS = np.float32(4.0**-0.75)  # of the error, with four times as many rays
+_SHORTEST = np.float32(1e-30)  # of rays that do not count
 _CHILDREN = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 
 
@@ -159,7 +160,10 @@ def near_rays(rows, nodes, position, lifted, normal, corners, depth, origins, di
             )  # fmt: skip
             directions[at, 0], directions[at, 1], directions[at, 2] = dx, dy, dz
             along = mx * dx + my * dy + mz * dz
-            distances[at] = np.float32(0.9999) * height / along if along < _ZERO else _ZERO
+            distance = np.float32(0.9999) * height / along if along < _ZERO else _ZERO
+            if not distance > _ZERO:  # the point lies in the node's plane: a lamp's own, but for rounding
+                distance, weights[at] = _SHORTEST, _ZERO
+            distances[at] = distance
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

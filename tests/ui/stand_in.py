@@ -61,7 +61,7 @@ SCENE = {
         },
         {"name": "tray", "primitive": "cube", "editable": True, "layers": [{"model": "rough_conductor"}]},
         {"name": "wall", "primitive": "quad", "editable": False, "layers": [{"model": "lambert"}]},
-        {"name": "lamp", "primitive": "quad", "emission": [5.0, 5.0, 4.0], "layers": [{"model": "lambert"}]},
+        {"name": "lamp", "primitive": "quad", "emission": [5.0, 5.0, 4.0]},
     ],
 }
 

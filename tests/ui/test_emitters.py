@@ -9,6 +9,7 @@ import moderngl
 import numpy as np
 import pytest
 
+from app.commands.layers import SetParameter
 from app.commands.light import SetEmission
 from app.jobs.cache import Store
 from app.jobs.tasks import Tasks
@@ -93,6 +94,34 @@ def test_a_scene_whose_only_light_is_off_is_dark(context: moderngl.Context, tmp_
     assert (picture == 0.0).all()
     reference = render_picture(project, lambda step: None, reference=True, series=BounceSeries(3), n_samples=2)
     assert (reference == 0.0).all()
+
+
+def test_a_lamp_with_a_material_shows_both_and_both_are_edited(context: moderngl.Context, tmp_path: Path) -> None:
+    glazed = SCENE.replace(
+        "emission = [9, 7, 5]\n", 'emission = [9, 7, 5]\nlayer = [{ model = "lambert", albedo = 0.5 }]\n'
+    )
+    pictures = []
+    for name, text in (("black", SCENE), ("glazed", glazed)):
+        for window, _ in opened(context, tmp_path / name, text):
+            pictures.append(linear_picture(window))
+            lamp, editor = lamp_pixels(window), window.shell.editor
+            if name == "glazed":
+                black, both = pictures
+                added = both[lamp] - black[lamp]
+                assert (added > 0.01).all()  # what it reflects comes to what it emits
+                there = window.shell.handles.names()
+                assert "emitter.strength" in there and "material.albedo.r" in there
+                # White reflects twice as much, in the same frame; the light stays.
+                editor.do(SetParameter("lamp.0", "albedo", (1.0, 1.0, 1.0)))
+                wait_until_exact(window)
+                np.testing.assert_allclose(linear_picture(window)[lamp] - black[lamp], 2.0 * added, rtol=0.01)
+                # Its light is edited without its material.
+                editor.undo()
+                editor.do(SetEmission("lamp", BLUE))
+                wait_until_exact(window)
+                np.testing.assert_allclose(
+                    linear_picture(window)[lamp] - added, np.broadcast_to(BLUE, added.shape), rtol=1e-3
+                )
 
 
 def test_a_press_cuts_lamps_more_finely(context: moderngl.Context, tmp_path: Path) -> None:

@@ -122,7 +122,7 @@ def test_what_is_chosen_from_a_list_is_not_cut_off(context: moderngl.Context, mo
         window.frames(4)
     shown = {name: text for name, (text, _) in seen.items() if name.startswith("##accuracy")}
     assert shown == {"##accuracy.lights": "4k", "##accuracy.patches": "768", "##accuracy.first": "Auto",
-                     "##accuracy.second": "All", "##accuracy.edges": "Auto"}  # fmt: skip
+                     "##accuracy.second": "All", "##accuracy.edges": "Auto edges"}  # fmt: skip
     assert all(fits for name, (_, fits) in seen.items() if name in shown)
 
 

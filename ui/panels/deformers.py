@@ -37,7 +37,7 @@ def draw(context: PanelContext) -> list[Action]:
             actions.append(SetPose(state.name))
         if not getattr(context.status, "alone", ()):
             widgets.caption(FROM_AFAR)
-    if not state.emits:
+    if not state.is_lamp:
         actions += surfaces.draw(context, state)
     imgui.separator_text("Material")
     return actions

@@ -1,4 +1,4 @@
-"""The selected emitter: its strength and colour, in the material's place; an emitter is seen by its light alone."""
+"""The light of the selected emitter: its strength and colour, above its material or, without one, alone."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LEAST_STRENGTH, LARGEST_STRENGTH = 0.01, 1e5
 
 
 def draw(context: PanelContext, state: ObjectState, emission: RGB) -> list[Action]:
-    """The whole panel, inside its window."""
+    """The heading and the controls."""
     context.theme.push_bold()
     imgui.text_unformatted(state.name)
     imgui.pop_font()

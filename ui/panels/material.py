@@ -38,11 +38,13 @@ def _material(context: PanelContext) -> list[Action]:
         widgets.caption("Click an object in the picture, or a layer in the list.")
         return []
     state = context.document.object(selection.object)
-    if state.emission is not None:
-        return emitter.draw(context, state, state.emission)
+    actions = [] if state.emission is None else emitter.draw(context, state, state.emission)
+    if state.is_lamp:
+        return actions
+    if state.emits:
+        imgui.spacing()
     layer = context.document.layer(selection.key)
     editable = state.editable and not context.document.is_frozen(selection.key)
-    actions: list[Action] = []
     width = _label_width(context, layer)
     actions += _heading(context, selection, layer, editable)
     imgui.begin_disabled(not editable)

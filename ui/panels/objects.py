@@ -40,7 +40,7 @@ def _object(context: PanelContext, state: ObjectState) -> list[Action]:
     open_id = imgui.get_id("open")
     storage = imgui.get_state_storage()
     is_open = storage.get_bool(open_id, chosen or state.editable)
-    has_rows = len(state.layers) > 1 and not state.emits
+    has_rows = len(state.layers) > 1
     corner, width, inside = _ground(context, chosen and not has_rows, hovered)
     if has_rows:
         if _arrow(context, is_open):
@@ -48,7 +48,7 @@ def _object(context: PanelContext, state: ObjectState) -> list[Action]:
     else:
         imgui.dummy(ImVec2(context.px(18), imgui.get_frame_height()))
     imgui.same_line()
-    what = "the colour and strength of its light" if state.emits else "its curves and parameters"
+    what = "the colour and strength of its light" if state.is_lamp else "its curves and parameters"
     actions += _name(context, state.name, state.name, what, _object_icon(state), corner, width, not state.visible)
     actions += _drop(context, state) + _object_menu(context, state)
     actions += _object_buttons(context, state, inside)
@@ -127,7 +127,7 @@ def _object_buttons(context: PanelContext, state: ObjectState, inside: bool) -> 
                "Indirect light then keeps nothing ready for it."):  # fmt: skip
         actions.append(SetFrozen(state.name, not state.frozen))
     hint = "Editable or fixed: a fixed object keeps its material, and no bands of transport for it."
-    if not state.emits and _toggle(
+    if not state.is_lamp and _toggle(
         context, f"editable.{state.name}", Icon.EDITABLE, Icon.LOCKED, state.editable, inside, hint
     ):
         actions.append(SetEditable(state.name, not state.editable))

@@ -50,7 +50,7 @@ def painted_key(context: PanelContext) -> str | None:
     if not context.state.paints or selected is None:
         return None
     state = document.object(selected.object)
-    fixed = not state.editable or state.emits or document.is_frozen(selected.key)
+    fixed = not state.editable or state.is_lamp or document.is_frozen(selected.key)
     return None if fixed else selected.key
 
 

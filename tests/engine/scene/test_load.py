@@ -52,8 +52,6 @@ def test_oddities_are_noted_by_object(scene_file, mesh_file):
     scene = load_scene(scene_file(mesh_object("t.ply", 'layer = [{ model = "lambert" }]')))
     assert scene.notes == ("thing: 1 faces without area left out", "thing: 1 faces that repeat another")
     assert len(scene.triangles) == 2 and np.isfinite(scene.normals).all()
-    lamp = load_scene(scene_file(QUAD + 'emission = 1\nlayer = [{ model = "lambert", albedo = 0.5 }]\n'))
-    assert lamp.notes == ("card: shines, so its layers are not shown",)
 
 
 def test_an_object_without_layers_is_grey_and_said_to_be(scene_file, mesh_file):

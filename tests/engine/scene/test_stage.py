@@ -73,7 +73,7 @@ def test_a_glb_brings_its_materials(triangle_glb: tuple[dict, bytes], glb_file: 
     first, second, floor = scene.description.objects
     assert [first.name, second.name, floor.name] == ["model 1", "model 2", "floor"]
     assert first.layers and second.emits
-    assert scene.notes == ("model 2: shines, so its layers are not shown",)
+    assert second.layers and scene.reflecting.all() and not scene.notes  # it shines and reflects
 
 
 def test_an_object_that_is_called_floor_keeps_its_name(mesh_file: Callable[..., Path]) -> None:

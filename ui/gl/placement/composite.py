@@ -136,8 +136,8 @@ class Compositor:
 
     def _addresses_of_pixels(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Of each pixel (H,W) the address of its point's radiance, −1 where it has none, and −2 − i where what it shows
-        is mixed of several points, whose addresses and shares (as bits) stand from the i-th texel on in the second
-        array (rows,1024,2): the last share of a pixel is negative."""
+        is mixed of several points, or of one that shines as well: their addresses and shares (as bits) stand from the
+        i-th texel on in the second array (rows,1024,2), the last share of a pixel negative."""
         frame = self.frame
         addresses = np.empty(frame.n_points, dtype=np.int32)
         for i_object, (start, stop) in enumerate(frame.object_ranges):
@@ -145,9 +145,9 @@ class Compositor:
             addresses[start:stop] = base + sample_addresses(np.arange(stop - start))
         image = np.full(frame.height * frame.width, -1, dtype=np.int32)
         shown = np.flatnonzero(frame.share)
-        whole = shown[frame.share[shown] == 1.0]
+        is_whole = (frame.share[shown] == 1.0) & ~np.isin(frame.pixel[shown], frame.lamps.pixel)
+        whole, parts = shown[is_whole], shown[~is_whole]
         image[frame.pixel[whole]] = addresses[whole]
-        parts = shown[frame.share[shown] != 1.0]
         parts = parts[np.argsort(frame.pixel[parts], kind="stable")]
         first = np.flatnonzero(np.diff(frame.pixel[parts], prepend=-1))
         last = np.append(first[1:], len(parts))[: len(first)] - 1
