@@ -26,7 +26,7 @@ from app.jobs.shared_arrays import OutOfMemory, sweep_dead_blocks
 from app.machine.atomic import private_opener
 from app.machine.kernel_cache import use_kernel_cache
 from app.machine.paths import log_directory
-from app.machine.system import end_with_parent, inherited_socket, release_memory
+from app.machine.system import end_with_parent, inherited_socket, keep_memory_compact, release_memory
 from app.messages import Failed, Heartbeat, Request, Shutdown
 from app.naming import named
 
@@ -132,6 +132,7 @@ def serve(channel: Channel, options: Any) -> None:
 
 def main(argv: Sequence[str] | None = None) -> None:
     options = arguments(argv)
+    keep_memory_compact()
     use_kernel_cache()
     end_with_parent(options.parent)
     sweep_dead_blocks()

@@ -27,6 +27,9 @@ PASSES_DESCRIPTORS = hasattr(socket, "SCM_RIGHTS")
 HAS_THREAD_PRIORITIES = sys.platform == "linux"
 _PR_SET_PDEATHSIG = 1
 _LOOK_SECONDS = 0.02
+_M_MMAP_THRESHOLD, _M_ARENA_MAX = -3, -8
+_LEAST_MAPPED = 4 << 20
+_MOST_HEAPS = 2
 
 # ------------------------------------------------------------------------------------------------------- processes
 
@@ -49,6 +52,21 @@ def step_back_by(niceness: int) -> None:
             import psutil
 
             psutil.Process().nice(psutil.BELOW_NORMAL_PRIORITY_CLASS)
+
+
+def keep_memory_compact() -> None:
+    """Have arrays that are freed go back to the system (glibc, mallopt(3)); elsewhere nothing.
+
+    By default the size from which memory is mapped, and so goes back, grows to 32 MiB, and each thread has a heap of
+    its own: in a process that makes and frees arrays for hours, holes come to more than what is in use.
+    """
+    if sys.platform == "linux":
+        import ctypes
+
+        mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+        if mallopt is not None:
+            mallopt(_M_MMAP_THRESHOLD, _LEAST_MAPPED)
+            mallopt(_M_ARENA_MAX, _MOST_HEAPS)
 
 
 def end_with_parent(parent: int) -> None:

@@ -73,7 +73,8 @@ class Relief:
                     None if described.is_lamp or described.bumps.are_flat else scene.textures.slopes(described.bumps)
                 )
             except LoadError as error:
-                self.flaws[described.name] = error
+                # A new one: where it was raised, which it remembers, the scene was at hand.
+                self.flaws[described.name] = LoadError(error.file, error.what, error.value, error.expected)
                 continue
             if slopes is not None and slopes.levels[0].any():
                 tangents, hands = np.zeros((0, 3, 3)), np.zeros(0)
