@@ -165,9 +165,9 @@ class Plan:
         return Decisions(n_lights, n_patches, self.bounces or 0, self.needs_sphere, overruled, self.n_rays)
 
     def with_need(self, decisions: Decisions, reasons: Mapping[str, str]) -> Plan:
-        """With as many lights and patches as were found to be needed."""
+        """With as many lights and patches as were found to be needed; the sphere stays as a person has set it."""
         n_lights, n_patches = self.n_lights and decisions.n_lights, self.n_patches and decisions.n_patches
-        needs_sphere = self.needs_sphere and decisions.keeps_sphere
+        needs_sphere = self.needs_sphere and (decisions.keeps_sphere or "sphere" in self.overruled)
         reasons = {**self.reasons, **reasons}
         if needs_sphere != self.needs_sphere:
             reasons["sphere"] = sphere_reason(True, needs_sphere)

@@ -20,7 +20,7 @@ from app.messages import Cancel, Request, Response
 from app.placement.indirect_talk import FINE_STAGE
 from app.placement.messages import ComputeTransport, ErrorEstimated, EstimateError
 from app.placement.status import RenderReport
-from app.project import open_project
+from app.project import ProjectWords
 from app.stills import render_project
 from app.view_state import SetView
 from engine.curve.operators import Operator
@@ -106,7 +106,7 @@ def desk(tmp_path: Path) -> Desk:
 def test_it_is_what_a_still_says_of_itself(desk: Desk) -> None:
     desk.until_judged()
     found = desk.editor.status.estimate
-    project = open_project(str(desk.scene))
+    project = ProjectWords(str(desk.scene), overrules=(("sphere", 1),)).open()  # shadows as the editor keeps them
     still = render_project(project, lambda _: None, n_lights=500, series=BounceSeries(1), estimates_error=True)
     assert found is not None and still.error is not None
     assert 0.5 * still.error.total < found.total < 2.0 * still.error.total and found.indirect is None
@@ -184,7 +184,7 @@ def test_few_lights_are_told(desk: Desk) -> None:
     desk.frames(1)
     desk.until_judged()
     few = desk.editor.status.estimate
-    assert usual is not None and few is not None and few.total > 2.0 * usual.total
+    assert usual is not None and few is not None and few.total > 1.5 * usual.total
 
 
 def test_light_on_the_move_has_the_worker_to_itself(desk: Desk) -> None:
