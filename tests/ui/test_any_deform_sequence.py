@@ -20,11 +20,20 @@ from app.editor import Editor
 from app.jobs.cache import Store
 from app.orbit.wishes import OrbitWish
 from app.view_state import SetView
+from engine.deform.live import Deform
 from engine.deform.pose import Poses
 from engine.scene.description import Camera, CameraDescription
+from engine.scene.load import Scene
 from engine.scene.surface_kinds import SurfacesOf
 from tests.engine.deform.test_moments import write_bar
-from tests.ui.test_any_orbit_sequence import CAMERAS, NamedOrbit, OrbitWalk, colour_of, said_of_layers
+from tests.ui.test_any_orbit_sequence import (
+    CAMERAS,
+    NamedOrbit,
+    OrbitWalk,
+    assert_called_alike,
+    colour_of,
+    said_of_layers,
+)
 from tests.ui.test_any_sequence import MAY_BE_TOLD, RESOLUTION, LateClient
 
 
@@ -33,8 +42,10 @@ class NamedDeform(NamedOrbit):
 
     lost: Mapping[int, float] = {}  # noqa: RUF012 - it has none
 
-    def __init__(self, scene: object, *_: object, **__: object) -> None:
-        super().__init__(scene)  # type: ignore[arg-type]
+    def __init__(
+        self, scene: Scene, n_points: int = 1, n_rays: int = 1, shelf: object = None, caster: object = None
+    ) -> None:
+        super().__init__(scene)
         self._posed: tuple[str, ...] = ()
         self._surfaces: SurfacesOf = ()
 
@@ -58,12 +69,17 @@ class NamedDeform(NamedOrbit):
         return self.draw(camera, resolution, poses)
 
     def draw(
-        self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (), quality: str = "moving"
-    ) -> np.ndarray:
+        self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (), quality: str = "moving",
+        turned: bool = True,
+    ) -> np.ndarray:  # fmt: skip
         assert self.is_ready and self._light is not None
         seen = Camera(**{name: getattr(camera, name) for name in Camera.model_fields})
         colour = colour_of(seen, self._light.rotation, self._layers, self._posed, self._surfaces, poses) * self.is_done
         return np.broadcast_to(colour, (*resolution[::-1], 3)).astype(np.float32)
+
+
+def test_the_stand_in_is_called_as_the_engine_is() -> None:
+    assert_called_alike(NamedDeform, Deform)
 
 
 def expected_colour(editor: Editor) -> np.ndarray:

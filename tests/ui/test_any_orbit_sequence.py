@@ -7,6 +7,7 @@ last one is known in advance, without another start.
 from __future__ import annotations
 
 import hashlib
+import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from app.orbit.talk import OrbitTalk
 from app.orbit.wishes import OrbitWish
 from app.view_state import SetView, ViewState
 from engine.material.layer import Layer
+from engine.orbit.live import Orbit
 from engine.render.still import StillProgress
 from engine.scene.description import Camera, CameraDescription
 from engine.scene.load import Scene
@@ -53,7 +55,10 @@ class NamedOrbit:
 
     n_bytes, n_bounces, has_traced = 1, 1, False
 
-    def __init__(self, scene: Scene, *_: object) -> None:
+    def __init__(
+        self, scene: Scene, caster: object = None, n_points: int = 1, n_coefficients: int = 1, n_patches: int = 1,
+        most_bytes: int = 1,
+    ) -> None:  # fmt: skip
         self.scene, self.version, self.is_ready, self.fraction = scene, 0, False, 0.0
         self._wanted: tuple[object, ...] = ()
         self._light: SkyState | None = None
@@ -109,6 +114,20 @@ class NamedOrbit:
         for _ in range(3 if quality == "rest" else 1):
             yield StillProgress(0.5, "drawing")
         return np.broadcast_to(colour, (*resolution[::-1], 3)).astype(np.float32)
+
+
+def assert_called_alike(stand_in: type, engine: type) -> None:
+    """Each method that both have takes the same arguments, in the same order, by the same names."""
+    shared = [name for name in dir(stand_in) if name == "__init__" or not name.startswith("_")]
+    shared = [name for name in shared if inspect.isfunction(getattr(engine, name, None))]
+    assert {"__init__", "set_light", "set_layers", "work"} <= set(shared)
+    for name in shared:
+        taken, expected = (list(inspect.signature(getattr(each, name)).parameters) for each in (stand_in, engine))
+        assert taken == expected, name
+
+
+def test_the_stand_in_is_called_as_the_engine_is() -> None:
+    assert_called_alike(NamedOrbit, Orbit)
 
 
 def expected_colour(editor: Editor) -> np.ndarray:
