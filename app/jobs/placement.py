@@ -206,7 +206,8 @@ class PlacementWork(ModeWork):
                 yield from tasks.find(
                     scene.visible, sky, _lit_key(sky, placement.scene), n_bounces, exact, decisions.n_rays
                 )
-            if due or exact or quality.name == COARSE.name:
+            # A picture that was kept waits for the light between surfaces that comes at first, and for nothing else.
+            if due or exact or quality.name == COARSE.name and n_bounces > 1:
                 spent = time.process_time() - begun
                 yield StageDone(quality.name, exact, time.monotonic() - started, self._n_bytes, spent)
             yield from self._bench.noted()

@@ -143,6 +143,9 @@ def test_one_of_two_lights_is_computed_anew_and_both_alike_are_not(client: FakeC
     editor.tick(5.0)
     (asked,) = client.sent(ComputeTransport)
     assert dict(asked.scene.emission) == {"lamp": (10.0, 10.0, 10.0), "strip": (1.0, 1.0, 1.0)}
+    assert gain(editor) == pytest.approx([2.0, 2.0, 2.0])  # the picture of both alike stays until the next is there
+    client.finish_stage("final", exact=True)
+    editor.tick(6.0)
     assert gain(editor) == [1.0, 1.0, 1.0]
 
 

@@ -70,8 +70,11 @@ def test_an_object_gets_another_material_in_one_step(document: Document, library
     changed = SetMaterial("pot", gold.layers, gold.name).apply(document)
     assert changed.object("pot").layers == gold.layers
     assert set_path(document, "pot.material", "Gold").apply(document) == changed
+    shining = SetMaterial("lamp", gold.layers).apply(document).object("lamp")
+    assert shining.layers == gold.layers and shining.emission == document.object("lamp").emission
+    bare = document.with_object(replace(document.object("lamp"), layers=()))
     with pytest.raises(InsituError, match="lamp shines"):
-        SetMaterial("lamp", gold.layers).apply(document)
+        SetMaterial("lamp", gold.layers).apply(bare)
     frozen = document.with_object(replace(document.object("pot"), frozen=True))
     with pytest.raises(InsituError, match="frozen"):
         SetMaterial("pot", gold.layers).apply(frozen)

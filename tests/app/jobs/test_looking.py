@@ -8,16 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.jobs import labour
+from app.jobs import indirect, labour
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
 from app.messages import Failed, LookFrom, SceneSeen
-from app.placement.messages import LayerPicture, StageDone
+from app.placement.messages import IndirectFound, LayerPicture, StageDone
 from engine.scene.description import Camera
 from engine.scene.picture_frame import Lamps
 from engine.transport.pipeline import Placement
 from tests.app.jobs.ball_and_lamp import SCENE, assert_same_pictures, compute, pictures
+from tests.fineness import QUICK
 from tests.opened import ask_for_scene, open_in_process
 
 OWN = "position = [0.4, 1.6, 2.6]\ntarget = [0, 0.3, 0]\nfov_y = 45\n"
@@ -80,6 +81,25 @@ def test_going_back_finds_what_was_computed(tmp_path: Path, monkeypatch: pytest.
     answers = client.poll(float("inf"))
     assert {a.stage for a in answers if isinstance(a, LayerPicture | StageDone)} == {"final"}
     assert_same_pictures(pictures(answers), expected)
+
+
+def test_a_kept_picture_waits_for_the_first_light_between_surfaces_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(indirect, "FINE", QUICK)
+    source = written(tmp_path / "scene.toml", SCENE)
+    client = InProcessClient(Tasks(Store(tmp_path / "cache")))
+    scene = ask_for_scene(client, source, resolution=RESOLUTION) - 1
+    client.poll(float("inf"))
+    computed(client)  # its direct light is kept, of light between surfaces nothing is known yet
+    client.send(LookFrom(scene, ASIDE, RESOLUTION))
+    client.send(LookFrom(scene, None, RESOLUTION))
+    client.poll(float("inf"))
+    client.send(compute(n_bounces=2))
+    answers = client.poll(float("inf"))
+    told = [(type(a), a.stage) for a in answers if isinstance(a, LayerPicture | IndirectFound | StageDone)]
+    first = [(IndirectFound, "rough"), (StageDone, "coarse")]
+    assert told == [(LayerPicture, "final")] * 3 + first + [(IndirectFound, "fine"), (StageDone, "final")]
 
 
 def test_a_camera_that_sees_nothing_is_looked_away_from_again(tmp_path: Path) -> None:
