@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -12,13 +13,19 @@ from app.cli.output import tell_notes
 from app.status import Gauges
 from engine.errors import LONGEST_LINE, MOST_NOTES
 from engine.scene.load import load_scene
+from engine.transport.pipeline import SkyState
 
 HOSTILE = "\x1b]0;owned\x07\x1b[31mRED\nnote: all is well\r\u202e" + "A" * 100_000
 
 
+def project_of(scene: object) -> Any:
+    """What is told of: a scene without a sky."""
+    return SimpleNamespace(scene=scene, sky=SkyState(None))
+
+
 def test_lines_that_commands_print_are_plain(capsys: pytest.CaptureFixture[str]) -> None:
     say(f"{HOSTILE}: 48 x 36")
-    tell_notes(SimpleNamespace(scene=SimpleNamespace(notes=(HOSTILE, *map(str, range(1000))))))  # type: ignore[arg-type]
+    tell_notes(project_of(SimpleNamespace(notes=(HOSTILE, *map(str, range(1000))))))
     lines = capsys.readouterr().out.split("\n")
     assert lines.pop() == "" and len(lines) == 1 + MOST_NOTES + 1
     assert all(line.isprintable() and len(line) <= LONGEST_LINE + len("note: ") for line in lines)
@@ -39,7 +46,7 @@ def test_hostile_files_say_plain_lines(shared_data: Path, capsys: pytest.Capture
     files = sorted((shared_data / "cases" / "attacks").glob("*.glb"))
     assert files
     for file in files:
-        tell_notes(SimpleNamespace(scene=load_scene(file, (8, 6))))  # type: ignore[arg-type]
+        tell_notes(project_of(load_scene(file, (8, 6))))
         lines = capsys.readouterr().out.split("\n")[:-1]
         for line in lines:
             assert line.isprintable() and len(line) <= LONGEST_LINE + len("note: "), file.name
