@@ -32,7 +32,7 @@ from engine.texture.store import TextureStore
 MAX_EXTENT = 1e9
 PROJECTED = "no texture coordinates, so images are projected from the sides of its box"
 MAX_TRIANGLES = 50_000_000
-_FAR = 16.0
+_FAR, _FAR_IN_SCENE = 16.0, 1024.0
 
 
 @dataclass(frozen=True)
@@ -253,16 +253,19 @@ def _place_all(items: Sequence[ObjectMesh], path: Path) -> tuple[list[Mesh], lis
 def _find_origin(placed: Sequence[Mesh], path: Path) -> npt.NDArray[np.float64]:
     """What all vertices are to be relative to (3,): zero unless the scene stands far off.
 
-    It stands where its middling object does, and far off is more than 16 times this one's half extent away; each such
-    factor of two costs a bit of float32. The whole would not do: a figure on a wide floor is to keep its detail.
+    Far off is more than 16 times its half extent away; each such factor of two costs a bit of float32. Then, all is
+    relative to its middling object; and so it is where this one alone is 1024 of its own half extents away: a figure
+    on a wide floor is to keep its detail. A room with a small lamp in it stays where it is, and its strokes with it.
     """
     boxes = np.array([_box(mesh.vertices[mesh.triangles].reshape(-1, 3)) for mesh in placed])
-    size = float((boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0)).max())
+    low, high = _box(boxes.reshape(-1, 3))
+    size = float((high - low).max())
     if not size >= 2e-9:
         raise LoadError(path, "extent of the scene", f"{size:g} m", "at least 2e-09 m")
     centre = np.quantile(boxes.mean(axis=1), 0.5, axis=0, method="lower")
     half = np.quantile((boxes[:, 1] - boxes[:, 0]).max(axis=1), 0.5, method="lower") / 2
-    return centre if np.abs(centre).max() > _FAR * half else np.zeros(3)
+    is_far = np.abs(low + high).max() > _FAR * size or np.abs(centre).max() > _FAR_IN_SCENE * half
+    return centre if is_far else np.zeros(3)
 
 
 def _box(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

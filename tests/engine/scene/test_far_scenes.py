@@ -145,3 +145,25 @@ def test_a_case_from_a_survey(shared_data: Path) -> None:
     corners = scene.vertices[scene.triangles[:2]].astype(np.float64)
     doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     assert np.allclose(doubled, [0.0, 0.01, 0.0], atol=1e-6) or np.allclose(doubled, [0.0, -0.01, 0.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("height", [-0.3, -0.6, -0.9])
+def test_a_small_lamp_does_not_move_the_room_around_it(scene_file: Callable[..., Path], height: float) -> None:
+    """Strokes are kept in the scene's frame: they would lie elsewhere once the lamp is moved or made larger."""
+    room = '[[object]]\nname = "ball"\nprimitive = "sphere"\ntransform = [2,0,0,0, 0,2,0,0, 0,0,2,0, 0,0,0,1]\n'
+    lamp = '[[object]]\nname = "lamp"\nprimitive = "cube"\nemission = [9, 9, 9]\n'
+    place = f"transform = [0.02,0,0,0, 0,0.02,0,{height}, 0,0,0.02,0, 0,0,0,1]\n"
+    assert not load_scene(scene_file(room + lamp + place), SIZE).origin.any()
+
+
+def test_figures_far_out_on_a_wide_floor_keep_their_detail(scene_file: Callable[..., Path]) -> None:
+    floor = '[[object]]\nname = "floor"\nprimitive = "quad"\n'
+    floor += "transform = [40000,0,0,0, 0,0,40000,0, 0,-40000,0,0, 0,0,0,1]\n"
+    balls = "".join(
+        f'[[object]]\nname = "{x}"\nprimitive = "sphere"\n' + PLACE.format(x, 1, 5000) for x in (3000, 3002)
+    )
+    scene = load_scene(scene_file(floor + balls), SIZE)
+    for own, x in zip(scene.vertex_ranges[1:], (3000, 3002), strict=True):
+        away = scene.vertices[slice(*own)].astype(np.float64) - np.subtract((x, 1, 5000), scene.origin)
+        # In single precision about the world's origin it is 2e-4.
+        assert np.abs(np.linalg.norm(away, axis=1) - 0.5).max() < 1e-6
