@@ -24,6 +24,7 @@ from engine.visibility import _kernels as kernels
 
 N_POINTS = 512
 N_RAYS = 8  # from a point to each triangle
+UNSURE = 0.1  # so much of a ray is thought to have arrived, and so much not, before any is sent
 # Lamps of fewer triangles keep them all, however few leaves there are to be.
 FEWEST_MERGED = 64
 
@@ -48,8 +49,10 @@ def emitters_for(scene: Scene, caster: RayCaster, hits: PrimaryHits, n_leaves: i
     tried = emitter_patches(np.repeat(corners, N_RAYS, axis=0), np.repeat(radiance, N_RAYS, axis=0), 1)
     n_seen = _sees(caster, hits, rows, tried.samples, tried.normal).reshape(len(rows), -1, N_RAYS).sum(axis=2)
     # That none of a few rays arrived does not say that nothing is seen: what shines through a gap is often missed by
-    # all, and was never cut then, whatever the number of leaves. Of an unknown share (k + 1/2) / (n + 1) is expected.
-    seen = (n_seen + 0.5) / (N_RAYS + 1.0)
+    # all, and was never cut then, whatever the number of leaves. Mostly a point sees all or nothing of a triangle: of
+    # an unknown share that is thus distributed, Beta(a, a) with a small a, (k + a) / (n + 2 a) is expected. From
+    # a = 0.2 on too many leaves go to what nobody sees: a storeroom's light was 0.53 % off, for 0.30 %.
+    seen = (n_seen + UNSURE) / (N_RAYS + 2.0 * UNSURE)
     points, normals = hits.position[rows].astype(np.float64), hits.horizon[rows].astype(np.float64)
     return emitter_tree(corners, radiance, n_leaves, seen_importance(corners, radiance, points, normals, seen))
 
