@@ -24,7 +24,6 @@ from distributed import Client, Future, KilledWorker
 from distributed.comm import CommClosedError
 
 from app.cluster.parcel import Parcel, parcel_of, pieces_of
-from app.cluster.plugin import KernelCache
 from app.cluster.program import QUESTION, other_program, program_digest
 from app.cluster.shelf import keep_piece, lacking
 from engine.errors import InsituError
@@ -98,7 +97,6 @@ class Cluster:
                         if digest in missing:
                             self._client.run_on_scheduler(keep_piece, piece)
                             missing.remove(digest)
-                self._client.register_plugin(KernelCache())
         except (ImportError, AttributeError) as error:
             raise InsituError(
                 f"--scheduler {self.address}: the same Insitu is not installed there ({error}); scheduler and workers "

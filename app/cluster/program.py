@@ -12,10 +12,20 @@ import importlib.metadata
 import platform
 from pathlib import Path
 
+from app.machine.kernel_cache import use_kernel_cache
+
 _ROOT = Path(__file__).resolve().parents[2]
 LIBRARIES = ("numpy", "scipy", "numba", "embreex")
-# What another process evaluates to say it; an Insitu that does not have this yet says that it has no such module.
-QUESTION = "__import__('app.cluster.program', fromlist=['program']).program_digest()"
+# What a worker evaluates before its first task; an Insitu that does not have this yet says that it has no such module.
+QUESTION = "__import__('app.cluster.program', fromlist=['program']).begin_work()"
+
+
+def begin_work() -> str:
+    """Have a worker find compiled kernels where they are kept, while nothing of the engine is imported yet; its
+    program's digest. No plugin of ours does it: the scheduler would hand that to workers of another version, too, which
+    end where they cannot read it."""
+    use_kernel_cache()
+    return program_digest()
 
 
 @functools.cache

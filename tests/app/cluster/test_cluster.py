@@ -250,11 +250,10 @@ def test_a_worker_of_another_version_is_named_before_it_is_given_anything(
     (machines.folder / "old" / "app").mkdir(parents=True)
     (machines.folder / "old" / "app" / "__init__.py").touch()
     with Cluster(machines.address) as cluster:
-        before = cluster._workers()
         machines.start_worker(machines.folder / "old")
         old = machines.workers.pop()
         deadline = time.monotonic() + 60.0
-        while not cluster._workers() - before:
+        while old.pid not in cluster._client.run(os.getpid).values():
             assert time.monotonic() < deadline
             time.sleep(0.1)
         started = time.monotonic()
@@ -268,7 +267,7 @@ def test_a_worker_of_another_version_is_named_before_it_is_given_anything(
         finally:
             old.kill()
             old.wait()
-        while cluster._workers() - before and time.monotonic() < deadline:
+        while old.pid in cluster._client.run(os.getpid, on_error="ignore").values() and time.monotonic() < deadline:
             time.sleep(0.1)
 
 
