@@ -22,7 +22,7 @@ from app.editor import Editor, WorkerClient
 from app.files.bookmarks import named
 from app.front import front
 from app.jobs.client import Client
-from app.machine.atomic import require_place
+from app.machine.atomic import make_folder_of, require_place
 from app.placement.status import PlacementStatus
 from app.script import (
     AssertErrorBelow,
@@ -104,7 +104,10 @@ def take_screenshot(
         window.shell.source = feed
         try:
             wait_for_scene(window, editor)
-            require_place(output, *(step.path for step in steps if isinstance(step, Capture)))
+            pictures = [output, *(step.path for step in steps if isinstance(step, Capture))]
+            for path in pictures:
+                make_folder_of(path)
+            require_place(*pictures)
             run_steps(window, editor, steps)
             wait_for_picture(window, editor, wait)
             window.leave()

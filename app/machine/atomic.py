@@ -51,7 +51,7 @@ def require_place(*paths: Path) -> None:
     """Raises InsituError where files could not be put at these paths, or would take the place of what has to stay.
 
     A name in each of their folders is tried, so that a disk that cannot be written, or takes no such name, is met
-    before the work; folders that are not there yet are made.
+    before the work.
     """
     tried = {path.parent: path for path in sorted(paths, key=lambda path: len(os.fspath(path)))}
     for path in paths:
@@ -59,7 +59,6 @@ def require_place(*paths: Path) -> None:
             _require_file(path)
             require_no_input(path)
     for path in tried.values():
-        make_folder_of(path)
         with _telling(path):
             temporary = _temporary(Path(os.path.realpath(path)))
             temporary.touch(exist_ok=False)
