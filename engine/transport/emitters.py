@@ -24,7 +24,7 @@ from engine.visibility import _kernels as kernels
 
 N_POINTS = 512
 N_RAYS = 8  # from a point to each triangle
-UNSURE = 0.1  # so much of a ray is thought to have arrived, and so much not, before any is sent
+UNSURE = 0.125  # so much of a ray is thought to have arrived, and so much not, before any is sent
 # Lamps of fewer triangles keep them all, however few leaves there are to be.
 FEWEST_MERGED = 64
 
