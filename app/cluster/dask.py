@@ -176,9 +176,15 @@ class Cluster:
             )
 
     def _workers(self) -> set[str]:
-        """Their addresses. Raises InsituError where the scheduler has gone."""
+        """Their addresses. Raises InsituError where the scheduler has gone.
+
+        The scheduler itself is asked. `Client.scheduler_info` reads a field which Dask's timer overwrites every two
+        seconds with an answer that lists no workers."""
+        if self._client.scheduler is None:
+            raise self._lost()
         with self._connected():
-            return set(self._client.scheduler_info(n_workers=-1).get("workers", ()))
+            identity = self._client.sync(self._client.scheduler.identity, n_workers=-1)
+        return set(identity["workers"])
 
     @contextlib.contextmanager
     def _connected(self) -> Iterator[None]:

@@ -184,6 +184,25 @@ def test_what_is_stopped_leaves_nothing_to_do(machines: Machines, words: Project
         assert not any(later._client.processing().values())
 
 
+def test_workers_are_counted_while_dask_updates_what_it_knows(machines: Machines) -> None:
+    """Dask's own answer, which lists no workers, must not come between ours and its reading."""
+    with Cluster(machines.address) as cluster:
+        n_workers = len(cluster._client.run(os.getpid))
+        over = threading.Event()
+
+        def update() -> None:
+            while not over.is_set():
+                cluster._client.sync(cluster._client._update_scheduler_info)
+
+        updating = threading.Thread(target=update)
+        updating.start()
+        try:
+            assert {cluster.n_workers for _ in range(300)} == {n_workers}
+        finally:
+            over.set()
+            updating.join()
+
+
 def test_a_worker_with_another_insitu_says_so(machines: Machines, words: ProjectWords) -> None:
     with opened(words, machines.address) as (_, cluster):
         assert isinstance(cluster, OnCluster)
@@ -246,9 +265,9 @@ def test_who_is_no_scheduler_is_told_in_one_line(
 def test_a_worker_of_another_version_is_named_before_it_is_given_anything(
     machines: Machines, words: ProjectWords, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One whose package `app` has no cluster yet."""
-    (machines.folder / "old" / "app").mkdir(parents=True)
-    (machines.folder / "old" / "app" / "__init__.py").touch()
+    """One whose `app` has no cluster yet. A module, as an editable install would add what a package lacks."""
+    (machines.folder / "old").mkdir()
+    (machines.folder / "old" / "app.py").touch()
     with Cluster(machines.address) as cluster:
         machines.start_worker(machines.folder / "old")
         old = machines.workers.pop()
