@@ -53,13 +53,13 @@ def read_texture(data: bytes, file: Path | str, space: Space = "", tell: Tell = 
     def linear(values: Values) -> Image:
         return _shares(values, (space or ("srgb" if values.dtype == np.uint8 else "linear")) == "srgb")
 
-    pixels = read_image(data, file, linear, tell, is_colour=True)
-    return checked(np.repeat(pixels, 3, axis=2) if pixels.shape[2] == 1 else pixels, file)
+    pixels = np.minimum(read_image(data, file, linear, tell, is_colour=True), np.float32(BRIGHTEST))
+    return np.repeat(pixels, 3, axis=2) if pixels.shape[2] == 1 else pixels
 
 
 def read_weight(data: bytes, file: Path | str, tell: Tell = say_nothing) -> Image:
     """A grey image of shares in [0, 1], (H, W, 1), row 0 on top; of a colour image its luminance."""
-    return np.minimum(checked(read_image(data, file, grey_shares, tell), file), np.float32(1.0))
+    return np.minimum(read_image(data, file, grey_shares, tell), np.float32(1.0))
 
 
 def grey_shares(values: Values) -> Image:
@@ -193,7 +193,9 @@ def _read_exr(data: bytes, file: Path | str, tell: Tell, is_colour: bool) -> Ima
     _check_size(pixels.shape[1], pixels.shape[0], file)
     for note in notes:
         tell(f"{file}: {note}")
-    return np.maximum(pixels, np.float32(0.0)) if any("converted" in note for note in notes) else pixels
+    if any("converted" in note for note in notes):
+        pixels = np.maximum(pixels, np.float32(0.0))  # NaN stays NaN
+    return _usable(pixels, lambda note: tell(f"{file}: {note}"))
 
 
 def _check_size(width: int, height: int, file: Path | str) -> None:
@@ -202,11 +204,20 @@ def _check_size(width: int, height: int, file: Path | str) -> None:
         raise LoadError(file, "image size", f"{width} x {height}", expected)
 
 
-def checked(pixels: Image, file: Path | str) -> Image:
-    """The pixels if all are usable factors; raises LoadError."""
-    good = (pixels >= 0.0) & (pixels <= BRIGHTEST)  # false for NaN too
-    if not good.all():
-        row, column, _ = np.unravel_index(int(np.argmin(good)), pixels.shape)
-        expected = f"finite numbers from 0 to {BRIGHTEST:g}"
-        raise LoadError(file, f"pixel ({column}, {row})", pixels[row, column].tolist(), expected)
-    return np.ascontiguousarray(pixels, np.float32)
+def _usable(pixels: Image, tell: Callable[[str], None]) -> Image:
+    """Numbers (H, W, 3) as factors from 0 to `BRIGHTEST`: what is beyond, or infinite, is the end that it is beyond,
+    infinite light the file's brightest; what is no number is the mean of the others of its channel."""
+    is_usable = (pixels >= 0.0) & (pixels <= BRIGHTEST)  # false for NaN too
+    if is_usable.all():
+        return pixels
+    row, column, _ = (int(i) for i in np.argwhere(~is_usable)[0])
+    tell(
+        f"{int((~is_usable).any(axis=2).sum())} pixels with numbers that are none or not from 0 to {BRIGHTEST:g}, the "
+        f"first ({column}, {row}): taken as the mean of the others, or as the nearest that can be"
+    )
+    is_number = ~np.isnan(pixels)
+    brightest = pixels.max(where=np.isfinite(pixels), initial=0.0)
+    clipped = np.clip(np.where(np.isposinf(pixels), brightest, pixels), 0.0, BRIGHTEST)
+    n_numbers = np.maximum(is_number.sum(axis=(0, 1)), 1)
+    means = clipped.sum(axis=(0, 1), where=is_number, dtype=np.float64) / n_numbers
+    return np.where(is_number, clipped, means.astype(np.float32))

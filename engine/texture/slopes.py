@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from engine.errors import LoadError
-from engine.texture.images import Image, Tell, Values, checked, grey_shares, read_image, say_nothing
+from engine.texture.images import Image, Tell, Values, grey_shares, read_image, say_nothing
 
 # tan 87 degrees: what leans further, or points into the surface, counts as that.
 STEEPEST = 20.0
@@ -31,7 +31,7 @@ def _slopes(values: Values, file: Path | str) -> Image:
     if middle := _MIDDLES.get(values.dtype.name):
         vectors = (values.astype(np.float32) - np.float32(middle)) / np.float32(middle - 1)
     else:
-        vectors = np.float32(2.0) * checked(np.asarray(values, np.float32), file) - np.float32(1.0)
+        vectors = np.float32(2.0) * np.asarray(values, np.float32) - np.float32(1.0)
     flat = np.hypot(vectors[..., 0], vectors[..., 1])
     up = np.maximum(vectors[..., 2], np.maximum(flat, np.float32(1e-3)) / np.float32(STEEPEST))
     return np.ascontiguousarray(-vectors[..., :2] / up[..., None], np.float32)
@@ -40,7 +40,7 @@ def _slopes(values: Values, file: Path | str) -> Image:
 def read_heights(data: bytes, file: Path | str, tell: Tell = say_nothing) -> Image:
     """How heights of 0 to 1 change along u and v over an image that repeats, (H, W, 2), row 0 on top; of a colour image
     those of its luminance. Raises LoadError."""
-    height = checked(read_image(data, file, grey_shares, tell), file)[..., 0]
+    height = read_image(data, file, grey_shares, tell)[..., 0]
     n_rows, n_columns = height.shape
     along_u = (np.roll(height, -1, axis=1) - np.roll(height, 1, axis=1)) * np.float32(0.5 * n_columns)
     along_v = (np.roll(height, 1, axis=0) - np.roll(height, -1, axis=0)) * np.float32(0.5 * n_rows)

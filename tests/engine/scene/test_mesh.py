@@ -11,6 +11,7 @@ from engine.scene.mesh import (
     join_meshes,
     normalize,
     place_copies,
+    read_mesh_file,
     smooth_normals,
     validate_mesh,
 )
@@ -130,3 +131,25 @@ def test_validation_names_the_first_vertex_or_face_that_is_wrong():
     ]:
         with pytest.raises(LoadError, match=f"f: {line} = "):
             validate_mesh(bad, Path("f"))
+
+
+def test_normals_and_texture_coordinates_that_are_no_numbers_are_mended_with_a_note_each(tmp_path):
+    """A square in the plane z = 0, seen from +z: of its four normals, which lean, one is computed from the faces."""
+    corners = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    for bad in ("nan", "inf", "-1e999"):
+        normals, us = ["1 0 1"] * 4, ["0.5"] * 4
+        normals[2], us[3] = f"0 {bad} 1", bad
+        rows = [f"{x} {y} 0 {n} {u} 0.25\n" for (x, y), n, u in zip(corners, normals, us, strict=True)]
+        head = "ply\nformat ascii 1.0\nelement vertex 4\n"
+        head += "".join(f"property float {name}\n" for name in "x y z nx ny nz u v".split())
+        head += "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        (tmp_path / "a.ply").write_text(head + "".join(rows) + "4 0 1 2 3\n")
+        lines = [f"v {x} {y} 0\nvn {n}\nvt {u} 0.25\n" for (x, y), n, u in zip(corners, normals, us, strict=True)]
+        (tmp_path / "a.obj").write_text("".join(lines) + "f 1/1/1 2/2/2 3/3/3 4/4/4\n")
+        for name in ("a.ply", "a.obj"):
+            found = read_mesh_file(tmp_path / name)
+            np.testing.assert_array_equal(found.mesh.normals, [[1, 0, 1], [1, 0, 1], [0, 0, 1], [1, 0, 1]])
+            mended = found.mesh.triangles == 3
+            np.testing.assert_array_equal(found.mesh.uvs[..., 0], np.where(mended, 0.0, 0.5))
+            assert (found.mesh.uvs[..., 1] == 0.25).all()
+            assert [note.split(" ")[:2] for note in found.notes] == [["1", "normals"], [str(mended.sum()), "texture"]]

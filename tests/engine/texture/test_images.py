@@ -108,19 +108,37 @@ def test_what_cannot_be_used_is_one_line(data: bytes, words: str) -> None:
     assert str(caught.value).startswith("map.png: ") and "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, -0.25, 1e6])
-def test_numbers_that_are_no_factor_are_named(tmp_path: Path, value: float) -> None:
-    pixels = np.full((2, 3, 3), 0.5, np.float32)
-    write_exr(tmp_path / "a.exr", pixels)
-    spoilt = (tmp_path / "a.exr").read_bytes()
+def exr(tmp_path: Path, pixels: np.ndarray) -> bytes:
     import OpenEXR
 
-    pixels[1, 2, 0] = value
     header = {"compression": OpenEXR.NO_COMPRESSION, "type": OpenEXR.scanlineimage}
-    OpenEXR.File(header, {"RGB": pixels}).write(str(tmp_path / "b.exr"))
-    assert read_texture(spoilt, "a.exr").max() == 0.5
-    with pytest.raises(LoadError, match=r"pixel \(2, 1\)"):
-        read_texture((tmp_path / "b.exr").read_bytes(), "b.exr")
+    OpenEXR.File(header, {"RGB": pixels.astype(np.float32)}).write(str(tmp_path / "a.exr"))
+    return (tmp_path / "a.exr").read_bytes()
+
+
+@pytest.mark.parametrize(
+    # Red is 0.25 in the upper and 0.75 in the lower row. What is no number is the mean of the five others.
+    ("value", "taken"),
+    [(np.nan, 0.45), (np.inf, 0.75), (-np.inf, 0.0), (-0.25, 0.0), (1e6, 1e4)],
+)
+def test_numbers_that_are_no_factor_are_mended_with_one_note(tmp_path: Path, value: float, taken: float) -> None:
+    pixels = np.repeat(np.repeat([[[0.25]], [[0.75]]], 3, axis=1), 3, axis=2)
+    expected, notes = pixels.copy(), []
+    pixels[1, 2, 0], expected[1, 2, 0] = value, taken
+    data = exr(tmp_path, pixels)
+    np.testing.assert_allclose(read_texture(data, "a.exr", tell=notes.append), expected, rtol=1e-6)
+    assert len(notes) == 1 and notes[0].startswith("a.exr: 1 pixels with numbers that are none")
+    assert "(2, 1)" in notes[0]
+    weight = read_weight(data, "a.exr")
+    np.testing.assert_allclose(weight[..., 0], np.minimum(expected @ (0.2126, 0.7152, 0.0722), 1.0), rtol=1e-6)
+    assert np.isfinite(read_normal_map(data, "a.exr")).all() and np.isfinite(read_heights(data, "a.exr")).all()
+
+
+def test_a_hole_in_a_flat_normal_map_is_flat(tmp_path: Path) -> None:
+    pixels = np.full((3, 4, 3), 0.5)
+    pixels[..., 2] = 1.0
+    pixels[1, 1] = np.nan
+    np.testing.assert_array_equal(read_normal_map(exr(tmp_path, pixels), "a.exr"), 0.0)
 
 
 @pytest.fixture
