@@ -11,7 +11,7 @@ import typer
 from app.cli.console import say
 from app.cli.options import SCENE_HELP, Bounces, Resolution, Values, assignments
 from app.cli.output import progress, tell
-from app.machine.atomic import require_place
+from app.machine.atomic import require_folder, require_place
 from app.project import open_project
 
 
@@ -75,6 +75,7 @@ def export(
     """Write a scene, edits and all, for Mitsuba 3, with a program that renders it."""
     from app.export.mitsuba import export_scene
 
+    require_folder(output)
     project = open_project(scene, resolution, assignments(set_))
     with progress() as report:
         notes = export_scene(project, output, bounces or project.scene.description.bounces or 1, report)

@@ -36,7 +36,7 @@ from app.cli.options import (
     window_size,
 )
 from app.cli.output import progress, tell_notes
-from app.machine.atomic import require_place
+from app.machine.atomic import require_folder, require_place
 from app.machine.paths import state_problem
 from app.project import ProjectWords
 from app.sources import find_source
@@ -224,6 +224,7 @@ def _frames(words: ProjectWords, output: Path, frames: Frames, view: str | None,
     started, files = time.monotonic(), FrameFiles.of(output, frames.count)
     if view is not None and files.ending == ".exr":
         raise InsituError(f"--view {view}: {output} holds light itself, expected a name that ends in .png")
+    require_folder(files.folder)  # before the scene is read and workers are waited for
     with progress() as report, opened(words, scheduler) as (project, cluster):
         drawn = draw_frames(
             project, frames, files, lambda step: report(step.fraction, step.text),

@@ -33,6 +33,7 @@ from engine.files import file_kind
 
 PRIVATE_FILE, PRIVATE_FOLDER = 0o600, 0o700
 _LONGEST_STEM = 100  # bytes of a name that its temporary one repeats: no system takes more than 255 in all
+_TRIED_BYTES = 1 << 16
 _TEMPORARY = re.compile(r"\.(?P<name>.+)\.(?P<pid>\d+)-\d+\.tmp")
 _serial = itertools.count()
 
@@ -50,8 +51,8 @@ def save_file(path: str | os.PathLike[str], data: bytes, *, private: bool = Fals
 def require_place(*paths: Path) -> None:
     """Raises InsituError where files could not be put at these paths, or would take the place of what has to stay.
 
-    A name in each of their folders is tried, so that a disk that cannot be written, or takes no such name, is met
-    before the work.
+    A name in each of their folders is tried, so that a disk that cannot be written, is full, or takes no such name, is
+    met before the work.
     """
     tried = {path.parent: path for path in sorted(paths, key=lambda path: len(os.fspath(path)))}
     for path in paths:
@@ -60,15 +61,17 @@ def require_place(*paths: Path) -> None:
             require_no_input(path)
     for path in tried.values():
         with _telling(path):
-            temporary = _temporary(Path(os.path.realpath(path)))
-            temporary.touch(exist_ok=False)
-            temporary.unlink()
+            _try_writing(Path(os.path.realpath(path)))
 
 
-def require_folder(folder: Path, names: Iterable[str]) -> None:
-    """The same of the files that `replacing_folder` is about to put into a folder, whether it is there or not."""
+def require_folder(folder: Path, names: Iterable[str] = ()) -> None:
+    """The same of files of these names in a folder, whether it is there or not: it is not made."""
     with _telling(folder):
         _require_folder(folder)
+        made = Path(os.path.realpath(folder)) / "a"  # the first name that will be new
+        while not made.parent.exists():
+            made = made.parent
+        _try_writing(made)
     for path in (folder / name for name in names):
         require_no_input(path)
 
@@ -195,6 +198,16 @@ def _require_file(path: str | os.PathLike[str]) -> None:
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     if not stat.S_ISREG(mode):
         raise OSError(errno.EINVAL, f"it is {file_kind(mode)}, expected a file or a new name")
+
+
+def _try_writing(target: Path) -> None:
+    """Raises OSError where the system takes no file of a few bytes beside the target, under a name as long."""
+    temporary = _temporary(target)
+    try:
+        with open(temporary, "xb") as file:
+            file.write(bytes(_TRIED_BYTES))
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _require_folder(folder: Path) -> None:

@@ -75,7 +75,7 @@ def read_mesh_file(path: Path) -> MeshFile:
     found = parse(read_regular_file(path, MAX_MESH_BYTES), path)
     mesh, notes = found.mesh, []
     validate_mesh(replace(mesh, normals=None, uvs=None), path)
-    if mesh.normals is not None and not (usable := np.isfinite(mesh.normals).all(axis=1)).all():
+    if mesh.normals is not None and not (usable := np.asarray(np.isfinite(mesh.normals).all(axis=1))).all():
         notes.append(f"{np.count_nonzero(~usable)} normals that are no numbers are computed from the faces")
         around = smooth_normals(mesh.vertices, mesh.triangles)
         mesh = replace(mesh, normals=np.where(usable[:, None], mesh.normals, around))

@@ -31,6 +31,7 @@ from engine.material import MODELS, make_layer
 from engine.render.integrator import evaluate_layers
 from engine.scene.ply import parse_ply
 from engine.transport.pipeline import Placement
+from tests.app.files.test_brdf_files import insitu
 from tests.pictures import write_exr
 from tests.ui.small_scene import coloured_sky, write_small_scene
 
@@ -114,6 +115,12 @@ def test_a_folder_that_cannot_be_written_is_told_in_one_line(tmp_path: Path) -> 
     (tmp_path / "out").write_text("in the way")
     with pytest.raises(InsituError, match="out: not written"):
         export(tmp_path)
+
+
+def test_the_command_tells_before_the_scene_is_read_where_it_cannot_write(capsys, monkeypatch) -> None:
+    monkeypatch.setattr("app.cli.exchange.open_project", lambda *_: pytest.fail("the scene was read"))
+    assert insitu("export", "plate", "-o", "/proc/self/out") == 1
+    assert capsys.readouterr().err.startswith("insitu: /proc/self/out: not written, ")
 
 
 @pytest.mark.parametrize(("layers", "bound"), [((LAMBERT, EDITED), 0.01), ((BRUSHED,), 0.06)])

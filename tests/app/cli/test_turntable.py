@@ -18,6 +18,7 @@ from engine.indirect.series import BounceSeries
 from engine.light.image_files import read_radiance_image
 from engine.scene.description import Camera
 from tests.app.files.test_brdf_files import insitu
+from tests.app.machine.test_outputs import as_on_a_full_disk
 from tests.engine.deform.test_moments import write_bar
 from tests.engine.orbit.conftest import BLOCK
 
@@ -191,3 +192,19 @@ def test_a_turn_that_was_killed_before_a_frame_was_whole_goes_on(tmp_path: Path)
     drawn(files, "key")
     files.path(2).unlink()  # noted, and then not written
     assert drawn(files, "key") == [2] and drawn(files, "another") == [0, 1, 2]
+
+
+@pytest.mark.parametrize("out", ["/proc/self/turn", "/proc/self/turn/a.exr"])
+def test_a_folder_that_cannot_be_written_is_told_before_the_scene_is_read(scene: Path, out: str, capsys, monkeypatch):
+    monkeypatch.setattr("app.project.ProjectWords.open", lambda words: pytest.fail("the scene was read"))
+    assert turn(scene, Path(out), "--turntable", 2) == 1
+    assert turn(scene, Path(out), "--frames", 2) == 1
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) == 2 and all(line.startswith("insitu: /proc/self/turn: not written, ") for line in told)
+
+
+def test_a_full_disk_is_told_before_a_frame_is_drawn(scene: Path, tmp_path: Path, capsys, monkeypatch) -> None:
+    as_on_a_full_disk(tmp_path, monkeypatch)
+    monkeypatch.setattr("app.cli.turntable.draw_here", lambda *_: pytest.fail("a frame was drawn"))
+    assert turn(scene, tmp_path / "out", "--turntable", 2) == 1
+    assert "No space left on device" in capsys.readouterr().err and not (tmp_path / "out").exists()

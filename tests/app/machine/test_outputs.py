@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from app.machine.atomic import replacing_folder, require_place, save_file
+from app.machine.atomic import replacing_folder, require_folder, require_place, save_file
 from app.machine.inputs import inputs_are, note_inputs, require_no_input
 from engine.errors import InsituError
 
@@ -144,3 +144,34 @@ def test_names_that_no_system_takes_are_refused_before(tmp_path: Path, name: str
 def test_a_place_that_cannot_be_written_is_met_before(tmp_path: Path) -> None:
     with pytest.raises(InsituError, match="^/proc/self/a.exr: not written, "):
         require_place(Path("/proc/self/a.exr"))
+
+
+@pytest.mark.parametrize("folder", ["/proc/self", "/proc/self/a/b"])
+def test_a_folder_that_cannot_be_written_is_met_before(folder: str) -> None:
+    with pytest.raises(InsituError, match=f"^{folder}: not written, "):
+        require_folder(Path(folder))
+
+
+@pytest.mark.parametrize("name", ["", "new", "new/deep"])
+def test_a_full_disk_is_met_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    require_folder(tmp_path / name)
+    require_place(tmp_path / "a.png")
+    assert os.listdir(tmp_path) == []
+    as_on_a_full_disk(tmp_path, monkeypatch)
+    for call in (lambda: require_folder(tmp_path / name), lambda: require_place(tmp_path / "a.png")):
+        with pytest.raises(InsituError, match="not written, No space left on device"):
+            call()
+    assert os.listdir(tmp_path) == []
+
+
+def as_on_a_full_disk(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files can be made in a folder, and hold nothing."""
+
+    def made(path: object, mode: str = "r", *rest: object, **more: object) -> object:
+        file = open(path, mode, *rest, **more)  # type: ignore[call-overload]
+        if "b" in mode and "r" not in mode and Path(str(path)).is_relative_to(folder):
+            with open("/dev/full", "wb") as full:
+                os.dup2(full.fileno(), file.fileno())
+        return file
+
+    monkeypatch.setattr("app.machine.atomic.open", made, raising=False)
