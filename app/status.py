@@ -36,6 +36,7 @@ class Status:
     ``precomputed_mb`` is what the worker keeps for the picture, ``gpu_mb`` what the picture takes there.
     ``shown_by``: which mode's picture is seen, where a mode shows those of two; else empty.
     ``is_away``: whether the view has moved on from the one that was traced last.
+    ``is_held``: whether the picture is still that of an earlier document, until one of the present is as good.
     ``compared_exact``: whether side A of a comparison is. ``stopped``: whether a person stopped what is missing.
     ``planned_edges`` are the rays through a pixel at an edge that the scene requires.
     ``message`` is the last thing that happened, ``is_error`` whether it went wrong; ``message_number`` counts them.
@@ -63,6 +64,7 @@ class Status:
     shown_by: str = ""
     compared_exact: bool = True
     is_away: bool = False
+    is_held: bool = False
     message: str = ""
     is_error: bool = False
     message_number: int = 0

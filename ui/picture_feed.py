@@ -22,6 +22,7 @@ from app.editor import Editor
 from app.mode import Mode
 from app.naming import named
 from app.picture import PictureEvent, SceneFrame, SkyChanged
+from engine.scene.description import Camera
 from ui.brush import Spot
 from ui.gl.context import GraphicsError
 from ui.gl.textures import TextureMemory
@@ -128,6 +129,12 @@ class PictureFeed:
     def shows_view_before(self) -> bool:
         """Whether the picture is of the view before, for want of one from this."""
         return self._left is not None and self._left_scene is not self._shown_scene
+
+    @property
+    def camera(self) -> Camera | None:
+        """The camera that the picture shown is seen from; None before there is a scene."""
+        scene = self._left_scene if self.shows_view_before else self._shown_scene
+        return None if scene is None else scene.description.camera
 
     @property
     def mode_before(self) -> Mode | None:

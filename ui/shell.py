@@ -479,6 +479,7 @@ class Shell:
             context,
             status=replace(context.status, is_away=status.is_away or source.shows_view_before),
             picture=self._picture(source.picture, sharp=not editor.view.fit and editor.view.zoom > SHARP_ZOOM),
+            picture_camera=source.camera,
             mode_before="" if source.mode_before is None else source.mode_before.title,
             error_overlay=self._picture(self._error_overlay.texture(status.error_colours)),
             environment=self._picture(source.environment),

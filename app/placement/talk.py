@@ -332,6 +332,7 @@ class PlacementTalk(ModeTalk):
         fine = self.indirect.found_under(talk.revision)
         said = {
             "picture": picture,
+            "is_held": picture in ("preview", "refining") and self.is_held,
             "image_error": error if estimate is None else estimate.total,
             "estimate": estimate,
             "error_colours": None if estimate is None else self._error.colours_of(self._document),

@@ -20,6 +20,7 @@ from app.jobs.cache import Store
 from app.view_state import SetView
 from tests.ui.small_scene import SCENE, write_small_scene
 from tests.ui.test_any_sequence import LIBRARY, LIFT, LateClient, Walk, relative_error
+from ui.panels.status_bar import picture_state
 
 pytestmark = pytest.mark.gl
 
@@ -109,6 +110,21 @@ def test_quick_undo_of_all_goes_from_picture_to_picture(walk: Walk) -> None:
     assert relative_error(shown[-1], finals[0]) < SAME[1]
     for each in shown:
         assert min(relative_error(each, final) for final in finals) < 0.01
+
+
+def test_a_picture_of_before_the_edit_is_called_that(walk: Walk) -> None:
+    status = walk.editor.status
+    assert status.is_finished and not status.is_held
+    walk.editor.do(material("Copper"))
+    before, words = walk.feed.source.renderer.linear_image(), set()
+    for _ in range(4000):
+        walk.frames(1)
+        same = walk.feed.source.renderer.linear_image().tobytes() == before.tobytes()
+        if same and not walk.editor.status.is_finished:
+            words.add(picture_state(walk.editor.status)[1])
+        if walk.editor.status.is_finished:
+            break
+    assert words == {"before the edit"} and not walk.editor.status.is_held
 
 
 def test_the_sky_behind_turns_with_the_light_on_the_objects(walk: Walk) -> None:

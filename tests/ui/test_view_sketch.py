@@ -7,11 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from app.view_state import SetView
 from engine.scene.camera_moves import orbited
 from engine.scene.description import Camera
 from tests.ui.test_orbit_camera import centre
 from ui.headless import HeadlessWindow
-from ui.panels.view_sketch import seen_edges
+from ui.panels.status_bar import picture_state
+from ui.panels.view_sketch import has_moved, seen_edges
 
 CAMERA = Camera(position=(0.0, 0.0, 3.0), target=(0.0, 0.0, 0.0), fov_y=90.0)
 CUBE = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
@@ -51,3 +53,15 @@ def test_they_are_drawn_while_the_view_is_away(window: HeadlessWindow) -> None:
     assert window.run_until(lambda: not window.shell.editor.status.is_away, 20.0)
     window.frames(3)
     assert window.pixels()[200:400, 300:800].mean() == pytest.approx(before, rel=0.1)
+
+
+@pytest.mark.gl
+def test_the_picture_stays_bright_while_other_pixels_of_the_same_view_are_awaited(window: HeadlessWindow) -> None:
+    editor = window.shell.editor
+    before = window.pixels()[200:400, 300:800].mean()
+    assert editor.do(SetView.of(resolution=(96, 64))) is None
+    window.frames(2)
+    assert editor.status.is_away  # nothing of it is traced yet, but the camera stands where it stood
+    assert window.pixels()[200:400, 300:800].mean() == pytest.approx(before, rel=0.02)
+    context = window.shell._context(0.0)
+    assert picture_state(context.status, camera_moved=has_moved(context))[1] == "before the change"

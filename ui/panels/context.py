@@ -127,8 +127,9 @@ class PanelContext:
     clockwise from -Z seen from above. `library` are its materials, `thumbnail` a material's picture, None while there
     is none. `now` is seconds of the window's clock. `brdf` is what there is to see of the selected material by itself,
     `record` what frames took lately and how far off the picture was.
-    `camera` is from where the scene is seen, or about to be; `own_camera` and `own_resolution`, (width, height), are as
-    the scene has them; `look_undo_label` and `look_redo_label` name what the view's own history would undo or redo;
+    `camera` is from where the scene is seen, or about to be, `picture_camera` that of the picture shown; `own_camera`
+    and `own_resolution`, (width, height), are as the scene has them; `look_undo_label` and `look_redo_label` name what
+    the view's own history would undo or redo;
     `box_of` tells the corners (2, 3) of an object, of None all that is seen; `view_thumbnail` is a kept view's picture.
     `preferences` are the person's. `mode` is the one of `modes` that makes the picture.
     `mode_before` is the title of the mode whose picture is still seen, "" where it is the present one's.
@@ -168,6 +169,7 @@ class PanelContext:
     described: Document = Document("")
     name: str = ""
     camera: Camera = NO_CAMERA
+    picture_camera: Camera | None = None
     own_camera: Camera = NO_CAMERA
     own_resolution: tuple[int, int] = (0, 0)
     look_undo_label: str | None = None

@@ -12,7 +12,7 @@ from imgui_bundle import ImVec2, imgui
 from app.status import Status
 from engine.render.picture_error import percent
 from ui import theme as look
-from ui.panels import widgets
+from ui.panels import view_sketch, widgets
 from ui.panels.accuracy import STOPPED, error_parts, error_text, work_text
 from ui.panels.actions import Action, SetPanel
 from ui.panels.context import PanelContext
@@ -36,6 +36,8 @@ VIEW_BEFORE = (
     "The camera has moved on: the lines are the objects' boxes from there. The picture of the view before stays until "
     "this one is traced, once it rests. In Orbit the picture goes with the hand. Esc in mid-drag goes back."
 )
+PICTURE_BEFORE = "The picture stays until the one of other pixels, poses or bumps is traced and has its light."
+EDIT_BEFORE = "The picture is as it was before the last edit. It stays until the edited one is as good."
 JUDGED_LATER = "Nothing more comes. How far off the picture is will be found out while the hand rests."
 MODES_OWN = "Nothing more comes: this is all that this way to look shows. What it leaves out the Accuracy panel says."
 JUDGED = (
@@ -78,7 +80,7 @@ def draw(context: PanelContext) -> list[Action]:
 def _contents(context: PanelContext) -> tuple[list[Words], list[Action]]:
     """The line; what it had no room for, and what was asked for by a click."""
     status = context.status
-    ink, text, hint = picture_state(status, meanwhile(context))
+    ink, text, hint = picture_state(status, meanwhile(context), view_sketch.has_moved(context))
     text = " · ".join(filter(None, (status.shown_by, text)))
     _dot(context, ink)
     imgui.text_unformatted(text)
@@ -115,18 +117,22 @@ def meanwhile(context: PanelContext) -> str:
     return f"{context.mode_before}'s picture" if context.mode_before else PLAIN
 
 
-def picture_state(status: Status, meanwhile: str = "") -> tuple[look.Colour, str, str]:
+def picture_state(status: Status, meanwhile: str = "", camera_moved: bool = True) -> tuple[look.Colour, str, str]:
     """Colour, words and explanation of what the picture is: waiting, preview, refining, finished or exact. meanwhile:
-    what is seen while it is awaited, "" where that is nothing."""
+    what is seen while it is awaited, "" where that is nothing. camera_moved: whether it is awaited from elsewhere."""
     error = "" if status.image_error is None else f" (error {error_text(status.image_error)})"
     if status.estimate is not None:
         error = f", {status.estimate.short}"
     if not status.worker_alive:
         return look.BAD, "computing stopped", "What computes has ended and is being started again; edits are safe."
     if status.is_away and not status.goes_with_hand:
-        return look.ACCENT, "the view before", VIEW_BEFORE
+        return look.ACCENT, *(
+            ("the view before", VIEW_BEFORE) if camera_moved else ("before the change", PICTURE_BEFORE)
+        )
     if status.is_finished:
         return _finished_state(status)
+    if status.is_held:
+        return look.ACCENT, "before the edit", EDIT_BEFORE
     if status.picture == "refining":
         return look.ACCENT, f"refining{error}", status.missing_note
     if status.picture == "preview":

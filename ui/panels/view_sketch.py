@@ -1,6 +1,7 @@
 """Where a camera goes that no picture follows: the objects' boxes as it sees them, over the view before, darkened.
 
-Only while the view has moved on from the one that was traced, and no mode draws what it sees meanwhile.
+Only while the camera has moved on from the one of the picture, and no mode draws what it sees meanwhile: another
+resolution, pose or bump is awaited as well, but seen from where the picture is, which stays as it is.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ Array = NDArray[np.float64]
 
 def draw(context: PanelContext, placed: Placed) -> None:
     """Over the picture, in the panel's draw list."""
-    if not context.status.is_away or context.status.goes_with_hand:
+    if not context.status.is_away or context.status.goes_with_hand or not has_moved(context):
         return
     draw_list = imgui.get_window_draw_list()
     end = ImVec2(placed.x + placed.width, placed.y + placed.height)
@@ -40,6 +41,12 @@ def draw(context: PanelContext, placed: Placed) -> None:
         for (x0, y0), (x1, y1) in [] if box is None else seen_edges(box, context.camera, (placed.width, placed.height)):
             start, stop = ImVec2(placed.x + x0, placed.y + y0), ImVec2(placed.x + x1, placed.y + y1)
             draw_list.add_line(start, stop, ink, context.px(2.0 if is_selected else 1.2))
+
+
+def has_moved(context: PanelContext) -> bool:
+    """Whether the camera is not the one that the picture is seen from."""
+    seen = context.picture_camera
+    return seen is None or any(getattr(seen, name) != value for name, value in context.camera if name != "resolution")
 
 
 def seen_edges(box: Array, camera: Camera, size: tuple[float, float]) -> Array:
