@@ -141,8 +141,8 @@ def sum_around_triangles(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def decode_rgbe(data: Bytes, position: int, pixels: Bytes) -> tuple[int, int, int]:
-    """Decode Radiance scanlines from data[position:] into pixels (H, W, 4) uint8 [Ward91].
+def decode_rgbe(data: Bytes, position: int, first: int, pixels: Bytes) -> tuple[int, int, int]:
+    """Decode Radiance scanlines from data[position:] into rows from `first` on of pixels (H, W, 4) uint8 [Ward91].
 
     New run-length scanlines start with 2, 2 and the width; all others are flat quadruples, where 1, 1, 1, n repeats the
     pixel before. Returns (status, row, byte): 0 read all; 1 the data end early; 2 a run leaves its scanline; 3 a
@@ -150,7 +150,7 @@ def decode_rgbe(data: Bytes, position: int, pixels: Bytes) -> tuple[int, int, in
     """
     height, width = pixels.shape[0], pixels.shape[1]
     end = len(data)
-    for row in range(height):
+    for row in range(first, height):
         if position + 4 > end:
             return 1, row, position
         packed = data[position] == 2 and data[position + 1] == 2 and data[position + 2] < 128 and 8 <= width <= 32767

@@ -1,9 +1,10 @@
 """Reading radiance images, OpenEXR and Radiance HDR, from files that may be hostile, broken or not images at all.
 
-Regular files only, size and header checked before any pixel is read. OpenEXR says of many broken files that they have
-no parts, without raising, and prints to standard error; both are turned into one LoadError here. Negative and
-non-finite values pass: what they mean is the caller's to say. Files are shown as they are meant: with their data window
-in their display window, in Rec. 709 whatever their primaries, turned as their size line says.
+Regular files only, size and header checked before any pixel is read. Of an image of more than `MAX_PIXELS` the means
+are read, at a half or a quarter of its size and a band of rows at a time. OpenEXR says of many broken files that they
+have no parts, without raising, and prints to standard error; both are turned into one LoadError here. Negative and non-
+finite values pass: what they mean is the caller's to say. Files are shown as they are meant: with their data window in
+their display window, in Rec. 709 whatever their primaries, turned as their size line says.
 
 OpenImageIO 3.2 was tried (Apache-2.0, 20 MB installed). It reads probes and textures to the same numbers, and refuses
 cut files and headers that claim 10 GB; of processor time HDR takes it half (14 ms a million pixels, 31 here), OpenEXR
@@ -18,7 +19,7 @@ import os
 import re
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -29,32 +30,41 @@ from numpy.typing import NDArray
 from engine.errors import LoadError
 from engine.files import place_of
 from engine.light.primaries import to_rec709, xyz_to_rec709
+from engine.light.resampling import block_means, reduction
 
 MAX_FILE_BYTES = 1 << 30
 MAX_SIDE = 16_384
 MAX_PIXELS = 1 << 25
+_BAND_PIXELS = 1 << 22
 
 _RGBE = b"32-bit_rle_rgbe"
 _EXR_MAGIC = b"\x76\x2f\x31\x01"
 
+# Of a data window its first and its last row, both counted: (rows, width of the data window, 3).
+ReadRows = Callable[[int, int], NDArray[np.float32]]
 
-def read_radiance_image(file: Path, notes: list[str] | None = None, is_colour: bool = True) -> NDArray[np.float32]:
+
+def read_radiance_image(
+    file: Path, notes: list[str] | None = None, is_colour: bool = True, most_pixels: int | None = None
+) -> NDArray[np.float32]:
     """The RGB image in an .exr or .hdr file (told by content, not by name): (H, W, 3) float32, row 0 on top.
 
     notes receives a line for each thing that was converted. is_colour: False where the numbers are no colours, such as
-    normals or weights, and stay what they are. Raises LoadError for what cannot be read as one whole RGB image of at
-    most 2^25 pixels.
+    normals or weights, and stay what they are. most_pixels: how many are left of an image of more than `MAX_PIXELS`, by
+    default so many.
+    Raises LoadError for what cannot be read as one whole RGB image with sides of at most 16,384.
     """
     said: list[str] = [] if notes is None else notes
+    most_pixels = MAX_PIXELS if most_pixels is None else most_pixels
     try:
         file = place_of(file)
     except OSError as error:
         raise LoadError(file, "file", str(error), "a readable file") from None
     start = _check_regular_file(file)
     if start.startswith(_EXR_MAGIC):
-        return _read_exr(file, said, is_colour)
+        return _read_exr(file, said, is_colour, most_pixels)
     if start.startswith((b"#?", b"FORMAT=32-bit")):
-        return _read_hdr(file, said)
+        return _read_hdr(file, said, most_pixels)
     raise LoadError(file, "first bytes", start[:8], "an OpenEXR or a Radiance HDR image")
 
 
@@ -78,21 +88,46 @@ def _open_without_waiting(file: str, flags: int) -> int:
 
 
 def _check_size(file: Path, width: int, height: int) -> None:
-    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE and width * height <= MAX_PIXELS):
-        expected = f"sides of 1 to {MAX_SIDE} and at most {MAX_PIXELS} pixels"
-        raise LoadError(file, "image size", f"{width} x {height}", expected)
+    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
+        raise LoadError(file, "image size", f"{width} x {height}", f"sides of 1 to {MAX_SIDE}")
 
 
-def _read_exr(file: Path, notes: list[str], is_colour: bool) -> NDArray[np.float32]:
+def _reduction(width: int, height: int, most_pixels: int, notes: list[str]) -> int:
+    """By how much the sides are divided; of what is too large alone."""
+    if width * height <= MAX_PIXELS:
+        return 1
+    k = reduction(width, height, most_pixels)
+    notes.append(f"{width} x {height} pixels, shown at {-(-width // k)} x {-(-height // k)}")
+    return k
+
+
+def _rows_of_band(width: int, k: int) -> int:
+    """How many rows are read at a time: whole blocks."""
+    return max(_BAND_PIXELS // (width * k), 1) * k
+
+
+def _means(band: NDArray[np.float32], k: int) -> NDArray[np.float32]:
+    """Of each k x k pixels; what is not finite spoils its own block alone."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return block_means(band, k, lambda values: np.asarray(values, np.float32))
+
+
+def _read_exr(file: Path, notes: list[str], is_colour: bool, most_pixels: int) -> NDArray[np.float32]:
     _check_exr_compression(file)
     header = _open_exr(file, header_only=True).header
     _check_exr_header(file, header)
-    channels = _open_exr(file, header_only=False).channels
-    planes = [channels[name].pixels for name in "RGB"]
-    kinds = [plane.dtype.name for plane in planes]  # known only now: the library's header does not tell
-    if len(set(kinds)) > 1 or kinds[0] not in ("float16", "float32"):
-        raise LoadError(file, "types of channels R, G, B", ", ".join(kinds), "all half or all float")
-    image = _displayed(np.stack([plane.astype(np.float32) for plane in planes], axis=2), header, notes)
+    (left, top), (right, bottom) = _window(header, "dataWindow")
+    if (right - left + 1) * (bottom - top + 1) <= MAX_PIXELS:
+        channels = _open_exr(file, header_only=False).channels
+        planes = [channels[name].pixels for name in "RGB"]
+        kinds = [plane.dtype.name for plane in planes]  # known only now: the library's header does not tell
+        if len(set(kinds)) > 1 or kinds[0] not in ("float16", "float32"):
+            raise LoadError(file, "types of channels R, G, B", ", ".join(kinds), "all half or all float")
+        data = np.stack([plane.astype(np.float32) for plane in planes], axis=2)
+        image = _displayed(lambda first, last: data[first - top : last + 1 - top], header, most_pixels, notes)
+    else:
+        with _exr_rows(file, header) as read_rows:
+            image = _displayed(read_rows, header, most_pixels, notes)
     said = header.get("chromaticities")
     if said is None or not is_colour:
         return image
@@ -102,20 +137,61 @@ def _read_exr(file: Path, notes: list[str], is_colour: bool) -> NDArray[np.float
     return _in_rec709(image, [float(each) for each in said], notes)
 
 
-def _displayed(data: NDArray[np.float32], header: dict[str, Any], notes: list[str]) -> NDArray[np.float32]:
+@contextmanager
+def _exr_rows(file: Path, header: dict[str, Any]) -> Iterator[ReadRows]:
+    """What reads rows of an OpenEXR image, by the library's older interface: the other reads all of it."""
+    import OpenEXR
+
+    (left, _), (right, _) = _window(header, "dataWindow")
+    kinds: dict[str, type[np.floating]] = {"HALF": np.float16, "FLOAT": np.float32}
+
+    def read_rows(first: int, last: int) -> NDArray[np.float32]:
+        with silenced_library():
+            planes = opened.channels("RGB", named["R"], first, last)
+        shape = last - first + 1, right - left + 1
+        return np.stack([np.frombuffer(p, kinds[str(named["R"])]).reshape(shape).astype(np.float32) for p in planes], 2)
+
+    try:
+        with _for_library(file) as source:
+            with silenced_library():
+                opened = OpenEXR.InputFile(source)
+            described = opened.header()["channels"]
+            named = {name: described[name].type for name in "RGB"}
+            found = [str(named[name]) for name in "RGB"]
+            if len(set(found)) > 1 or found[0] not in kinds:
+                raise LoadError(file, "types of channels R, G, B", ", ".join(found).lower(), "all half or all float")
+            yield read_rows
+    except LoadError:
+        raise
+    except Exception as error:  # the library raises OSError, RuntimeError, ValueError, TypeError and its own
+        expected = "a whole OpenEXR image, not cut off or damaged"
+        raise LoadError(file, "OpenEXR pixels", str(error), expected) from None
+
+
+def _displayed(read_rows: ReadRows, header: dict[str, Any], most_pixels: int, notes: list[str]) -> NDArray[np.float32]:
     """The display window of an image whose file has the data window: more is cut away, what is missing is black."""
     (x0, y0), (x1, y1) = _window(header, "displayWindow")
     (left, top), (right, bottom) = _window(header, "dataWindow")
-    if (x0, y0, x1, y1) == (left, top, right, bottom):
-        return data
-    image = np.zeros((y1 - y0 + 1, x1 - x0 + 1, 3), np.float32)
-    rows, columns = slice(max(y0, top), min(y1, bottom) + 1), slice(max(x0, left), min(x1, right) + 1)
-    inside = data[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left]
-    image[rows.start - y0 : rows.stop - y0, columns.start - x0 : columns.stop - x0] = inside
-    sizes = f"{right - left + 1} x {bottom - top + 1} pixels of data from ({left - x0}, {top - y0}) on"
-    notes.append(
-        f"{sizes} in a picture of {image.shape[1]} x {image.shape[0]}: what is outside is cut off, the rest black"
-    )
+    width, height = x1 - x0 + 1, y1 - y0 + 1
+    if (x0, y0, x1, y1) != (left, top, right, bottom):
+        sizes = f"{right - left + 1} x {bottom - top + 1} pixels of data from ({left - x0}, {top - y0}) on"
+        notes.append(f"{sizes} in a picture of {width} x {height}: what is outside is cut off, the rest black")
+    k = _reduction(width, height, most_pixels, notes)
+    n_rows = _rows_of_band(max(width, right - left + 1), k)
+    image = np.zeros((-(-height // k), -(-width // k), 3), np.float32)
+    columns = slice(max(x0, left), min(x1, right) + 1)
+    for start in range(y0, y1 + 1, n_rows):
+        end = min(start + n_rows, y1 + 1)
+        first, last = max(start, top), min(end - 1, bottom)
+        if first > last:
+            continue
+        inside = read_rows(first, last)[:, columns.start - left : columns.stop - left]
+        band = inside
+        if inside.shape[:2] != (end - start, width):
+            band = np.zeros((end - start, width, 3), np.float32)
+            band[first - start : last + 1 - start, columns.start - x0 : columns.stop - x0] = inside
+        means = _means(band, k)
+        image[(start - y0) // k : (start - y0) // k + len(means)] = means
     return image
 
 
@@ -232,7 +308,7 @@ def _check_exr_header(file: Path, header: dict[str, Any]) -> None:
         raise LoadError(file, "channel sampling", sorted(sampling), "1 x 1")
 
 
-def _read_hdr(file: Path, notes: list[str]) -> NDArray[np.float32]:
+def _read_hdr(file: Path, notes: list[str], most_pixels: int) -> NDArray[np.float32]:
     """Radiance RGBE: (r, g, b) 2^(e - 136), 0 where e = 0 [Ward91]; flat, old and new run-length scanlines.
 
     As Radiance defines it, numbers are divided by all EXPOSURE and COLORCORR of the header, XYZ becomes RGB, and the
@@ -244,21 +320,32 @@ def _read_hdr(file: Path, notes: list[str]) -> NDArray[np.float32]:
     with open(file, "rb") as opened:
         header, size, position = _parse_hdr_header(file, opened.read(65_536))
     first, second = size
-    _check_size(file, *((second.n, first.n) if first.axis == b"Y" else (first.n, second.n)))
+    width, height = (second.n, first.n) if first.axis == b"Y" else (first.n, second.n)
+    _check_size(file, width, height)
     data = np.fromfile(file, np.uint8)
-    pixels = np.zeros((first.n, second.n, 4), np.uint8)
-    status, row, byte = decode_rgbe(data, position, pixels)
-    if status != 0:
-        found = {
-            1: f"file ends at byte {len(data)}",
-            2: f"a run at byte {byte} leaves its scanline",
-            3: f"another width at byte {byte}",
-            4: f"a repeat at byte {byte} with nothing to repeat",
-        }[status]
-        raise LoadError(file, f"scanline {row} of {first.n}", found, f"{second.n} pixels")
+    k = _reduction(width, height, most_pixels, notes)
+    n_rows = min(_rows_of_band(second.n, k), first.n)
     scale = np.exp2(np.arange(256, dtype=np.float32) - np.float32(136.0))
     scale[0] = 0.0
-    image = pixels[..., :3].astype(np.float32) * scale[pixels[..., 3:]]
+    image = np.empty((-(-first.n // k), -(-second.n // k), 3), np.float32)
+    quads = np.zeros(
+        (n_rows + 1, second.n, 4), np.uint8
+    )  # below the row before, of which a scanline may repeat a pixel
+    for start in range(0, first.n, n_rows):
+        n, before = min(n_rows, first.n - start), int(start > 0)
+        status, row, position = decode_rgbe(data, position, before, quads[: n + before])
+        if status != 0:
+            found = {
+                1: f"file ends at byte {len(data)}",
+                2: f"a run at byte {position} leaves its scanline",
+                3: f"another width at byte {position}",
+                4: f"a repeat at byte {position} with nothing to repeat",
+            }[status]
+            raise LoadError(file, f"scanline {start + row - before} of {first.n}", found, f"{second.n} pixels")
+        read = quads[before : n + before]
+        means = _means(read[..., :3].astype(np.float32) * scale[read[..., 3:]], k)
+        image[start // k : start // k + len(means)] = means
+        quads[0] = read[-1]
     return _as_its_header_says(_upright(image, first, second), header, notes)
 
 

@@ -1,13 +1,38 @@
-"""Averaging lat-long images over solid angle, to any size, without losing light."""
+"""Averaging lat-long images over solid angle, to any size, without losing light; and images by halves, as they are
+read."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 _CHUNK = 64
+
+
+def reduction(width: int, height: int, most_pixels: int) -> int:
+    """By how much the sides of an image are divided: the least power of two that leaves at most so many pixels."""
+    k = 1
+    while -(-width // k) * -(-height // k) > most_pixels:
+        k *= 2
+    return k
+
+
+def block_means(
+    values: NDArray[np.generic], k: int, decode: Callable[[NDArray[np.generic]], NDArray[np.float32]]
+) -> NDArray[np.float32]:
+    """Of each k x k of the numbers (H, W, C) that `decode` makes of values the mean; beyond the edges the last row and
+    column count."""
+    if k == 1:
+        return decode(values)
+    whole = np.pad(values, (*((0, -values.shape[axis] % k) for axis in (0, 1)), (0, 0)), mode="edge")
+    each = (decode(whole[i::k, j::k]) for i in range(k) for j in range(k))
+    total = next(each)
+    for more in each:
+        total = total + more
+    return total * np.float32(1.0 / k**2)
 
 
 def area_average(image: NDArray[np.float32], height: int, width: int) -> NDArray[np.float32]:

@@ -3,8 +3,9 @@
 Told by content, not by name. The header is read, and the size it claims judged, before a pixel is decoded: a file of
 600 kB can hold a square of 13,000. An image of more than `MAX_PIXELS` is shown at a half or a quarter of its size,
 texels the means of what they cover, in linear numbers: a JPEG is not even decoded beyond that size, others are
-converted a band at a time. Numbers leave linear: 8-bit images are decoded by sRGB (IEC 61966-2-1) unless told
-otherwise, 16-bit and OpenEXR images are linear unless told otherwise.
+converted a band at a time, very large OpenEXR images read so (`engine.light.image_files`). Numbers leave linear: 8-bit
+images are decoded by sRGB (IEC 61966-2-1) unless told otherwise, 16-bit and OpenEXR images are linear unless told
+otherwise.
 """
 
 from __future__ import annotations
@@ -21,10 +22,12 @@ from numpy.typing import NDArray
 
 from engine.colour import decode_srgb
 from engine.errors import LoadError
+from engine.light import resampling
 from engine.light.image_files import read_radiance_image
+from engine.light.resampling import block_means
 from engine.material.maps import Space
 
-MAX_IMAGE_BYTES = 256 * 2**20
+MAX_IMAGE_BYTES = 1 << 30
 MAX_SIDE = 16_384
 # What an image costs goes by its pixels, not by its file: so many take about 1 s of processor time and 200 MB, also
 # where they are blank and come in 60 kB. A camera's pictures have as many; of more than that only means are kept.
@@ -69,11 +72,8 @@ def grey_shares(values: Values) -> Image:
 
 
 def reduction(width: int, height: int) -> int:
-    """By how much the sides of an image are divided: the least power of two that leaves at most `MAX_PIXELS`."""
-    k = 1
-    while -(-width // k) * -(-height // k) > MAX_PIXELS:
-        k *= 2
-    return k
+    """By how much the sides of an image are divided, so that at most `MAX_PIXELS` are left."""
+    return resampling.reduction(width, height, MAX_PIXELS)
 
 
 def image_size(data: bytes, file: Path | str) -> tuple[int, int] | None:
@@ -133,19 +133,8 @@ def _bands(picture: Any, rows: int) -> Iterator[Values]:
 
 
 def _means(bands: Iterable[Values], decode: Callable[[Values], Image], k: int) -> Image:
-    """Decoded numbers, of each k x k of them the mean; beyond the edges the last row and column count."""
-    found = []
-    for values in bands:
-        if k == 1:
-            found.append(decode(values))
-            continue
-        beyond = [(0, -values.shape[axis] % k) for axis in (0, 1)]
-        whole = np.pad(values, (*beyond, (0, 0)), mode="edge")
-        each = (decode(whole[i::k, j::k]) for i in range(k) for j in range(k))
-        total = next(each)
-        for more in each:
-            total = total + more
-        found.append(total * np.float32(1.0 / k**2))
+    """Decoded numbers, of each k x k of them the mean."""
+    found = [block_means(values, k, decode) for values in bands]
     return np.ascontiguousarray(found[0] if len(found) == 1 else np.concatenate(found), np.float32)
 
 
@@ -187,7 +176,7 @@ def _read_exr(data: bytes, file: Path | str, tell: Tell, is_colour: bool) -> Ima
         copy.flush()
         try:
             notes: list[str] = []
-            pixels = read_radiance_image(Path(copy.name), notes, is_colour)
+            pixels = read_radiance_image(Path(copy.name), notes, is_colour, MAX_PIXELS)
         except LoadError as error:
             raise LoadError(file, error.what, error.value, error.expected) from None
     _check_size(pixels.shape[1], pixels.shape[0], file)
