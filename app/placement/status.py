@@ -78,11 +78,13 @@ def error_note(curve_error: float | None, noise: float | None) -> str:
     return "\n".join(lines)
 
 
-def light_note(talk: TransportTalk) -> str:
-    """What light the picture shows, in words."""
+def light_note(talk: TransportTalk, shown: float) -> str:
+    """What light the picture shows, in words; shown: its rotation in degrees."""
     if talk.asked_rotation is None:
         return ""
     asked = f"{talk.asked_rotation:.1f}°"
+    if shown != talk.asked_rotation and talk.running and not talk.drag_quality:
+        return f"shown for {shown:.1f}° until {asked} is as good"
     if talk.drag_quality:
         return f"quick picture for {asked}, final on release"
     if not talk.light_is_current:

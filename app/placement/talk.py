@@ -338,7 +338,9 @@ class PlacementTalk(ModeTalk):
             "error_colours": None if estimate is None else self._error.colours_of(self._document),
             "precomputed_mb": self._transport_bytes / 1e6,
             "gpu_mb": report.gpu_mb,
-            "light_note": light_note(talk) if self._changeover.has_picture else "",
+            "light_note": light_note(talk, self._changeover.drawn.light.rotation)
+            if self._changeover.has_picture
+            else "",
             "material_note": material_note(talk) if self._changeover.has_picture else "",
             "emitter_note": emitter_note(talk) if self._changeover.has_picture else "",
             "missing_note": missing or "Wavelet coefficients, or light of further bounces, are still being added.",

@@ -15,6 +15,7 @@ from app.editor import Editor
 from app.messages import Progress
 from app.placement.indirect_talk import IndirectTalk
 from app.view_state import SetView
+from engine.material.layer import Layer
 from tests.ui.conftest import opened
 from tests.ui.stand_in import StandInClient
 from ui import layout
@@ -339,3 +340,28 @@ def test_no_words_are_cut_off_in_a_column_of_225_pixels(
             cut.clear()  # until then panels find out whether they have a scroll bar
             window.frames(1)
             assert not cut, panel
+
+
+def row_of(window: HeadlessWindow, key: str) -> tuple[np.ndarray, int]:
+    """A row of the list of objects, (H, W) grey, and the column in which its icons begin."""
+    x, y = window.shell.handle_position(f"button.visible.{key}")
+    window.shell.io  # noqa: B018  makes this window's imgui context current
+    half = round(0.5 * imgui.get_frame_height())
+    return window.pixels()[round(y) - half : round(y) + half, :, :3].mean(axis=-1), round(x) - half
+
+
+def test_icons_of_the_selected_row_are_to_be_seen(window: HeadlessWindow) -> None:
+    window.move(700.0, 300.0)
+    window.frames(2)
+    row, icons = row_of(window, "teapot.1")
+    seen = row[4:-4, icons : icons + 18]
+    assert np.ptp(seen) > 35.0  # of 255; it was 22, and the eye was lost on the row's grey
+
+
+def test_a_name_that_is_too_long_ends_before_the_icons(window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Layer, "title", "H" * 60)  # bars all the way: where it is cut off there is ink
+    window.move(700.0, 300.0)
+    window.frames(2)
+    row, icons = row_of(window, "teapot.1")
+    middle = row[len(row) // 2 - 5 : len(row) // 2 + 2]  # above the dots, which stand on the line
+    assert np.ptp(middle[:, icons - 60 : icons - 20]) > 100.0 and np.ptp(middle[:, icons - 5 : icons]) < 10.0

@@ -41,7 +41,7 @@ def _object(context: PanelContext, state: ObjectState) -> list[Action]:
     storage = imgui.get_state_storage()
     is_open = storage.get_bool(open_id, chosen or state.editable)
     has_rows = len(state.layers) > 1
-    corner, width, inside = _ground(context, chosen and not has_rows, hovered)
+    corner, width, quiet = _ground(context, chosen and not has_rows, hovered)
     if has_rows:
         if _arrow(context, is_open):
             storage.set_bool(open_id, not is_open)
@@ -51,7 +51,7 @@ def _object(context: PanelContext, state: ObjectState) -> list[Action]:
     what = "the colour and strength of its light" if state.is_lamp else "its curves and parameters"
     actions += _name(context, state.name, state.name, what, _object_icon(state), corner, width, not state.visible)
     actions += _drop(context, state) + _object_menu(context, state)
-    actions += _object_buttons(context, state, inside)
+    actions += _object_buttons(context, state, quiet)
     if is_open and has_rows:
         for index, layer in enumerate(state.layers):
             actions += _layer(context, state, index, layer)
@@ -79,8 +79,8 @@ def _arrow(context: PanelContext, is_open: bool) -> bool:
     return pressed
 
 
-def _ground(context: PanelContext, chosen: bool, hovered: bool) -> tuple[ImVec2, float, bool]:
-    """Row background; (corner, width, whether the mouse is on the row)."""
+def _ground(context: PanelContext, chosen: bool, hovered: bool) -> tuple[ImVec2, float, look.Colour]:
+    """Row background; (corner, width, the colour of icons in their normal state on it)."""
     corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     end = ImVec2(corner.x + width, corner.y + imgui.get_frame_height())
     inside = imgui.is_mouse_hovering_rect(corner, end) and imgui.is_window_hovered(
@@ -92,7 +92,7 @@ def _ground(context: PanelContext, chosen: bool, hovered: bool) -> tuple[ImVec2,
     if chosen:
         bar = ImVec2(corner.x + context.px(2), end.y - context.px(4))
         draw.add_rect_filled(ImVec2(corner.x, corner.y + context.px(4)), bar, look.pack(look.ACCENT))
-    return corner, width, inside
+    return corner, width, look.TEXT_SOFT if inside else look.grey(108 if chosen else 84)
 
 
 def _name(
@@ -108,27 +108,29 @@ def _name(
     ink = look.TEXT_FAINT if faint else look.TEXT
     draw = imgui.get_window_draw_list()
     y = place.y + imgui.get_style().frame_padding.y
+    after_text = context.px(7) + imgui.calc_text_size(icon).x if icon else 0.0
+    shown = widgets.shortened(text, room - after_text)
     draw.push_clip_rect(place, ImVec2(place.x + room, place.y + height), True)
-    draw.add_text(ImVec2(place.x, y), look.pack(ink), text)
+    draw.add_text(ImVec2(place.x, y), look.pack(ink), shown)
     if icon:
-        after = place.x + imgui.calc_text_size(text).x + context.px(7)
+        after = place.x + imgui.calc_text_size(shown).x + context.px(7)
         draw.add_text(ImVec2(after, y), look.pack(look.TEXT_SOFT), icon)
     draw.pop_clip_rect()
     return [Select(path)] if pressed else []
 
 
-def _object_buttons(context: PanelContext, state: ObjectState, inside: bool) -> list[Action]:
+def _object_buttons(context: PanelContext, state: ObjectState, quiet: look.Colour) -> list[Action]:
     actions: list[Action] = []
-    if _toggle(context, f"visible.{state.name}", Icon.VISIBLE, Icon.HIDDEN, state.visible, inside,
+    if _toggle(context, f"visible.{state.name}", Icon.VISIBLE, Icon.HIDDEN, state.visible, quiet,
                "Show or hide this object's reflection in the picture; its shadow stays."):  # fmt: skip
         actions.append(SetVisible(state.name, not state.visible))
-    if _toggle(context, f"frozen.{state.name}", Icon.FROZEN, Icon.FROZEN, not state.frozen, inside,
+    if _toggle(context, f"frozen.{state.name}", Icon.FROZEN, Icon.FROZEN, not state.frozen, quiet,
                "Freeze: keeps this object's material as it is, safe from edits. "
                "Indirect light then keeps nothing ready for it."):  # fmt: skip
         actions.append(SetFrozen(state.name, not state.frozen))
     hint = "Editable or fixed: a fixed object keeps its material, and no bands of transport for it."
     if not state.is_lamp and _toggle(
-        context, f"editable.{state.name}", Icon.EDITABLE, Icon.LOCKED, state.editable, inside, hint
+        context, f"editable.{state.name}", Icon.EDITABLE, Icon.LOCKED, state.editable, quiet, hint
     ):
         actions.append(SetEditable(state.name, not state.editable))
     return actions
@@ -140,7 +142,7 @@ def _layer(context: PanelContext, state: ObjectState, index: int, layer: Layer) 
     selected = context.view.selected
     chosen = selected is not None and selected.key == path
     imgui.push_id(index)
-    corner, width, inside = _ground(context, chosen, False)
+    corner, width, quiet = _ground(context, chosen, False)
     imgui.dummy(ImVec2(context.px(32), imgui.get_frame_height()))
     imgui.same_line()
     edited = Icon.CHANGED if layer.edits else ""
@@ -149,15 +151,15 @@ def _layer(context: PanelContext, state: ObjectState, index: int, layer: Layer) 
     actions += _drop(context, state) + _layer_menu(context, state, path, layer)
     if edited:
         _edited_mark(context, corner, width)
-    if _toggle(context, f"visible.{path}", Icon.VISIBLE, Icon.HIDDEN, layer.visible, inside,
+    if _toggle(context, f"visible.{path}", Icon.VISIBLE, Icon.HIDDEN, layer.visible, quiet,
                "Show or hide this layer in the picture."):  # fmt: skip
         actions.append(SetVisible(path, not layer.visible))
-    if _toggle(context, f"frozen.{path}", Icon.FROZEN, Icon.FROZEN, not layer.frozen, inside,
+    if _toggle(context, f"frozen.{path}", Icon.FROZEN, Icon.FROZEN, not layer.frozen, quiet,
                "Freeze: keeps this layer as it is, safe from edits. "
                "Indirect light then keeps nothing ready for it."):  # fmt: skip
         actions.append(SetFrozen(path, not layer.frozen))
     if not layer.rises and _toggle(
-        context, f"solo.{path}", Icon.SOLO, Icon.SOLO, alone(context.document, context.view) != path, inside,
+        context, f"solo.{path}", Icon.SOLO, Icon.SOLO, alone(context.document, context.view) != path, quiet,
         "Solo: see this layer without the others of its object; again: all of them. Not an edit. (S)",
     ):  # fmt: skip
         actions.append(toggled(context.view, path))
@@ -222,7 +224,7 @@ def _edited_mark(context: PanelContext, corner: ImVec2, width: float) -> None:
 
 
 def _toggle(
-    context: PanelContext, name: str, on_icon: str, off_icon: str, normal: bool, inside: bool, hint: str
+    context: PanelContext, name: str, on_icon: str, off_icon: str, normal: bool, quiet: look.Colour, hint: str
 ) -> bool:
     """An icon that is quiet in its normal state (faint until the row is hovered) and plain otherwise."""
     imgui.same_line()
@@ -232,9 +234,7 @@ def _toggle(
     context.handles.note_item(f"button.{name}")
     hovered = imgui.is_item_hovered()
     widgets.tooltip(hint)
-    ink = look.TEXT if hovered else look.TEXT_SOFT if (inside and normal) else look.ACCENT
-    if normal and not inside and not hovered:
-        ink = look.grey(84)
+    ink = look.TEXT if hovered else quiet if normal else look.ACCENT
     icon = on_icon if normal else off_icon
     imgui.push_font(None, look.SMALL_SIZE)
     extent = imgui.calc_text_size(icon)

@@ -38,6 +38,21 @@ def test_turning_asks_for_quick_pictures_one_at_a_time(settled: Editor, client: 
     assert settled.status.picture == "exact" and settled.status.light_note == ""
 
 
+def test_while_the_picture_waits_for_the_light_it_is_said_what_it_is_lit_by(
+    settled: Editor, client: FakeClient
+) -> None:
+    settled.do(SetRotation(90.0))
+    settled.tick(2.0)
+    settled.tick(2.3)
+    assert computed(client)[-1].scene.light.rotation == 90.0
+    client.finish_stage("coarse", exact=False)  # not as good as what is on screen
+    settled.tick(2.4)
+    assert settled.status.light_note == "shown for 30.0° until 90.0° is as good"
+    client.finish_stage("preview", exact=False)
+    settled.tick(2.5)
+    assert settled.status.light_note == "being refined for 90.0°"
+
+
 def test_where_no_environment_lights_the_scene_nothing_is_said_of_its_rotation(client: FakeClient) -> None:
     editor = Editor(client, "shelf")
     client.open_scene({name: value for name, value in SCENE.items() if name != "environment"})
