@@ -23,6 +23,7 @@ if ! .venv/bin/python -m pip --version >/dev/null 2>&1; then
 fi
 .venv/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]' --constraint constraints.txt </dev/null
 
-# What the first picture needs is compiled while nobody waits for it yet; else the first start would have to.
+# What pictures need is compiled while nobody waits for it yet, and kept in .venv as well: else the first start, or that
+# of another user, would have to.
 echo "setup: compiling in the background what a first picture needs, half a minute; the editor can be started meanwhile"
 nohup .venv/bin/python -P -m app.jobs.kernels </dev/null >/dev/null 2>&1 &

@@ -1,8 +1,8 @@
 """Which work of ours has the processors first: what a person waits for as others have them, all else after that.
 
-    window; worker; the compiling of what the first picture needs       as any process
-    a worker's thread for what nobody waits for (`Request.waited_for`)  behind
-    the compiling of what is wanted later                               behind all
+    window; worker; the compiling of what first pictures need, direct and indirect light  as any process
+    a worker's thread for what nobody waits for (`Request.waited_for`)                    behind
+    the compiling of what is wanted later                                                 behind all
 
 A process that has stepped back cannot step forward again, but on Linux each thread stands for itself: the worker's
 first thread never steps back, and lets another take the steps of what nobody waits for. One of both works at a time.
@@ -26,7 +26,7 @@ from app.machine.system import HAS_THREAD_PRIORITIES, let_wake_before_us, step_b
 
 Result = TypeVar("Result")
 NICENESS = 10
-_LAST = 19
+LAST = 19
 _OOM_SCORE = "800"  # the system, short of memory, ends us before the window
 
 
@@ -35,7 +35,7 @@ def step_back(last: bool = False) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     let_wake_before_us()
     if last:
-        step_back_by(_LAST)
+        step_back_by(LAST)
     with contextlib.suppress(OSError), open("/proc/self/oom_score_adj", "w", encoding="ascii") as file:
         file.write(_OOM_SCORE)
 
@@ -51,12 +51,13 @@ class Background:
         if not HAS_THREAD_PRIORITIES:
             return step()
         if self._thread is None:
-            self._thread = ThreadPoolExecutor(1, "background", initializer=_begin)
+            self._thread = ThreadPoolExecutor(1, "background", initializer=step_behind)
         return self._thread.submit(step).result()
 
 
-def _begin() -> None:
+def step_behind(niceness: int = NICENESS) -> None:
+    """Have this thread, and those that it shares its work with from now on, leave the processors to others."""
     from engine.threads import keep_apart  # late: it brings NumPy
 
-    step_back_by(NICENESS)
+    step_back_by(niceness)
     keep_apart()

@@ -6,10 +6,11 @@
       then another:    compiles what is wanted later (`app.jobs.rehearsal`)
 
 Numba compiles under one lock and mostly in Python, so that threads would take turns; processes share what they have
-compiled through the folder of `app.machine.kernel_cache`. A file in it, left when all was ready, says that no other
-process is needed; others say so of each of `LATER`. Who wants one of those meanwhile waits in steps
-(`Kernels.until_ready`), so that other requests are answered. Whatever goes wrong here costs time alone: a kernel that
-is not ready is compiled when it is called.
+compiled through the folder of `app.machine.kernel_cache`, which begins with what the installation has
+(`app.machine.installed_kernels`). A file in it, left when all was ready, says that no other process is needed; others
+say so of each of `LATER`. Who wants one of those meanwhile waits in steps (`Kernels.until_ready`), so that other
+requests are answered. Whatever goes wrong here costs time alone: a kernel that is not ready is compiled when it is
+called.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from app.jobs.background import step_back
+from app.jobs.background import LAST, step_back, step_behind
+from app.machine.installed_kernels import keep_installed, take_installed
 from app.machine.kernel_cache import NUMBA_VARIABLE, kernel_digest, kernel_folders, use_kernel_cache
 from app.machine.system import end_with_parent
 
@@ -61,6 +63,8 @@ class Kernels:
     def __init__(self) -> None:
         """Start the other processes where there is something for them to do."""
         self._ready = threading.Event()
+        if not are_compiled():
+            take_installed()
         self.first_time = not are_compiled()
         started = [_start_compiler(part) for part in PARTS] if self.first_time else []
         self._compilers = [compiler for compiler in started if compiler is not None]
@@ -208,18 +212,21 @@ def _rehearse_later() -> None:
 
         for what in rehearse_later():
             note_compiled(what)
+            if what == INDIRECT:
+                step_behind(LAST)  # up to here a person may wait, for light between surfaces
 
 
 def main() -> None:
-    """Another process: compile one part for the process of a number and end; without either all, as `make setup` does
-    while nobody waits."""
-    step_back(last=len(sys.argv) == 1 or sys.argv[1] == LATER_PART)
+    """Another process: compile one part for the process of a number and end; without either all, and keep it with the
+    installation, as `make setup` does while nobody waits."""
+    step_back(last=len(sys.argv) == 1)
     use_kernel_cache()
     if len(sys.argv) == 1:
         compile_all()
+        keep_installed()
         return
     end_with_parent(int(sys.argv[2]))
-    gc.set_threshold(GC_THRESHOLD)
+    gc.set_threshold(GC_THRESHOLD if sys.argv[1] == LATER_PART else 0)  # the parts end before it would be worth while
     load_compiler()
     with alone(sys.argv[1]):
         rehearse(sys.argv[1])

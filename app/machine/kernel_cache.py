@@ -51,10 +51,15 @@ def use_kernel_cache() -> None:
     """Tell numba where to keep compiled kernels; call it before the engine is imported. A set variable is kept."""
     os.environ["NUMBA_CACHE_LOCATOR_CLASSES"] = "app.machine.kernel_files.KernelFiles"
     if NUMBA_VARIABLE not in os.environ:
-        base = Path(platformdirs.user_cache_dir("insitu", appauthor=False))
+        folder = default_folder()
         with contextlib.suppress(OSError):
-            make_private_folder(base)  # what is read from it is run
-        os.environ[NUMBA_VARIABLE] = str(base / "kernels")
+            make_private_folder(folder.parent)  # what is read from it is run
+        os.environ[NUMBA_VARIABLE] = str(folder)
+
+
+def default_folder() -> Path:
+    """Where a user's compiled kernels are kept, unless the variable names another folder."""
+    return Path(platformdirs.user_cache_dir("insitu", appauthor=False), "kernels")
 
 
 @functools.cache

@@ -2,7 +2,7 @@
 
 Of itself it ends the program where a kernel cannot be kept (a full disk) or a file of an earlier one is damaged (a
 power cut), and where no folder can be written it declines to compile. Named by an environment variable, so that it is
-read with numba, in every process, and never before.
+read with the first kernel, in every process, and never before.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from numba.core import caching
+from numba.core import caching, compiler
 
 from app.machine.kernel_cache import NUMBA_VARIABLE, kernel_folder
 
@@ -50,3 +50,7 @@ def _whatever_happens(cache: caching.Cache) -> Iterator[None]:
 
 # Numba's own place for this, which it leaves empty outside of Windows.
 caching.Cache._guard_against_spurious_io_errors = _whatever_happens  # type: ignore[method-assign, assignment]
+
+# Kernels are called from Python and by one another. A wrapper for calls from C besides would be made of each, and only
+# `cfunc`, which asks for it, has a use for it.
+compiler.Flags.options["no_cfunc_wrapper"]._default = True

@@ -247,6 +247,24 @@ def test_what_is_wanted_later_is_compiled_after_the_rest_and_once(compilers: lis
     assert compilers == []
 
 
+def test_a_person_may_wait_for_indirect_light_and_for_nothing_after_it(
+    log: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def behind(niceness: int) -> None:
+        log.append(f"behind by {niceness}, compiled: {[what for what in kernels.LATER if kernels.are_compiled(what)]}")
+
+    monkeypatch.setattr("app.jobs.rehearsal.rehearse_later", lambda: iter(kernels.LATER))
+    monkeypatch.setattr(kernels, "step_behind", behind)
+    monkeypatch.setattr(kernels, "step_back", lambda last: log.append(f"last: {last}"))
+    monkeypatch.setattr(kernels, "rehearse", lambda part: kernels._rehearse_later())
+    monkeypatch.setattr(kernels, "end_with_parent", lambda parent: None)
+    monkeypatch.setattr(kernels.gc, "set_threshold", lambda threshold: None)
+    monkeypatch.setattr(sys, "argv", ["kernels", kernels.LATER_PART, "1"])
+    kernels.main()
+    assert log == ["last: False", f"behind by 19, compiled: {[kernels.PAINTING, kernels.INDIRECT]}"]
+    assert all(map(kernels.are_compiled, kernels.LATER))
+
+
 @pytest.fixture
 def store(tmp_path: Path) -> Store:
     return Store(tmp_path / "cache")

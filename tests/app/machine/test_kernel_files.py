@@ -98,3 +98,22 @@ def folders_now() -> set[str]:
     for read in (kernel_cache.kernel_folders, kernel_cache.with_imported, kernel_cache.read):
         read.cache_clear()
     return set(kernel_folders())
+
+
+def test_no_wrapper_for_calls_from_c_is_compiled_where_nobody_asks_for_one(tmp_path: Path) -> None:
+    program = """
+from app.machine.kernel_cache import use_kernel_cache
+use_kernel_cache()
+from kernel import twice
+from numba import cfunc
+assert twice(21) == 42
+compiled, = twice.overloads.values()
+assert "cfunc." not in compiled.library.get_llvm_str()
+assert cfunc("float64(float64)")(lambda x: twice(x)).ctypes(21.0) == 42.0
+"""
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    path = f"{ROOT}{os.pathsep}{tmp_path}"
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kernels"), "PYTHONPATH": path}
+    environment.pop("NUMBA_DISABLE_JIT", None)
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
