@@ -12,7 +12,7 @@ UNCOMPILED := $(addprefix tests/engine/,curve material texture/test_images.py te
 	deform/test_extremes.py indirect/test_smoothing.py light/test_image_files.py measured/test_cornell.py \
 	sphere/test_harmonics.py sphere/test_symmetry.py transport/test_bandstore.py)
 
-.PHONY: setup run test sweep checked coverage fuzz lint measure clean
+.PHONY: setup run test wheel sweep checked coverage fuzz lint measure clean
 
 setup: $(STAMP)
 
@@ -26,6 +26,12 @@ run: setup
 
 test: setup
 	$(PYTHON) -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder $(ARGS)
+
+# The wheel in dist/, and a try of it in an environment of its own.
+wheel: setup
+	rm -rf dist build
+	$(PYTHON) -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .
+	bash scripts/try-wheel.sh
 
 sweep: setup
 	$(PYTHON) -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m sweep $(ARGS)
@@ -53,4 +59,4 @@ measure: setup
 	$(PYTHON) -m app measure -o out/measure $(ARGS)
 
 clean:
-	rm -rf .venv out build *.egg-info
+	rm -rf .venv out build dist *.egg-info

@@ -1,12 +1,26 @@
-"""What is imported late, or by one process alone, is named "module:name" where it is listed."""
+"""Names of modules, for what is imported late, by one process alone, or run as a program of its own.
+
+In a checkout the packages are `app`, `engine` and `ui`; a wheel installs them inside one package, `insitu`, see
+`setup.py`. Names are written as in the checkout; `qualified` gives what the running program knows them by.
+"""
 
 from __future__ import annotations
 
 import importlib
+from pathlib import Path
 from typing import Any
+
+_OUTER = __name__.removesuffix("app.naming")
+# The folder that the import path must have.
+IMPORT_FOLDER = Path(__file__).resolve().parents[1 + _OUTER.count(".")]
+
+
+def qualified(module: str) -> str:
+    """`app.jobs` of a checkout; `insitu.app.jobs` of an installed wheel."""
+    return _OUTER + module
 
 
 def named(name: str) -> Any:
-    """What "module:name" names."""
+    """The attribute that "module:attribute" names."""
     module, _, attribute = name.partition(":")
-    return getattr(importlib.import_module(module), attribute)
+    return getattr(importlib.import_module(qualified(module)), attribute)

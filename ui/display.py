@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
 import glfw
 
+from app.naming import IMPORT_FOLDER, qualified
 from engine.errors import InsituError
 from ui.gl.context import create_window_context, describe_context
 from ui.window import NoDisplay, open_glfw_window
@@ -20,10 +20,9 @@ PATIENCE_SECONDS = 30.0
 
 def describe_display() -> str:
     """The display's size and the OpenGL of a window on it. Raises NoDisplay with the reason where there is none."""
-    root = Path(__file__).resolve().parents[1]
-    command = [sys.executable, "-m", "ui.display"]
+    command = [sys.executable, "-m", qualified("ui.display")]
     try:
-        done = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=PATIENCE_SECONDS)
+        done = subprocess.run(command, cwd=IMPORT_FOLDER, capture_output=True, text=True, timeout=PATIENCE_SECONDS)
     except subprocess.TimeoutExpired:
         raise NoDisplay(f"no window after {PATIENCE_SECONDS:.0f} s") from None
     if done.returncode == 0:

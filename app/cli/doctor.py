@@ -21,6 +21,7 @@ from app.jobs.cache import cache_folder
 from app.machine.memory import gib, memory_bytes
 from app.machine.paths import state_directory
 from app.machine.system import HAS_ANONYMOUS_FILES, anonymous_file, reserve
+from app.naming import IMPORT_FOLDER, qualified
 from engine.errors import InsituError
 from engine.threads import n_cores
 
@@ -30,7 +31,7 @@ NEEDED_MEMORY = 2 << 30
 NEEDED_DISK = 1 << 30
 NEEDED_SHARED = 256 << 20
 RAY_SECONDS = 60.0
-_RAY_PROGRAM = "from app.cli.doctor import trace_test_ray; trace_test_ray()"
+_RAY_PROGRAM = f"from {qualified('app.cli.doctor')} import trace_test_ray; trace_test_ray()"
 
 
 @dataclass(frozen=True)
@@ -89,10 +90,9 @@ def _display(frontend: Frontend) -> Finding:
 
 def _rays() -> Finding:
     mend = "reinstall embreex for this processor: pip install --force-reinstall embreex"
-    root = Path(__file__).resolve().parents[1]
     try:
         done = subprocess.run(
-            [sys.executable, "-c", _RAY_PROGRAM], cwd=root, capture_output=True, text=True, timeout=RAY_SECONDS
+            [sys.executable, "-c", _RAY_PROGRAM], cwd=IMPORT_FOLDER, capture_output=True, text=True, timeout=RAY_SECONDS
         )
     except subprocess.TimeoutExpired:
         return Finding("Embree", "broken", f"no answer to one ray in {RAY_SECONDS:.0f} s", mend)

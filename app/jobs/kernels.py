@@ -33,6 +33,7 @@ from app.jobs.background import LAST, step_back, step_behind
 from app.machine.installed_kernels import keep_installed, take_installed
 from app.machine.kernel_cache import NUMBA_VARIABLE, kernel_digest, kernel_folders, use_kernel_cache
 from app.machine.system import end_with_parent
+from app.naming import qualified
 
 if TYPE_CHECKING:
     from app.jobs.tasks import Tasks
@@ -182,7 +183,7 @@ def compile_all() -> None:
 
 
 def _start_compiler(part: str) -> subprocess.Popen[bytes] | None:
-    command = [sys.executable, "-P", "-m", "app.jobs.kernels", part, str(os.getpid())]
+    command = [sys.executable, "-P", "-m", qualified("app.jobs.kernels"), part, str(os.getpid())]
     try:
         return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
     except OSError:

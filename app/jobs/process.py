@@ -12,17 +12,16 @@ import socket
 import subprocess
 import sys
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from app.machine.system import start_with_socket
+from app.naming import IMPORT_FOLDER, qualified
 
 if TYPE_CHECKING:
     from app.jobs.shared_arrays import Method
 
 TASKS = "app.jobs.kernels:prepared_tasks"
 HEARTBEAT_SECONDS = 0.25
-_SOURCE = Path(__file__).resolve().parents[2]
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ def start_worker(
     """Start the process, which takes a few milliseconds here; raises OSError when the system refuses."""
     ours, theirs = socket.socketpair()
     with theirs:
-        command = [sys.executable, "-P", "-m", "app.jobs"]
+        command = [sys.executable, "-P", "-m", qualified("app.jobs")]
         command += ["--parent", str(os.getpid()), "--handlers", handlers, "--heartbeat", str(heartbeat)]
         command += ["--method", method] if method else []
         try:
@@ -93,7 +92,7 @@ class WorkerProcess:
 
 def _environment() -> dict[str, str]:
     """Ours, and the places from which this process imports."""
-    places = dict.fromkeys([str(_SOURCE), *(place for place in sys.path if place)])
+    places = dict.fromkeys([str(IMPORT_FOLDER), *(place for place in sys.path if place)])
     return {**os.environ, "PYTHONPATH": os.pathsep.join(places)}
 
 

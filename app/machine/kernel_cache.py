@@ -20,11 +20,14 @@ from pathlib import Path
 import platformdirs
 
 from app.machine.atomic import make_private_folder
+from app.naming import qualified
 
 NUMBA_VARIABLE = "NUMBA_CACHE_DIR"
 _ROOT = Path(__file__).resolve().parents[2]
 _ENGINE = _ROOT / "engine"
-_IMPORT = re.compile(rb"^\s*(?:from\s+(engine[\w.]*)\s+import\s+(\w+)|import\s+(engine[\w.]*))", re.MULTILINE)
+_IMPORT = re.compile(
+    rb"^\s*(?:from\s+(?:insitu\.)?(engine[\w.]*)\s+import\s+(\w+)|import\s+(?:insitu\.)?(engine[\w.]*))", re.MULTILINE
+)
 
 
 def kernel_folder(path: Path) -> str:
@@ -49,7 +52,7 @@ def kernel_digest() -> str:
 
 def use_kernel_cache() -> None:
     """Tell numba where to keep compiled kernels; call it before the engine is imported. A set variable is kept."""
-    os.environ["NUMBA_CACHE_LOCATOR_CLASSES"] = "app.machine.kernel_files.KernelFiles"
+    os.environ["NUMBA_CACHE_LOCATOR_CLASSES"] = qualified("app.machine.kernel_files.KernelFiles")
     if NUMBA_VARIABLE not in os.environ:
         folder = default_folder()
         with contextlib.suppress(OSError):

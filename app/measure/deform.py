@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from app.measure.figures import Figure, NotMeasured, not_measured
 from app.measure.launches import run_program
+from app.naming import qualified
 from engine.deform.fit_errors import MESH, fit_errors, random_vectors, shadowed_mesh
 from engine.deform.live import N_LOBES, ORDER, Deform, band_light_of, finished
 from engine.deform.points import BendingPoints, bending_points
@@ -160,7 +161,7 @@ def _on_graphics_card(effort: DeformEffort) -> Figure:
     name = "deform_fps_gpu"
     with tempfile.TemporaryDirectory(prefix="insitu-measure-") as folder:
         output = Path(folder, "frames.json")
-        command = [sys.executable, "-m", ON_GRAPHICS_CARD, str(output), "--frames", str(effort.n_frames)]
+        command = [sys.executable, "-m", qualified(ON_GRAPHICS_CARD), str(output), "--frames", str(effort.n_frames)]
         try:
             run_program(command, Path(folder), GRAPHICS_CARD_SECONDS)
         except NotMeasured as reason:

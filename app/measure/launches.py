@@ -24,9 +24,9 @@ from typing import Any, Literal
 
 from app.machine.system import kill_group
 from app.measure.figures import NotMeasured
+from app.naming import IMPORT_FOLDER, qualified
 
 Milestone = Literal["first_frame", "scene", "first_layer", "first_picture", "exact"]
-ROOT = Path(__file__).resolve().parents[2]
 RENDERER = "ui.measure_gl"
 INDIRECT = "ui.measure_indirect"
 ORBIT = "ui.measure_orbit"
@@ -56,14 +56,14 @@ class Screen:
 @contextlib.contextmanager
 def open_screen() -> Iterator[Screen]:
     """Xvfb while the block lasts, or what there is in its place."""
-    program = (sys.executable, "-m", "app")
+    program = (sys.executable, "-m", qualified("app"))
     if shutil.which("Xvfb") is not None:
         with _xvfb() as display:
             yield Screen("Xvfb", {"DISPLAY": display}, program)
     elif os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
         yield Screen("the display", {}, program)
     else:
-        yield Screen("a framebuffer without display", {}, (sys.executable, "-m", RENDERER, "--start"))
+        yield Screen("a framebuffer without display", {}, (sys.executable, "-m", qualified(RENDERER), "--start"))
 
 
 @contextlib.contextmanager
@@ -137,7 +137,7 @@ def _program(command: Sequence[str], environment: Mapping[str, str], folder: Pat
     """A program that runs while the block lasts at most, in a group of its own; its words go to a file in `folder`."""
     with open(folder / WORDS, "wb") as words:
         process = subprocess.Popen(
-            command, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL, stderr=words, start_new_session=True
+            command, cwd=IMPORT_FOLDER, env=environment, stdout=subprocess.DEVNULL, stderr=words, start_new_session=True
         )
         try:
             yield process
@@ -174,7 +174,7 @@ def measure_renderer(
     """
     output = folder / "renderer.json"
     options = ["--lights", str(n_lights), "--repetitions", str(repetitions), *_resolution(resolution)]
-    run_program([sys.executable, "-m", RENDERER, source, str(output), *options], folder, timeout_s)
+    run_program([sys.executable, "-m", qualified(RENDERER), source, str(output), *options], folder, timeout_s)
     found: dict[str, Any] = json.loads(output.read_text())
     return found
 
@@ -188,14 +188,14 @@ def measure_indirect(
     """
     output = folder / "indirect.json"
     options = ["--repetitions", str(repetitions), "--rounds", str(rounds), *_resolution(resolution)]
-    run_program([sys.executable, "-m", INDIRECT, source, str(output), *options], folder, timeout_s)
+    run_program([sys.executable, "-m", qualified(INDIRECT), source, str(output), *options], folder, timeout_s)
     return json.loads(output.read_text()), output.with_suffix(".npz")
 
 
 def measure_orbit(source: str, options: Sequence[str], folder: Path, timeout_s: float) -> dict[str, Any]:
     """What `python -m ui.measure_orbit` finds. Raises NotMeasured with its words, as where OpenGL is software."""
     output = folder / "orbit.json"
-    run_program([sys.executable, "-m", ORBIT, source, str(output), *options], folder, timeout_s)
+    run_program([sys.executable, "-m", qualified(ORBIT), source, str(output), *options], folder, timeout_s)
     found: dict[str, Any] = json.loads(output.read_text())
     return found
 

@@ -26,6 +26,7 @@ from app.cli.planning import plan_project
 from app.jobs.cache import CACHE_VARIABLE, Store
 from app.machine.atomic import save_file
 from app.measure.accuracy import REFERENCES, reference_folder
+from app.naming import qualified
 from app.project import ProjectWords, open_project
 from engine.errors import InsituError
 from engine.plan import Plan
@@ -134,7 +135,7 @@ def carried_out(words: ProjectWords, n_lights: int | None = None) -> Carried:
 
     with tempfile.TemporaryDirectory(prefix="insitu-measure-") as folder:
         environment = os.environ | {CACHE_VARIABLE: folder}
-        command = [sys.executable, "-m", "app.measure.planning", json.dumps([asdict(words), n_lights])]
+        command = [sys.executable, "-m", qualified("app.measure.planning"), json.dumps([asdict(words), n_lights])]
         with psutil.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
         ) as process:

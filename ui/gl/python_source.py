@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from app.naming import qualified
+
 Number = float | int | bool
 
 
@@ -78,7 +80,7 @@ class PythonSource:
 def _imported(module: str) -> Any:
     """A module of plain numbers, or nothing where there is none of that name."""
     try:
-        return importlib.import_module(module) if module.startswith("engine.") else None
+        return importlib.import_module(module) if module.startswith(qualified("engine.")) else None
     except ImportError:
         return None
 
