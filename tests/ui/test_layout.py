@@ -365,3 +365,20 @@ def test_a_name_that_is_too_long_ends_before_the_icons(window: HeadlessWindow, m
     row, icons = row_of(window, "teapot.1")
     middle = row[len(row) // 2 - 5 : len(row) // 2 + 2]  # above the dots, which stand on the line
     assert np.ptp(middle[:, icons - 60 : icons - 20]) > 100.0 and np.ptp(middle[:, icons - 5 : icons]) < 10.0
+
+
+def test_the_heading_of_a_material_ends_within_its_panel(
+    window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Layer, "title", "H" * 60)
+    window.move(700.0, 300.0)
+    window.frames(3)
+    _, top, right, _ = rectangles(window)["material"]
+    window.shell.io  # noqa: B018  makes this window's imgui context current
+    panel = imgui.internal.find_window_by_name(
+        layout.PANELS[[each.key for each in layout.PANELS].index("material")].window
+    )
+    line = panel.inner_rect.min.y + panel.window_padding.y
+    heading = window.pixels()[round(line + 3) : round(line + 9), :, :3].mean(axis=-1)
+    assert np.ptp(heading[:, round(right) - 90 : round(right) - 40]) > 40.0
+    assert np.ptp(heading[:, round(panel.work_rect.max.x) - 4 : round(panel.work_rect.max.x) + 6]) < 10.0

@@ -200,6 +200,8 @@ def _scrolled(draw_list: imgui.ImDrawList, picture: Picture, corner: ImVec2, end
 
 
 def _even(context: PanelContext, draw_list: imgui.ImDrawList, corner: ImVec2, end: ImVec2) -> None:
+    if not context.document.objects:  # of a scene that is being opened nothing is known
+        return
     constant = context.document.light.environment == CONSTANT_ENVIRONMENT
     text = "even light" if constant else "no environment"
     extent = imgui.calc_text_size(text)

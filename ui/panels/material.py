@@ -74,11 +74,17 @@ def _sharing_note(state: ObjectState, index: int) -> str:
 
 
 def _heading(context: PanelContext, selection: Selection, layer: Layer, editable: bool) -> list[Action]:
+    title = f"/  {layer.title}"
+    room, gap = imgui.get_content_region_avail().x, imgui.get_style().item_spacing.x
     context.theme.push_bold()
-    imgui.text_unformatted(selection.object)
+    # The object's name gives way to the layer's, but not by more than half of the line.
+    imgui.text_unformatted(
+        widgets.shortened(selection.object, max(room - gap - imgui.calc_text_size(title).x, 0.5 * room))
+    )
     imgui.pop_font()
     imgui.same_line()
-    imgui.text_disabled(f"/  {layer.title}")
+    imgui.text_disabled(widgets.shortened(title, imgui.get_content_region_avail().x))
+    widgets.tooltip(f"{selection.object} / {layer.title}")
     if not editable:
         imgui.same_line()
         imgui.text_disabled(Icon.FROZEN)
