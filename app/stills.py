@@ -33,7 +33,7 @@ from engine.plan import N_LIGHTS, N_PATCHES, Plan, plan_scene
 from engine.render.bounces import planned_bounces
 from engine.render.error_estimate import estimate_error, judge_drawn
 from engine.render.image_files import exr_bytes, png_bytes
-from engine.render.indirect import indirect_radiance
+from engine.render.indirect import find_indirect, noise_in, reflected_light
 from engine.render.light_pilot import with_needed_light
 from engine.render.path_tracer import N_SAMPLES, render_paths
 from engine.render.picture_error import ErrorEstimate
@@ -113,7 +113,7 @@ def render_project(
     wanted = series.n_bounces if series else wanted_bounces(project, plan)
     bounces = planned_bounces(placement, project.indexed_layers, wanted)
     series = series or BounceSeries(bounces.n_bounces)
-    intensity, error, indirect = np.float64(project.document.light.intensity), None, None
+    intensity, error, indirect, noise = np.float64(project.document.light.intensity), None, None, None
     if reference:
         steps = _reference(placement, project, series.n_bounces, n_samples)
         return Still(held(finish(steps, report) * intensity, BRIGHTEST), warning=bounces.warning)
@@ -140,12 +140,16 @@ def render_project(
     layers = _at_most(layers, series.first or project.document.first_bands)
     if series.n_bounces > 1:
         fineness, as_needed = STILL.with_rays(plan.n_rays), not plan.n_rays
-        indirect = finish(indirect_radiance(placement, layers, sky, series, fineness, as_needed), report)
+        found = finish(find_indirect(placement, layers, sky, series, fineness, as_needed), report)
+        indirect = finish(reflected_light(found, layers, series.second, placement.hits))
+        noise = finish(noise_in(found, layers, series.second)) if estimates_error else None
     plan = finish(with_needed_light(placement, layers, sky, plan))
     quality = still_quality(plan)
     radiance = finish(reflected(placement, layers, sky, quality, indirect), report)
     if estimates_error:
-        estimating = estimate_error(placement, layers, sky, quality, series.n_bounces, radiance, indirect)
+        estimating = estimate_error(
+            placement, layers, sky, quality, series.n_bounces, radiance, indirect, noise=noise
+        )  # fmt: skip
         error = finish(estimating, report)
     picture = compose(placement, radiance, sky)
     return Still(held(picture * intensity, BRIGHTEST), error, bounces.warning)

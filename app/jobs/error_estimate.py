@@ -25,7 +25,7 @@ from engine.indirect.light import IndirectLight
 from engine.plan import band_counts
 from engine.render.error_estimate import MAP_POINTS, N_POINTS, Judged, judge, judge_drawn
 from engine.render.error_map import Colours, error_colours
-from engine.render.indirect import reflected_light
+from engine.render.indirect import noise_in, reflected_light
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import StillLayer, seen_as, with_maps
 from engine.steps import told_as
@@ -57,14 +57,15 @@ def estimated(
             placement.hits, np.arange(begin, end), each
         )
         yield None
-    indirect, n_bounces = None, 1
+    indirect, noise, n_bounces = None, None, 1
     if found is not None:
         n_bounces = found.n_bounces
         indirect = yield from reflected_light(found, layers, request.second_bands, placement.hits)
         radiance += indirect
+        noise = yield from told_as(noise_in(found, layers, request.second_bands), lambda step: None)
     sky = bench.sky(first.lit_by.light)
     n_points = MAP_POINTS if request.has_map else N_POINTS
-    judging = judge(placement, layers, sky, quality, n_bounces, radiance, indirect, n_points=n_points)
+    judging = judge(placement, layers, sky, quality, n_bounces, radiance, indirect, n_points=n_points, noise=noise)
     judged = yield from told_as(judging, lambda step: None)  # without a word: nobody waits for it
     yield ErrorEstimated(judged.estimate, (yield from _colours(request.has_map, placement, judged)))
 

@@ -8,8 +8,15 @@ Either is noisy; but two looks at it, a and b, are so independently, and of what
     E (v - a) (v - b) = (v - t)^2,
 
 so that their noise cancels instead of being taken for an error, and what is left of it falls with the square root of
-the number of points. Paths for direct light as well were rejected: they are noisier than it is off, by far in a
-stairwell with lamps close by.
+the number of points. For indirect light that is mostly more than the error itself: a mean of squares S with standard
+error s is measured where 1 % is to be told. But the two halves of the gather rays tell what chance is left in the
+picture (`IndirectLight.noise`), n, which is most of its error, and in expectation not more than that. So the mean
+square error is taken to be
+
+    max(S - s, n^2):
+
+paths say that it is more where they are sure of it. Paths for direct light as well were rejected: they are noisier than
+it is off, by far in a stairwell with lamps close by.
 
 The whole error is found in the same way, of all the light at once, and so is neither the sum of the parts' errors nor
 the root of their squares: the one takes them to be off the same way everywhere, the other not to know of each other. A
@@ -93,23 +100,24 @@ class _Truth:
 def estimate_error(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality, n_bounces: int,
     radiance: NDArray[np.floating], indirect: NDArray[np.floating] | None = None, n_paths: int | None = None,
-    seed: int = _SEED,
+    seed: int = _SEED, noise: float | None = None,
 ) -> Generator[StillProgress, None, ErrorEstimate]:  # fmt: skip
     """The error alone; arguments: see `judge`."""
-    judging = judge(placement, layers, sky, quality, n_bounces, radiance, indirect, n_paths, seed)
+    judging = judge(placement, layers, sky, quality, n_bounces, radiance, indirect, n_paths, seed, noise=noise)
     return (yield from judging).estimate
 
 
 def judge(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality, n_bounces: int,
     radiance: NDArray[np.floating], indirect: NDArray[np.floating] | None = None, n_paths: int | None = None,
-    seed: int = _SEED, n_points: int = N_POINTS,
+    seed: int = _SEED, n_points: int = N_POINTS, noise: float | None = None,
 ) -> Generator[StillProgress, None, Judged]:  # fmt: skip
     """The error of what the points of a picture reflect, radiance (P, 3), of which `indirect` (P, 3) was reflected
     before, without what multiplies all of the light. The same seed gives the same number again.
 
     quality: how finely its direct light was computed; n_paths: None for as many as the picture is worth; n_points:
-    how many of its points are looked at.
+    how many of its points are looked at; noise: RMS radiance of the chance in `indirect`, None where it is
+    not known.
     """
     hits = placement.hits
     if not len(hits.pixel):
@@ -123,8 +131,14 @@ def judge(
     direct = _relative(weights * _squares(shown - again, truth.direct, top), mean)
     if n_bounces == 1:
         return Judged(ErrorEstimate(direct), hits.pixel[rows], _relative_squares(squares, mean))
-    indirectly = _relative(weights * _squares(again, truth.reflected, top), mean)
-    estimate = ErrorEstimate(direct, indirectly, _relative(weights * squares, mean))
+    again_squares = _squares(again, truth.reflected, top)
+    if noise is None or mean <= 0.0:
+        indirectly, whole = (_relative(weights * each, mean) for each in (again_squares, squares))
+    else:
+        indirectly = _at_least(noise / mean, weights, again_squares / mean**2)
+        # Chance knows nothing of what direct light is off by: their squares add up.
+        whole = _at_least(math.hypot(direct, noise / mean), weights, squares / mean**2)
+    estimate = ErrorEstimate(direct, indirectly, whole)
     return Judged(estimate, hits.pixel[rows], _relative_squares(squares, mean))
 
 
@@ -351,3 +365,11 @@ def _relative(squares: Floats, mean: float) -> float:
     it may be by chance is taken for an error in any case."""
     square = max(float(squares.sum()), 0.5 * float(np.linalg.norm(squares)))
     return math.sqrt(square) / mean if mean > 0.0 else 0.0
+
+
+def _at_least(known: float, weights: Floats, squares: Floats) -> float:
+    """The relative RMS error by relative squares (n,) with weights (n,) that sum up to 1, `known` being the least that
+    it can be: the root of what their mean is more than its own standard error, where that is more."""
+    square = float(weights @ squares)
+    standard_error = float(np.linalg.norm(weights * (squares - square)))
+    return max(math.sqrt(max(square - standard_error, 0.0)), known)

@@ -69,6 +69,14 @@ def reflected_light(
     return total
 
 
+def noise_in(found: IndirectLight, layers: Sequence[StillLayer], second: int | None) -> Generator[None, None, float]:
+    """The chance that is left in that light as the layers reflect it, RMS radiance, in steps; arguments: see
+    `reflected_light`."""
+    found = found.by_albedo() if second == 1 else found
+    relative, mean = yield from found.noise(indirect_layers(layers, second))
+    return relative * mean
+
+
 def _reflected(
     found: IndirectLight, layers: Sequence[IndirectLayer], light: SentLight
 ) -> Generator[None, None, NDArray[np.float32]]:

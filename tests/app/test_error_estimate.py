@@ -16,10 +16,13 @@ from app.measure.accuracy import errors
 from app.project import Project, open_project, with_edges
 from app.stills import Still, layers_by_object, plan_still, render_picture, render_project
 from engine.deform.live import Deform, finished
+from engine.indirect.fineness import STILL
 from engine.indirect.series import BounceSeries
 from engine.light.image_files import read_radiance_image
 from engine.orbit.live import Orbit
 from engine.render.error_estimate import inside, judge, judge_drawn
+from engine.render.indirect import find_indirect, noise_in, reflected_light
+from engine.render.path_tracer import trace_halves
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import Picture, reflected, still_layers, still_quality, with_maps
 from engine.steps import finish
@@ -142,6 +145,36 @@ def test_what_other_modes_draw_is_judged_within_a_factor_of_two(
     assert 0.5 * error < judged.total < 2.0 * error
     assert 2.0 * exact.total < judged.total < coarse.total
     assert off.mostly == "box" and off.short.endswith(" % off, mostly on box")
+
+
+def test_the_chance_of_paths_is_not_taken_for_an_error() -> None:
+    # Some 40 paths a point are far noisier than the picture, whose own noise the solver tells; 2.5 times too much was
+    # told by them alone. What is a third too bright they still tell.
+    project = with_edges(open_project("cornell", (24, 18)), 0)
+    placement, plan, series = Placement(project.scene), plan_still(project), BounceSeries(2)
+    layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
+    found = finish(find_indirect(placement, layers, project.sky, series, STILL, True))
+    noise = finish(noise_in(found, layers, series.second))
+    indirect = finish(reflected_light(found, layers, series.second, placement.hits))
+    direct = finish(reflected(placement, layers, project.sky, still_quality(plan)))
+    rows = np.arange(len(placement.hits.pixel))
+    truth = finish(trace_halves(placement, layers_by_object(project), project.sky, 2, 1024, 1, rows))
+    again = truth[:, :, 1] - truth[:, :, 0]
+
+    def told(gain: float, known: float | None) -> tuple[float, float]:
+        """The estimate of an indirect light so many times as bright, and its true error."""
+        judging = judge(
+            placement, layers, project.sky, still_quality(plan), 2, direct + gain * indirect, gain * indirect,
+            n_paths=1 << 13, noise=known,
+        )  # fmt: skip
+        square = np.mean((gain * indirect - again[0]) * (gain * indirect - again[1]))
+        return finish(judging).estimate.indirect or 0.0, float(np.sqrt(square) / truth[:, :, 1].mean())
+
+    estimate, error = told(1.0, noise)
+    assert error / 1.5 < estimate < 1.5 * error
+    assert told(1.0, None)[0] > 1.5 * error
+    estimate, error = told(4.0 / 3.0, noise)
+    assert error / 1.5 < estimate < 1.5 * error
 
 
 def test_the_whole_error_is_measured_and_not_added_up() -> None:

@@ -78,9 +78,13 @@ def rendered(source: str, monkeypatch: pytest.MonkeyPatch) -> int:
     def note(placement: Any, layers: Any, sky: Any, series: Any, *finely: Any, **wanted: Any) -> Any:
         found.append(series.n_bounces)
         yield None
-        return np.zeros((len(placement.hits.pixel), 3))
 
-    monkeypatch.setattr(stills, "indirect_radiance", note)
+    def dark(light: Any, layers: Any, second: Any, hits: Any) -> Any:
+        yield None
+        return np.zeros((len(hits.pixel), 3))
+
+    monkeypatch.setattr(stills, "find_indirect", note)
+    monkeypatch.setattr(stills, "reflected_light", dark)
     stills.render_picture(open_project(source), lambda step: None, n_lights=100)
     return found[0] if found else 1
 
