@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from itertools import chain
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.orbit.incident import Lamps
+from engine.orbit.lamp_shadows import lamp_shadows
 from engine.orbit.lit_points import LitPoints
 from engine.orbit.mirrored_light import mirrored_light
 from engine.orbit.picture import Seen, added, interpolated
+from engine.orbit.pixel_light import PixelLight, added_up
 from engine.orbit.reflected import reflected, reflected_quickly, shaded
 from engine.orbit.reflections import Reflections, Term
 from engine.orbit.seen_maps import factors
@@ -30,7 +34,7 @@ _LITTLE = {"rest": 0.005, "still": 0.001}
 
 
 def reflected_light(
-    seen: Seen, lit: LitPoints, reflections: Reflections, scene: Scene, sky: Sky, n_bounces: int,
+    seen: Seen, lit: LitPoints, reflections: Reflections, scene: Scene, sky: Sky, lamps: Lamps | None, n_bounces: int,
     quality: Quality, n_moving: int,
 ) -> Generator[StillProgress, None, Floats]:  # fmt: skip
     """Radiance (R, 3) that samples reflect to the eye, found term by term; see `Orbit.draw`."""
@@ -55,10 +59,8 @@ def reflected_light(
             return np.zeros((len(which), 3), np.float32)
         return turned_reflection(seen, samples, lit.incident, sky, tables, quality == "still")
 
-    everything = np.flatnonzero(seen.samples.corners[:, 0] >= 0)
     if quality != "moving":
-        shadows = sun_shadows(seen, everything, lit.incident, sky, lit.caster, quality == "still")
-        of_suns = shadows.irradiance(len(seen.pixel)).astype(np.float32)
+        found_out = _found_out(seen, lit, sky, lamps, quality)
     for done, term in enumerate(reflections.terms):
         which = seen.of(term.i_object)
         if not len(which):
@@ -83,16 +85,25 @@ def reflected_light(
         if bumpy:
             added(which, reflected_by_bumps(which, term), factor, radiance)
         elif term.reflectance is not None and quality != "moving":
-            added(which, of_suns[which] * np.array(term.reflectance, np.float32), factor, radiance)
+            added(which, found_out.irradiance[which] * np.array(term.reflectance, np.float32), factor, radiance)
         if shows:
             normals = turned[term.i_object].frames[:, 1] if bumpy else None
             found = mirrored_light(seen, which, lit, scene, term.i_object, term.layers, quality, normals)
             added(which, found, factor, radiance)
         if tables is not None and quality != "moving":
             found = reflected(seen, which, lit.incident, sky, term.layers, tables, _LITTLE[quality])
-            found += shadows.reflected(seen, scene, term.i_object, term.layers)
+            found += found_out.reflected(seen, scene, term.i_object, term.layers)
             added(which, found, factor, radiance)
         elif tables is not None and is_sharp:
             found = reflected_quickly(seen, which, lit.incident, sky, tables, max(n_moving, _N_SHARP))
             added(which, found, factor, radiance)
     return radiance
+
+
+def _found_out(seen: Seen, lit: LitPoints, sky: Sky, lamps: Lamps | None, quality: Quality) -> PixelLight:
+    """What samples learn of suns and lamps by rays of their own."""
+    reflects = np.flatnonzero(seen.samples.corners[:, 0] >= 0)
+    of_suns = sun_shadows(seen, reflects, lit.incident, sky, lit.caster, quality == "still")
+    of_lamps = lamp_shadows(seen, reflects, lamps, lit.caster, quality) if lamps is not None else ()
+    has_gloss = lit.incident.slot[seen.samples.corners[:, 0]] >= 0
+    return added_up(seen, chain(of_suns, of_lamps), has_gloss)

@@ -112,6 +112,26 @@ def light(
     on_threads(fill, range(0, len(asked), _BATCH))
 
 
+def evenly_lit(
+    points: ShadingPoints, bits: Bits, patches: EmitterPatches | None, patch_bits: Bits
+) -> Floats:  # fmt: skip
+    """Irradiance (S, 3) under three lights that hang on geometry alone: an even sky, all patches alike, and none."""
+    found, none = np.zeros((len(points), 3), np.float32), np.zeros((0, 3), np.float32)
+    white, black = np.ones((8, 8, 4), np.float32), np.zeros((8, 8, 4), np.float32)
+    lamps = None
+    if patches is not None:
+        alike = EmitterPatches(
+            patches.corners, patches.centre, patches.normal, np.ones_like(patches.radiance), patches.area
+        )
+        lamps = Lamps(alike, patch_bits)
+    for i, (sky, shining) in enumerate(((white, None), (black, lamps))):
+        if sky is white or shining is not None:
+            incident = no_light(np.zeros(len(points), bool), kernels.N_ROOTS)
+            light(points, bits, Sky(sky, sky, 0.0, none, none, none[:, None]), incident, shining, is_coarse=True)
+            found[:, i] = incident.irradiance[:, 0]
+    return found
+
+
 def visible_suns(points: ShadingPoints, caster: RayCaster, sky: Sky, which: NDArray[np.integer]) -> NDArray[np.int16]:
     """Bits (S,) of the brightest suns that points (N,) see, −1 at the others; caster: of the scene's triangles.
 

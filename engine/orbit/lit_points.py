@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.light.emitters import EmitterPatches
-from engine.orbit.bounced import Bounces, bouncing
+from engine.orbit.bounced import Bounces, bouncing, refining
 from engine.orbit.buried import buried
-from engine.orbit.incident import Incident, Lamps, light, more_glossy, no_light, visible_suns
+from engine.orbit.incident import Incident, Lamps, evenly_lit, light, more_glossy, no_light, visible_suns
 from engine.orbit.picture import PointMesh
 from engine.orbit.reflected import no_shades
 from engine.orbit.shading_points import ShadingPoints, with_backs
@@ -109,6 +109,15 @@ class LitPoints:
         if self._bouncing.advance():
             self.bounces, self._bouncing = self._bouncing.result, None
             self.behind |= self.bounces.behind
+
+    def refine_rays(self, patches: EmitterPatches | None) -> None:
+        """A part of more of them, when all shadows are known."""
+        if self._bouncing is None:
+            assert self.bounces is not None
+            shone = evenly_lit(self.points, self.bits, patches, self.patch_bits)
+            self._bouncing = Stepped(refining(self.bounces, self.points, self.mesh, shone))
+        if self._bouncing.advance():
+            self.bounces, self._bouncing, self.is_bounced = self._bouncing.result, None, STALE
 
     def bounce(self, albedos: Floats, n_bounces: int) -> None:
         """Find the indirect light; albedos (M, 3)."""

@@ -194,7 +194,7 @@ class Orbit:
         lit = self._lit
         if lit is None or not lit.is_done or not self._reflections.is_done:
             return False
-        return self._n_bounces == 1 or lit.is_bounced == EXACTLY
+        return self._n_bounces == 1 or lit.is_bounced == EXACTLY and lit.bounces is not None and lit.bounces.is_refined
 
     @property
     def fraction(self) -> float:
@@ -252,6 +252,9 @@ class Orbit:
         if len(which := lit.first(~lit.traced, _TRACED * n_threads())):
             lit.trace(which, self._patches)
             return "visibility"
+        if self._n_bounces > 1 and lit.bounces is not None and not lit.bounces.is_refined:
+            lit.refine_rays(None if self._patches is None else self._patches[0])
+            return "bounces"
         return None
 
     # ---------------------------------------------------------------------------------------------------- pictures
@@ -282,7 +285,7 @@ class Orbit:
         while len(which := np.flatnonzero(lit.seen & ~lit.known)[: _COARSE * n_threads()]):
             lit.light(which, self._sky, self._lamps(lit), is_coarse=True)
             yield StillProgress(0.0, "light")
-        what = lit, self._reflections, self.scene, self._sky
+        what = lit, self._reflections, self.scene, self._sky, self._lamps(lit)
         radiance = yield from reflected_light(seen, *what, self._n_bounces, quality, n_moving)
         sky = self._light
         return picture(seen, radiance, sky.environment, sky.rotation, sky.scale)

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from engine.light.environment import LUMINANCE, Environment, triangle_integrals
-from engine.sphere.geodesic import geodesic
+from engine.light.environment import LUMINANCE, Environment, interpolated, triangle_integrals
+from engine.orbit._incident_kernels import N_ASKED
+from engine.sphere.geodesic import geodesic, triangle_solid_angles
 
 MAP_SIDE = 256
 _COARSE = 8  # texels of the map a side that one of the coarse map covers
@@ -27,6 +28,9 @@ MOST_SUNS = 96
 _FINE = 6  # level of the triangles that are averaged
 # A direction is a sun if it holds so many times the mean power of the triangles beside it would have.
 _SUN = 4.0
+# Of each of the suns that are asked by rays.
+N_PLACES = 16
+_CUTS = 4  # times that a sun is cut in four to find them
 
 Floats = NDArray[np.float32]
 
@@ -37,7 +41,8 @@ class Sky:
     fourth is empty), to be turned by `turn` radians counter-clockwise about +Y as seen from above.
 
     sun_direction (M, 3) and sun_power (M, 3) float32: of the brightest places, turned already; power is radiance times
-    solid angle.
+    solid angle. sun_places (min(M, 8), 16, 3): directions in the brightest suns, of as much power each, neighbours side
+    by side.
     """
 
     map: Floats
@@ -45,24 +50,33 @@ class Sky:
     turn: float
     sun_direction: Floats
     sun_power: Floats
+    sun_places: Floats
 
 
 def make_sky(environment: Environment | None, rotation: float, scale: float = 1.0) -> Sky:
     """The sky of an environment turned by `rotation` degrees, times scale; black without one."""
-    averaged, coarse, directions, power = _unturned(environment)
+    averaged, coarse, directions, power, places = _unturned(environment)
     turn = math.radians(rotation % 360.0)
-    x, y, z = directions.T
-    turned = np.stack([math.cos(turn) * x + math.sin(turn) * z, y, math.cos(turn) * z - math.sin(turn) * x], axis=1)
     if scale != 1.0:
         averaged, coarse, power = averaged * np.float32(scale), coarse * np.float32(scale), power * np.float32(scale)
-    return Sky(averaged, coarse, turn, turned.astype(np.float32), power)
+    return Sky(averaged, coarse, turn, _turned(directions, turn), power, _turned(places, turn))
+
+
+def _turned(directions: Floats, turn: float) -> Floats:
+    """Directions (..., 3), counter-clockwise about +Y as seen from above."""
+    x, y, z = np.moveaxis(directions, -1, 0)
+    turned = np.stack([math.cos(turn) * x + math.sin(turn) * z, y, math.cos(turn) * z - math.sin(turn) * x], axis=-1)
+    return turned.astype(np.float32)
 
 
 @lru_cache(maxsize=2)
-def _unturned(environment: Environment | None) -> tuple[Floats, Floats, Floats, Floats]:
-    """Map, coarse map, and the suns' directions and powers of an environment as it is."""
+def _unturned(environment: Environment | None) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """Map, coarse map, and the suns' directions, powers and places of an environment as it is."""
     fine = geodesic(_FINE)
-    powers = np.zeros((fine.n_triangles, 3)) if environment is None else triangle_integrals(environment, 0.0, _FINE)
+    powers = np.zeros((fine.n_triangles, 3))
+    if environment is not None:
+        environment = interpolated(environment)
+        powers = triangle_integrals(environment, 0.0, _FINE)
     suns = _suns(powers)
     rest = powers.copy()
     rest.reshape(-1, 4, 3)[suns] = 0.0
@@ -72,7 +86,10 @@ def _unturned(environment: Environment | None) -> tuple[Floats, Floats, Floats, 
     of_sun = powers.reshape(-1, 4, 3)[suns]
     directions = np.einsum("sk,ski->si", of_sun @ LUMINANCE, fine.centres.reshape(-1, 4, 3)[suns])
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    return averaged, np.ascontiguousarray(coarse), directions.astype(np.float32), of_sun.sum(axis=1).astype(np.float32)
+    power, places = of_sun.sum(axis=1).astype(np.float32), np.zeros((0, N_PLACES, 3), np.float32)
+    if environment is not None:
+        places = _places(environment, suns[:N_ASKED])
+    return averaged, np.ascontiguousarray(coarse), directions.astype(np.float32), power, places
 
 
 def _suns(powers: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -80,6 +97,26 @@ def _suns(powers: NDArray[np.float64]) -> NDArray[np.intp]:
     luminance = powers.reshape(-1, 4, 3).sum(axis=1) @ LUMINANCE
     candidates = np.argsort(-luminance, kind="stable")[:MOST_SUNS]
     return np.asarray(candidates[luminance[candidates] > _SUN * luminance.mean()])
+
+
+def _places(environment: Environment, suns: NDArray[np.intp]) -> Floats:
+    """Directions (K, 16, 3) of as much power each in suns (K,), triangles one level coarser than the finest: of their
+    parts, in the order in which they are cut, those in which every sixteenth of the power has its middle."""
+    sphere = geodesic(_FINE - 1)
+    parts = sphere.vertices[sphere.triangles[suns]].astype(np.float64)
+    for _ in range(_CUTS):
+        a, b, c = np.moveaxis(parts, 1, 0)
+        ab, bc, ca = (each / np.linalg.norm(each, axis=1, keepdims=True) for each in (a + b, b + c, c + a))
+        parts = np.stack([a, ab, ca, ab, b, bc, ab, bc, ca, ca, bc, c], axis=1).reshape(-1, 3, 3)
+    middles = parts.sum(axis=1)
+    middles /= np.linalg.norm(middles, axis=1, keepdims=True)
+    power = environment.evaluate(middles, 0.0) @ LUMINANCE * triangle_solid_angles(parts)
+    upto = np.maximum(power, 1e-30).reshape(len(suns), 4**_CUTS).cumsum(axis=1)
+    wanted = (np.arange(N_PLACES) + 0.5) / N_PLACES
+    found = np.empty((len(suns), N_PLACES, 3), np.float32)
+    for own, each, total in zip(found, middles.reshape(len(suns), 4**_CUTS, 3), upto, strict=True):
+        own[:] = each[np.searchsorted(total, wanted * total[-1])]
+    return found
 
 
 @lru_cache(maxsize=1)

@@ -1,70 +1,36 @@
 """Shadows of the brightest suns, pixel by pixel: between points that are further apart than they are sharp.
 
 What stands before a window throws shadows finer than any points; interpolated between those they are torn. So pixels of
-a picture at rest send a ray to each of the few suns that its points do not agree on, and stills to all of these.
+a picture at rest send rays to each of the few suns that its points do not agree on, and stills to all of these: to
+several places of each, as a shadow is as blurred as its sun is wide.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.material.layer import Layer
 from engine.orbit import _sun_kernels as kernels
-from engine.orbit._incident_kernels import N_ASKED
 from engine.orbit.incident import Incident
 from engine.orbit.picture import Rows, Seen
+from engine.orbit.pixel_light import Wrong, phases
 from engine.orbit.reflected import suns_of
-from engine.orbit.sky import Sky
-from engine.render.integrator import evaluate_layers
-from engine.scene.hits import LEAST_COSINE
-from engine.scene.load import Scene
+from engine.orbit.sky import N_PLACES, Sky
 from engine.scene.raycaster import RayCaster
 
 Floats = NDArray[np.float32]
 _AT_ONCE = 16384  # samples
-
-
-@dataclass(frozen=True, eq=False)
-class SunShadows:
-    """Where points are wrong about suns: the sample (N,), direction and power (N, 3) of the sun, and what is to be
-    added: the share (N,) of the sun, of either sign, and that times its cosine (N,)."""
-
-    sample: Rows
-    direction: Floats
-    power: Floats
-    share: Floats
-    cosine: Floats
-
-    def irradiance(self, n_samples: int) -> Floats:
-        """What is to be added at each sample of a picture (R, 3)."""
-        weighed = self.cosine[:, None] * self.power
-        return np.stack([np.bincount(self.sample, weighed[:, i], n_samples) for i in range(3)], axis=1)
-
-    def reflected(self, seen: Seen, scene: Scene, i_object: int, layers: Sequence[Layer]) -> Floats:
-        """What is to be added of an object's layers to the radiance of its samples (N,), (N, 3)."""
-        which = seen.of(i_object)
-        mine = np.flatnonzero(seen.samples.i_object[self.sample] == i_object)
-        rows, at = np.unique(self.sample[mine], return_inverse=True)
-        frames = seen.frames(rows, scene, i_object)[at]
-        wo = np.einsum("nij,nj->ni", frames, seen.samples.wo[self.sample[mine]])
-        wo[:, 2] = np.maximum(wo[:, 2], LEAST_COSINE)
-        wi = np.einsum("nij,nj->ni", frames, self.direction[mine])
-        value = evaluate_layers(layers, wi, wo / np.linalg.norm(wo, axis=1, keepdims=True))
-        found = (value * self.power[mine] * self.share[mine, None]).astype(np.float32)
-        place = np.searchsorted(which, self.sample[mine])  # an object's samples stand in their order
-        return np.stack([np.bincount(place, found[:, i], len(which)) for i in range(3)], axis=1)
+_FEW = 4  # rays to a sun
 
 
 def sun_shadows(
     seen: Seen, which: Rows, incident: Incident, sky: Sky, caster: RayCaster, everywhere: bool
-) -> SunShadows:
-    """What samples (N,) see of suns that their points do not know; caster: of the scene's triangles; everywhere:
-    whether pixels whose points agree are asked as well."""
-    suns, n_suns, parts = suns_of(sky, incident, 0.0), min(len(sky.sun_power), N_ASKED), []
+) -> Iterator[Wrong]:
+    """What samples (N,) see of suns that their points do not know, some at a time; caster: of the scene's triangles;
+    everywhere: whether pixels whose points agree are asked as well, and by all rays where few of them tell an edge."""
+    suns, n_suns = suns_of(sky, incident, 0.0), len(sky.sun_places)
     for start in range(0, len(which) if n_suns else 0, _AT_ONCE):
         some = which[start : start + _AT_ONCE]
         normals = seen.normals(some)
@@ -77,10 +43,22 @@ def sun_shadows(
         row, sun, share, cosine = row[:n], sun[:n], share[:n], cosine[:n]
         above = np.einsum("ni,ni->n", normals[row], sky.sun_direction[sun])
         lifted = caster.offset_origins(seen.places(some), normals)
-        free = (above > 0.0) & ~caster.occluded(lifted[row], sky.sun_direction[sun])
-        share, cosine = free - share, np.where(free, above, 0.0) - cosine
+        first, free, lit = phases(seen, some)[row], np.zeros(n, np.float32), np.flatnonzero(above > 0.0)
+        free[lit] = _free(caster, lifted[row[lit]], sky.sun_places[sun[lit]], first[lit], _FEW)
+        if everywhere:
+            is_edge = (free > 0.0) & (free < 1.0) | (share > 1e-3) & (share < 1.0 - 1e-3)
+            edge = np.flatnonzero(is_edge & (above > 0.0))
+            free[edge] = _free(caster, lifted[row[edge]], sky.sun_places[sun[edge]], first[edge], N_PLACES)
+        share, cosine = free - share, free * above - cosine
         wrong = np.flatnonzero(np.abs(share) > 1e-3)
-        parts.append((some[row[wrong]], sun[wrong], share[wrong], cosine[wrong]))
-    none = np.zeros(0, np.int64)
-    sample, sun, share, cosine = (np.concatenate(each) for each in zip((none, none, none, none), *parts, strict=True))
-    return SunShadows(sample, sky.sun_direction[sun], sky.sun_power[sun], share, cosine)
+        own = sun[wrong]
+        yield Wrong(some[row[wrong]], sky.sun_direction[own], sky.sun_power[own], share[wrong], cosine[wrong])
+
+
+def _free(
+    caster: RayCaster, origins: Floats, places: Floats, first: NDArray[np.int64], n: int
+) -> NDArray[np.floating]:  # fmt: skip
+    """Which share (R,) of n of the places (R, 16, 3) of suns is seen from origins (R, 3), from `first` (R,) on."""
+    chosen = (first[:, None] + np.arange(n) * (N_PLACES // n)) % N_PLACES
+    ways = np.take_along_axis(places, chosen[..., None], axis=1).reshape(-1, 3)
+    return 1.0 - caster.occluded(np.repeat(origins, n, axis=0), ways).reshape(-1, n).mean(axis=1)

@@ -27,7 +27,7 @@ N_UPPER = 10 * 4**LEVEL
 _CHUNK = 32  # points at a time and thread
 _MOST_RAYS = 1 << 20
 # A ray to an emitter ends this share before it.
-_SHORT = 1e-4
+SHORT = 1e-4
 Bits = NDArray[np.uint8]
 
 
@@ -62,7 +62,7 @@ def see_patches(
         some = which[start : start + step]
         origins = np.repeat(points.lifted[some], len(patches), axis=0)
         ways = np.tile(patches.samples, (len(some), 1)) - origins
-        free = ~caster.occluded(origins, ways, np.full(len(ways), 1.0 - _SHORT, np.float32))
+        free = ~caster.occluded(origins, ways, np.full(len(ways), 1.0 - SHORT, np.float32))
         bits[some] = np.packbits(free.reshape(len(some), -1), axis=1, bitorder="little")
 
     on_threads(part, range(0, len(which), step))

@@ -4,11 +4,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.project import open_project
+from app.stills import layers_by_object
+from engine.indirect.rays import cosine_tables
 from engine.material import MODELS
 from engine.material.layer import make_layer
+from engine.orbit.bounced import Bounces, bouncing
 from engine.orbit.live import Orbit
 from engine.scene.description import parse_description
 from engine.scene.load import build_scene
+from engine.steps import finish
+from tests.rooms import slit
 
 SPHERE = """
 version = 1
@@ -59,3 +65,28 @@ def test_an_integrating_sphere_is_as_bright_as_the_closed_form_says(inside, n_bo
 def test_one_bounce_is_no_work_and_black_walls_send_nothing_on(inside) -> None:
     inside.set_bounces(1)
     assert inside.is_done and not [*inside.work()]
+
+
+def test_more_points_gather_where_bounced_light_has_an_edge(tmp_path: Path) -> None:
+    # On the floor of a dark room, before a slit: against rays of these points' own.
+    project = open_project(str(slit(tmp_path, 0.3)), (32, 24))
+    orbit = Orbit(project.scene, n_points=8000, n_coefficients=20, n_patches=64)
+    orbit.set_layers(layers_by_object(project))
+    orbit.set_bounces(2)
+    assert [*orbit.work()] and orbit.is_done
+    lit, points = orbit.lit, orbit.lit.points
+    z = points.position[:, 2]
+    floor = np.flatnonzero((points.i_object == 1) & ~points.buried & (z > -1.8) & (z < -0.5))
+    assert len(floor) > 100
+    ways = np.einsum("rk,nki->nri", cosine_tables(2048)[0], points.frames[floor][:, [0, 2, 1]]).astype(np.float32)
+    met, _ = lit.mesh.trace(np.repeat(points.lifted[floor], 2048, axis=0), ways.reshape(-1, 3))
+    albedo = orbit.reflections.albedos(orbit.scene)[points.i_object]
+    sent = (lit.incident.irradiance * albedo)[met.corners]
+    truth = np.einsum("nk,nki->ni", met.weights * (met.corners[:, :1] >= 0), sent).reshape(len(floor), 2048, 3)
+    truth = truth.mean(axis=1)
+
+    def error(bounces: Bounces) -> float:
+        found = bounces.indirect(lit.incident.irradiance, albedo, 2)[0][floor]
+        return float(np.sqrt(((found - truth) ** 2).mean()) / truth.mean())
+
+    assert error(lit.bounces) < 0.85 * error(finish(bouncing(points, lit.mesh), lambda _: None))
