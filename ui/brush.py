@@ -9,13 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.material.strokes import pack_dabs
+from engine.material.strokes import Stroke, pack_dabs
 from engine.scene.description import Camera
 from engine.scene.picture_frame import PictureFrame
 
 # Dabs are this share of the radius apart: between them the edge of a stroke gives way by a hundredth of it.
 SPACING = 0.3
 MOST_DABS = 400  # in one frame
+_NEAR = 1024.0
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]
@@ -23,7 +24,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class Spot:
-    """What a pixel sees: a point (3,) of the scene, the outward normal (3,), and how many metres a pixel is there."""
+    """What a pixel sees: a point (3,) of the world, the outward normal (3,), and how many metres a pixel is there."""
 
     place: Array
     normal: Array
@@ -60,6 +61,9 @@ def spots_at(spot_at: SpotAt, places: Sequence[Point]) -> list[Spot]:
     return [spot for spot in found if spot is not None]
 
 
-def dabs_at(spots: Sequence[Spot]) -> bytes:
-    """The dabs at these spots."""
-    return pack_dabs([spot.place for spot in spots], [spot.normal for spot in spots])
+def stroke_at(spots: Sequence[Spot], metres: float, value: float, strength: float, hardness: float) -> Stroke:
+    """A stroke over these spots, at least one, with a brush of so many metres; see `Stroke`."""
+    # About a place that is near, and the same one for most strokes: 500 m away single precision tells 0.03 mm apart.
+    x, y, z = (np.round(spots[0].place / _NEAR) * _NEAR + 0.0).tolist()
+    dabs = pack_dabs([spot.place - (x, y, z) for spot in spots], [spot.normal for spot in spots])
+    return Stroke(metres, value, strength, hardness, dabs, (x, y, z))

@@ -54,7 +54,6 @@ from app.script import (
 from app.set_path import set_path
 from app.view_state import SetView, ViewCommand, Viewpoint
 from engine.errors import InsituError
-from engine.material.strokes import Stroke
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from engine.scene.camera_moves import (
     dollied,
@@ -66,7 +65,7 @@ from engine.scene.camera_moves import (
     with_focal_length,
 )
 from engine.scene.description import Camera
-from ui.brush import along, dabs_at, spots_at
+from ui.brush import along, spots_at, stroke_at
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
 from ui.panels.actions import KeepView, ShowPanel
@@ -259,7 +258,7 @@ def _paint(window: HeadlessWindow, editor: Editor, step: PaintStroke) -> None:
     if not spots:
         raise ScriptError(f"paint: no point of the stroke sees {name}")
     metres = step.radius * spots[0].metres
-    stroke = Stroke(metres, step.value, step.strength, step.hardness, dabs_at(spots))
+    stroke = stroke_at(spots, metres, step.value, step.strength, step.hardness)
     _refused(editor.do(Paint(layer_key(name, index), stroke)))
 
 

@@ -39,7 +39,7 @@ class Paint:
             value = 1.0 - self.stroke.value if maps.weight_invert else self.stroke.value
             strokes = strokes.begun(replace(self.stroke, value=value))
         else:
-            strokes = strokes.gone_on(self.stroke.dabs)
+            strokes = strokes.gone_on(self.stroke)
         for key in blended_with(document, self.key):
             layer = document.layer(key)
             document = document.with_layer(key, layer.replace(maps=replace(layer.maps, strokes=strokes)))

@@ -2,19 +2,27 @@
 what the answer hangs on, in a file too, so that whoever opens the scene again looks for the transport that there is.
 
 It hangs on the view, on what shines, on which layers can be edited and on their models; not on curves and parameters,
-which change under a hand, nor on where a sky has been turned to.
+which change under a hand, nor on where a sky has been turned to: another number of lights would be another transport
+for all of the picture. So it is tried with the layers and under the sky as the scene's file has them, layers that are
+not there as their models begin, whatever was edited by then: the same document has as many lights in every window.
 """
 
 from __future__ import annotations
 
 from collections.abc import Generator
+from dataclasses import replace
 
 import numpy as np
 
+from app.document import document_from_description
 from app.jobs.bench import Bench
 from app.jobs.cache import content_key
 from app.jobs.layer_data import shape_of
 from app.placement.messages import ComputeTransport
+from app.scene_state import LayerState
+from engine.material.layer import Layer
+from engine.material.maps import LayerMaps
+from engine.material.parameters import FRESNEL
 from engine.render.light_pilot import LEAST, LightNeed, needed_light, pays
 from engine.render.still import StillLayer
 from engine.stored_arrays import ArrayReader, Arrays
@@ -47,23 +55,49 @@ class LightPlans:
         if need is None:
             placement = self._bench.open_placement
             layers = [
-                StillLayer(placement.scene.object_index(each.object), each.layer, shape_of(each).bands, not each.fixed)
-                for each in request.scene.visible
+                StillLayer(placement.scene.object_index(each.object), layer, shape_of(each).bands, not each.fixed)
+                for each, layer in zip(request.scene.visible, self._unedited(request), strict=True)
             ]
-            need = yield from needed_light(placement, layers, sky, request.decisions)
+            need = yield from needed_light(placement, layers, self._unturned(sky), request.decisions)
             key = self._key(request, sky)
             self._known[key] = need
             self._bench.store.put(key, _arrays_of(need))
         return need
 
+    def _unedited(self, request: ComputeTransport) -> list[Layer]:
+        """The visible layers of a request as the scene's file has them, or as their models begin."""
+        scene = self._bench.open_placement.scene
+        there = dict(document_from_description(str(scene.file), scene.description).layers())
+        return [_of_file(each, there.get(each.key)) for each in request.scene.visible]
+
+    def _unturned(self, sky: SkyState) -> SkyState:
+        """The sky where the scene's file has turned it."""
+        described = self._bench.open_placement.scene.description.environment
+        return replace(sky, rotation=0.0 if described is None else described.rotation)
+
     def _key(self, request: ComputeTransport, sky: SkyState) -> str:
         decisions, radiance = request.decisions, None if sky.environment is None else sky.environment.radiance
-        layers = tuple((each.key, each.model, each.bands, each.fixed) for each in request.scene.visible)
+        layers = tuple(
+            (each.key, each.model, each.bands, each.fixed, repr(layer.parameters))
+            for each, layer in zip(request.scene.visible, self._unedited(request), strict=True)
+        )
         shining = tuple(name for name, emission in request.scene.emission if any(emission))
         return content_key(
-            "light need, both pictures", self._bench.view_key, radiance, sky.scale, shining, layers, decisions.n_lights,
-            decisions.n_patches, decisions.keeps_sphere, tuple(sorted(decisions.overruled)),
+            "light need, unedited", self._bench.view_key, radiance, sky.scale, self._unturned(sky).rotation, shining,
+            layers, decisions.n_lights, decisions.n_patches, decisions.keeps_sphere,
+            tuple(sorted(decisions.overruled)),
         )  # fmt: skip
+
+
+def _of_file(state: LayerState, there: Layer | None) -> Layer:
+    """A layer as the file has it, where one of its kind stands there; else with the parameters that its model begins
+    with, but for the measurement that it is of."""
+    layer = state.layer
+    if there is not None and (there.model, there.rises) == (layer.model, layer.rises):
+        return there
+    begins = layer.model.defaults() | {FRESNEL.name: FRESNEL.default}
+    values = tuple((name, value if isinstance(value, str) else begins[name]) for name, value in layer.parameters)
+    return layer.replace(parameters=values, edits=(), maps=LayerMaps())
 
 
 def _arrays_of(need: LightNeed) -> dict[str, np.ndarray]:

@@ -72,7 +72,7 @@ class Telling:
 
     def _seen(self, of: Subject) -> LookPart:
         """The look, after the cover that it speaks of."""
-        images, firsts = ToldImages(of.scene.textures), dict[int, ToldDetail]()
+        images, firsts = ToldImages(of.scene.textures, of.scene.origin), dict[int, ToldDetail]()
         n_told = 0
         for i, each in of.details.items():
             firsts[i] = _told_detail(n_told, each)

@@ -62,7 +62,7 @@ class _Places:
     """The places of the cells of one object, and what its images do there on average over each cell."""
 
     def __init__(self, scene: Scene, table: CellTable, i_object: int, images: Images) -> None:
-        self.cells = np.flatnonzero(table.objects == i_object)
+        self.cells, self._origin = np.flatnonzero(table.objects == i_object), scene.origin
         counts = table.n_places[self.cells].astype(np.int64)
         self._start, self._counts = np.cumsum(counts) - counts, counts
         cell = np.repeat(self.cells, counts)
@@ -82,7 +82,7 @@ class _Places:
 
     def factor(self, maps: LayerMaps) -> NDArray[np.float64]:
         """The mean factor of each cell, (k, 3)."""
-        weight = self._painted.weights(maps.strokes)
+        weight = self._painted.weights(maps.strokes.about(self._origin))
         both = self._texture * weight[:, None]
         return factor_of_means(maps, *(self._means(each) for each in (self._texture, weight, both)))
 

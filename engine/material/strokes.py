@@ -8,10 +8,12 @@ coordinates are painted as well as others. Where a stroke covers a point by the 
 
 c being the most of its dabs: a stroke does not build up on itself. Rejected: an image in texture space, in which the
 six sides of a cube are one, and whose texels show where the eye comes near; strokes are evaluated where they are looked
-at. Points are the scene's and not the object's own: objects stand still, and a radius in metres is one in all
+at. Points are the world's and not the object's own: objects stand still, and a radius in metres is one in all
 directions.
 
-Dabs are kept packed: documents with thousands of them are compared, hashed and sent in every frame of a drag.
+Dabs are kept packed: documents with thousands of them are compared, hashed and sent in every frame of a drag. In single
+precision they are exact about a place nearby alone, so that each stroke says of which place; what is painted stands
+about `Scene.origin`, which moves with the scene's meshes, and has its strokes by `Strokes.about`.
 """
 
 from __future__ import annotations
@@ -32,23 +34,28 @@ MAX_STROKES = 4096
 MAX_DABS = 50_000
 MAX_RADIUS = 1e6
 MAX_PLACE = 1e9
+MAX_ORIGIN = 1e12
 # A harder edge than this share of the radius would show the pixels.
 HARDEST = 0.95
 _DAB = np.dtype("<f4")
 _BYTES = 6 * _DAB.itemsize
 _EXPECTED = "strokes with radius, value, strength, hardness and dabs"
+_KEYS = {"radius", "value", "strength", "hardness", "origin", "dabs"}
+
+Place = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class Stroke:
-    """One stroke. radius in metres; value, strength and hardness in [0, 1]; dabs: six float32 each, a point in the
-    scene's frame and the unit normal there, on the side that the surface's winding faces."""
+    """One stroke. radius in metres; value, strength and hardness in [0, 1]; dabs: six float32 each, a point of the
+    world less `origin` and the unit normal there, on the side that the surface's winding faces."""
 
     radius: float
     value: float = 1.0
     strength: float = 1.0
     hardness: float = 0.5
     dabs: bytes = b""
+    origin: Place = (0.0, 0.0, 0.0)
 
     @property
     def array(self) -> NDArray[np.float32]:
@@ -59,8 +66,16 @@ class Stroke:
     def n_dabs(self) -> int:
         return len(self.dabs) // _BYTES
 
+    def about(self, origin: Place) -> Stroke:
+        """The same stroke, its dabs about another origin."""
+        if origin == self.origin:
+            return self
+        moved = self.array.astype(np.float64)
+        moved[:, :3] += np.subtract(self.origin, origin)
+        return dataclasses.replace(self, dabs=moved.astype(_DAB).tobytes(), origin=origin)
+
     def extended(self, dabs: bytes) -> Stroke:
-        """The stroke, gone on."""
+        """The stroke, gone on by dabs about its own origin."""
         return dataclasses.replace(self, dabs=self.dabs + dabs)
 
     def continues(self, other: Stroke) -> bool:
@@ -82,13 +97,21 @@ class Strokes:
     def n_dabs(self) -> int:
         return sum(stroke.n_dabs for stroke in self.strokes)
 
+    def about(self, origin: NDArray[np.float64]) -> Strokes:
+        """The same strokes, all dabs about one origin (3,)."""
+        x, y, z = origin.tolist()
+        if all(stroke.origin == (x, y, z) for stroke in self.strokes):
+            return self
+        return Strokes(tuple(stroke.about((x, y, z)) for stroke in self.strokes))
+
     def begun(self, stroke: Stroke) -> Strokes:
         """With one more on top."""
         return Strokes((*self.strokes, stroke))
 
-    def gone_on(self, dabs: bytes) -> Strokes:
-        """With the newest gone on."""
-        return Strokes((*self.strokes[:-1], self.strokes[-1].extended(dabs)))
+    def gone_on(self, more: Stroke) -> Strokes:
+        """With the newest gone on by another's dabs."""
+        newest = self.strokes[-1]
+        return Strokes((*self.strokes[:-1], newest.extended(more.about(newest.origin).dabs)))
 
     def goes_on_from(self, other: Strokes) -> bool:
         """Whether they are the others, of which the newest has gone on or others have followed."""
@@ -103,7 +126,7 @@ class Strokes:
 
     def __reduce__(self) -> tuple[Callable[..., Strokes], tuple[Any, ...]]:
         """Pickled as one array, which crosses between processes in shared memory."""
-        brushes = tuple((*_brush(stroke).values(), len(stroke.dabs)) for stroke in self.strokes)
+        brushes = tuple((*_brush(stroke).values(), stroke.origin, len(stroke.dabs)) for stroke in self.strokes)
         return _unpacked, (brushes, np.frombuffer(b"".join(stroke.dabs for stroke in self.strokes), np.uint8))
 
 
@@ -115,7 +138,11 @@ def pack_dabs(places: ArrayLike, normals: ArrayLike) -> bytes:
 
 def stroke_values(strokes: Strokes) -> list[dict[str, Any]]:
     """What files say of strokes: numbers, and the dabs in base 64."""
-    return [_brush(stroke) | {"dabs": base64.b64encode(stroke.dabs).decode()} for stroke in strokes.strokes]
+    found = []
+    for stroke in strokes.strokes:
+        origin = {"origin": list(stroke.origin)} if any(stroke.origin) else {}
+        found.append(_brush(stroke) | origin | {"dabs": base64.b64encode(stroke.dabs).decode()})
+    return found
 
 
 def strokes_from(values: object) -> Strokes:
@@ -142,12 +169,12 @@ def _brush(stroke: Stroke) -> dict[str, float]:
     return {name: getattr(stroke, name) for name in ("radius", "value", "strength", "hardness")}
 
 
-def _unpacked(brushes: Iterable[tuple[float, float, float, float, int]], dabs: NDArray[np.uint8]) -> Strokes:
+def _unpacked(brushes: Iterable[tuple[float, float, float, float, Place, int]], dabs: NDArray[np.uint8]) -> Strokes:
     """What `Strokes.__reduce__` took apart."""
     strokes, begin = [], 0
-    for radius, value, strength, hardness, n_bytes in brushes:
+    for radius, value, strength, hardness, origin, n_bytes in brushes:
         own = dabs[begin : begin + n_bytes].tobytes()
-        strokes.append(Stroke(radius, value, strength, hardness, own))
+        strokes.append(Stroke(radius, value, strength, hardness, own, origin))
         begin += n_bytes
     return Strokes(tuple(strokes))
 
@@ -155,10 +182,18 @@ def _unpacked(brushes: Iterable[tuple[float, float, float, float, int]], dabs: N
 def _stroke(values: object) -> Stroke:
     if isinstance(values, Stroke):
         return values
-    if not isinstance(values, Mapping) or not set(values) <= {"radius", "value", "strength", "hardness", "dabs"}:
+    if not isinstance(values, Mapping) or not set(values) <= _KEYS:
         raise ParameterError("strokes", type(values).__name__, _EXPECTED)
     radius, value, strength, hardness = (values.get(name, of_old) for name, of_old in _brush(Stroke(0.0)).items())
-    return make_stroke(radius, value, strength, hardness, _dabs(values.get("dabs")))
+    stroke = make_stroke(radius, value, strength, hardness, _dabs(values.get("dabs")))
+    return dataclasses.replace(stroke, origin=_place(values.get("origin", stroke.origin)))
+
+
+def _place(value: object) -> Place:
+    if not isinstance(value, (list, tuple)) or len(value) != 3:
+        raise ParameterError("origin", type(value).__name__, "three numbers")
+    x, y, z = (_number("origin", each, -MAX_ORIGIN, MAX_ORIGIN) for each in value)
+    return x, y, z
 
 
 def _dabs(text: object) -> bytes:

@@ -117,7 +117,7 @@ class _Terms:
 
     def __init__(self, orbit: Orbit) -> None:
         self.tables: dict[int, Tables] = {}
-        self.told = ToldImages(orbit.scene.textures)
+        self.told = ToldImages(orbit.scene.textures, orbit.scene.origin)
         self._orbit = orbit
         self.terms = tuple(self._told(term) for term in orbit.reflections.terms)
 

@@ -51,8 +51,12 @@ class SpreadPoints:
 class Canvas:
     """One layer's images on one object, and what its strokes make of them."""
 
-    def __init__(self, unpainted: SeenMaps, hits: PrimaryHits, i_object: int, spread: SpreadPoints) -> None:
+    def __init__(
+        self, unpainted: SeenMaps, hits: PrimaryHits, i_object: int, spread: SpreadPoints, origin: Floats
+    ) -> None:
+        """origin (3,): of the scene, see `Scene`."""
         self._unpainted, self._hits, self._i_object, self._spread = unpainted, hits, i_object, spread
+        self._origin = origin
         self._seen: PaintedPoints | None = None
         self._everywhere: PaintedPoints | None = None
 
@@ -65,6 +69,7 @@ class Canvas:
             rows = slice(*self._hits.object_ranges[self._i_object])
             self._seen = PaintedPoints(self._unpainted.weight, self._hits.position[rows], self._hits.outward[rows])
             self._everywhere = PaintedPoints(spread.weight, spread.position, spread.normal)
+        strokes = strokes.about(self._origin)
         means = spread.means(self._everywhere.weights(strokes))
         return SeenMaps(self._unpainted.texture, self._seen.weights(strokes), means)
 
@@ -100,7 +105,9 @@ def mean_maps(scene: Scene, i_object: int, images: Images, texture: Pyramid | No
     spread = spread_points(scene, i_object, images, texture, weight)
     if not images.strokes:
         return spread.means(spread.weight)
-    return spread.means(PaintedPoints(spread.weight, spread.position, spread.normal).weights(images.strokes))
+    return spread.means(
+        PaintedPoints(spread.weight, spread.position, spread.normal).weights(images.strokes.about(scene.origin))
+    )
 
 
 def _even_barycentrics(n: int) -> tuple[Floats, Floats]:

@@ -51,7 +51,9 @@ class MapSampler:
         if weight is not None:
             shares = self._samples(i_object, (weight,), weight, (1.0, 1.0))[:, 0]
         spread = spread_points(scene, i_object, images, texture, weight)
-        return Canvas(SeenMaps(colours, shares, spread.means(spread.weight)), self._hits, i_object, spread)
+        return Canvas(
+            SeenMaps(colours, shares, spread.means(spread.weight)), self._hits, i_object, spread, scene.origin
+        )
 
     def _samples(
         self, i_object: int, of: tuple[object, ...], pyramid: Pyramid, scale: tuple[float, float]
@@ -78,7 +80,7 @@ def painted(scene: Scene, found: Intersections, strokes: Strokes, weight: NDArra
     if not strokes:
         return weight
     places = positions_at(scene, found.triangle, found.u, found.v)
-    return PaintedPoints(weight, places, scene.geometric_normals[found.triangle]).weights(strokes)
+    return PaintedPoints(weight, places, scene.geometric_normals[found.triangle]).weights(strokes.about(scene.origin))
 
 
 def mean_factor(scene: Scene, i_object: int, maps: LayerMaps) -> Floats:

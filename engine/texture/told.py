@@ -42,8 +42,9 @@ class ToldMaps:
 class ToldImages:
     """Images and strokes, one behind another in the order in which they are asked for."""
 
-    def __init__(self, store: TextureStore) -> None:
-        self._store = store
+    def __init__(self, store: TextureStore, origin: NDArray[np.float64]) -> None:
+        """origin (3,): of the scene that they are told of, see `engine.scene.load.Scene`."""
+        self._store, self._origin = store, origin
         self._begins: dict[Pyramid, int] = {}
         self._n_words = self._n_strokes = 0
         self.strokes: tuple[Strokes, ...] = ()
@@ -55,7 +56,7 @@ class ToldImages:
     def maps(self, maps: LayerMaps) -> ToldMaps:
         images, first = maps.images, self._n_strokes
         if images.strokes:
-            self.strokes += (images.strokes,)
+            self.strokes += (images.strokes.about(self._origin),)
             self._n_strokes += len(images.strokes.strokes)
         return ToldMaps(
             self.image(self._store.texture(images)), images.texture_scale, maps.texture_strength,

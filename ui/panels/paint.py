@@ -11,9 +11,8 @@ from app.commands.paint import BlendByMap, Paint, blended_with
 from app.document import layer_key
 from engine.material.layer import object_of
 from engine.material.maps import LayerMaps
-from engine.material.strokes import Stroke
 from ui import theme as look
-from ui.brush import along, dabs_at, spots_at
+from ui.brush import along, spots_at, stroke_at
 from ui.panels import fields, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, SetPanel
 from ui.panels.context import PanelContext
@@ -176,7 +175,7 @@ def _stroke(context: PanelContext, grip: PaintGrip, places: list[Point], end: Po
     if not spots:
         return [Hold(replace(grip, offset=end))]
     metres = grip.metres or brush.radius * spots[0].metres
-    stroke = Stroke(metres, grip.value, brush.strength, brush.hardness, dabs_at(spots))
+    stroke = stroke_at(spots, metres, grip.value, brush.strength, brush.hardness)
     return [Paint(key, stroke, not grip.begun), Hold(replace(grip, offset=end, begun=True, metres=metres))]
 
 

@@ -16,6 +16,8 @@ from app.jobs.tasks import Tasks
 from app.messages import Response
 from app.placement.messages import ComputeTransport, LayerPicture, LightPlanned
 from app.scene_state import SceneState
+from engine.material import MODELS
+from engine.material.layer import make_layer
 from engine.plan import Decisions
 from engine.render import light_pilot
 from engine.transport.pipeline import Placement, Quality, SkyState
@@ -90,10 +92,35 @@ def test_what_was_found_is_found_again(scene: str, tmp_path: Path, monkeypatch: 
         raise AssertionError("it was tried again")
 
     monkeypatch.setattr(light_plan, "needed_light", refuse)
-    brighter = replace(compute(), scene=SceneState(LightState(), (work("ground.0", "lambert", albedo=[0.9] * 3),)))
+    brighter = replace(
+        compute(), scene=SceneState(LightState(rotation=70.0), (work("ground.0", "lambert", albedo=[0.9] * 3),))
+    )
     run_in_process(tasks, brighter)
     other, labour = opened(scene, store)
     again = run_in_process(other, compute())
     assert labour.seen == [] or {each.name for each in labour.seen} <= {"coarse", "preview"}
     assert next(answer for answer in again if isinstance(answer, LightPlanned)).n_lights == 500
     np.testing.assert_array_equal(last_picture(again), last_picture(first))
+
+
+def test_it_is_tried_with_what_the_file_has_whatever_was_edited_by_then(
+    scene: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A window that was opened on an edited document took another number of lights than the one that had edited it."""
+    tried = []
+
+    def noted(placement, layers, sky, *rest):  # type: ignore[no-untyped-def]
+        tried.append((sky.rotation, [(each.layer.parameters, each.layer.edits) for each in layers]))
+        return (yield from light_pilot.needed_light(placement, layers, sky, *rest))
+
+    monkeypatch.setattr(light_plan, "needed_light", noted)
+    bright, shiny = work("ground.0", "lambert", albedo=[0.9] * 3), work("ground.0", "rough_conductor", alpha=0.77)
+    edited, other = (
+        replace(compute(), scene=SceneState(LightState(rotation=70.0), (each,))) for each in (bright, shiny)
+    )
+    for i, request in enumerate((compute(), edited, other)):
+        tasks, _ = opened(scene, Store(tmp_path / str(i)))
+        run_in_process(tasks, request)
+    assert len(tried) == 3 and tried[0] == tried[1]
+    # The file has no such layer: as its model begins.
+    assert tried[2] == (0.0, [(make_layer(MODELS["rough_conductor"], {}).parameters, ())])

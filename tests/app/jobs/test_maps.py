@@ -67,6 +67,7 @@ def test_strokes_are_painted_where_the_eye_sees_them_also_without_texture_coordi
     weight = found.samples[:, 3]
     assert weight.max() == 1.0 and (found.samples[:, :3] == 1.0).all() and 0.0 < found.means.weight < 1.0
     assert found.thumbnails["weight"].max() == 255
-    more = Images(weight_start=0.0, strokes=images.strokes.gone_on(pack_dabs([0.06, -0.06, 1.0], [0.0, 0.0, 1.0])))
+    dab = Stroke(0.05, dabs=pack_dabs([0.06, -0.06, 1.0], [0.0, 0.0, 1.0]))
+    more = Images(weight_start=0.0, strokes=images.strokes.gone_on(dab))
     (then,) = run_in_process(tasks, SampleMaps((("bare.0", more),)))
     assert isinstance(then, MapsSampled) and then.means.weight > found.means.weight

@@ -67,7 +67,7 @@ def test_what_goes_on_is_as_what_was_painted_at_once() -> None:
         done = done.begun(stroke(tuple(ways[0]), value=float(rng.uniform()), strength=0.7))
         points.weights(done)
         for way in ways[1:]:
-            done = done.gone_on(stroke(tuple(way)).dabs)
+            done = done.gone_on(stroke(tuple(way)))
             newest = points.weights(done)
     np.testing.assert_array_equal(newest, painted(*done.strokes, base=0.3))
     before = Strokes(done.strokes[:1])
@@ -142,3 +142,43 @@ def test_files_and_processes_bring_strokes_back_equal() -> None:
 def test_hostile_strokes_are_refused(bad: object) -> None:
     with pytest.raises(ParameterError):
         maps_from({"strokes": bad})
+
+
+FAR = (500_000.0, 4_600_000.0, 120.0)
+
+
+def seen_on_a_quad(at: tuple[float, ...], images: Images) -> np.ndarray:
+    """The weights where the eye sees a quad of 2 m about a place."""
+    x, y, z = at
+    camera = CAMERA | {"position": [x, y, z + 3.0], "target": list(at)}
+    quad = {"name": "quad", "primitive": "quad", "transform": [1, 0, 0, x, 0, 1, 0, y, 0, 0, 1, z, 0, 0, 0, 1]}
+    described = parse_description({"version": 1, "camera": camera, "object": [quad]}, Path("scene.toml"))
+    placement = Placement(build_scene(described, Path("scene.toml"), None))
+    assert placement.scene.origin.any() == any(at)
+    return MapSampler(placement.scene, placement.caster, placement.hits).see(0, images).weight
+
+
+def test_strokes_stay_where_they_are_in_the_world_in_far_scenes() -> None:
+    """There the scene's arrays are about its own centre, and neighbouring numbers of the world 0.5 m apart."""
+    near = stroke((0.12, 0.1, 0.0), (0.2, 0.1, 0.0), hardness=1.0, radius=0.2)
+    expected = seen_on_a_quad((0.0, 0.0, 0.0), Images(weight_start=0.0, strokes=Strokes((near,))))
+    assert 0.0 < expected.mean() < 0.5
+    for x, y, z in (FAR, (499_997.0, 4_599_997.0, 117.0)):
+        offset = np.subtract(FAR, (x, y, z))
+        far = Stroke(0.2, hardness=1.0, dabs=pack_dabs([[0.12, 0.1, 0.0] + offset], [UP]), origin=(x, y, z))
+        more = Stroke(0.2, dabs=pack_dabs([[0.2, 0.1, 0.0]], [UP]), origin=FAR)
+        strokes = Strokes((far,)).gone_on(more)
+        found = seen_on_a_quad(FAR, Images(weight_start=0.0, strokes=strokes))
+        np.testing.assert_allclose(found, expected, atol=5e-3)  # an edge of a centimetre, places to 0.03 mm
+        again = maps_from({"strokes": map_values(LayerMaps(strokes=strokes))["strokes"]}).strokes
+        assert again == strokes == pickle.loads(pickle.dumps(strokes))
+
+
+def test_strokes_of_old_files_are_about_the_worlds_origin() -> None:
+    (values,) = map_values(LayerMaps(strokes=Strokes((stroke((0.2, 0.1, 0.0)),))))["strokes"]
+    assert "origin" not in values  # as all files had it
+    (found,) = maps_from({"strokes": [values]}).strokes.strokes
+    assert found.origin == (0.0, 0.0, 0.0)
+    for wrong in ([0.0, 0.0], "far", [0.0, 0.0, 1e13], [0.0, 0.0, float("nan")]):
+        with pytest.raises(ParameterError, match="origin"):
+            maps_from({"strokes": [values | {"origin": wrong}]})
