@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from app.commands import SetTime
 from app.project import Project
-from app.stills import Mode, StillProgress, prepared_deform, prepared_orbit, render_project
+from app.stills import Mode, StillProgress, judge_picture, prepared_deform, prepared_orbit, render_project
 from app.timeline import timeline
 from app.view_state import ViewState
 from engine.deform.pose import Poses
@@ -86,6 +86,12 @@ def drawer_of(project: Project, frames: Frames) -> Drawer:
     if frames.mode == "deform":
         return _Bending(project, frames, poses)
     return _Stills(project, frames, [_in_poses(project, each) for each in poses])
+
+
+def judge_frame(project: Project, frames: Frames, i: int, picture: Picture) -> str:
+    """How far frame i of an animation is off, as one line; "" where that cannot be known."""
+    scene = _in_poses(project, poses_of(project, frames.count)[i])
+    return judge_picture(replace(project, scene=scene), picture, frames.series)
 
 
 def own_camera(scene: Scene) -> Camera:
@@ -157,7 +163,9 @@ class _Orbiting:
 
 
 class _Bending:
-    """Everything is made ready once; frames differ in their poses alone."""
+    """Everything is made ready once; frames differ in their poses alone. What bends casts on all else the coarse shadow
+    that it has while it moves, see `engine.deform.blockers`, which `judge_frame` says the price of; a still in one pose
+    has transfer of its own for that, which takes as long as making ready."""
 
     ready_at = 0.95
 

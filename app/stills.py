@@ -155,6 +155,21 @@ def render_project(
     return Still(held(picture * intensity, BRIGHTEST), error, bounces.warning)
 
 
+def judge_picture(project: Project, picture: NDArray[np.float32], series: BounceSeries | None = None) -> str:
+    """How far a picture of a project that was drawn in another way is off, as one line, by the paths of some of its
+    points; "" where that cannot be known. series: as in `render_project`."""
+    intensity = float(project.document.light.intensity)
+    if _alone_in_deform(project) or not intensity:
+        return ""
+    plan = plan_still(project)
+    placement = Placement(project.scene, None, plan.n_edge_rays)
+    wanted = series.n_bounces if series else wanted_bounces(project, plan)
+    n_bounces = planned_bounces(placement, project.indexed_layers, wanted).n_bounces
+    layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
+    (judged,) = finish(judge_drawn(placement, layers, project.sky, n_bounces, [picture / np.float32(intensity)]))
+    return "" if judged.estimate is None else judged.estimate.text
+
+
 def prepared_orbit(project: Project, n_patches: int = N_PATCHES, series: BounceSeries | None = None) -> Orbit:
     """What pictures in Orbit's way are drawn of, from anywhere; all its work is to be done. series: None for as many
     bounces as the session or the scene says, or Orbit takes."""

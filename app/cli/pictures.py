@@ -226,13 +226,15 @@ def _frames(words: ProjectWords, output: Path, frames: Frames, view: str | None,
         raise InsituError(f"--view {view}: {output} holds light itself, expected a name that ends in .png")
     require_folder(files.folder)  # before the scene is read and workers are waited for
     with progress() as report, opened(words, scheduler) as (project, cluster):
-        drawn = draw_frames(
+        drawn, error = draw_frames(
             project, frames, files, lambda step: report(step.fraction, step.text),
             project.view if view is None else view_named(view), draw_here if cluster is None else cluster.draw,
         )  # fmt: skip
     tell_notes(project)
     kept = f", {frames.count - drawn} were there" if drawn < frames.count else ""
     say(f"{files.folder}: {drawn} frames{kept}, {time.monotonic() - started:.1f} s")
+    if error:
+        say(f"note: {error}")
     return 0
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.frames import Draw, Frames, Report, draw_here, poses_of
+from app.frames import Draw, Frames, Report, draw_here, judge_frame, poses_of
 from app.machine.atomic import make_folder_of, require_place, save_file
 from app.picture_key import picture_key
 from app.project import Project
@@ -99,18 +99,21 @@ class FrameFiles:
 def draw_frames(
     project: Project, frames: Frames, files: FrameFiles, report: Report, view: ToneMapping = "filmic",
     draw: Draw = draw_here,
-) -> int:  # fmt: skip
-    """Draw what is missing of the frames, here or where `draw` does; how many that were. Raises InsituError."""
+) -> tuple[int, str]:  # fmt: skip
+    """Draw what is missing of the frames, here or where `draw` does; how many that were, and of those in Deform's way
+    how far the middle one of them is off, as one line, else "". Raises InsituError."""
     if frames.animated:
         poses_of(project, frames.count)  # where there is no animation no file is touched
     make_folder_of(files.record)
     require_place(*map(files.path, range(files.count)), files.record)
     missing = files.missing(picture_key(project, frames, view), project.scene.resolution)
-    drawn = 0
+    drawn, error, judged = 0, "", missing[len(missing) // 2] if missing and frames.mode == "deform" else -1
     for i, picture in draw(project, frames, missing, report):
         files.write(i, picture, view)
         drawn += 1
-    return drawn
+        if i == judged and (said := judge_frame(project, frames, i, picture)):
+            error = f"frame {i}: {said}; what moves casts coarse shadows, a still by --time has finer ones"
+    return drawn, error
 
 
 def _is_whole(path: Path, resolution: tuple[int, int]) -> bool:

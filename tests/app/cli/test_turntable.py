@@ -85,6 +85,8 @@ def test_an_animation_is_frames_of_it_and_a_time_one_of_them(
     bar, out = write_bar(tmp_path / "scene"), tmp_path / "out"
     few = ("--resolution", 12, 9, "--bounces", 1, "--mode", mode)
     assert insitu("render", bar, "-o", out, *few, "--frames", 2) == 0
+    told = capsys.readouterr().out
+    assert ("note: frame 1: " in told and "casts coarse shadows" in told) == (mode == "deform")
     first = [(out / f"000{i}.png").read_bytes() for i in range(2)]
     assert first[0] != first[1]
     (out / "0001.png").unlink()
