@@ -36,7 +36,8 @@ def fill_leans(
             p, q = math.copysign(1.0, repeats[0]) * p, math.copysign(1.0, repeats[1]) * q
         else:
             p, q = repeats[0] * p, repeats[1] * q
-            along[:] = gradients[k]
+            for i in range(3):  # not all at once: for that the compiler makes the words of an error
+                along[0, i], along[1, i] = gradients[k, 0, i], gradients[k, 1, i]
         x, y, z = (p * along[0, 0] + q * along[1, 0], p * along[0, 1] + q * along[1, 1],
                    p * along[0, 2] + q * along[1, 2])  # fmt: skip
         upwards = x * n[0] + y * n[1] + z * n[2]

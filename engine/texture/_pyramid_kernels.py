@@ -114,7 +114,8 @@ def fill_at(levels: Levels, uv: Floats, depths: Floats, out: Texels) -> None:
         u, v = _finite(u + levels.offset_u), _finite(v + levels.offset_v)
         found = _at_depth(levels, out.shape[1], depths[j], u, v)
         lanes.store(four, 0, found)
-        out[j] = four[: out.shape[1]]
+        for channel in range(out.shape[1]):
+            out[j, channel] = four[channel]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)

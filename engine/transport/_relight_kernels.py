@@ -96,7 +96,9 @@ def _to_wavelets(values, coefficients):
                 coefficients[n + 3 * t + 1, c] = np.float32(0.25) * (q - p - r + s)
                 coefficients[n + 3 * t + 2, c] = np.float32(0.25) * (r - p - q + s)
                 values[t, c] = np.float32(0.25) * (p + q + r + s)
-    coefficients[:N_ROOTS] = values[:N_ROOTS]
+    for t in range(N_ROOTS):  # not all at once, see `_copy_colours` of the projection
+        for c in range(values.shape[1]):
+            coefficients[t, c] = values[t, c]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

@@ -1,0 +1,50 @@
+"""Kernels that copy rows do it number by number.
+
+For whole rows of unknown length numba compiles the words of an error as well, some sixty functions on text, in each
+process that compiles one such kernel: longer than the kernel itself takes.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+# What is compiled while the arguments' call is made, by module.
+PROGRAM = """
+import sys
+import numpy as np
+from numba.core import event
+from engine.orbit import _visibility_kernels as orbit
+from engine.scene import _relief_kernels as relief
+from engine.transport import _relight_kernels as relight
+
+single = lambda *shape: np.ones(shape, np.float32)
+double, whole = np.ones, np.zeros(1, np.int64)
+with event.install_recorder("numba:compile") as recorder:
+    exec(sys.argv[1])
+modules = {each.data["dispatcher"].py_func.__module__ for _, each in recorder.buffer}
+assert any(module.startswith("engine.") for module in modules), modules
+print(*(module for module in modules if "unicode" in module))
+"""
+CALLS = {
+    "first rays": "orbit.first_rays(whole, single(1, 3), single(1, 3, 3), single(4, 3), single(1, 3), single(1, 3))",
+    "more rays": "orbit.more_rays(whole, np.ones((1, 1), bool), single(1, 3), single(1, 3, 3), single(4, 3), 1,"
+    " single(1, 3), single(1, 3))",
+    "bumps": "relief.fill_leans(whole, double(1), double(1), single(1, 2), double((1, 2, 3)), double((0, 3, 3)),"
+    " double(1), 1.0, double(2), single(1, 3), double((1, 3)), double((1, 3)), double((1, 3)))",
+    "wavelets": "relight._to_wavelets(single(32, 3), single(32, 3))",
+}
+
+
+@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"), reason="nothing is compiled")
+@pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)
+def test_no_words_are_compiled(call: str, tmp_path: Path) -> None:
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, call], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == ""
