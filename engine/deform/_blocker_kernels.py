@@ -61,7 +61,8 @@ def shadow_range(
             # The cone's mean of each band: (P_(l-1) - P_(l+1)) / ((2l+1)(1-c)) at its rim, c its cosine.
             c = math.sqrt(1.0 - sine2)
             before, here = 1.0, c
-            mean[:] = window[0] * light[0]
+            for i in range(3):  # not all at once: for that the compiler makes the words of an error
+                mean[i] = window[0] * light[0, i]
             for l in range(1, n):  # noqa: E741
                 after = ((2 * l + 1) * c * here - l * before) / (l + 1)
                 share = window[l] * (before - after) / ((2 * l + 1) * (1.0 - c))

@@ -35,5 +35,8 @@ def look_up_range(
                     found_low[p, k] += share * texel[k]
         nearest_row = (int(top) + (1 if below >= 0.5 else 0)) % n_rows
         nearest_column = (int(left) + (1 if beside >= 0.5 else 0)) % n_columns
-        found_axes[p] = axes[nearest_row, nearest_column]
-        found_coefficients[p] = coefficients[nearest_row, nearest_column]
+        for i in range(axes.shape[2]):  # not all at once: for that the compiler makes the words of an error
+            for k in range(axes.shape[3]):
+                found_axes[p, i, k] = axes[nearest_row, nearest_column, i, k]
+            for k in range(coefficients.shape[3]):
+                found_coefficients[p, i, k] = coefficients[nearest_row, nearest_column, i, k]

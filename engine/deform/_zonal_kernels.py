@@ -50,7 +50,7 @@ def fit_range(
             continue
         _add_greedily(target, first, scan, scanned, axes[point], single)
         errors[point] = _search(target, first, axes[point], work)
-        coefficients[point] = work.coefficients
+        _copy_rows(work.coefficients, coefficients[point])
         seed = np.uint64(point)
         for _ in range(n_restarts if n_lobes > 1 else 0):
             if errors[point] <= enough * length:
@@ -58,7 +58,9 @@ def fit_range(
             seed = _scatter(seed, trial)
             error = _search(target, first, trial, work)
             if error < errors[point]:
-                axes[point], coefficients[point], errors[point] = trial, work.coefficients, error
+                _copy_rows(trial, axes[point])
+                _copy_rows(work.coefficients, coefficients[point])
+                errors[point] = error
 
 
 class _Work(NamedTuple):
@@ -87,14 +89,25 @@ def _make_work(n_lobes: int, n: int) -> _Work:
     )  # fmt: skip
 
 
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _copy_rows(rows: Floats, out: Floats) -> None:
+    """Number by number: for whole arrays the compiler makes the words of an error, which takes longer than a fit."""
+    for i in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            out[i, k] = rows[i, k]
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _add_greedily(target: Floats, first: int, scan: Floats, scanned: Floats, axes: Floats, work: _Work) -> None:
     """Axes one by one, each the best for what those before it leave."""
     rest = target.copy()
     for i in range(axes.shape[0]):
-        axes[i] = scan[_best_of(rest, first, scanned)]
+        best = _best_of(rest, first, scanned)
+        for c in range(3):
+            axes[i, c] = scan[best, c]
         _search(rest, first, axes[i : i + 1], work)
-        rest[:] = work.rest
+        for k in range(rest.shape[0]):
+            rest[k] = work.rest[k]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -142,17 +155,19 @@ def _search(target: Floats, first: int, axes: Floats, work: _Work) -> float:
         slope = _point_downhill(work)
         if not slope < 0.0:
             break
-        work.before[:] = work.gradient
+        _copy_rows(work.gradient, work.before)
         share, next_error = 1.0, math.inf
         while share > 1e-6:
-            work.end[:] = axes + share * work.step
+            for i in range(axes.shape[0]):
+                for c in range(3):
+                    work.end[i, c] = axes[i, c] + share * work.step[i, c]
             next_error = _evaluate(target, first, work.end, work)
             if next_error <= error + _ARMIJO * share * slope:
                 break
             share *= 0.5
         if not next_error < error:
             break
-        axes[:] = work.end
+        _copy_rows(work.end, axes)
         work.step[:] *= share
         gain, error = error - next_error, next_error
         if gain < _LEAST_GAIN * error:

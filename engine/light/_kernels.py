@@ -175,7 +175,8 @@ def decode_rgbe(data: Bytes, position: int, first: int, pixels: Bytes) -> tuple[
                             return 2, row, position
                         if position + 1 + count > end:
                             return 1, row, position
-                        pixels[row, column : column + count, channel] = data[position + 1 : position + 1 + count]
+                        for i in range(count):  # not all at once: for that the compiler makes the words of an error
+                            pixels[row, column + i, channel] = data[position + 1 + i]
                         position += 1 + count
                     column += count
             continue
@@ -193,11 +194,13 @@ def decode_rgbe(data: Bytes, position: int, first: int, pixels: Bytes) -> tuple[
                     return 2, row, position
                 before = pixels[row, column - 1] if column > 0 else pixels[row - 1, width - 1]
                 for i in range(count):
-                    pixels[row, column + i] = before
+                    for channel in range(4):
+                        pixels[row, column + i, channel] = before[channel]
                 column += count
                 shift += 8
             else:
-                pixels[row, column] = quad
+                for channel in range(4):
+                    pixels[row, column, channel] = quad[channel]
                 column += 1
                 shift = 0
             position += 4
