@@ -28,6 +28,7 @@ class Docking:
         self._unsettled = 0
         self._rebuild = False
         self._recalled = ""
+        self._in_front: tuple[str, ...] = ()
 
     def take_size(self, size: tuple[int, int], scale: float) -> None:
         """Before a frame: where the window has another form than before, the panels stand as they did in that one."""
@@ -41,6 +42,7 @@ class Docking:
         self._rebuild = places is None
         self._unsettled = SETTLING
         self._recalled = "" if places is None or form == "small" else places
+        self._in_front = ()
         if places is not None:
             imgui.load_ini_settings_from_memory(places)
         self._fold(self._memory.folded.get(form, layout.FOLDED[form]))
@@ -63,14 +65,18 @@ class Docking:
     def begin_space(self, scale: float) -> tuple[str, ...]:
         """Begin the space that panels dock in; where their places are new, those that are to be in front.
 
-        That is for the next pass, when the panels are there: of those that appear together the last would be.
+        That is for the next pass, when the panels are there: of those that appear together the last would be. One a pass:
+        of panels that were docked elsewhere a frame ago imgui raises only the last that it is told.
         """
         layout.begin_dock_space(self.form, scale, self._rebuild)
         rebuilt, self._rebuild = self._rebuild, False
         self._unsettled = SETTLING if rebuilt else max(self._unsettled - 1, 0)
         if rebuilt:
-            self._recalled = ""
-            return layout.IN_FRONT[self.form]
+            self._recalled, self._in_front = "", layout.IN_FRONT[self.form]
+        if self._in_front:
+            first, *others = self._in_front
+            self._in_front = tuple(others)
+            return (first,)
         if self._recalled and self._unsettled == SETTLED_IN:
             recalled, self._recalled = self._recalled, ""
             return layout.chosen_tabs(recalled)

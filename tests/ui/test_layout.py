@@ -382,3 +382,19 @@ def test_the_heading_of_a_material_ends_within_its_panel(
     heading = window.pixels()[round(line + 3) : round(line + 9), :, :3].mean(axis=-1)
     assert np.ptp(heading[:, round(right) - 90 : round(right) - 40]) > 40.0
     assert np.ptp(heading[:, round(panel.work_rect.max.x) - 4 : round(panel.work_rect.max.x) + 6]) < 10.0
+
+
+@pytest.mark.parametrize("n_frames", [1, 2, 4])
+def test_a_size_given_in_the_first_frames_leaves_the_right_panels_in_front(
+    context: moderngl.Context, n_frames: int
+) -> None:
+    editor = Editor(StandInClient(), "stand-in")
+    window = HeadlessWindow(editor, size=(1440, 900), context=context)
+    window.frames(n_frames)
+    window.resize((1000, 700))
+    window.frames(SETTLING + 3)
+    window.shell.io  # noqa: B018  makes this window's imgui context current
+    behind = {panel.key for panel in layout.PANELS if layout.is_behind(panel)}
+    assert behind == {"library", "brdf", "light", "accuracy", "plan"}
+    window.close()
+    editor.close()
