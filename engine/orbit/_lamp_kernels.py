@@ -54,6 +54,21 @@ def _towards(j: int, at: Floats, normal: Floats, points: Known) -> tuple[float, 
     return facing / (squared * distance), above / distance
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def disagree(
+    start: int, stop: int, samples: NDArray[np.int64], corners: NDArray[np.int32], bits: NDArray[np.uint8],
+    out: NDArray[np.bool_],
+) -> None:  # fmt: skip
+    """Whether corners (R, 3) of the samples[start:stop] see other patches than one another, into out (N,)."""
+    for n in range(start, stop):
+        a, b, c = corners[samples[n], 0], corners[samples[n], 1], corners[samples[n], 2]
+        out[n] = False
+        for word in range(bits.shape[1]):
+            if bits[a, word] != bits[b, word] or bits[a, word] != bits[c, word]:
+                out[n] = True
+                break
+
+
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _n_seeing(j: int, corners: NDArray[np.int32], points: Known) -> int:
     """How many of three points see patch j."""

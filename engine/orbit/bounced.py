@@ -137,14 +137,16 @@ def refining(bounces: Bounces, points: ShadingPoints, mesh: PointMesh, shone: Fl
     size, where, open_ = _space(points)
     gathering, around = bounces.gathering, bounces.around
     for _ in range(_FURTHER_ROUNDS):
-        wanted = (_unlike(gathering, around, shone) > _UNLIKE) | (around.error > _CLOSE)
+        unlike = _unlike(gathering, around, shone)
+        wanted = (unlike > _UNLIKE) | (around.error > _CLOSE)
+        near = np.flatnonzero(wanted | (unlike > 0.5 * _UNLIKE))
         wanted[gathering.points] = False
         more = _evenly(points, where, open_[wanted[open_]], N_MORE)
         yield
         if not len(more):
             break
         gathering = gathering.with_more((yield from _sent(points, mesh, more, size)))
-        around = yield from _around(points, mesh, where, gathering, size)
+        around = yield from _around(points, mesh, where, gathering, size, around, near)
     return Bounces(gathering, around, bounces.behind, True)
 
 
@@ -188,14 +190,19 @@ def _sent(points: ShadingPoints, mesh: PointMesh, chosen: Rows, size: float) -> 
 
 
 def _around(
-    points: ShadingPoints, mesh: PointMesh, where: Floats, gathering: Gathering, size: float
-) -> Generator[None, None, Around]:
-    """What is gathered between points that gather, where (S, 6) all are in place and normal."""
+    points: ShadingPoints, mesh: PointMesh, where: Floats, gathering: Gathering, size: float,
+    before: Around | None = None, among: Rows | None = None,
+) -> Generator[None, None, Around]:  # fmt: skip
+    """What is gathered between points that gather, where (S, 6) all are in place and normal; before, among: as it was
+    with fewer of these, and the points (N,) that others are to be found for."""
     n, tree, k = len(points), cKDTree(where[gathering.points]), min(_CANDIDATES, len(gathering.points))
     beside, share = np.zeros((n, _BESIDE), np.int32), np.zeros((n, _BESIDE), np.float32)
     error, most = np.full(n, np.inf, np.float32), min(_BESIDE, k)
-    for start in range(0, n, _INTERPOLATED):
-        here = np.arange(start, min(start + _INTERPOLATED, n))
+    if before is not None:
+        beside, share, error = before.beside.copy(), before.share.copy(), before.error.copy()
+    asked = np.arange(n) if among is None else among
+    for start in range(0, len(asked), _INTERPOLATED):
+        here = asked[start : start + _INTERPOLATED]
         _, number = tree.query(where[here], k, workers=-1)
         number = number.reshape(-1, k)
         there = gathering.points[number]

@@ -20,6 +20,7 @@ from engine.orbit.picture import Rows, Seen
 from engine.orbit.pixel_light import Wrong, phases
 from engine.orbit.visibility import SHORT
 from engine.scene.raycaster import RayCaster
+from engine.threads import even_parts, on_threads
 
 Floats = NDArray[np.float32]
 # Rays of a sample at most: that look whether all is known, and that find out what is not, at rest and in stills.
@@ -63,6 +64,8 @@ def lamp_shadows(seen: Seen, which: Rows, lamps: Lamps, caster: RayCaster, quali
     quality: "rest" or "still"."""
     patches, points, step = lamps.patches, seen.points, max(_AT_ONCE // _MOST[quality], 1)
     known = kernels.Known(points.position, points.normal, lamps.bits, patches.centre, patches.normal)
+    if quality == "rest":
+        which = which[_disagree(seen, which, lamps)]
     for start in range(0, len(which), step):
         some = which[start : start + step]
         normals, places = seen.normals(some), seen.places(some)
@@ -91,6 +94,17 @@ def lamp_shadows(seen: Seen, which: Rows, lamps: Lamps, caster: RayCaster, quali
         power = patches.radiance[patch] * (patches.area[patch] * asked.solid[wrong])[:, None]
         cosine = free[wrong] * asked.cosine[wrong] - asked.known_cosine[wrong]
         yield Wrong(some[row], ways, power, share[wrong], cosine)
+
+
+def _disagree(seen: Seen, which: Rows, lamps: Lamps) -> NDArray[np.bool_]:
+    """Whether points around samples (N,) see other patches than one another."""
+    found = np.empty(len(which), bool)
+
+    def part(start: int, stop: int) -> None:
+        kernels.disagree(start, stop, which, seen.samples.corners, lamps.bits, found)
+
+    on_threads(part, *even_parts(len(which)))
+    return found
 
 
 def _room(n: int) -> kernels.Asked:

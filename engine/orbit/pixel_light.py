@@ -64,9 +64,13 @@ def added_up(seen: Seen, parts: Iterable[Wrong], has_gloss: NDArray[np.bool_]) -
     none = np.zeros((0, 3), np.float32)
     kept = [(np.zeros(0, np.int64), none, none)]
     for part in parts:
-        weighed = part.cosine[:, None] * part.power
+        if not len(part.sample):
+            continue
+        weighed, first = part.cosine[:, None] * part.power, part.sample.min()
+        at = part.sample - first
         for i in range(3):
-            np.add.at(irradiance[:, i], part.sample, weighed[:, i])
+            found = np.bincount(at, weighed[:, i])
+            irradiance[first : first + len(found), i] += found
         own = has_gloss[part.sample]
         kept.append((part.sample[own], part.direction[own], part.power[own] * part.share[own, None]))
     sample, direction, power = (np.concatenate(each) for each in zip(*kept, strict=True))
