@@ -79,8 +79,12 @@ def test_small_lamps_in_a_polished_plate(tmp_path: Path) -> None:
     def picture(bands: tuple[int, int]) -> np.ndarray:
         return finish(reflected(placement, [replace(planned, bands=bands)], project.sky, still_quality(plan)))
 
-    truth = picture((2048, 32))
-    assert errors(picture(planned.bands), truth)[0] < 0.03 < 0.5 < errors(picture((128, 32)), truth)[0]
+    truth, still, editors = (picture(bands) for bands in ((2048, 32), planned.bands, (128, 32)))
+    assert errors(still, truth)[0] < 0.03 < 0.5 < errors(editors, truth)[0]
+    # And that is told of it.
+    layers = [replace(planned, bands=(128, 32))]
+    told = finish(estimate_error(placement, layers, project.sky, still_quality(plan), 1, editors)).total
+    assert told > errors(editors, truth)[0] / 1.5
 
 
 @pytest.mark.parametrize("room", ["gap", "lamp"])
