@@ -84,8 +84,7 @@ class DeformWork(ModeWork):
         deform.set_surfaces(request.surfaces)
         deform.set_posed(request.posed)
         deform.set_effort(self.n_rays or request.n_rays, request.n_lobes)
-        if request.n_bounces:
-            deform.set_bounces(request.n_bounces)
+        deform.set_bounces(request.n_bounces)
         self._prepared = request.id
         for step in deform.work():
             if deform.is_ready and deform.version != told:

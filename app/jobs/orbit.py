@@ -95,8 +95,7 @@ class OrbitWork(ModeWork):
         orbit.set_bumps(_bumps(self._bench.open_placement.scene))
         orbit.set_light(sky)
         orbit.set_layers(layers_by_object(orbit.scene, scene.layers))
-        if request.n_bounces:
-            orbit.set_bounces(request.n_bounces)
+        orbit.set_bounces(request.n_bounces)
         self._prepared = request.id
         first_time, told = not are_compiled(ORBIT), None
         for step in orbit.work():

@@ -129,8 +129,8 @@ class Deform:
         self._rays, self._n_lobes = (min(FEW_RAYS, n_rays), n_rays), n_lobes
 
     def set_bounces(self, n_bounces: int) -> None:
-        """How often light is reflected between light and eye from now on."""
-        self._n_bounces = min(max(n_bounces - 1, 0), N_BOUNCES)
+        """How often light is reflected between light and eye from now on; 0: as at first, as often as it can be."""
+        self._n_bounces = min(n_bounces - 1, N_BOUNCES) if n_bounces else N_BOUNCES
 
     # ----------------------------------------------------------------------------------------------------- the work
 

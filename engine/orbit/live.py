@@ -146,7 +146,9 @@ class Orbit:
             self.version += 1
 
     def set_bounces(self, n_bounces: int) -> None:
-        """How often light is reflected between light and eye from now on; at first as the scene says, or 4 times."""
+        """How often light is reflected between light and eye from now on; 0: as at first, as the scene says, or 4
+        times."""
+        n_bounces = n_bounces or self.scene.description.bounces or N_BOUNCES
         if n_bounces != self._n_bounces:
             self._n_bounces = n_bounces
             self._rebounce()

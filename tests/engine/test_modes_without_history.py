@@ -93,7 +93,7 @@ def _draw(mode: Orbit | Deform, wish: Wish, scene: Scene) -> np.ndarray:
 def led_about(mode: Orbit | Deform, wish: Wish, random: np.random.Generator, n: int) -> Wish:
     """Edits, each given up after some of the work for it."""
     values = {
-        "rotation": (30.0, 77.0, 200.0), "box": range(5), "floor": range(5), "n_bounces": (1, 2, 4),
+        "rotation": (30.0, 77.0, 200.0), "box": range(5), "floor": range(5), "n_bounces": (0, 1, 2, 4),
         "lamp": (0.0, 4.0, 9.0), "alabaster": (False, True), "posed": (False, True),
         "effort": ((64, 2), (128, 1)),
     }  # fmt: skip
