@@ -1,4 +1,4 @@
-"""README's pictures of indirect light: `python -m assets.scripts.bounces [FOLDER] [SCENE ...]`.
+"""The guides' pictures of indirect light: `python -m assets.scripts.bounces [FOLDER] [SCENE ...]`.
 
 Each shows a built-in scene twice side by side, as `insitu render` makes it: --bounces 1 on the left, the scene's own
 number on the right.

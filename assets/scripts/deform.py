@@ -1,4 +1,4 @@
-"""README's pictures of Deform: `python -m assets.scripts.deform [FOLDER] [NAME ...]`. Some minutes.
+"""The guides' pictures of Deform: `python -m assets.scripts.deform [FOLDER] [NAME ...]`. Some minutes.
 
 `deform_truth.png` after [Sloan05, fig. 6], `deform_surfaces.png` after figures 1, 3 to 5 and 7, `deform_bat.png`, an
 animated PNG.

@@ -1,4 +1,4 @@
-"""README's pictures after chapter 3 of the thesis: `python -m assets.scripts.figures [FOLDER] [NAME ...]`.
+"""The guides' pictures after chapter 3 of the thesis: `python -m assets.scripts.figures [FOLDER] [NAME ...]`.
 
 Each is the whole window after a script of assets/scripts/figures. The measured cloth is no real measurement, since none
 may be handed on with the program: it is a satin of the library, tabulated as a gonioreflectometer would, with noise and

@@ -1,4 +1,4 @@
-"""README's pictures of Orbit, after figures 8 to 14 of [Ma06]: `python -m assets.scripts.orbit [FOLDER] [NAME ...]`.
+"""The guides' pictures of Orbit, after figures 8 to 14 of [Ma06]: `python -m assets.scripts.orbit [FOLDER] [NAME ...]`.
 
 Each is a row of pictures that Orbit draws at rest, of variants of built-in scenes. (Figure 7 is a plot, which `insitu
 measure` writes.)

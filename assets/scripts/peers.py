@@ -187,7 +187,7 @@ table's errors are below it.
 ## What is not equal
 
 - Ours had precomputed, for this camera and this light, and keeps what it made; Mitsuba starts from nothing, and may
-  turn the camera at no cost. What precomputation takes stands in the README.
+  turn the camera at no cost. What precomputation takes stands in [benchmarks](benchmarks.md).
 - Ours is off by what its bands, lights and cells leave out, smoothly, and does not get better with time; theirs is
   noise, of which a denoiser takes most away, and no denoiser was used.
 - Mitsuba averages each pixel over its area, ours looks through its centre but at edges, which are left out here.

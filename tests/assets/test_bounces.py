@@ -1,4 +1,4 @@
-"""README's pictures of indirect light: there, small, and made of both halves."""
+"""The guide's pictures of indirect light: there, small, and made of both halves."""
 
 from pathlib import Path
 
@@ -9,12 +9,13 @@ from PIL import Image
 from assets.scripts.bounces import GAP, MOST_BYTES, SCENES, SIDE, save, side_by_side
 
 ROOT = Path(__file__).resolve().parents[2]
+GUIDE = ROOT / "docs" / "guides" / "indirect-light.md"
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_readme_shows_each_scene_before_and_after(name: str) -> None:
+def test_the_guide_shows_each_scene_before_and_after(name: str) -> None:
     file = ROOT / "docs" / "images" / f"bounces_{name}.png"
-    assert file.stat().st_size <= MOST_BYTES and f"docs/images/{file.name}" in (ROOT / "README.md").read_text()
+    assert file.stat().st_size <= MOST_BYTES and f"images/{file.name}" in GUIDE.read_text()
     with Image.open(file) as picture:
         assert picture.width == 2 * SIDE + GAP
         pixels = np.asarray(picture.convert("RGB"), np.float64)
