@@ -65,8 +65,8 @@ class Docking:
     def begin_space(self, scale: float) -> tuple[str, ...]:
         """Begin the space that panels dock in; where their places are new, those that are to be in front.
 
-        That is for the next pass, when the panels are there: of those that appear together the last would be. One a pass:
-        of panels that were docked elsewhere a frame ago imgui raises only the last that it is told.
+        That is for the next pass, when the panels are there: of those that appear together the last would be. One a
+        pass: of panels that were docked elsewhere a frame ago imgui raises only the last that it is told.
         """
         layout.begin_dock_space(self.form, scale, self._rebuild)
         rebuilt, self._rebuild = self._rebuild, False
