@@ -24,7 +24,7 @@ from engine.threads import even_parts, on_threads
 
 Floats = NDArray[np.float32]
 # Rays of a sample at most: that look whether all is known, and that find out what is not, at rest and in stills.
-_LOOKING, _MOST = 16, {"rest": 16, "still": 256}
+_LOOKING, _MOST = 16, {"rest": 4, "still": 256}
 _NARROW = 0.25  # of the rays of stills that arrive: where it is less, all patches are asked
 _LEAST = 4  # where a pixel has several samples
 _AT_ONCE = 1 << 20  # rays

@@ -22,7 +22,7 @@ from engine.scene.raycaster import RayCaster
 
 Floats = NDArray[np.float32]
 _AT_ONCE = 16384  # samples
-_FEW = 4  # rays to a sun
+_AT_REST, _FEW = 2, 4  # rays to a sun, the latter in stills at first
 
 
 def sun_shadows(
@@ -44,7 +44,8 @@ def sun_shadows(
         above = np.einsum("ni,ni->n", normals[row], sky.sun_direction[sun])
         lifted = caster.offset_origins(seen.places(some), normals)
         first, free, lit = phases(seen, some)[row], np.zeros(n, np.float32), np.flatnonzero(above > 0.0)
-        free[lit] = _free(caster, lifted[row[lit]], sky.sun_places[sun[lit]], first[lit], _FEW)
+        few = _FEW if everywhere else _AT_REST
+        free[lit] = _free(caster, lifted[row[lit]], sky.sun_places[sun[lit]], first[lit], few)
         if everywhere:
             is_edge = (free > 0.0) & (free < 1.0) | (share > 1e-3) & (share < 1.0 - 1e-3)
             edge = np.flatnonzero(is_edge & (above > 0.0))
