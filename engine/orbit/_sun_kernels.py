@@ -110,26 +110,33 @@ def add_asked(n: int, asked: Asked, value: NDArray[np.float64], radiance: Floats
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def suns_in_question(
-    samples: NDArray[np.int64], corners: NDArray[np.int32], weights: Floats, normals: Floats, frame: Floats, suns: Suns,
-    n_suns: int, everywhere: bool, row: NDArray[np.int32], sun: NDArray[np.int32], share: Floats, cosine: Floats,
+    samples: NDArray[np.int64], corners: NDArray[np.int32], weights: Floats, frame: Floats, suns: Suns, n_suns: int,
+    everywhere: bool, row: NDArray[np.int32], sun: NDArray[np.int32], share: Floats, cosine: Floats,
 ) -> int:  # fmt: skip
-    """Which of the first n_suns may stand over samples (N,) otherwise than their points know: those of which some of
-    the three see one and others do not, or, everywhere, all above their normals (N, 3). Fills row and sun (N · n_suns,)
-    and how much of the sun, and times which cosine, the points see by their weights (R, 3). Their number."""
-    n_found = 0
+    """Which of the first n_suns, at most 8, may stand over samples (N,) otherwise than their points know: those of
+    which some of the three see one and others do not, or, everywhere, all above. Fills row, ascending, and sun
+    (N · n_suns,) and how much of the sun, and times which cosine, the points see by their weights (R, 3). Their
+    number."""
+    n_found, first_suns = 0, (1 << n_suns) - 1
     for n in range(len(samples)):
         j = samples[n]
+        a, b, c = suns.bits[corners[j, 0], 0], suns.bits[corners[j, 1], 0], suns.bits[corners[j, 2], 0]
+        in_question = ((a | b | c) ^ (a & b & c)) & first_suns
+        if in_question == 0 and not everywhere:
+            continue
         for s in range(n_suns):
-            d, n_seen, seen, known = suns.direction[s], 0, np.float32(0.0), np.float32(0.0)
+            d, seen, known, above = suns.direction[s], np.float32(0.0), np.float32(0.0), np.float32(0.0)
+            if not (everywhere or in_question >> s & 1):
+                continue
             for k in range(3):
                 p = corners[j, k]
-                if suns.bits[p, s >> 3] >> (s & 7) & 1:
-                    f = frame[p]
-                    n_seen += 1
+                f = frame[p]
+                there = weights[j, k] * (f[1, 0] * d[0] + f[1, 1] * d[1] + f[1, 2] * d[2])
+                above += there
+                if suns.bits[p, 0] >> s & 1:
                     seen += weights[j, k]
-                    known += weights[j, k] * (f[1, 0] * d[0] + f[1, 1] * d[1] + f[1, 2] * d[2])
-            above = normals[n, 0] * d[0] + normals[n, 1] * d[1] + normals[n, 2] * d[2]
-            if (everywhere and above > 0.0) or n_seen == 1 or n_seen == 2:
+                    known += there
+            if above > 0.0 or in_question >> s & 1:
                 row[n_found], sun[n_found], share[n_found], cosine[n_found] = n, s, seen, known
                 n_found += 1
     return n_found

@@ -170,47 +170,47 @@ def shade_broad(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _shares(
-    bits: NDArray[np.uint8], corners: NDArray[np.int32], weights: Floats, seen: NDArray[np.int64], share: Floats
-) -> int:
-    """How many suns a sample sees between its points; which (n,), and how much of each (n,)."""
-    n = 0
-    for byte in range(bits.shape[1]):
-        first, second, third = bits[corners[0], byte], bits[corners[1], byte], bits[corners[2], byte]
-        left, s = first | second | third, 8 * byte
-        while left:
-            if left & 1:
-                bit = s & 7
-                seen[n] = s
-                share[n] = weights[0] * np.float32(first >> bit & 1) + weights[1] * np.float32(second >> bit & 1)
-                share[n] += weights[2] * np.float32(third >> bit & 1)
-                n += 1
-            left >>= 1
-            s += 1
-    return n
+    bits: NDArray[np.uint8], corners: NDArray[np.int32], weights: Floats, of_bits: Floats, share: Floats
+) -> None:
+    """Fill share (8 B,): how much a sample sees of each sun between its points. of_bits: `of_bytes`."""
+    for byte in range(len(share) // 8):
+        first, second = of_bits[bits[corners[0], byte]], of_bits[bits[corners[1], byte]]
+        third = of_bits[bits[corners[2], byte]]
+        for bit in range(8):  # at once
+            share[8 * byte + bit] = weights[0] * first[bit] + weights[1] * second[bit] + weights[2] * third[bit]
+
+
+def of_bytes() -> Floats:
+    """The bits of each byte as numbers, the lowest first (256, 8)."""
+    return np.unpackbits(np.arange(256, dtype=np.uint8)[:, None], axis=1, bitorder="little").astype(np.float32)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def sun_irradiance(
     start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Floats, turned: Floats,
-    frame: Floats, sun_bits: NDArray[np.uint8], sun_direction: Floats, sun_power: Floats, out: Floats,
+    frame: Floats, sun_bits: NDArray[np.uint8], sun_direction: Floats, sun_power: Floats, of_bits: Floats, out: Floats,
 ) -> None:  # fmt: skip
-    """Fill out (N, 3): by how much more suns, as samples (N,) see them, light turned surfaces than those before."""
-    seen, share = np.empty(8 * sun_bits.shape[1], np.int64), np.empty(8 * sun_bits.shape[1], np.float32)
-    before = np.empty(3, np.float32)
+    """Fill out (N, 3): by how much more suns, as samples (N,) see them, light turned surfaces than those before.
+
+    sun_direction, sun_power (3, M): each number by itself in a row, so that several suns are summed at once; M is a
+    multiple of 8, the last may have no power. of_bits: `of_bytes`."""
+    share, before = np.empty(sun_power.shape[1], np.float32), np.empty(3, np.float32)
     for n in range(start, stop):
         j, normal = which[n], turned[n, 1]
         for i in range(3):
             before[i] = np.float32(0.0)
             for k in range(3):
                 before[i] += weights[j, k] * frame[corners[j, k], 1, i]
+        _shares(sun_bits, corners[j], weights[j], of_bits, share)
+        x, y, z, a, b, c = normal[0], normal[1], normal[2], before[0], before[1], before[2]
         red = green = blue = np.float32(0.0)
-        for m in range(_shares(sun_bits, corners[j], weights[j], seen, share)):
-            d, power = sun_direction[seen[m]], sun_power[seen[m]]
-            cosine = max(normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2], np.float32(0.0))
-            more = share[m] * (cosine - (before[0] * d[0] + before[1] * d[1] + before[2] * d[2]))
-            red += more * power[0]
-            green += more * power[1]
-            blue += more * power[2]
+        for s in range(len(share)):
+            d, e, f = sun_direction[0, s], sun_direction[1, s], sun_direction[2, s]
+            cosine = max(x * d + y * e + z * f, np.float32(0.0))
+            more = share[s] * (cosine - (a * d + b * e + c * f))
+            red += more * sun_power[0, s]
+            green += more * sun_power[1, s]
+            blue += more * sun_power[2, s]
         out[n, 0], out[n, 1], out[n, 2] = red, green, blue
 
 
@@ -218,28 +218,37 @@ def sun_irradiance(
 def suns(
     start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Floats, wo: Floats,
     turned: Floats, sun_bits: NDArray[np.uint8], sun_direction: Floats, sun_power: Floats,
-    children: NDArray[np.int16], t: Tables, out: Floats,
+    children: NDArray[np.int16], of_bits: Floats, t: Tables, out: Floats,
 ) -> None:  # fmt: skip
-    """Fill out (N, 3): what slices reflect of suns, as samples (N,) see them, on turned surfaces."""
-    seen, share = np.empty(8 * sun_bits.shape[1], np.int64), np.empty(8 * sun_bits.shape[1], np.float32)
-    colour = np.empty(4, np.float32)
+    """Fill out (N, 3): what slices reflect of suns, as samples (N,) see them, on turned surfaces; the suns as
+    `sun_irradiance` takes them."""
+    n_suns, side = sun_power.shape[1], children.shape[0]
+    share, height, colour = np.empty(n_suns, np.float32), np.empty(n_suns, np.float32), np.empty(4, np.float32)
+    row, column = np.empty(n_suns, np.int32), np.empty(n_suns, np.int32)
+    half, last = 0.5 * side, np.int32(side - 1)
     for n in range(start, stop):
-        j = which[n]
-        g = turned[n]
+        j, g = which[n], turned[n]
         cell = cell_at(
             g[0, 0] * wo[n, 0] + g[0, 1] * wo[n, 1] + g[0, 2] * wo[n, 2],
             g[1, 0] * wo[n, 0] + g[1, 1] * wo[n, 1] + g[1, 2] * wo[n, 2],
             g[2, 0] * wo[n, 0] + g[2, 1] * wo[n, 1] + g[2, 2] * wo[n, 2], t,
         )  # fmt: skip
+        _shares(sun_bits, corners[j], weights[j], of_bits, share)
+        # Where each stands in the turned frame and, as `child_at` says, in `children`: several suns at once.
+        for s in range(n_suns):
+            d, e, f = sun_direction[0, s], sun_direction[1, s], sun_direction[2, s]
+            x = g[0, 0] * d + g[0, 1] * e + g[0, 2] * f
+            y = g[1, 0] * d + g[1, 1] * e + g[1, 2] * f
+            z = g[2, 0] * d + g[2, 1] * e + g[2, 2] * f
+            scale = half / (abs(x) + max(y, np.float32(1e-6)) + abs(z))
+            height[s] = y
+            column[s] = min(np.int32((x + z) * scale + half), last)
+            row[s] = min(np.int32((x - z) * scale + half), last)
         total = lanes.zeros()
-        for m in range(_shares(sun_bits, corners[j], weights[j], seen, share)):
-            d, power = sun_direction[seen[m]], sun_power[seen[m]]
-            y = g[1, 0] * d[0] + g[1, 1] * d[1] + g[1, 2] * d[2]
-            if y <= 0.0:
-                continue
-            x = g[0, 0] * d[0] + g[0, 1] * d[1] + g[0, 2] * d[2]
-            z = g[2, 0] * d[0] + g[2, 1] * d[1] + g[2, 2] * d[2]
-            light = lanes.of(share[m] * power[0], share[m] * power[1], share[m] * power[2])
-            total = lanes.plus_product(total, light, reflected_between(cell, child_at(x, y, z, children) >> 2, t))
+        for s in range(n_suns):
+            if share[s] > 0.0 and height[s] > 0.0:
+                place = children[max(row[s], 0), max(column[s], 0)] >> 2
+                light = lanes.of(share[s] * sun_power[0, s], share[s] * sun_power[1, s], share[s] * sun_power[2, s])
+                total = lanes.plus_product(total, light, reflected_between(cell, place, t))
         lanes.store(colour, 0, total)
         out[n, 0], out[n, 1], out[n, 2] = colour[0], colour[1], colour[2]

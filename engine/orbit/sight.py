@@ -59,12 +59,13 @@ class Sight:
     def look(self, samples: Samples, triangle: NDArray[np.int32]) -> None:
         """Change corners and weights of samples (R,) to those that are in sight; triangle (R,): which they lie in."""
         points = self._points
-        behind = np.einsum("ri,ri->r", samples.wo, self._faces[triangle]) < 0.0
-        side = behind.astype(np.intp)
-        rows = np.flatnonzero((samples.corners[:, 0] >= 0) & self.divided[triangle, side])
+        rows = np.flatnonzero(self._divided_somewhere[triangle] & (samples.corners[:, 0] >= 0))  # few: see above
+        side = (np.einsum("ri,ri->r", samples.wo[rows], self._faces[triangle[rows]]) < 0.0).astype(np.intp)
+        mine = self.divided[triangle[rows], side]
+        rows, side = rows[mine], side[mine]
         if not len(rows):
             return
-        t, corners = triangle[rows], points.triangles[triangle[rows], side[rows]]
+        t, corners = triangle[rows], points.triangles[triangle[rows], side]
         weights = samples.weights[rows]
         normals = points.normal[corners[:, 0]]
         places = np.einsum("rk,rki->ri", weights, points.corners[t])
@@ -77,6 +78,11 @@ class Sight:
         corners[alone], weights[alone, 0] = self._nearest(origins[alone], places[alone], normals[alone])[:, None], 1.0
         samples.corners[rows] = corners
         samples.weights[rows] = weights / weights.sum(axis=1, keepdims=True)
+
+    @cached_property
+    def _divided_somewhere(self) -> NDArray[np.bool_]:
+        """Which triangles (T,) are divided on one of their sides."""
+        return self.divided.any(axis=1)
 
     @cached_property
     def _faces(self) -> NDArray[np.float64]:

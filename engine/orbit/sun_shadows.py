@@ -33,23 +33,25 @@ def sun_shadows(
     suns, n_suns = suns_of(sky, incident, 0.0), len(sky.sun_places)
     for start in range(0, len(which) if n_suns else 0, _AT_ONCE):
         some = which[start : start + _AT_ONCE]
-        normals = seen.normals(some)
         row, sun = np.empty((2, len(some) * n_suns), np.int32)
         share, cosine = np.empty((2, len(row)), np.float32)
         n = kernels.suns_in_question(
-            some, seen.samples.corners, seen.samples.weights, normals, seen.points.frames, suns, n_suns, everywhere,
+            some, seen.samples.corners, seen.samples.weights, seen.points.frames, suns, n_suns, everywhere,
             row, sun, share, cosine,
         )  # fmt: skip
         row, sun, share, cosine = row[:n], sun[:n], share[:n], cosine[:n]
-        above = np.einsum("ni,ni->n", normals[row], sky.sun_direction[sun])
-        lifted = caster.offset_origins(seen.places(some), normals)
-        first, free, lit = phases(seen, some)[row], np.zeros(n, np.float32), np.flatnonzero(above > 0.0)
+        is_first = np.diff(row, prepend=-1) > 0  # of the suns of a sample, which stand together
+        asked, place = some[row[is_first]], np.cumsum(is_first) - 1
+        normals = seen.normals(asked)
+        above = np.einsum("ni,ni->n", normals[place], sky.sun_direction[sun])
+        lifted = caster.offset_origins(seen.places(asked), normals)[place]
+        first, free, lit = phases(seen, asked)[place], np.zeros(n, np.float32), np.flatnonzero(above > 0.0)
         few = _FEW if everywhere else _AT_REST
-        free[lit] = _free(caster, lifted[row[lit]], sky.sun_places[sun[lit]], first[lit], few)
+        free[lit] = _free(caster, lifted[lit], sky.sun_places[sun[lit]], first[lit], few)
         if everywhere:
             is_edge = (free > 0.0) & (free < 1.0) | (share > 1e-3) & (share < 1.0 - 1e-3)
             edge = np.flatnonzero(is_edge & (above > 0.0))
-            free[edge] = _free(caster, lifted[row[edge]], sky.sun_places[sun[edge]], first[edge], N_PLACES)
+            free[edge] = _free(caster, lifted[edge], sky.sun_places[sun[edge]], first[edge], N_PLACES)
         share, cosine = free - share, free * above - cosine
         wrong = np.flatnonzero(np.abs(share) > 1e-3)
         own = sun[wrong]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,7 +123,7 @@ def turned_irradiance(seen: Seen, samples: TurnedSamples, incident: Incident, sk
     def add_suns(start: int, stop: int) -> None:
         kernels.sun_irradiance(
             start, stop, samples.which, met.corners, met.weights, samples.frames, seen.points.frames,
-            incident.kept.sun_bits, sky.sun_direction, sky.sun_power, of_suns,
+            incident.kept.sun_bits, *_in_rows(sky), _of_bytes(), of_suns,
         )  # fmt: skip
 
     on_threads(add_suns, *even_parts(len(of_suns)))
@@ -170,12 +171,22 @@ def _suns(
     def part(start: int, stop: int) -> None:
         kernels.suns(
             start, stop, samples.which, met.corners, met.weights, samples.wo, samples.frames, incident.kept.sun_bits,
-            sky.sun_direction, sky.sun_power, hemisphere().children, tables, out,
+            *_in_rows(sky), hemisphere().children, _of_bytes(), tables, out,
         )  # fmt: skip
 
     if len(sky.sun_power):
         on_threads(part, *even_parts(len(out)))
     return out
+
+
+def _in_rows(sky: Sky) -> tuple[Floats, Floats]:
+    """Direction and power (3, M) of a sky's suns, and of some without power, up to a multiple of 8."""
+    n_more = -len(sky.sun_power) % 8
+    more = np.zeros((n_more, 3), np.float32)
+    return tuple(np.ascontiguousarray(np.concatenate([each, more]).T) for each in (sky.sun_direction, sky.sun_power))
+
+
+_of_bytes = lru_cache(maxsize=1)(kernels.of_bytes)
 
 
 def _is_highlight(tables: _slice_kernels.Tables) -> bool:
