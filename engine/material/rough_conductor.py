@@ -74,8 +74,10 @@ class RoughConductor(Model):
         eta, k = channels(params, "eta"), channels(params, "k")
         if np.ptp(eta) == np.ptp(k) == 0.0:  # one for all three channels
             eta, k = eta[:1], k[:1]
-        fresnel = conductor_fresnel(d.cos_d[:, None], eta, k)
-        return channels(params, "scale") * fresnel * np.where(d.above, grey_part, 0.0)[:, None]
+        # Channel by channel: NumPy takes twice as long over rows of three.
+        fresnel = conductor_fresnel(d.cos_d, eta[:, None], k[:, None])
+        value = channels(params, "scale")[:, None] * fresnel * np.where(d.above, grey_part, 0.0)
+        return np.ascontiguousarray(value.T)
 
 
 MODEL = RoughConductor()

@@ -148,7 +148,8 @@ def slicing(layer: Layer, finer: int = 1) -> Generator[float, None, Slices]:
             packed[i] = kernels.packed(_in_middles(layer, around, LEVEL - 1).astype(np.float32))
             return
         for j in range(n_azimuths):
-            packed[i, j] = kernels.packed(_reflected(layer, around[j], finer))
+            # Straight from above every azimuth is the same.
+            packed[i, j] = packed[0, 0] if i == 0 < j else kernels.packed(_reflected(layer, around[j], finer))
 
     step = N_POLAR if finer < 0 else n_threads()
     for begin in range(0, N_POLAR, step):
@@ -242,15 +243,16 @@ def _in_middles(
     layer: Layer, wo: NDArray[np.float64], level: int, which: NDArray[np.bool_] | slice = slice(None)
 ) -> NDArray[np.float64]:
     """ρ cos θ (W, N, 3) for outgoing directions (W, 3), in the middle of all triangles above the surface or some."""
-    wi = to_shading(_centres_above(level)[which])
+    wi = _middles_above(level)[which]
     pairs = np.tile(wi, (len(wo), 1)), np.repeat(to_shading(wo), len(wi), axis=0)
     return evaluate_layer(layer, *pairs).reshape(len(wo), len(wi), 3)
 
 
 @lru_cache(maxsize=4)
-def _centres_above(level: int) -> NDArray[np.float64]:
+def _middles_above(level: int) -> NDArray[np.floating]:
+    """Those of all triangles above the surface, as the layers take directions."""
     centres = geodesic(level).centres
-    return centres[centres[:, 1] > 0.0]
+    return to_shading(centres[centres[:, 1] > 0.0])
 
 
 @lru_cache(maxsize=1)
