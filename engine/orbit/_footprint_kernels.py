@@ -13,7 +13,7 @@ from engine.fast_math import FAST
 Floats = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def footprints(
     start: int, stop: int, wo: NDArray[np.float32], share: NDArray[np.float32], triangle: NDArray[np.int64],
     corners: Floats, uvs: Floats, eye: Floats, axes: Floats, uv: Floats, across: Floats, down: Floats,
@@ -22,7 +22,7 @@ def footprints(
     change over the share (N,) of a pixel, to the right and downwards, as of rays that meet the plane of the sample's
     own triangle [Igehy99]. wo (N, 3), back to the eye (3,); triangle (N,) into corners (K, 3, 3) and uvs (K, 3, 2);
     axes (3, 3) as `fill_rays` takes them."""
-    one, two, normal = np.empty(3), np.empty(3), np.empty(3)
+    one, two, normal, middle, towards = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     forward = np.cross(axes[2], axes[1])
     forward /= math.sqrt(np.dot(forward, forward))
     for j in range(start, stop):
@@ -40,19 +40,19 @@ def footprints(
             height += normal[i] * (a[i] - eye[i])
             along -= forward[i] * wo[j, i]
         side = math.sqrt(share[j])
+        for i in range(3):
+            middle[i] = -wo[j, i] / along
         for way in range(3):
             slope = 0.0
             for i in range(3):
-                towards = -wo[j, i] / along + (side * axes[way, i] if way else 0.0)
-                slope += normal[i] * towards
+                towards[i] = middle[i] + (side * axes[way, i] if way else 0.0)
+                slope += normal[i] * towards[i]
             slope = math.copysign(max(abs(slope), least), slope)
-            u = v = 0.0
+            u, v, far = 0.0, 0.0, height / slope
             for i in range(3):
                 i1, i2 = (i + 1) % 3, (i + 2) % 3
-                towards1 = -wo[j, i1] / along + (side * axes[way, i1] if way else 0.0)
-                towards2 = -wo[j, i2] / along + (side * axes[way, i2] if way else 0.0)
-                p1 = eye[i1] + height / slope * towards1 - a[i1]
-                p2 = eye[i2] + height / slope * towards2 - a[i2]
+                p1 = eye[i1] + far * towards[i1] - a[i1]
+                p2 = eye[i2] + far * towards[i2] - a[i2]
                 u += normal[i] * (p1 * two[i2] - p2 * two[i1])
                 v += normal[i] * (one[i1] * p2 - one[i2] * p1)
             u, v = u / squared, v / squared

@@ -35,6 +35,7 @@ class PointMesh:
         self._scene, self._points = scene, points
         self._last: tuple[tuple[object, ...], Seen] | None = None
         self._caster = caster or points.caster()
+        self._surfaces: dict[int, tuple[NDArray[np.float64], ...]] = {}
         self.sight = Sight(points, self._caster)
         self._surface = kernels.PointTriangles(
             points.shown, np.ascontiguousarray(scene.geometric_normals[points.source]),
@@ -43,7 +44,9 @@ class PointMesh:
 
     def of(self, points: ShadingPoints) -> PointMesh:
         """The same surface, with other points on its sides."""
-        return PointMesh(self._scene, points, self._caster)
+        other = PointMesh(self._scene, points, self._caster)
+        other._surfaces = self._surfaces
+        return other
 
     def look(
         self, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int = 0, in_sight: bool = False
@@ -81,7 +84,8 @@ class PointMesh:
         order, bounds = kernels.by_object(i_object, reflects, len(self._scene.smooth))
         eye = np.subtract(camera.position, self._scene.origin).astype(np.float32)
         axes = _plane(camera, resolution)
-        return Seen((width, height), eye, axes, samples, pixel, share, order, bounds, found, self._points)
+        what = samples, pixel, share, order, bounds, found, self._points, self._surfaces
+        return Seen((width, height), eye, axes, *what)
 
     def _edges(
         self, samples: kernels.Samples, found: tuple[NDArray, ...], resolution: tuple[int, int]
@@ -135,7 +139,7 @@ class Seen:
     """Samples (R,) of a picture: resolution (width, height), eye (3,), axes (3, 3) of its plane, what they meet, their
     pixel (R,) and share of it (R,). order (N,): those that reflect, by object, whose ranges are bounds (M + 1,); found:
     triangle, u, v of the points' triangles; footprints, sampled, leans: what `seen_maps` and `turned` have found for
-    it."""
+    it; surfaces: corners (K, 3, 3) of objects' triangles, and these on images (K, 3, 2), shared by all pictures."""
 
     resolution: tuple[int, int]
     eye: Floats
@@ -147,6 +151,7 @@ class Seen:
     bounds: Rows
     found: tuple[NDArray, ...]
     points: ShadingPoints
+    surfaces: dict[int, tuple[NDArray[np.float64], ...]]
     footprints: dict[int, tuple[NDArray[np.float64], ...]] = field(default_factory=dict)
     sampled: dict[object, Floats] = field(default_factory=dict)
     leans: dict[object, Floats] = field(default_factory=dict)

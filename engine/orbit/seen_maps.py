@@ -70,11 +70,12 @@ def footprints_of(seen: Seen, which: Rows, scene: Scene, i_object: int) -> Footp
 
 def _footprints(seen: Seen, which: Rows, scene: Scene, i_object: int) -> tuple[NDArray[np.float64], ...]:
     begin, end = scene.triangle_ranges[i_object]
-    own = np.arange(begin, end)
-    corners = scene.vertices[scene.triangles[own]].astype(np.float64)
+    if i_object not in seen.surfaces:
+        own = np.arange(begin, end)
+        seen.surfaces[i_object] = scene.vertices[scene.triangles[own]].astype(np.float64), corner_uvs(scene, own)
     triangle = seen.points.source[seen.found[0][which]] - begin
     out = tuple(np.empty((3, len(which), 2)))
-    what = seen.samples.wo[which], seen.share[which], triangle.astype(np.int64), corners, corner_uvs(scene, own)
+    what = seen.samples.wo[which], seen.share[which], triangle.astype(np.int64), *seen.surfaces[i_object]
 
     def part(start: int, stop: int) -> None:
         kernels.footprints(start, stop, *what, seen.eye.astype(np.float64), seen.axes, *out)
