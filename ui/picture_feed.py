@@ -52,6 +52,10 @@ class PictureSource(Protocol):
     def take(self, editor: Editor, event: PictureEvent) -> None:
         """Something that the picture is made of has come; with a `SceneFrame` all before it is void."""
 
+    def prepare(self, event: SceneFrame) -> bool:
+        """Do a part of what taking this scene takes, short beside a frame; whether there is another part."""
+        return False
+
     def draw(self, editor: Editor, last_frame_ms: float, all_taken: bool) -> bool:
         """Follow the document and draw. Whether another frame would show more.
 
@@ -178,7 +182,7 @@ class PictureFeed:
             if self._scene_waits:
                 # The first scene; of a later one the panels would draw a picture that is gone: `draw` takes it.
                 if self.picture is None and not (scene_came and time.perf_counter() >= until):
-                    self._take(editor, self._waiting.popleft())
+                    self._take_scene(editor, until)
             elif self._waiting:
                 self._take_waiting(editor, until)
             elif not self._scene.is_there:
@@ -196,10 +200,9 @@ class PictureFeed:
             self._frame_ms = last_frame_ms
         took, self._took = self._took, False
         try:
-            if self._scene_waits:
-                if self.picture is None:
-                    return True
-                self._take(editor, self._waiting.popleft())
+            until = time.perf_counter() + TAKING_SECONDS
+            if self._scene_waits and (self.picture is None or not self._take_scene(editor, until)):
+                return True
             if not self._scene.is_there:
                 return took
             thumbnail_came = self._scene.follow()
@@ -256,6 +259,20 @@ class PictureFeed:
     def _scene_waits(self) -> bool:
         """Whether a scene is the next to be taken; nothing comes before one."""
         return bool(self._waiting) and isinstance(self._waiting[0], SceneFrame)
+
+    def _take_scene(self, editor: Editor, until: float) -> bool:
+        """Go on with taking the scene that waits, until that time; whether it is taken."""
+        scene = self._waiting[0]
+        assert isinstance(scene, SceneFrame)
+        try:
+            while self.source.prepare(scene):
+                if time.perf_counter() >= until:
+                    return False
+        except GraphicsError:
+            self._waiting.popleft()
+            raise
+        self._take(editor, self._waiting.popleft())
+        return True
 
     def _take_waiting(self, editor: Editor, until: float) -> None:
         """Take what waits until that time, one event at least with all that it is not to be seen without."""

@@ -166,6 +166,9 @@ class PlacementFeed(PictureSource):
         self.renderer.set_indirect_footprint(event.footprint.rows, event.footprint.weights)
         self.renderer.set_layer_indirect(key, event.radiance)
 
+    def prepare(self, event: SceneFrame) -> bool:
+        return self.renderer.prepare_frame(event.frame)
+
     # ---------------------------------------------------------------------------------------------------- each frame
 
     def draw(self, editor: Editor, last_frame_ms: float, all_taken: bool) -> bool:

@@ -53,8 +53,14 @@ class Curves:
 
     def planned(self, document: Document, key: str) -> dict[str, int]:
         """The same where no line of the plan has been set."""
-        layer, chosen = document.layer(key), document.first_bands
-        counts = self.plans.of(key, layer)
+        return self._planned(document, key, document.layer(key))
+
+    def all_planned(self, document: Document) -> tuple[tuple[str, dict[str, int]], ...]:
+        """The same of all layers, by key."""
+        return tuple((key, self._planned(document, key, layer)) for key, layer in document.layers())
+
+    def _planned(self, document: Document, key: str, layer: Layer) -> dict[str, int]:
+        counts, chosen = self.plans.of(key, layer), document.first_bands
         return counts if chosen is None else bands_by_hand(layer, counts, chosen)
 
     def coefficients(self, document: Document, key: str, most: int | None = None) -> dict[str, Array]:

@@ -357,7 +357,7 @@ class PlacementTalk(ModeTalk):
             bounces_note=bounces_note if n_bounces == view.n_bounces else "",
             transport_note=missing,
             has_sky=talk.has_sky,
-            planned_bands=tuple((key, self.curves.planned(self._document, key)) for key, _ in self._document.layers()),
+            planned_bands=self.curves.all_planned(self._document),
             needed_lights=light.n_lights,
             needed_patches=light.n_patches,
             found_rays=0 if fine is None else fine.n_rays,

@@ -257,7 +257,8 @@ def test_a_scene_waits_when_its_description_took_the_time(opening: Opening, monk
     assert took and calls == []
     busy, calls = opening.draw()
     assert busy and calls == []  # nothing to draw yet, and more to come
-    assert opening.step()[1] == ["set_frame"]  # no longer than that
+    n_steps = next(n for n in range(1, 20) if opening.step()[1] == ["set_frame"])  # no longer than that
+    assert n_steps > 4  # its textures come one by one
 
 
 def test_answers_are_taken_piece_by_piece_when_time_is_short(opening: Opening, monkeypatch: pytest.MonkeyPatch) -> None:

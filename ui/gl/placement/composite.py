@@ -7,7 +7,7 @@ layout, once for each pixel that needs it, so that a picture that is mostly back
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -78,13 +78,18 @@ class Compositor:
         self._textures: list[moderngl.Texture] = []
         self._framebuffers: list[moderngl.Framebuffer] = []
         self._environment: moderngl.Texture | None = None
+
+    def allocating(self) -> Generator[None, None, None]:
+        """Make its textures, in steps none of which keeps the window for as long as a frame; before anything else.
+
+        What there is by then is freed where one fails, or is the last that is asked for."""
         try:
-            self._allocate()
-        except Exception:
+            yield from self._allocate()
+        except BaseException:
             self.release()
             raise
 
-    def _allocate(self) -> None:
+    def _allocate(self) -> Generator[None, None, None]:
         frame, size = self.frame, (self.frame.width, self.frame.height)
         counts = frame.object_ranges[:, 1] - frame.object_ranges[:, 0]
         rows = [row_count(int(n)) if n else 0 for n in counts]
@@ -95,15 +100,21 @@ class Compositor:
         self._shining = np.zeros((frame.height, frame.width, 4), dtype=np.float32)
         self._shining[..., :3] = frame.emission_image
         self._shining[..., 3] = frame.open_image
+        yield
         self._emission = self._keep(size, 4, "f4", self._shining)
-        self._rays = self._keep(size, 3, "f4", frame.ray_directions.astype(np.float32))
+        yield
+        self._rays = self._keep(size, 3, "f4", np.asarray(frame.ray_directions, np.float32))
+        yield
         addresses, mixed = self._addresses_of_pixels()
+        yield
         self._pixel_addresses = self._keep(size, 1, "i4", addresses)
         self._mixed = self._keep(mixed.shape[1::-1], 2, "i4", mixed)
         self._theta_o = self._keep((SAMPLES_PER_ROW, self._n_rows), 1, "f4", self.pack(frame.theta_o, np.float32))
+        yield
         self.shaded = self._keep((SAMPLES_PER_ROW, self._n_rows), 4, "f4")
         self.backdrop = self._keep(size, 4, "f4")
         self.linear = self._keep(size, 4, "f4")
+        yield
         targets = (self.shaded, self.backdrop, self.linear)
         self._framebuffers = [self._memory.framebuffer([texture]) for texture in targets]
         self._shaded_target, self._backdrop_target, self.linear_target = self._framebuffers

@@ -19,7 +19,7 @@ active makes that transport stale: increments go on from the new picture, but no
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Generator, Mapping, Sequence
 from dataclasses import dataclass
 
 import moderngl
@@ -53,6 +53,15 @@ class UpdateReport:
 
 
 @dataclass(eq=False)
+class _Coming:
+    """What a frame is drawn with, made step by step; made: once it is there."""
+
+    frame: PictureFrame
+    steps: Generator[None, None, tuple[Compositor, Display]]
+    made: tuple[Compositor, Display] | None = None
+
+
+@dataclass(eq=False)
 class _Picture:
     """All that belongs to one frame; the boxes are what must be drawn again."""
 
@@ -76,21 +85,52 @@ class PlacementRenderer:
         self._passes = Passes(context)
         self._terms = TermSum(self._passes, self.memory)
         self._picture: _Picture | None = None
+        self._coming: _Coming | None = None
         self._edited = EditedLayers(self.memory, self._terms)
 
     # ------------------------------------------------------------------------------------------------ the view
 
     def set_frame(self, frame: PictureFrame) -> None:
         """Start a new picture; layers, transports, footprint, environment and snapshot of the old one are dropped."""
-        compositor = Compositor(self._passes, self.memory, frame)
-        try:
-            display = Display(self._passes, self.memory, frame)
-        except GraphicsError:
-            compositor.release()
-            raise
+        while self.prepare_frame(frame):
+            pass
+        assert self._coming is not None and self._coming.made is not None
+        (compositor, display), self._coming = self._coming.made, None
         self._release_picture()
         layers = LayerStack(self.memory, compositor)
         self._picture = _Picture(compositor, display, layers, linear_box=compositor.picture_box)
+
+    def prepare_frame(self, frame: PictureFrame) -> bool:
+        """A step of making what `set_frame` needs for this one, while the picture stays; whether there are more."""
+        if self._coming is None or self._coming.frame is not frame:
+            self._drop_coming()
+            self._coming = _Coming(frame, self._making(frame))
+        coming = self._coming
+        try:
+            if coming.made is None:
+                next(coming.steps)
+        except StopIteration as end:
+            coming.made = end.value
+        except BaseException:
+            self._coming = None
+            raise
+        return coming.made is None
+
+    def _making(self, frame: PictureFrame) -> Generator[None, None, tuple[Compositor, Display]]:
+        compositor = Compositor(self._passes, self.memory, frame)
+        yield from compositor.allocating()
+        try:
+            return compositor, Display(self._passes, self.memory, frame)
+        except GraphicsError:
+            compositor.release()
+            raise
+
+    def _drop_coming(self) -> None:
+        if self._coming is not None:
+            self._coming.steps.close()
+            for made in self._coming.made or ():
+                made.release()
+        self._coming = None
 
     def clear(self) -> None:
         """Drop the picture and all that belongs to it."""
@@ -373,6 +413,7 @@ class PlacementRenderer:
         self._shown().layers.release_unused_footprints(self._edited.footprints)
 
     def _release_picture(self) -> None:
+        self._drop_coming()
         self._edited.clear()
         if self._picture is not None:
             self._picture.layers.release()

@@ -301,3 +301,27 @@ def test_wrong_sample_counts_and_shapes_are_refused(renderer: PlacementRenderer)
     renderer.set_footprint(np.full((4, 4), 6), np.zeros((4, 4)))
     with pytest.raises(GraphicsError, match="the footprint needs 7"):
         renderer.set_layer_radiance("ball.0", np.zeros((4, 3)))
+
+
+def test_a_frame_is_made_in_steps_while_the_picture_stays(renderer: PlacementRenderer) -> None:
+    renderer.set_frame(full_frame(4))
+    alone = renderer.memory_bytes
+    renderer.set_layer("ball.0", 0, 4)
+    renderer.set_layer_radiance("ball.0", np.full((4, 3), 2.0, dtype=np.float32))
+    before, coming, n_steps = renderer.linear_image(), full_frame(4), 1
+    while renderer.prepare_frame(coming):
+        n_steps += 1
+        np.testing.assert_array_equal(renderer.linear_image(), before)
+    assert n_steps > 4 and not renderer.prepare_frame(coming)
+    renderer.set_frame(coming)
+    assert renderer.frame is coming and renderer.memory_bytes == alone
+
+
+@pytest.mark.parametrize("n_steps", [1, 4, 30])
+def test_a_frame_that_another_overtakes_is_freed(renderer: PlacementRenderer, n_steps: int) -> None:
+    renderer.set_frame(full_frame(4))
+    alone, overtaken = renderer.memory_bytes, full_frame(50)
+    for _ in range(n_steps):
+        renderer.prepare_frame(overtaken)
+    renderer.set_frame(full_frame(4))
+    assert renderer.memory_bytes == alone
