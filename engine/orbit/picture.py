@@ -35,7 +35,7 @@ class PointMesh:
         self._scene, self._points = scene, points
         self._last: tuple[tuple[object, ...], Seen] | None = None
         self._caster = caster or points.caster()
-        self._surfaces: dict[int, tuple[NDArray[np.float64], ...]] = {}
+        self._surfaces: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
         self.sight = Sight(points, self._caster)
         self._surface = kernels.PointTriangles(
             points.shown, np.ascontiguousarray(scene.geometric_normals[points.source]),
@@ -151,7 +151,7 @@ class Seen:
     bounds: Rows
     found: tuple[NDArray, ...]
     points: ShadingPoints
-    surfaces: dict[int, tuple[NDArray[np.float64], ...]]
+    surfaces: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]]
     footprints: dict[int, tuple[NDArray[np.float64], ...]] = field(default_factory=dict)
     sampled: dict[object, Floats] = field(default_factory=dict)
     leans: dict[object, Floats] = field(default_factory=dict)

@@ -75,7 +75,8 @@ def _footprints(seen: Seen, which: Rows, scene: Scene, i_object: int) -> tuple[N
         seen.surfaces[i_object] = scene.vertices[scene.triangles[own]].astype(np.float64), corner_uvs(scene, own)
     triangle = seen.points.source[seen.found[0][which]] - begin
     out = tuple(np.empty((3, len(which), 2)))
-    what = seen.samples.wo[which], seen.share[which], triangle.astype(np.int64), *seen.surfaces[i_object]
+    corners, uvs = seen.surfaces[i_object]
+    what = seen.samples.wo[which], seen.share[which], triangle.astype(np.int64), corners, uvs
 
     def part(start: int, stop: int) -> None:
         kernels.footprints(start, stop, *what, seen.eye.astype(np.float64), seen.axes, *out)

@@ -82,7 +82,7 @@ class Sight:
     @cached_property
     def _divided_somewhere(self) -> NDArray[np.bool_]:
         """Which triangles (T,) are divided on one of their sides."""
-        return self.divided.any(axis=1)
+        return np.asarray(self.divided.any(axis=1))
 
     @cached_property
     def _faces(self) -> NDArray[np.float64]:

@@ -183,7 +183,8 @@ def _in_rows(sky: Sky) -> tuple[Floats, Floats]:
     """Direction and power (3, M) of a sky's suns, and of some without power, up to a multiple of 8."""
     n_more = -len(sky.sun_power) % 8
     more = np.zeros((n_more, 3), np.float32)
-    return tuple(np.ascontiguousarray(np.concatenate([each, more]).T) for each in (sky.sun_direction, sky.sun_power))
+    direction, power = (np.concatenate([each, more]).T for each in (sky.sun_direction, sky.sun_power))
+    return np.ascontiguousarray(direction), np.ascontiguousarray(power)
 
 
 _of_bytes = lru_cache(maxsize=1)(kernels.of_bytes)
