@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.commands import EditCommand
+from app.decided import decided_view
 from app.document import Document
 from app.messages import Cancel, Failed, Request, Response
 from app.mode import Desk, ModeTalk, OpenedScene
@@ -317,8 +318,9 @@ class OrbitTalk(ModeTalk):
     @property
     def _has_followed(self) -> bool:
         """Whether document and view are as they were at the last update."""
-        view = self._desk.view
-        return self._inputs(self._desk.history.document, view) == self._wish_made_of and view.look == self._look
+        document = self._desk.history.document
+        view = decided_view(self._desk.view, document)
+        return self._inputs(document, view) == self._wish_made_of and view.look == self._look
 
     # ------------------------------------------------------------------------------------------- what modes differ in
 

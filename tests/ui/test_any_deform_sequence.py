@@ -15,6 +15,7 @@ import pytest
 from app.commands import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetSurface, SetTime
 from app.commands.layers import SetParameter
 from app.commands.light import SetRotation
+from app.decided import decided_view
 from app.deform.talk import DeformTalk
 from app.editor import Editor
 from app.jobs.cache import Store
@@ -32,6 +33,7 @@ from tests.ui.test_any_orbit_sequence import (
     OrbitWalk,
     assert_called_alike,
     colour_of,
+    plan_lines,
     said_of_layers,
 )
 from tests.ui.test_any_sequence import MAY_BE_TOLD, RESOLUTION, LateClient
@@ -55,7 +57,9 @@ class NamedDeform(NamedOrbit):
             self._begin()
 
     def set_effort(self, n_rays: int, n_lobes: int) -> None:
-        """Whatever they are, pictures have the same colour."""
+        if (n_rays, n_lobes) != self._effort:
+            self._effort = n_rays, n_lobes
+            self._begin()
 
     def set_posed(self, names: Sequence[str]) -> None:
         if tuple(names) != self._posed:
@@ -74,7 +78,8 @@ class NamedDeform(NamedOrbit):
     ) -> np.ndarray:  # fmt: skip
         assert self.is_ready and self._light is not None
         seen = Camera(**{name: getattr(camera, name) for name in Camera.model_fields})
-        colour = colour_of(seen, self._light.rotation, self._layers, self._posed, self._surfaces, poses) * self.is_done
+        wanted = self._light.rotation, self._layers, self._posed, self._surfaces, poses, self._effort, self._bounces
+        colour = colour_of(seen, *wanted) * self.is_done
         return np.broadcast_to(colour, (*resolution[::-1], 3)).astype(np.float32)
 
 
@@ -84,11 +89,13 @@ def test_the_stand_in_is_called_as_the_engine_is() -> None:
 
 def expected_colour(editor: Editor) -> np.ndarray:
     document = editor.document
-    layers = OrbitWish.of(document, editor.view).scene.layers
+    view = decided_view(editor.view, document)
+    layers, effort = OrbitWish.of(document, view).scene.layers, (view.n_rays, view.n_lobes)
     names = [state.name for state in document.objects]
     own = [said_of_layers([each.layer for each in layers if each.object == name]) for name in names]
     posed = tuple(state.name for state in document.objects if state.deformations or state.moment is not None)
-    return colour_of(editor.looks.camera, document.light.rotation, own, posed, document.new_surfaces, document.poses)
+    wanted = document.light.rotation, own, posed, document.new_surfaces, document.poses, effort, view.n_bounces
+    return colour_of(editor.looks.camera, *wanted)
 
 
 def first(editor: Editor, name: str, command: Callable[[int], object]) -> None:
@@ -137,6 +144,9 @@ COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
     "the scene's camera": lambda w: w.editor.do(SetView.of(camera=None)),
     "stop and go on": lambda w: (w.editor.cancel_work(), w.editor.resume_work()),
     "kill": lambda w: w.client.kill(),
+    "bounces as planned": lambda w: w.editor.do(SetView.of(n_bounces=0)),
+    "light once": lambda w: w.editor.do(SetView.of(n_bounces=1)),
+    **plan_lines(transfer_rays=(64, 2000), lobes=(1, 3)),
 }
 
 

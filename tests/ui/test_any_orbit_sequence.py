@@ -15,6 +15,8 @@ import moderngl
 import numpy as np
 import pytest
 
+from app.commands.plan import overrule
+from app.decided import decided_view
 from app.document import Document
 from app.editor import Editor
 from app.jobs.cache import Store
@@ -63,6 +65,8 @@ class NamedOrbit:
         self._wanted: tuple[object, ...] = ()
         self._light: SkyState | None = None
         self._layers: object = None
+        self._effort: tuple[int, ...] = (n_points, n_coefficients)
+        self._bounces = 0
         self._left = N_STEPS
 
     def _begin(self) -> None:
@@ -87,7 +91,9 @@ class NamedOrbit:
             self._begin()
 
     def set_bounces(self, n_bounces: int) -> None:
-        """Their light has the same colour."""
+        if n_bounces != self._bounces:
+            self._bounces = n_bounces
+            self._begin()
 
     @property
     def is_done(self) -> bool:
@@ -110,7 +116,8 @@ class NamedOrbit:
     ) -> Iterator[StillProgress]:
         assert self.is_ready and self._light is not None
         seen = Camera(**{name: getattr(camera, name) for name in Camera.model_fields})
-        colour = colour_of(seen, self._light.rotation, self._light.scale, self._layers) * self.is_done
+        wanted = self._light.rotation, self._light.scale, self._layers, self._effort, self._bounces
+        colour = colour_of(seen, *wanted) * self.is_done
         for _ in range(3 if quality == "rest" else 1):
             yield StillProgress(0.5, "drawing")
         return np.broadcast_to(colour, (*resolution[::-1], 3)).astype(np.float32)
@@ -133,11 +140,12 @@ def test_the_stand_in_is_called_as_the_engine_is() -> None:
 def expected_colour(editor: Editor) -> np.ndarray:
     """That of the picture that the document and the view come to."""
     document: Document = editor.document
-    view: ViewState = editor.view
-    layers = OrbitWish.of(document, view).scene.layers
+    view: ViewState = decided_view(editor.view, editor.document)
+    wish = OrbitWish.of(document, view)
+    layers, effort = wish.scene.layers, (wish.n_points, wish.n_coefficients)
     names = [state.name for state in document.objects]
     own = [said_of_layers([each.layer for each in layers if each.object == name]) for name in names]
-    return colour_of(editor.looks.camera, document.light.rotation, 1.0, own)
+    return colour_of(editor.looks.camera, document.light.rotation, 1.0, own, effort, wish.n_bounces)
 
 
 CAMERAS = tuple(Camera(position=(0.3 * i, 1.0, 2.6), target=(0.0, 0.45, 0.0), fov_y=42.0) for i in range(1, 4))
@@ -196,6 +204,15 @@ class OrbitWalk:
         self.editor.close()
 
 
+def plan_lines(**values: tuple[int, ...]) -> dict[str, Callable[[OrbitWalk], object]]:
+    """Commands that set lines of the plan to one of these values, or leave them as planned."""
+    return {
+        f"{line} {value}": lambda w, line=line, value=value: w.editor.do(overrule(line, value))
+        for line, own in values.items()
+        for value in (*own, "auto")
+    }
+
+
 COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
     **{name: command for name, command in OTHERS.items() if name not in ("half", "float")},
     **{f"camera {i}": lambda w, c=c: w.editor.do(SetView.of(camera=c)) for i, c in enumerate(CAMERAS)},
@@ -210,6 +227,9 @@ COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
     "solo": lambda w: w.editor.do(SetView.of(solo="ball.0")),
     "all": lambda w: w.editor.do(SetView.of(solo=None)),
     "stop": lambda w: w.editor.cancel_work(),
+    "bounces as planned": lambda w: w.editor.do(SetView.of(n_bounces=0)),
+    "light once": lambda w: w.editor.do(SetView.of(n_bounces=1)),
+    **plan_lines(points=(1000, 5000), coefficients=(80, 640)),
 }
 
 
