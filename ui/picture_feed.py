@@ -181,8 +181,12 @@ class PictureFeed:
         try:
             if self._scene_waits:
                 # The first scene; of a later one the panels would draw a picture that is gone: `draw` takes it.
-                if self.picture is None and not (scene_came and time.perf_counter() >= until):
-                    self._take_scene(editor, until)
+                if (
+                    not (scene_came and time.perf_counter() >= until)
+                    and self._prepare_scene(until)
+                    and not self.picture
+                ):
+                    self._take(editor, self._waiting.popleft())
             elif self._waiting:
                 self._take_waiting(editor, until)
             elif not self._scene.is_there:
@@ -200,9 +204,10 @@ class PictureFeed:
             self._frame_ms = last_frame_ms
         took, self._took = self._took, False
         try:
-            until = time.perf_counter() + TAKING_SECONDS
-            if self._scene_waits and (self.picture is None or not self._take_scene(editor, until)):
-                return True
+            if self._scene_waits:
+                if self.picture is None:
+                    return True
+                self._take(editor, self._waiting.popleft())
             if not self._scene.is_there:
                 return took
             thumbnail_came = self._scene.follow()
@@ -260,8 +265,8 @@ class PictureFeed:
         """Whether a scene is the next to be taken; nothing comes before one."""
         return bool(self._waiting) and isinstance(self._waiting[0], SceneFrame)
 
-    def _take_scene(self, editor: Editor, until: float) -> bool:
-        """Go on with taking the scene that waits, until that time; whether it is taken."""
+    def _prepare_scene(self, until: float) -> bool:
+        """Go on with what taking the scene that waits takes, until that time; whether all of it is done."""
         scene = self._waiting[0]
         assert isinstance(scene, SceneFrame)
         try:
@@ -271,7 +276,6 @@ class PictureFeed:
         except GraphicsError:
             self._waiting.popleft()
             raise
-        self._take(editor, self._waiting.popleft())
         return True
 
     def _take_waiting(self, editor: Editor, until: float) -> None:
