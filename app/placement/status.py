@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+from app.document import LightState
 from app.placement.transport_talk import TransportTalk
 from app.status import Status
 from engine.plan import Precision
@@ -78,13 +79,16 @@ def error_note(curve_error: float | None, noise: float | None) -> str:
     return "\n".join(lines)
 
 
-def light_note(talk: TransportTalk, shown: float) -> str:
-    """What light the picture shows, in words; shown: its rotation in degrees."""
-    if talk.asked_rotation is None:
+def light_note(talk: TransportTalk, shown: LightState) -> str:
+    """What light the picture shows, in words; shown: that of the document drawn."""
+    light = talk.asked_light
+    if light is None:
         return ""
-    asked = f"{talk.asked_rotation:.1f}°"
-    if shown != talk.asked_rotation and talk.running and not talk.drag_quality:
-        return f"shown for {shown:.1f}° until {asked} is as good"
+    asked = f"{light.rotation:.1f}°"
+    if talk.running and not talk.drag_quality and replace(shown, intensity=light.intensity) != light:
+        if shown.rotation == light.rotation:
+            return "the light before is shown until this one is as good"
+        return f"shown for {shown.rotation:.1f}° until {asked} is as good"
     if talk.drag_quality:
         return f"quick picture for {asked}, final on release"
     if not talk.light_is_current:

@@ -53,6 +53,22 @@ def test_while_the_picture_waits_for_the_light_it_is_said_what_it_is_lit_by(
     assert settled.status.light_note == "being refined for 90.0°"
 
 
+def test_another_environment_at_the_same_rotation_is_not_refined_before_it_is_shown(
+    settled: Editor, client: FakeClient
+) -> None:
+    settled.do(SetEnvironment("studio"))
+    settled.tick(2.0)
+    settled.tick(2.3)
+    client.finish_stage("coarse", exact=False)  # not as good as what is on screen
+    settled.tick(2.4)
+    assert settled.talk.drawn.light.environment == "scene"
+    assert settled.status.light_note == "the light before is shown until this one is as good"
+    client.finish_stage("preview", exact=False)
+    settled.tick(2.5)
+    assert settled.talk.drawn.light.environment == "studio"
+    assert settled.status.light_note == "being refined for 30.0°"
+
+
 def test_where_no_environment_lights_the_scene_nothing_is_said_of_its_rotation(client: FakeClient) -> None:
     editor = Editor(client, "shelf")
     client.open_scene({name: value for name, value in SCENE.items() if name != "environment"})
@@ -64,7 +80,7 @@ def test_where_no_environment_lights_the_scene_nothing_is_said_of_its_rotation(c
     editor.do(SetEnvironment("studio"))
     editor.tick(2.0)
     editor.tick(2.5)
-    assert editor.status.light_note == "being refined for 0.0°"
+    assert editor.status.light_note == "the light before is shown until this one is as good"
 
 
 def test_answers_to_an_older_light_are_dropped(settled: Editor, client: FakeClient) -> None:
