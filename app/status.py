@@ -78,6 +78,11 @@ class Status:
         return False
 
     @property
+    def draws_moving(self) -> bool:
+        """Whether the mode draws pictures while something moves, though it may not have any yet."""
+        return False
+
+    @property
     def is_finished(self) -> bool:
         """Whether nothing more comes: all that was asked for is in the picture."""
         return self.picture in ("finished", "exact")

@@ -64,6 +64,11 @@ class Bench:
         return self._placement
 
     @property
+    def has_placement(self) -> bool:
+        """Whether a scene is open."""
+        return self._placement is not None
+
+    @property
     def resting_scene(self) -> Scene:
         """The scene that is open as its file has it, whatever pose it is in; InsituError where none is."""
         if self._scene.scene is None:

@@ -41,6 +41,7 @@ from engine.material.layer import Layer
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
 from engine.steps import told_as
+from engine.transport.pipeline import SkyState
 
 if TYPE_CHECKING:
     from engine.orbit.live import Orbit
@@ -86,6 +87,8 @@ class OrbitWork(ModeWork):
         sky = self._bench.sky(scene.light)
         if (image := self._bench.sky_image(sky, scene.light)) is not None:
             yield image
+        first_time, told = not are_compiled(ORBIT), None
+        yield from _prepared_sky(sky, FIRST_TIME if first_time else "light")
         orbit = self._made(self.n_points or request.n_points, request.n_coefficients)
         if not orbit.n_bytes:  # nothing is placed yet
             self._bench.store.get(_key(orbit), orbit.restore)
@@ -97,7 +100,6 @@ class OrbitWork(ModeWork):
         orbit.set_layers(layers_by_object(orbit.scene, scene.layers))
         orbit.set_bounces(request.n_bounces)
         self._prepared = request.id
-        first_time, told = not are_compiled(ORBIT), None
         for step in orbit.work():
             if orbit.is_ready and orbit.version != told:
                 if told is None and first_time:
@@ -146,6 +148,9 @@ class OrbitWork(ModeWork):
     def _draw_plainly(self, request: DrawPlainly) -> Steps:
         from engine.render.plain_picture import plain_picture
 
+        if not self._bench.has_placement:
+            yield OrbitUnknown()
+            return
         started, sky = time.monotonic(), self._bench.sky(request.scene.light)
         scene, caster = self._standing(request.poses)
         seen, layers = (
@@ -187,6 +192,15 @@ class OrbitWork(ModeWork):
             )
             self._effort, self._emission = effort, ()
         return self._orbit
+
+
+def _prepared_sky(sky: SkyState, text: str) -> Steps:
+    """In steps, between which the window is drawn objects in light from the eye."""
+    yield Progress(STAGE, 0.0, text=text)
+    from engine.orbit.sky import preparing_sky
+
+    for _ in preparing_sky(sky.environment):
+        yield Progress(STAGE, 0.0, text=text)
 
 
 def _drawing(orbit: Orbit, wanted: DrawOrbit) -> Generator[StillProgress, None, NDArray[np.float32]]:

@@ -76,11 +76,13 @@ class DrawOrbit(Request):
 @dataclass(frozen=True)
 class DrawPlainly(Request):
     """Draw the scene from a camera, in so many pixels (width, height), in poses, None: as it is open, of nothing that
-    has to be made ready: its objects in light from the eye. Answered by `OrbitDrawn` of version 0."""
+    has to be made ready: its objects in light from the eye. Answered by `OrbitDrawn` of version 0, or `OrbitUnknown`
+    where no scene is open yet. Not built on what was traced, as `DrawOrbit`."""
 
     built_on = (OpenScene,)
     quick = 0
     once = True
+    any_time = True
     stops = False
 
     camera: Camera

@@ -17,6 +17,10 @@ class OrbitStatus(Status):
     is_plain: bool = False
 
     @property
+    def draws_moving(self) -> bool:
+        return True
+
+    @property
     def goes_with_hand(self) -> bool:
         """It is: pictures are drawn as the hand moves, from the first on."""
         return self.is_plain or self.picture != "waiting"

@@ -521,7 +521,10 @@ class OrbitTalk(ModeTalk):
             case OrbitDrawn():
                 return self._take_picture(response)
             case OrbitUnknown() if response.id == self._drawing_id:
-                self._begin_anew()
+                if self._drawing is not None and self._drawing.is_plain:
+                    self._refused, self._drawing = self._drawing, None
+                else:
+                    self._begin_anew()
             case DrawnEstimated():
                 self._error.took(response)
             case Failed():

@@ -10,6 +10,7 @@ the brightest directions are kept apart.
 from __future__ import annotations
 
 import math
+from collections.abc import Generator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -25,6 +26,7 @@ from engine.sphere.geodesic import geodesic, triangle_solid_angles
 MAP_SIDE = 256
 _COARSE = 8  # texels of the map a side that one of the coarse map covers
 MOST_SUNS = 96
+_PARTS = 16  # in which texels are averaged
 _FINE = 6  # level of the triangles that are averaged
 # A direction is a sun if it holds so many times the mean power of the triangles beside it would have.
 _SUN = 4.0
@@ -81,7 +83,9 @@ def _unturned(environment: Environment | None) -> tuple[Floats, Floats, Floats, 
     rest = powers.copy()
     rest.reshape(-1, 4, 3)[suns] = 0.0
     averaged = np.zeros((MAP_SIDE, MAP_SIDE, 4), np.float32)
-    averaged[..., :3] = (_averaging() @ rest).reshape(MAP_SIDE, MAP_SIDE, 3)
+    averaged[..., :3] = np.concatenate([_averaging(part) @ rest for part in range(_PARTS)]).reshape(
+        MAP_SIDE, MAP_SIDE, 3
+    )
     coarse = averaged.reshape(MAP_SIDE // _COARSE, _COARSE, MAP_SIDE // _COARSE, _COARSE, 4).mean(axis=(1, 3))
     of_sun = powers.reshape(-1, 4, 3)[suns]
     directions = np.einsum("sk,ski->si", of_sun @ LUMINANCE, fine.centres.reshape(-1, 4, 3)[suns])
@@ -119,14 +123,23 @@ def _places(environment: Environment, suns: NDArray[np.intp]) -> Floats:
     return found
 
 
-@lru_cache(maxsize=1)
-def _averaging() -> sparse.csr_matrix:
-    """(texels, triangles): power of the fine triangles to mean radiance around each texel, falling off to twice the
+def preparing_sky(environment: Environment | None) -> Generator[None, None, None]:
+    """What `make_sky` of an environment needs, and remembers: in steps, for the first takes a second and more."""
+    yield
+    for part in range(_PARTS):
+        _averaging(part)
+        yield
+    _unturned(environment)
+
+
+@lru_cache(maxsize=_PARTS)
+def _averaging(part: int) -> sparse.csr_matrix:
+    """(texels / _PARTS, triangles), of that part of the texels: power of the fine triangles to mean radiance around each texel, falling off to twice the
     radius of a disc as large as a triangle: as wide as that, as what is small has to reach about one triangle's middle,
     wherever it lies between them."""
     fine = geodesic(_FINE)
     radius = 2.0 * np.sqrt(4.0 / (20 * 4**4))
-    texels = texel_directions(MAP_SIDE)
+    texels = np.array_split(texel_directions(MAP_SIDE), _PARTS)[part]
     near = cKDTree(texels).sparse_distance_matrix(cKDTree(fine.centres), radius, output_type="ndarray")
     rows, columns, distances = near["i"], near["j"], near["v"]
     weights = (1.0 - (distances / radius) ** 2) ** 2

@@ -13,7 +13,7 @@ from engine.scene.description import Camera
 from tests.ui.test_orbit_camera import centre
 from ui.headless import HeadlessWindow
 from ui.panels.status_bar import picture_state
-from ui.panels.view_sketch import has_moved, seen_edges
+from ui.panels.view_sketch import N_CELLS, has_moved, seen_edges, turned_grid
 
 CAMERA = Camera(position=(0.0, 0.0, 3.0), target=(0.0, 0.0, 0.0), fov_y=90.0)
 CUBE = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
@@ -38,6 +38,29 @@ def test_what_is_behind_the_eye_is_cut_off() -> None:
 def test_any_box_from_anywhere_has_finite_lines(numbers: list[float], right: float, up: float) -> None:
     box = np.sort(np.reshape(numbers, (2, 3)), axis=0)
     assert np.all(np.isfinite(seen_edges(box, orbited(CAMERA, right, up), (64.0, 48.0))))
+
+
+def test_a_picture_that_a_camera_went_towards_is_larger_about_its_target() -> None:
+    nearer = CAMERA.model_copy(update={"position": (0.0, 0.0, 1.5)})
+    grid = turned_grid(CAMERA, nearer, (100.0, 80.0))
+    assert grid is not None
+    middle = N_CELLS // 2
+    assert grid[middle, middle] == pytest.approx((50.0, 40.0), abs=1e-3)
+    assert grid[0, 0] == pytest.approx((-50.0, -40.0), abs=1e-3)  # twice as far from the middle as before
+    assert grid[-1, -1] == pytest.approx((150.0, 120.0), abs=1e-3)
+
+
+def test_a_picture_seen_from_where_it_was_is_as_it_was_and_from_behind_there_is_none() -> None:
+    grid = turned_grid(CAMERA, CAMERA, (100.0, 80.0))
+    assert grid is not None and grid[0, -1] == pytest.approx((100.0, 0.0), abs=1e-3)
+    behind = CAMERA.model_copy(update={"position": (0.0, 0.0, -3.0)})
+    assert turned_grid(CAMERA, behind, (100.0, 80.0)) is None
+
+
+@given(st.floats(-180, 180), st.floats(-80, 80))
+def test_a_picture_turned_in_any_way_has_finite_places(right: float, up: float) -> None:
+    grid = turned_grid(CAMERA, orbited(CAMERA, right, up), (64.0, 48.0))
+    assert grid is None or np.all(np.isfinite(grid))
 
 
 @pytest.mark.gl
@@ -65,3 +88,20 @@ def test_the_picture_stays_bright_while_other_pixels_of_the_same_view_are_awaite
     assert window.pixels()[200:400, 300:800].mean() == pytest.approx(before, rel=0.02)
     context = window.shell._context(0.0)
     assert picture_state(context.status, camera_moved=has_moved(context))[1] == "before the change"
+
+
+@pytest.mark.gl
+def test_a_mode_that_draws_while_something_moves_has_the_picture_turned_and_no_boxes(window: HeadlessWindow) -> None:
+    assert window.shell.editor.do(SetView.of(mode="orbit")) is None
+    window.frames(2)
+    x, y = centre(window)
+    window.move(x, y)
+    before = window.pixels()[200:400, 300:800].astype(float)
+    window.press(2)
+    window.move(x + 40, y)
+    window.frames(2)
+    status = window.shell.editor.status
+    assert status.is_away and not status.goes_with_hand  # this worker never has a picture of Orbit's
+    moved = window.pixels()[200:400, 300:800].astype(float)
+    assert moved.mean() > 0.85 * before.mean() and np.abs(moved - before).mean() > 1.0
+    window.release(2)

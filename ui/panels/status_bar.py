@@ -36,6 +36,9 @@ VIEW_BEFORE = (
     "The camera has moved on: the lines are the objects' boxes from there. The picture of the view before stays until "
     "this one is traced, once it rests. In Orbit the picture goes with the hand. Esc in mid-drag goes back."
 )
+PICTURE_BEFORE_MOVING = (
+    "The camera has moved on: the picture of the view before is turned as a whole until the first of this mode is drawn."
+)
 PICTURE_BEFORE = "The picture stays until the one of other pixels, poses or bumps is traced and has its light."
 EDIT_BEFORE = "The picture is as it was before the last edit. It stays until the edited one is as good."
 JUDGED_LATER = "Nothing more comes. How far off the picture is will be found out while the hand rests."
@@ -126,9 +129,9 @@ def picture_state(status: Status, meanwhile: str = "", camera_moved: bool = True
     if not status.worker_alive:
         return look.BAD, "computing stopped", "What computes has ended and is being started again; edits are safe."
     if status.is_away and not status.goes_with_hand:
-        return look.ACCENT, *(
-            ("the view before", VIEW_BEFORE) if camera_moved else ("before the change", PICTURE_BEFORE)
-        )
+        if not camera_moved:
+            return look.ACCENT, "before the change", PICTURE_BEFORE
+        return look.ACCENT, "the view before", PICTURE_BEFORE_MOVING if status.draws_moving else VIEW_BEFORE
     if status.is_finished:
         return _finished_state(status)
     if status.is_held:

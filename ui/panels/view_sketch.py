@@ -1,4 +1,8 @@
-"""Where a camera goes that no picture follows: the objects' boxes as it sees them, over the view before, darkened.
+"""Where a camera goes that no picture follows yet.
+
+In a mode that draws while something moves, before it has drawn anything: the picture of the view before, as if all that
+it shows stood on the plane through the camera's target. In any other: the objects' boxes as the camera sees them, over
+the view before, darkened.
 
 Only while the camera has moved on from the one of the picture, and no mode draws what it sees meanwhile: another
 resolution, pose or bump is awaited as well, but seen from where the picture is, which stays as it is.
@@ -10,11 +14,12 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 from numpy.typing import NDArray
 
-from engine.scene.camera import camera_frame, project
+from engine.scene.camera import camera_frame, pixel_directions, project
 from engine.scene.camera_moves import distance
 from engine.scene.description import Camera
 from ui import theme as look
 from ui.panels.context import PanelContext
+from ui.panels.picture import Picture
 from ui.panels.picture_place import Placed
 
 # Corners are numbered by bits: 1 for the larger x, 2 for y, 4 for z. Edges join those that differ in one of them.
@@ -22,14 +27,40 @@ CORNERS = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
 EDGES = np.array([(i, i | bit) for bit in (1, 2, 4) for i in range(8) if not i & bit])
 NEAREST = 1e-3  # of the distance to the target; what is behind the eye has no place in the picture
 MOST_BOXES = 256
+N_CELLS = 8  # across a picture that is turned, each drawn without perspective
 
 Array = NDArray[np.float64]
 
 
-def draw(context: PanelContext, placed: Placed) -> None:
+def draw(context: PanelContext, placed: Placed, picture: Picture) -> None:
     """Over the picture, in the panel's draw list."""
     if not context.status.is_away or context.status.goes_with_hand or not has_moved(context):
         return
+    seen = context.picture_camera
+    if context.status.draws_moving and seen is not None:
+        _draw_turned(placed, picture, turned_grid(seen, context.camera, (placed.width, placed.height)))
+    else:
+        _draw_boxes(context, placed)
+
+
+def _draw_turned(placed: Placed, picture: Picture, grid: Array | None) -> None:
+    """The picture on a grid of `turned_grid`; as it is where there is none."""
+    if grid is None:
+        return
+    draw_list = imgui.get_window_draw_list()
+    start, end = ImVec2(placed.x, placed.y), ImVec2(placed.x + placed.width, placed.y + placed.height)
+    draw_list.push_clip_rect(start, end, True)
+    draw_list.add_rect_filled(start, end, look.pack(look.grey(0)))
+    upper, lower = picture.corners()
+    u, v = np.linspace(upper.x, lower.x, N_CELLS + 1), np.linspace(upper.y, lower.y, N_CELLS + 1)
+    for row, column in np.ndindex(N_CELLS, N_CELLS):
+        cells = [(row, column), (row, column + 1), (row + 1, column + 1), (row + 1, column)]
+        places = [ImVec2(placed.x + grid[i, j, 0], placed.y + grid[i, j, 1]) for i, j in cells]
+        draw_list.add_image_quad(picture.reference, *places, *(ImVec2(u[j], v[i]) for i, j in cells))
+    draw_list.pop_clip_rect()
+
+
+def _draw_boxes(context: PanelContext, placed: Placed) -> None:
     draw_list = imgui.get_window_draw_list()
     end = ImVec2(placed.x + placed.width, placed.y + placed.height)
     draw_list.add_rect_filled(ImVec2(placed.x, placed.y), end, look.pack(look.grey(0, 0.5)))
@@ -47,6 +78,21 @@ def has_moved(context: PanelContext) -> bool:
     """Whether the camera is not the one that the picture is seen from."""
     seen = context.picture_camera
     return seen is None or any(getattr(seen, name) != value for name, value in context.camera if name != "resolution")
+
+
+def turned_grid(seen: Camera, camera: Camera, size: tuple[float, float]) -> Array | None:
+    """Where another camera sees points of a picture of so many pixels across and down, N_CELLS + 1 in a row and a column
+    (N_CELLS + 1, N_CELLS + 1, 2), if they lie on the plane through its target that faces it; None where the other
+    camera sees that plane's back, or a part of it is not before it."""
+    width, height = round(size[0]), round(size[1])
+    columns, rows = np.meshgrid(np.linspace(0.0, width, N_CELLS + 1), np.linspace(0.0, height, N_CELLS + 1))
+    directions = pixel_directions(seen, (width, height), columns, rows).astype(np.float64)
+    forward = camera_frame(seen)[2]
+    points = seen.position + directions * (distance(seen) / (directions @ forward))[..., None] - camera.position
+    depths = points @ camera_frame(camera)[2]
+    if depths.min() < NEAREST * distance(camera) or (points @ forward).max() <= 0.0:
+        return None
+    return project(camera, (width, height), points)
 
 
 def seen_edges(box: Array, camera: Camera, size: tuple[float, float]) -> Array:

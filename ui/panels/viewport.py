@@ -60,7 +60,7 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     draw_list.add_image(picture.reference, ImVec2(placed.x, placed.y), far, upper, lower)
     if context.view.shows_error and context.error_overlay is not None:
         draw_list.add_image(context.error_overlay.reference, ImVec2(placed.x, placed.y), far)
-    view_sketch.draw(context, placed)
+    view_sketch.draw(context, placed, picture)
     handles = picture_handles.handles_of(context, placed)
     picture_handles.draw(context, handles)
     actions = _hand(context, picture, space, placed, handles)

@@ -130,17 +130,20 @@ def segments(
     inks: Sequence[look.Colour] | None = None,
     least: float = 30.0,
 ) -> int | None:
-    """A row of joined buttons, one of them on. `choices` are (text, tooltip). The index that was pressed, or None."""
+    """A row of joined buttons, one of them on. `choices` are (text, tooltip). The index that was pressed, or None.
+
+    The line between two belongs to the left one, so that no click on the row is lost."""
     pressed = None
     draw = imgui.get_window_draw_list()
     height, top = imgui.get_frame_height(), imgui.get_cursor_pos_y()
     for index, (text, hint) in enumerate(choices):
         if index:
-            imgui.same_line(0.0, 1.0)
+            imgui.same_line(0.0, 0.0)
             imgui.set_cursor_pos_y(top)
         width = _segment_width(context, text, least)
         corner = imgui.get_cursor_screen_pos()
-        if imgui.invisible_button(f"{name}.{index}", ImVec2(width, height)):
+        gap = 1.0 if index < len(choices) - 1 else 0.0
+        if imgui.invisible_button(f"{name}.{index}", ImVec2(width + gap, height)):
             pressed = index
         context.handles.note_item(f"{name}.{index}")
         _segment(draw, corner, ImVec2(width, height), text, index == chosen, _corners(index, len(choices)),

@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.document import LightState
 from app.jobs.in_process import InProcessClient
 from app.jobs.schedule import Schedule
 from app.messages import Cancel, Failed, LookFrom, OpenScene, Progress, Request, Response
-from app.orbit.messages import DrawOrbit
+from app.orbit.messages import DrawOrbit, DrawPlainly
 from app.placement.messages import Contract, LayerPicture, LayerTransport, StageDone
+from app.scene_state import SceneState
 from engine.scene.description import Camera
 from tests.app.jobs.faulty_tasks import FaultyTasks, compute
 from tests.opened import run_in_process
@@ -64,17 +66,25 @@ class Steps:
             yield None
 
 
-def test_orbit_draws_while_a_camera_is_traced_and_nothing_else_is_done() -> None:
+@pytest.mark.parametrize(
+    "drawing",
+    [
+        DrawOrbit(Camera(position=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0)), (4, 3), "moving"),
+        DrawPlainly(Camera(position=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0)), (4, 3), SceneState(LightState(), ())),
+    ],
+    ids=["orbit", "plain"],
+)
+def test_orbit_draws_while_a_camera_is_traced_and_nothing_else_is_done(drawing: Request) -> None:
     # A hand that moves on meets a look that began when it rested.
     handler = Steps()
     schedule = Schedule(handler)
     schedule.accept(LookFrom(1))
     schedule.step()
     schedule.accept(contract(2.0))
-    schedule.accept(DrawOrbit(Camera(position=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0)), (4, 3), "moving"))
+    schedule.accept(drawing)
     while schedule.choose() is not None:
         schedule.step()
-    assert handler.done == ["LookFrom", *3 * ["DrawOrbit"], *2 * ["LookFrom"], *3 * ["Contract"]]
+    assert handler.done == ["LookFrom", *3 * [type(drawing).__name__], *2 * ["LookFrom"], *3 * ["Contract"]]
 
 
 def test_contraction_is_served_when_nothing_else_runs() -> None:

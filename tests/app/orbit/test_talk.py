@@ -18,6 +18,7 @@ from app.orbit.events import OrbitPicture
 from app.orbit.messages import (
     DrawnEstimated,
     DrawOrbit,
+    DrawPlainly,
     EstimateOrbit,
     LookOrbit,
     OrbitAdvanced,
@@ -110,6 +111,18 @@ def test_nothing_is_drawn_before_there_is_anything_to_draw_of() -> None:
     table.update()
     status = table.talk.status(Status())
     assert table.update(1.0) == [] and status.picture == "waiting" and not status.goes_with_hand
+
+
+def test_a_plain_picture_that_a_worker_without_a_scene_was_asked_for_is_not_asked_for_again_and_again() -> None:
+    table = Table()
+    table.update()
+    table.look(CAMERAS[0])
+    (asked,) = table.update()
+    assert isinstance(asked, DrawPlainly)
+    table.talk.take(OrbitUnknown(id=table.id_of(DrawPlainly)))
+    assert table.update() == [] and table.update() == []
+    table.look(CAMERAS[1])
+    assert [type(request) for request in table.update()] == [DrawPlainly]
 
 
 def test_from_the_first_picture_on_it_goes_with_the_hand(table: Table) -> None:
