@@ -82,7 +82,7 @@ def error_note(curve_error: float | None, noise: float | None) -> str:
 def light_note(talk: TransportTalk, shown: LightState) -> str:
     """What light the picture shows, in words; shown: that of the document drawn."""
     light = talk.asked_light
-    if light is None:
+    if light is None or talk.asked_rotation is None:
         return ""
     asked = f"{light.rotation:.1f}°"
     if talk.running and not talk.drag_quality and replace(shown, intensity=light.intensity) != light:

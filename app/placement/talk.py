@@ -189,7 +189,7 @@ class PlacementTalk(ModeTalk):
         events = self._change_over(document, view, planned)
         rests = self._picture in ("finished", "exact") and not self._desk.history.dragging
         self._error.update(now, document, view, self._transport.revision, rests)
-        turns = rests and self._transport.asked_light is not None
+        turns = rests and self._transport.asked_rotation is not None
         self._relight.update(now, document, self._transport.revision, turns)
         return events + self._desk.barrier.run("Side A", compare, none, (document, view))
 
@@ -338,9 +338,7 @@ class PlacementTalk(ModeTalk):
             "error_colours": None if estimate is None else self._error.colours_of(self._document),
             "precomputed_mb": self._transport_bytes / 1e6,
             "gpu_mb": report.gpu_mb,
-            "light_note": light_note(talk, self._changeover.drawn.light)
-            if self._changeover.has_picture
-            else "",
+            "light_note": light_note(talk, self._changeover.drawn.light) if self._changeover.has_picture else "",
             "material_note": material_note(talk) if self._changeover.has_picture else "",
             "emitter_note": emitter_note(talk) if self._changeover.has_picture else "",
             "missing_note": missing or "Wavelet coefficients, or light of further bounces, are still being added.",

@@ -207,16 +207,16 @@ class TransportTalk:
         return id == self._transport_id
 
     @property
-    def asked_light(self) -> LightState | None:
-        """The environment in the transport asked last; None where none lights the scene."""
+    def asked_rotation(self) -> float | None:
+        """The rotation (degrees) in the transport asked last; None where no environment lights the scene."""
         if self._asked is None or self._asked.light.environment == SCENE_ENVIRONMENT and not self._has_sky:
             return None
-        return self._asked.light
+        return self._asked.light.rotation
 
     @property
     def has_sky(self) -> bool:
         """Whether an environment lights the scene in the transport asked last."""
-        return self.asked_light is not None
+        return self.asked_rotation is not None
 
     @property
     def running(self) -> bool:

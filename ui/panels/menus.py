@@ -11,6 +11,7 @@ from functools import partial
 from imgui_bundle import ImVec2, imgui
 
 from app.commands.curves import ResetCurve
+from app.document import Selection
 from app.view_state import OpenPanel, SetView
 from engine.colour import VIEWS
 from ui.layout import PANELS, is_behind
@@ -143,10 +144,19 @@ def _edit(context: PanelContext) -> list[Action]:
     operator = context.view.operator is not None
     actions += _entry(context, "Mute the operator", "mute", operator)
     actions += _entry(context, "Delete the operator", "delete", operator)
-    if imgui.menu_item_simple("Reset the curve", None, False, curve):
+    if imgui.menu_item_simple("Reset the curve", None, False, _can_reset(context, selected)):
         assert selected is not None and selected.factor is not None
         actions += [ResetCurve(selected.key, selected.factor), SetView.of(operator=None)]
+    context.handles.note_item("menu.reset_curve")
     return actions
+
+
+def _can_reset(context: PanelContext, selected: Selection | None) -> bool:
+    """Whether the selected curve has operators that may be removed."""
+    if selected is None or selected.factor is None or context.document.is_frozen(selected.key):
+        return False
+    is_editable = context.document.object(selected.object).editable
+    return is_editable and bool(context.document.layer(selected.key).operators(selected.factor))
 
 
 def _view(context: PanelContext) -> list[Action]:

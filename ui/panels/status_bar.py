@@ -37,7 +37,8 @@ VIEW_BEFORE = (
     "this one is traced, once it rests. In Orbit the picture goes with the hand. Esc in mid-drag goes back."
 )
 PICTURE_BEFORE_MOVING = (
-    "The camera has moved on: the picture of the view before is turned as a whole until the first of this mode is drawn."
+    "The camera has moved on: the picture of the view before is turned as a whole until the first of "
+    "this mode is drawn."
 )
 PICTURE_BEFORE = "The picture stays until the one of other pixels, poses or bumps is traced and has its light."
 EDIT_BEFORE = "The picture is as it was before the last edit. It stays until the edited one is as good."

@@ -81,9 +81,9 @@ def has_moved(context: PanelContext) -> bool:
 
 
 def turned_grid(seen: Camera, camera: Camera, size: tuple[float, float]) -> Array | None:
-    """Where another camera sees points of a picture of so many pixels across and down, N_CELLS + 1 in a row and a column
-    (N_CELLS + 1, N_CELLS + 1, 2), if they lie on the plane through its target that faces it; None where the other
-    camera sees that plane's back, or a part of it is not before it."""
+    """Where another camera sees points of a picture of so many pixels across and down, N_CELLS + 1 in a row and in a
+    column (N_CELLS + 1, N_CELLS + 1, 2), if they lie on the plane through its target that faces it; None where the
+    other camera sees that plane's back, or a part of it is not before it."""
     width, height = round(size[0]), round(size[1])
     columns, rows = np.meshgrid(np.linspace(0.0, width, N_CELLS + 1), np.linspace(0.0, height, N_CELLS + 1))
     directions = pixel_directions(seen, (width, height), columns, rows).astype(np.float64)

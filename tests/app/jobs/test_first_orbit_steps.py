@@ -1,7 +1,6 @@
-"""Before Orbit has placed anything its work is in short steps, between which objects in light from the eye are drawn."""
+"""Before Orbit has placed anything its work is in short steps, between which plain pictures are drawn."""
 
 from pathlib import Path
-
 
 from app.jobs.cache import Store
 from app.jobs.tasks import Tasks
