@@ -135,8 +135,8 @@ def preparing_sky(environment: Environment | None) -> Generator[None, None, None
 @lru_cache(maxsize=_PARTS)
 def _averaging(part: int) -> sparse.csr_matrix:
     """(texels / _PARTS, triangles), of that part of the texels: power of the fine triangles to mean radiance around
-    each texel, falling off to twice the radius of a disc as large as a triangle: as wide as that, as what is small has to
-    reach about one triangle's middle, wherever it lies between them."""
+    each texel, falling off to twice the radius of a disc as large as a triangle: as wide as that, as what is small has
+    to reach about one triangle's middle, wherever it lies between them."""
     fine = geodesic(_FINE)
     radius = 2.0 * np.sqrt(4.0 / (20 * 4**4))
     texels = np.array_split(texel_directions(MAP_SIDE), _PARTS)[part]
