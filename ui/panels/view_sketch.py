@@ -52,11 +52,14 @@ def _draw_turned(placed: Placed, picture: Picture, grid: Array | None) -> None:
     draw_list.push_clip_rect(start, end, True)
     draw_list.add_rect_filled(start, end, look.pack(look.grey(0)))
     upper, lower = picture.corners()
-    u, v = np.linspace(upper.x, lower.x, N_CELLS + 1), np.linspace(upper.y, lower.y, N_CELLS + 1)
-    for row, column in np.ndindex(N_CELLS, N_CELLS):
-        cells = [(row, column), (row, column + 1), (row + 1, column + 1), (row + 1, column)]
-        places = [ImVec2(placed.x + grid[i, j, 0], placed.y + grid[i, j, 1]) for i, j in cells]
-        draw_list.add_image_quad(picture.reference, *places, *(ImVec2(u[j], v[i]) for i, j in cells))
+    us = np.linspace(upper.x, lower.x, N_CELLS + 1).tolist()
+    vs = np.linspace(upper.y, lower.y, N_CELLS + 1).tolist()
+    corners = [[ImVec2(x, y) for x, y in row] for row in (grid + (placed.x, placed.y)).tolist()]
+    for i, j in np.ndindex(N_CELLS, N_CELLS):
+        draw_list.add_image_quad(
+            picture.reference, corners[i][j], corners[i][j + 1], corners[i + 1][j + 1], corners[i + 1][j],
+            ImVec2(us[j], vs[i]), ImVec2(us[j + 1], vs[i]), ImVec2(us[j + 1], vs[i + 1]), ImVec2(us[j], vs[i + 1]),
+        )  # fmt: skip
     draw_list.pop_clip_rect()
 
 
