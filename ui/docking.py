@@ -29,6 +29,7 @@ class Docking:
         self._rebuild = False
         self._recalled = ""
         self._in_front: tuple[str, ...] = ()
+        self._behind_picture: tuple[str, ...] | None = None
 
     def take_size(self, size: tuple[int, int], scale: float) -> None:
         """Before a frame: where the window has another form than before, the panels stand as they did in that one."""
@@ -62,8 +63,9 @@ class Docking:
         if self.form == "small" and front:
             self._fold(layout.FOLDED["small"] - {*front})
 
-    def begin_space(self, scale: float) -> tuple[str, ...]:
-        """Begin the space that panels dock in; where their places are new, those that are to be in front.
+    def begin_space(self, scale: float, alone: bool = False) -> tuple[str, ...]:
+        """Begin the space that panels dock in; where their places are new, or they come back from behind the picture
+        alone, those that are to be in front.
 
         That is for the next pass, when the panels are there: of those that appear together the last would be. One a
         pass: of panels that were docked elsewhere a frame ago imgui raises only the last that it is told.
@@ -73,6 +75,11 @@ class Docking:
         self._unsettled = SETTLING if rebuilt else max(self._unsettled - 1, 0)
         if rebuilt:
             self._recalled, self._in_front = "", layout.IN_FRONT[self.form]
+        if alone and self._behind_picture is None:
+            self._behind_picture = layout.chosen_tabs(imgui.save_ini_settings_to_memory())
+        elif not alone and self._behind_picture is not None:
+            self._in_front, self._behind_picture = self._in_front or self._behind_picture, None
+            self._unsettled = SETTLING
         if self._in_front:
             first, *others = self._in_front
             self._in_front = tuple(others)

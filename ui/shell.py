@@ -528,4 +528,4 @@ class Shell:
         return answered if CancelDrag() in answered else actions + answered
 
     def _begin_space(self) -> None:
-        self._front = self._docking.begin_space(self.theme.scale)
+        self._front = self._docking.begin_space(self.theme.scale, self.state.alone)

@@ -22,7 +22,7 @@ from ui import layout
 from ui.docking import SETTLING
 from ui.headless import HeadlessWindow
 from ui.panels import fields, widgets
-from ui.panels.actions import ShowPanel
+from ui.panels.actions import SetPanel, ShowPanel
 
 pytestmark = pytest.mark.gl
 
@@ -272,6 +272,18 @@ def test_accuracy_is_before_the_plan_whatever_form_the_window_had(window: Headle
     assert in_front(window) == {"library", "accuracy"}
     tabs = imgui.internal.find_window_by_name(layout.ACCURACY.window).dock_node.tab_bar.tabs
     assert [tabs[i].window.name.partition("#")[0] for i in range(len(tabs))] == ["Accuracy", "Plan"]
+
+
+@pytest.mark.parametrize("chosen", [{"library", "accuracy"}, {"brdf", "plan"}], ids=str)
+def test_the_picture_alone_leaves_the_panels_in_front_that_were(window: HeadlessWindow, chosen: set[str]) -> None:
+    for key in chosen:
+        window.shell.do(ShowPanel(key))
+        window.frames(3)
+    assert in_front(window) == chosen
+    for alone in (True, False):
+        window.shell.do(SetPanel({"alone": alone}))
+        window.frames(layout_frames())
+    assert in_front(window) == chosen
 
 
 def test_the_panel_a_hand_has_put_in_front_stays_there(context: moderngl.Context, tmp_path: Path) -> None:
