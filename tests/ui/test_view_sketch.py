@@ -105,3 +105,15 @@ def test_a_mode_that_draws_while_something_moves_has_the_picture_turned_and_no_b
     moved = window.pixels()[200:400, 300:800].astype(float)
     assert moved.mean() > 0.85 * before.mean() and np.abs(moved - before).mean() > 1.0
     window.release(2)
+
+
+@pytest.mark.gl
+def test_in_a_picture_that_is_turned_nothing_is_where_it_was(window: HeadlessWindow) -> None:
+    editor = window.shell.editor
+    assert editor.do(SetView.of(mode="orbit")) is None
+    window.move(*centre(window))
+    window.frames(2)
+    assert editor.view.hovered is not None
+    assert editor.do(SetView.of(camera=orbited(editor.looks.camera, 10.0, 0.0))) is None
+    window.frames(2)
+    assert editor.status.is_away and editor.view.hovered is None

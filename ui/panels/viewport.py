@@ -198,7 +198,9 @@ def _take_hold(context: PanelContext, picture: Picture, placed: Placed, on_divid
 
 def _object_at(context: PanelContext, pixel: tuple[int, int] | None) -> str | None:
     """What a pixel shows; nothing where the picture has gone on from what was traced."""
-    has_moved_on = context.status.is_away and context.status.goes_with_hand
+    status = context.status
+    is_turned = status.draws_moving and view_sketch.has_moved(context)
+    has_moved_on = status.is_away and (status.goes_with_hand or is_turned)
     return None if pixel is None or has_moved_on else context.object_at(*pixel)
 
 
