@@ -189,7 +189,7 @@ def bending_points(
     points = shading_points(scene, caster, n_points, even, is_whole=True)
     # Rays go out above the points themselves: beside them, as Orbit's do, they may begin within a coarse mesh.
     points = replace(points, lifted=caster.offset_origins(points.position, points.normal))
-    return BendingPoints(scene, with_backs(points, _is_open(scene) | lit_sides(scene, caster)[:, 1]))
+    return BendingPoints(scene, with_backs(points, _is_open(scene) | lit_sides(scene, caster).reached[:, 1]))
 
 
 def _anchors(surface: Surface, points: ShadingPoints, count: int) -> tuple[NDArray[np.int64], Floats]:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.light.emitters import EmitterPatches
-from engine.orbit.bounced import Bounces, bouncing, refining
+from engine.orbit.bounced import Bounces, Exchange, bouncing, refining
 from engine.orbit.buried import buried
 from engine.orbit.incident import Incident, Lamps, evenly_lit, light, more_glossy, no_light, visible_suns
 from engine.orbit.picture import PointMesh
@@ -29,10 +29,10 @@ class LitPoints:
     """Points that are traced and lit a few at a time.
 
     state (S,): how the light that is wanted is known; traced (S,): whether shadows are; seen (S,): what the last
-    picture saw; behind: objects whose backs are met by much of what bounces; is_bounced: of which light the indirect
-    irradiance (S, 3) is, and the radiance sent_on (S, 3) that gloss shows of points; known (S,): whether it was lit
-    once, by whatever light; n_traced: points that were traced since this was stored; untold (S,): whose light has
-    changed since `parts` told it. caster: of the scene's triangles.
+    picture saw; behind: objects whose backs are to have points, as a picture saw them or light goes on from them;
+    is_bounced: of which light the indirect irradiance (S, 3) is, and the radiance sent_on (S, 3) that gloss shows of
+    points; known (S,): whether it was lit once, by whatever light; n_traced: points that were traced since this was
+    stored; untold (S,): whose light has changed since `parts` told it. caster: of the scene's triangles.
     """
 
     def __init__(
@@ -52,9 +52,13 @@ class LitPoints:
         self._leave_buried()
         self.n_traced = 0
         self.behind: set[int] = set()
+        self._fronts, self._backs = np.arange(self._n), dict[int, NDArray[np.int64]]()
+        self._needed = set(np.flatnonzero(points.relays).tolist())
+        self._between: Exchange | None = None
+        self._to_backs: dict[int, Exchange] = {}
         self.with_backs: list[int] = []
         self.bounces: Bounces | None = None
-        self._bouncing: Stepped[Bounces] | None = None
+        self._bouncing: Stepped[Bounces | None] | None = None
         self.indirect, self.sent_on = np.zeros((2, self._n, 3), np.float32)
         self.is_bounced = STALE
 
@@ -102,22 +106,56 @@ class LitPoints:
             self.bits, self.patch_bits = bits, patch_bits
             self.traced[:] = True
 
+    @property
+    def is_refined(self) -> bool:
+        """Whether more points gather where light has an edge."""
+        return self.bounces is not None and self.bounces.between.is_refined
+
     def send_rays(self) -> None:
         """A part of those by which light bounces on."""
         if self._bouncing is None:
-            self._bouncing = Stepped(bouncing(self.points, self.mesh))
+            self._bouncing = Stepped(self._sending())
         if self._bouncing.advance():
             self.bounces, self._bouncing = self._bouncing.result, None
-            self.behind |= self.bounces.behind
+
+    @property
+    def late(self) -> NDArray[np.int32]:
+        """The object of whose back points (S,) are that cameras alone have asked for: they light nothing else. Others
+        have −1."""
+        found = np.full(self._n, -1, np.int32)
+        for i_object in self._backs.keys() - self._needed:
+            found[self._backs[i_object]] = i_object
+        return found
+
+    def _sending(self) -> Generator[None, None, Bounces | None]:
+        """None where more backs need points first."""
+        late = self.late
+        if self._needed <= self._backs.keys():
+            if self._between is None:
+                rows = np.concatenate([self._fronts, *(self._backs[i] for i in sorted(self._needed))])
+                self._between = yield from bouncing(self.points, self.mesh, late, rows=rows)
+            if self._between.behind <= self._needed:
+                open_ = late >= 0 if self.points.buried is None else (late >= 0) & ~self.points.buried
+                for i in sorted(set(late[open_].tolist()) - self._to_backs.keys()):
+                    self._to_backs[i] = yield from bouncing(self.points, self.mesh, late, i, self._backs[i])
+                return Bounces(self._between, tuple(self._to_backs.values()))
+            self._needed |= self._between.behind
+            self._between, self._to_backs = None, {}
+        self.behind |= self._needed
+        return None
 
     def refine_rays(self, patches: EmitterPatches | None) -> None:
         """A part of more of them, when all shadows are known."""
         if self._bouncing is None:
-            assert self.bounces is not None
-            shone = evenly_lit(self.points, self.bits, patches, self.patch_bits)
-            self._bouncing = Stepped(refining(self.bounces, self.points, self.mesh, shone))
+            self._bouncing = Stepped(self._refining(patches))
         if self._bouncing.advance():
             self.bounces, self._bouncing, self.is_bounced = self._bouncing.result, None, STALE
+
+    def _refining(self, patches: EmitterPatches | None) -> Generator[None, None, Bounces]:
+        assert self.bounces is not None
+        shone = evenly_lit(self.points, self.bits, patches, self.patch_bits)
+        self._between = yield from refining(self.bounces.between, self.points, self.mesh, shone, self.late)
+        return replace(self.bounces, between=self._between)
 
     def bounce(self, albedos: Floats, n_bounces: int) -> None:
         """Find the indirect light; albedos (M, 3)."""
@@ -152,7 +190,9 @@ class LitPoints:
         """One object's after the other, so that `restore` finds those that came at several times where they were."""
         before = self._n
         for each in objects:
+            n = len(self.points)
             self.points = with_backs(self.points, np.arange(len(self._scene.smooth)) == each)
+            self._backs[each] = np.arange(n, len(self.points))
         self._n = len(self.points)
         if self.points.buried is not None:
             of_backs = finish(buried(self._scene, self.caster, self.points, before))

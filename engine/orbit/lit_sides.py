@@ -3,10 +3,13 @@
 A room may be wound outwards, a floor downwards, and half of a shell against the other half; a solid's inside, which its
 winding faces as little, is no side that anybody will see. So a few thousand paths start at all emitters and from far
 away, whether or not something shines there now, and wander from surface to surface as light does [Veach97, ch. 8];
-sides that they hardly meet are taken for dark. That depends on geometry alone.
+sides that they hardly meet are taken for dark. That depends on geometry alone, and so does which backs send light on to
+other surfaces: those of a room's walls that are wound outwards, and no floor's underside.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +22,22 @@ _PATHS = 8192  # from far away, and as many from emitters
 _LENGTH = 5  # surfaces that a path meets
 # Of the paths that meet an object, those through a crack between two triangles are fewer than this share.
 _LEAST_SHARE, _LEAST = 0.005, 8
+_RELAYED = 0.02  # of what all surfaces send on to others, that backs which light is asked for send
 
 
-def lit_sides(scene: Scene, caster: RayCaster) -> NDArray[np.bool_]:
-    """Which objects (M, 2) light can reach on the side that their winding faces and on the other; the first alone where
-    it reaches neither. caster: of the scene's triangles."""
+class Sides(NamedTuple):
+    """reached (M, 2): whether light can reach objects on the side that their winding faces, and on the other; the first
+    alone where it reaches neither. relays (M,): whether their backs send much of it on to other surfaces."""
+
+    reached: NDArray[np.bool_]
+    relays: NDArray[np.bool_]
+
+
+def lit_sides(scene: Scene, caster: RayCaster) -> Sides:
+    """Of a scene; caster: of its triangles."""
     chance = np.random.default_rng(3)
-    counts = np.zeros((len(scene.smooth), 2), np.int64)
+    counts, sent = np.zeros((2, len(scene.smooth), 2), np.int64)
+    last: NDArray[np.intp] | None = None
     origins, directions = _from_afar(scene, chance)
     if scene.emitters.any():
         more = _from_emitters(scene, caster, chance)
@@ -33,16 +45,19 @@ def lit_sides(scene: Scene, caster: RayCaster) -> NDArray[np.bool_]:
     for _ in range(_LENGTH):
         found = caster.intersect(origins.astype(np.float32), directions.astype(np.float32))
         hit = found.triangle >= 0
+        if last is not None:
+            np.add.at(sent, tuple(last[hit].T), 1)
         triangle, towards = found.triangle[hit], directions[hit]
         normals = scene.geometric_normals[triangle].astype(np.float64)
         is_back = np.einsum("nk,nk->n", normals, towards) > 0.0
-        np.add.at(counts, (scene.object_of_triangle[triangle], is_back.astype(np.intp)), 1)
+        last = np.stack([scene.object_of_triangle[triangle], is_back], axis=1).astype(np.intp)
+        np.add.at(counts, tuple(last.T), 1)
         normals[is_back] *= -1.0
         place = origins[hit] + found.distance[hit, None] * towards
         origins, directions = caster.offset_origins(place, normals).astype(np.float64), _diffusely(normals, chance)
     reached = (counts >= _LEAST) & (counts >= _LEAST_SHARE * counts.sum(axis=1, keepdims=True))
     reached[~reached.any(axis=1), 0] = True
-    return reached
+    return Sides(reached, reached[:, 1] & (sent[:, 1] >= _LEAST) & (sent[:, 1] >= _RELAYED * sent.sum()))
 
 
 def _from_afar(scene: Scene, chance: np.random.Generator) -> tuple[Vectors, Vectors]:

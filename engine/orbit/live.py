@@ -196,7 +196,7 @@ class Orbit:
         lit = self._lit
         if lit is None or not lit.is_done or not self._reflections.is_done:
             return False
-        return self._n_bounces == 1 or lit.is_bounced == EXACTLY and lit.bounces is not None and lit.bounces.is_refined
+        return self._n_bounces == 1 or lit.is_bounced == EXACTLY and lit.is_refined
 
     @property
     def fraction(self) -> float:
@@ -254,7 +254,7 @@ class Orbit:
         if len(which := lit.first(~lit.traced, _TRACED * n_threads())):
             lit.trace(which, self._patches)
             return "visibility"
-        if self._n_bounces > 1 and lit.bounces is not None and not lit.bounces.is_refined:
+        if self._n_bounces > 1 and lit.bounces is not None and not lit.is_refined:
             lit.refine_rays(None if self._patches is None else self._patches[0])
             return "bounces"
         return None

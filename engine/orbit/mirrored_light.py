@@ -38,6 +38,7 @@ def mirrored_light(
     scattering, step = Scattering(layers), max(_AT_ONCE // n_rays, 1)
     chance = np.random.default_rng(4)
     pattern, shifts = chance.random((n_rays, N_NUMBERS)), chance.random((len(which), N_NUMBERS))
+    late = lit.late
     pattern[:, 0] = (np.arange(n_rays) + pattern[:, 0]) / n_rays  # which lobe: in turn
 
     def part(start: int) -> None:
@@ -56,7 +57,8 @@ def mirrored_light(
         rays = np.flatnonzero((pdf > 0.0) & above)
         lifted = np.repeat(lit.caster.offset_origins(seen.places(some), between), n_rays, axis=0)
         met, _ = lit.mesh.trace(lifted[rays], ways[rays])
-        hit = met.corners[:, 0] >= 0
+        of_back, own = late[met.corners[:, 0]], np.repeat(late[seen.samples.corners[some, 0]], n_rays)[rays]
+        hit = (met.corners[:, 0] >= 0) & ((of_back < 0) | (of_back == own))
         sent = np.einsum("nk,nki->ni", met.weights[hit], lit.sent_on[met.corners[hit]])
         weight = np.minimum(value[rays[hit]] / pdf[rays[hit], None], _BRIGHTEST)
         for i in range(3):

@@ -49,8 +49,9 @@ class ShadingPoints:
     side that they are for; i_object (S,). triangles (T, 2, 3) into the points: those on the side that the winding
     faces, and those on the other, −1 where light is not asked for; corners (T, 3, 3) float64 in space; source (T,): the
     scene's triangle that each is a part of, within (T, 3, 2): u and v of its corners there. An object's points stand
-    together, neighbours mostly close. sides (M, 2): on which sides light can reach objects. buried (S,): points within
-    something solid, of which no picture is drawn, see `engine.orbit.buried`; None where nobody has looked.
+    together, neighbours mostly close. sides (M, 2): on which sides light can reach objects, relays (M,): whose backs
+    send it on, see `engine.orbit.lit_sides`. buried (S,): points within something solid, of which no picture is drawn,
+    see `engine.orbit.buried`; None where nobody has looked.
     """
 
     position: Floats
@@ -63,6 +64,7 @@ class ShadingPoints:
     corners: NDArray[np.float64]
     within: Floats
     sides: NDArray[np.bool_]
+    relays: NDArray[np.bool_]
     buried: NDArray[np.bool_] | None = None
 
     def __len__(self) -> int:
@@ -119,7 +121,7 @@ def placing(
     reflects = scene.reflecting[scene.object_of_triangle]
     even = np.zeros(len(scene.smooth), bool) if even is None else even
     yield
-    sides = lit_sides(scene, caster)
+    sides, relays = lit_sides(scene, caster)
     yield
     parts = yield from _cut_where_coarse(scene, reflects, sides, even, n_points)
     corners, normals, within, source = _joined_at_edges(parts) if is_whole else parts
@@ -145,6 +147,7 @@ def placing(
         corners,
         within.astype(np.float32),
         sides,
+        relays & scene.reflecting,
     )
 
 
@@ -162,7 +165,7 @@ def with_backs(points: ShadingPoints, behind: NDArray[np.bool_]) -> ShadingPoint
     position, lifted, normal, tangent, i_object = (np.concatenate(both) for both in zip(kept, own, strict=True))
     return ShadingPoints(
         position, lifted, normal, tangent, i_object, triangles, points.source, points.corners, points.within,
-        points.sides, points.buried,
+        points.sides, points.relays, points.buried,
     )  # fmt: skip
 
 

@@ -98,12 +98,20 @@ def led_about(mode: Orbit | Deform, wish: Wish, random: np.random.Generator, n: 
         "effort": ((64, 2), (128, 1)),
     }  # fmt: skip
     for _ in range(n):
+        if isinstance(mode, Orbit) and mode.is_ready and random.random() < 0.4:
+            look_about(mode, random)
         name = str(random.choice(sorted(values)))
         wish = replace(wish, **{name: values[name][int(random.integers(len(values[name])))]})
         tell(mode, wish)
         for _, _step in zip(range(int(random.choice([0, 2, 10, 200]))), mode.work(), strict=False):
             pass
     return wish
+
+
+def look_about(orbit: Orbit, random: np.random.Generator) -> None:
+    """Pictures from anywhere, from below the floor too; each object that is seen from behind gets points there."""
+    seen = orbit.scene.description.camera.model_copy(update={"position": tuple(random.uniform(-3.0, 3.0, 3).tolist())})
+    orbit.draw(seen, SIZE, str(random.choice(["moving", "rest"])))
 
 
 MAKERS: dict[str, Callable[[Scene], Orbit | Deform]] = {
@@ -124,3 +132,24 @@ def test_edits_that_are_undone_leave_no_trace(scene: Scene, mode: str, seed: int
         other = MAKERS[mode](scene)
         other.restore(made.stored())
         np.testing.assert_allclose(drawn(other, first, scene), before, rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("box", [0, 2])
+def test_backs_that_a_camera_has_seen_light_nothing(scene: Scene, box: int) -> None:
+    """The floor's underside was in the light that bounces, and in mirrors, once a camera had been below it."""
+    wish = Wish(box=box, floor=2, n_bounces=4)
+    made, other = MAKERS["orbit"](scene), MAKERS["orbit"](scene)
+    first = drawn(made, wish, scene)
+    below = scene.description.camera.model_copy(update={"position": (1.5, -1.8, 3.0)})
+    tell(other, wish)
+    for orbit in (made, other):
+        for _ in orbit.work():
+            pass
+        for _ in range(2):
+            from_below = orbit.draw(below, SIZE)
+            for _ in orbit.work():
+                pass
+        assert orbit.lit is not None and orbit.lit.with_backs and (from_below.max(axis=2) > 0.0).mean() > 0.9
+    np.testing.assert_allclose(made.draw(below, SIZE), other.draw(below, SIZE), rtol=1e-5, atol=1e-6)
+    for orbit in (made, other):
+        np.testing.assert_allclose(drawn(orbit, wish, scene), first, rtol=1e-5, atol=1e-6)
