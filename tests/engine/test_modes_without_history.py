@@ -55,6 +55,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
         + placed("floor", "quad", "3,0,0,0, 0,0,3,-0.5, 0,-3,0,0, 0,0,0,1")
         + placed("lamp", "quad", "0.5,0,0,0, 0,0,0.5,2, 0,0.5,0,0, 0,0,0,1").rstrip()
         + "\nemission = [4, 4, 4]\n"
+        + placed("card", "quad", "0,0,-0.15,-0.8, 0,0.15,0,-0.1, 0.15,0,0,0, 0,0,0,1")  # its back to the box
     )
     return load_scene(path)
 
@@ -66,7 +67,7 @@ def sky(rotation: float) -> SkyState:
 
 def tell(mode: Orbit | Deform, wish: Wish) -> None:
     mode.set_light(sky(wish.rotation))
-    mode.set_layers({0: LAYERS[wish.box], 1: LAYERS[wish.floor]})
+    mode.set_layers({0: LAYERS[wish.box], 1: LAYERS[wish.floor], 3: (WHITE,)})
     mode.set_bounces(wish.n_bounces)
     mode.shine({"lamp": (wish.lamp,) * 3})
     if isinstance(mode, Deform):
@@ -136,20 +137,26 @@ def test_edits_that_are_undone_leave_no_trace(scene: Scene, mode: str, seed: int
 
 @pytest.mark.parametrize("box", [0, 2])
 def test_backs_that_a_camera_has_seen_light_nothing(scene: Scene, box: int) -> None:
-    """The floor's underside was in the light that bounces, and in mirrors, once a camera had been below it."""
-    wish = Wish(box=box, floor=2, n_bounces=4)
+    """The back of a card beside the box was in the light that bounces, and in mirrors, once a camera had seen it."""
+    wish, own = Wish(box=box, floor=2, n_bounces=4), scene.description.camera
+    behind = [
+        own.model_copy(update={"position": (1.5, -1.8, 3.0)}),
+        own.model_copy(update={"position": (-0.2, 0.9, 1.2), "target": (-0.8, -0.1, 0.0)}),
+    ]
     made, other = MAKERS["orbit"](scene), MAKERS["orbit"](scene)
     first = drawn(made, wish, scene)
-    below = scene.description.camera.model_copy(update={"position": (1.5, -1.8, 3.0)})
     tell(other, wish)
-    for orbit in (made, other):
+    for orbit, cameras in ((made, behind), (other, behind[::-1])):
         for _ in orbit.work():
             pass
-        for _ in range(2):
-            from_below = orbit.draw(below, SIZE)
+        for seen in 2 * cameras:
+            orbit.draw(seen, SIZE)
             for _ in orbit.work():
                 pass
-        assert orbit.lit is not None and orbit.lit.with_backs and (from_below.max(axis=2) > 0.0).mean() > 0.9
-    np.testing.assert_allclose(made.draw(below, SIZE), other.draw(below, SIZE), rtol=1e-5, atol=1e-6)
+        assert orbit.lit is not None and set(orbit.lit.late) == {-1, 1, 3}  # the floor and the card
+    for seen in behind:
+        from_behind = made.draw(seen, SIZE)
+        np.testing.assert_allclose(from_behind, other.draw(seen, SIZE), rtol=1e-5, atol=1e-6)
+        assert (from_behind.max(axis=2) > 0.0).mean() > 0.9
     for orbit in (made, other):
         np.testing.assert_allclose(drawn(orbit, wish, scene), first, rtol=1e-5, atol=1e-6)
