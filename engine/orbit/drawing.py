@@ -105,5 +105,6 @@ def _found_out(seen: Seen, lit: LitPoints, sky: Sky, lamps: Lamps | None, qualit
     reflects = np.flatnonzero(seen.samples.corners[:, 0] >= 0)
     of_suns = sun_shadows(seen, reflects, lit.incident, sky, lit.caster, quality == "still")
     of_lamps = lamp_shadows(seen, reflects, lamps, lit.caster, quality) if lamps is not None else ()
-    has_gloss = lit.incident.slot[seen.samples.corners[:, 0]] >= 0
+    has_gloss = np.zeros(len(seen.pixel), bool)
+    has_gloss[reflects] = lit.incident.slot[seen.samples.corners[reflects, 0]] >= 0
     return added_up(seen, chain(of_suns, of_lamps), has_gloss)
