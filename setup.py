@@ -45,6 +45,7 @@ def move_into_one(build: Path) -> None:
     outer = build / NAME
     outer.mkdir()
     (build / f"{NAME}.py").rename(outer / "__init__.py")
+    (outer / "py.typed").touch()  # what type checkers of other people's code look for
     for name in MOVED:
         (build / name).rename(outer / name)
     for path in outer.rglob("*.py"):

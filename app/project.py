@@ -107,6 +107,26 @@ class Project:
         )  # fmt: skip
         return decided_view(view, self.document)
 
+    def edited(self, document: Document, look: Viewpoint) -> Project:
+        """The same scene under another document, seen from elsewhere; what neither changes is shared. look: its camera
+        and resolution are those of the scene as it is where they are None. Raises InsituError."""
+        from engine.deform.posed_scene import posed
+
+        old, scene, at_rest = self.document, self.scene, self.resting
+        shape = document.poses, document.new_bumps, emission_of(document)
+        if shape != (old.poses, old.new_bumps, emission_of(old)):
+            at_rest = at_rest.shining(dict(emission_of(document)))
+            scene = posed(at_rest, document.poses).bumped(dict(document.new_bumps))
+            scene = scene.seen_from(self.scene.description.camera, self.scene.resolution)
+            scene.relief.require()
+        turned = scene.description.seen_from(look.camera) != scene.description
+        if turned or look.resolution not in (None, scene.resolution):
+            scene = scene.seen_from(look.camera, look.resolution)
+        project = replace(self, document=document, scene=scene, at_rest=at_rest)
+        if "sky" in vars(self) and replace(document.light, intensity=1.0) == replace(old.light, intensity=1.0):
+            vars(project)["sky"] = self.sky
+        return project
+
     @property
     def object_names(self) -> tuple[str, ...]:
         return self.scene.object_names
@@ -157,13 +177,15 @@ def open_project(
     path = scene_path(named)
     scene = load_scene(path, resolution).seen_from(look.camera)
     require_memory_for(scene.resolution)
-    document = _read(document_from_description(named, scene.description, scene.animations), scene.folder, path)
+    document = read_measurements(
+        document_from_description(named, scene.description, scene.animations), scene.folder, path
+    )
     if source.light is not None:
         document = lit_by(source.light).apply(document)
     if session is not None:
-        document = _read(fit_session(session, document, str(source.session)))
+        document = read_measurements(fit_session(session, document, str(source.session)))
     for where, value in values:
-        document = _read(set_path(document, where, value).apply(document))
+        document = read_measurements(set_path(document, where, value).apply(document))
     at_rest = scene.shining(dict(emission_of(document)))
     scene = posed(at_rest, document.poses).bumped(dict(document.new_bumps))
     scene.relief.require()
@@ -209,7 +231,7 @@ def _look_of(session: Session | None, camera: str | None) -> Viewpoint:
     return Viewpoint() if session is None else session.view.look
 
 
-def _read(document: Document, folder: Path | None = None, scene: Path | None = None) -> Document:
+def read_measurements(document: Document, folder: Path | None = None, scene: Path | None = None) -> Document:
     """The document with its measured BRDFs read: from where they are, or from a scene's folder alone."""
     names = unread_files(layers_of_document(document))
     if not names:

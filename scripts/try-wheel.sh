@@ -19,6 +19,7 @@ import insitu
 assert not Path(insitu.__file__).is_relative_to(sys.argv[1]), insitu.__file__
 for name in ("app", "assets", "engine", "shaders", "ui"):
     assert importlib.util.find_spec(name) is None, f"the wheel installs a package called {name}"
+assert insitu.open("shapes", resolution=(48, 32)).image(bounces=1).shape == (32, 48, 3)
 END
 venv/bin/insitu screenshot shapes --resolution 96 64 -o picture.png
 test -s picture.png

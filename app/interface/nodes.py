@@ -1,0 +1,311 @@
+"""What a scene is edited through: its objects, their layers and curves, the light and the camera.
+
+A node holds a path into the document and nothing else: reading one of its attributes asks the document, setting one
+carries out the command that the same path has in scripts and on the command line (`app.set_path`).
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import ValidationError
+
+from app.commands.curves import AddOperator, ResetCurve, SetOperators
+from app.document import EMISSION, LIGHT_FIELDS, MATERIAL, SWITCHES, TIME, Document, all_factors, resolve
+from app.set_path import set_path
+from engine.curve.operators import ALL_CHANNELS, HALF_PI, Channels, Edit, Operator, OperatorError
+from engine.deform.deformers import KINDS
+from engine.errors import InsituError
+from engine.material.bumps import bump_fields
+from engine.material.layer import Layer
+from engine.material.maps import map_fields
+from engine.scene.camera_moves import orbited
+from engine.scene.complaints import first_complaint
+from engine.scene.description import Camera
+from engine.scene.surface_kinds import SURFACES
+
+if TYPE_CHECKING:
+    from app.interface.scene import Scene
+
+Region = tuple[float, float] | tuple[float, float, float, float]
+EVERYWHERE: Region = (0.0, 0.0, HALF_PI, HALF_PI)
+
+
+class Node:
+    """Attributes that stand for values of the document; `dir()` lists them."""
+
+    def __init__(self, scene: Scene, path: str) -> None:
+        object.__setattr__(self, "_scene", scene)
+        object.__setattr__(self, "_path", path)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return value_at(self._scene.document, f"{self._path}.{name}")
+
+    def __setattr__(self, name: str, value: object) -> None:
+        self._scene.do(set_path(self._scene.document, f"{self._path}.{name}", plain_value(value)))
+
+    def __dir__(self) -> list[str]:
+        return [*object.__dir__(self), *self._names()]
+
+    def __repr__(self) -> str:
+        return f"<{self._path}: {', '.join(self._names())}>"
+
+    def _names(self) -> Sequence[str]:
+        return ()
+
+
+class LightNode(Node):
+    """The distant light: `environment` (a built-in name or a file), `mapping`, `rotation` in degrees counter-clockwise
+    about +Y, and `intensity`, which multiplies all light. What shines in the scene is lit by the `emission` of its
+    object.
+
+    >>> import insitu
+    >>> light = insitu.open("shapes").light
+    >>> light.rotation = 450
+    >>> light.rotation
+    90.0
+    """
+
+    def _names(self) -> Sequence[str]:
+        return LIGHT_FIELDS
+
+
+class ObjectNode(Node):
+    """An object: `visible`, `frozen`, `editable`, `emission` (of a lamp, three numbers), `time` of its animation,
+    amounts of deformers (`bend`, `twist` …), parts of bumps; `material`, which can be set alone, to the name of a
+    material of the library, a material's file or a measured BRDF's. Its layers are found by name or number.
+
+    >>> import insitu
+    >>> scene = insitu.open("teatray")
+    >>> list(scene["teapot"])
+    ['base', 'copper']
+    >>> scene["teapot"].visible = False
+    >>> scene["teapot"].shiny
+    Traceback (most recent call last):
+    engine.errors.InsituError: there is no layer of teapot 'shiny'; there is: 0 (base), 1 (copper)
+    """
+
+    def __getitem__(self, layer: str | int) -> LayerNode:
+        target = resolve(self._scene.document, f"{self._path}.{layer}")
+        if target.kind != "layer" or target.key is None:
+            raise InsituError(f"{self._path}.{layer} is a {target.kind}, expected one of {', '.join(self)}")
+        return LayerNode(self._scene, target.key)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter([layer.name for layer in self._scene.document.object(self._path).layers])
+
+    def _names(self) -> Sequence[str]:
+        return (*SWITCHES, EMISSION, TIME, *KINDS, *bump_fields())
+
+
+class LayerNode(Node):
+    """A layer of a material: the parameters of its model by name, `visible`, `frozen` and the parts of its maps. Its
+    curves are found by name.
+
+    >>> import insitu
+    >>> copper = insitu.open("teatray")["teapot"]["copper"]
+    >>> copper.model, list(copper)
+    ('ashikhmin_shirley', ['gamma_alpha', 'gamma_beta'])
+    >>> copper.n_u = 20
+    >>> copper.n_u, copper.scale
+    (20.0, (0.92, 0.5, 0.33))
+    """
+
+    @property
+    def model(self) -> str:
+        """The name of its model, as docs/models.md lists them."""
+        return self._layer.model.name
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """All parameters of its model by name."""
+        return dict(self._layer.parameters)
+
+    def __getitem__(self, curve: str) -> Curve:
+        names = list(self)
+        if curve not in names:
+            raise InsituError(f"there is no curve {curve!r} of {self._path}; there is: {', '.join(names)}")
+        return Curve(self._scene, self._path, curve)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter([factor.name for factor in all_factors(self._layer.model)])
+
+    @property
+    def _layer(self) -> Layer:
+        return self._scene.document.layer(self._path)
+
+    def _names(self) -> Sequence[str]:
+        return (*(parameter.name for parameter in self._layer.table), "visible", "frozen", *map_fields())
+
+
+class Curve:
+    """One editable curve of a layer: values over an angle in [0, π/2], three channels, and the operators on it.
+
+    A curve is called with angles (N,) in radians and returns its values (N, 3). An operator acts at full strength from
+    b to c of its region (a, b, c, d), in radians, and fades out towards a and d [BenArtzi07, ch. 9]; a region of two
+    numbers has no falloff, and without one the operator acts everywhere.
+
+    >>> import insitu, numpy
+    >>> curve = insitu.open("teatray")["teapot"]["copper"]["gamma_alpha"]
+    >>> before = curve(numpy.array([0.0, 1.2]))
+    >>> curve.amplify(y=2, region=(0.0, 0.0, 0.5, 0.8))
+    >>> curve(numpy.array([0.0, 1.2])) / before
+    array([[2., 2., 2.],
+           [1., 1., 1.]])
+    """
+
+    def __init__(self, scene: Scene, key: str, factor: str) -> None:
+        self._scene, self._key, self._factor = scene, key, factor
+
+    def __call__(self, angles: ArrayLike) -> NDArray[np.float64]:
+        return self._layer.curve(self._factor)(np.atleast_1d(np.asarray(angles, np.float64)))
+
+    def __repr__(self) -> str:
+        return f"<curve {self._key}.{self._factor}: {len(self.operators)} operators>"
+
+    @property
+    def operators(self) -> tuple[Edit, ...]:
+        """The operators on the curve, lowest first; to be set to any sequence of them."""
+        return self._layer.operators(self._factor)
+
+    @operators.setter
+    def operators(self, operators: Sequence[Edit]) -> None:
+        self._scene.do(SetOperators(self._key, self._factor, tuple(operators)))
+
+    def translate(
+        self, *, y: float | None = None, x: float | None = None, region: Region = EVERYWHERE,
+        channels: Channels = ALL_CHANNELS,
+    ) -> None:  # fmt: skip
+        """Lift the curve by `y`, or move it by `x` radians to larger angles; both: first y, then x, as one edit.
+
+        channels: which of red, green and blue. Raises insitu.Error, as where the object is frozen.
+        """
+        self._add("translate", y, x, (0.0, 0.0), region, channels)
+
+    def amplify(
+        self, *, y: float | None = None, x: float | None = None, about: tuple[float, float] = (0.0, 0.0),
+        region: Region = EVERYWHERE, channels: Channels = ALL_CHANNELS,
+    ) -> None:  # fmt: skip
+        """Multiply the curve's distance from the value about[1] by `y`, or widen it about the angle about[0] by `x`."""
+        self._add("amplify", y, x, about, region, channels)
+
+    def reset(self) -> None:
+        """Remove all operators: the curve is again as the layer's parameters generate it."""
+        self._scene.do(ResetCurve(self._key, self._factor))
+
+    def _add(
+        self, kind: Any, y: float | None, x: float | None, about: tuple[float, float], region: Region,
+        channels: Channels,
+    ) -> None:  # fmt: skip
+        if y is None and x is None:
+            raise InsituError(f"{kind}: expected y, x, or both")
+        if len(region) not in (2, 4):
+            raise InsituError(f"region = {region!r}, expected two or four angles in radians")
+        ends = region if len(region) == 4 else (region[0], region[0], region[1], region[1])
+        try:
+            if x is None:
+                operators = [Operator(kind, "y", *ends, float(y or 0.0), about[1], channels)]
+            elif y is None:
+                operators = [Operator(kind, "x", *ends, float(x), about[0], channels)]
+            else:
+                operators = [
+                    Operator(kind, "y", *ends, float(y), about[1], channels, joined=True),
+                    Operator(kind, "x", *ends, float(x), about[0], channels),
+                ]
+        except (OperatorError, TypeError, ValueError) as error:
+            raise InsituError(f"{self._key}.{self._factor}: {error}") from None
+        if len(operators) == 1:
+            self._scene.do(AddOperator(self._key, self._factor, operators[0]))
+        else:
+            self.operators = (*self.operators, *operators)
+
+    @property
+    def _layer(self) -> Layer:
+        return self._scene.document.layer(self._key)
+
+
+class CameraNode:
+    """The camera: `position`, `target`, `up` (metres, three numbers each) and `fov_y` in degrees.
+
+    >>> import insitu
+    >>> scene = insitu.open("shapes")
+    >>> scene.camera.fov_y = 30
+    >>> scene.camera.orbit(90)
+    >>> scene.undo(), scene.undo()
+    ('camera', 'camera')
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        object.__setattr__(self, "_scene", scene)
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in Camera.model_fields:
+            raise AttributeError(f"the camera has no {name!r}; it has {', '.join(Camera.model_fields)}")
+        return getattr(self._scene.viewpoint.camera, name)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        tree = {**self._values, name: plain_value(value)}
+        try:
+            self._scene.look_from(Camera(**tree))
+        except ValidationError as error:
+            raise InsituError(first_complaint(error, tree, "camera", Camera).reason) from None
+
+    def __repr__(self) -> str:
+        return f"<camera: {', '.join(f'{name} {value}' for name, value in self._values.items())}>"
+
+    def orbit(self, degrees: float, up: float = 0.0) -> None:
+        """Turn it about its target by so many degrees to the right, and up."""
+        camera = Camera(**self._values)
+        self._scene.look_from(orbited(camera, math.radians(degrees), math.radians(up)))
+
+    @property
+    def _values(self) -> dict[str, Any]:
+        return dict(self._scene.viewpoint.camera or {})
+
+
+def value_at(document: Document, path: str) -> Any:
+    """The value that a path names. Raises InsituError for a path that names none."""
+    target = resolve(document, path)
+    name = target.name or ""
+    if target.kind == "light":
+        return getattr(document.light, name)
+    if target.key is not None and target.layer is not None:
+        layer = document.layer(target.key)
+        match target.kind:
+            case "parameter":
+                return layer.values[name]
+            case "map":
+                return getattr(layer.maps, name)
+            case "switch" if name in ("visible", "frozen"):
+                return getattr(layer, name)
+            case "switch":
+                return layer.fresnel is not None
+    state = document.object(target.object)
+    match target.kind:
+        case "switch" if name == MATERIAL:
+            raise InsituError(f"{path} can be set alone; what the object has stands in its layers")
+        case "switch":
+            return getattr(state, name)
+        case "deformer":
+            return next((each.amount for each in state.deformations if each.kind == name), 0.0)
+        case "time":
+            return None if state.moment is None else state.moment.time
+        case "bumps":
+            return getattr(state.bumps, name)
+        case "surface" if name not in SURFACES and "." not in name:
+            return state.surface.kind or "none"
+    raise InsituError(f"{path!r} is a {target.kind} and has no value")
+
+
+def plain_value(value: object) -> object:
+    """The value as files have it: numbers and tuples of them for NumPy's, a string for a path."""
+    if isinstance(value, (np.ndarray, np.generic)):
+        value = value.tolist()
+    return tuple(value) if isinstance(value, list) else os.fspath(value) if isinstance(value, os.PathLike) else value

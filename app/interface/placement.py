@@ -1,0 +1,262 @@
+"""Placement's pictures for the Python interface: what an edit leaves valid is kept from one picture to the next.
+
+A picture is made of parts, and each says what it depends on:
+
+    primary hits, visibility of the sphere   geometry in its poses, bumps, camera, resolution
+    light and its visibility                 the above, emission, environment, rotation
+    transport of a layer                     the above, its model and quotient parameters, bands
+    indirect light                           the above, the models of all layers, number of bounces
+    radiance of a layer                      the above, its curves, scale and images
+
+An edit of a curve changes the last alone: increments over kept transport (`engine.render.layer_transport`). What is
+kept is the part itself beside what it was made of; where that is another, it is made anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.project import Project
+from app.stills import wanted_bounces
+from engine.indirect.beyond import BRIGHTEST, held
+from engine.indirect.fineness import STILL
+from engine.indirect.light import IndirectLight
+from engine.indirect.series import BounceSeries
+from engine.material.layer import Layer, object_of
+from engine.material.maps import Images
+from engine.plan import LayerPlan, Plan, plan_scene
+from engine.render._layer_kernels import add_points
+from engine.render.bounces import planned_bounces
+from engine.render.error_estimate import estimate_error
+from engine.render.indirect import find_indirect, noise_in, reflected_light
+from engine.render.layer_transport import LayerTransport
+from engine.render.light_pilot import with_needed_light
+from engine.render.picture_error import ErrorEstimate
+from engine.render.still import StillLayer, compose, curves_of, seen_as, shape_of, still_quality
+from engine.render.surface_maps import MapSampler, SeenMaps
+from engine.steps import finish
+from engine.transport.bandstore import join_tiles
+from engine.transport.pipeline import Placement, Quality, SkyState
+from engine.transport.projection import LayerShape, VisibleLight, project_layer
+
+Picture = NDArray[np.float32]
+Key = tuple[Any, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """What the camera sees: hits and visibility."""
+
+    key: Key
+    placement: Placement
+
+
+@dataclass(frozen=True, eq=False)
+class _Light:
+    """The light of a view; background (H, W, 3): what pixels show that reflects nothing."""
+
+    key: Key
+    sky: SkyState
+    quality: Quality
+    visible: VisibleLight
+    background: Picture
+
+
+@dataclass(eq=False)
+class _KeptLayer:
+    """Transport of one layer, and its part of the picture (p, 3) as it was last."""
+
+    shape: LayerShape
+    transport: LayerTransport
+    layer: Layer | None = None
+    curves: tuple[NDArray[np.float64], ...] = ()
+    factor: NDArray[np.floating] | None = None  # f_q f_o times texture and weight, (p, 3)
+    radiance: NDArray[np.floating] | None = None
+
+
+class PlacementPictures:
+    """Pictures of one scene; see the module."""
+
+    def __init__(self) -> None:
+        self._view: _View | None = None
+        self._light: _Light | None = None
+        self._layers: dict[str, _KeptLayer] = {}
+        self._planned: dict[str, tuple[Layer, LayerPlan]] = {}
+        self._seen: dict[tuple[int, Images], SeenMaps] = {}
+        self._indirect: tuple[Key, IndirectLight] | None = None
+        self._bounces: tuple[Key, int] | None = None
+
+    def picture(self, project: Project, n_bounces: int | None = None, draft: bool = False) -> Picture:
+        """Linear radiance (H, W, 3). n_bounces: None for as many as the scene says or requires; draft: transport stays
+        where a quotient's parameters alone have changed."""
+        radiance, _, _ = self._radiance(project, n_bounces, draft)
+        view, light = self._made()
+        hits, picture = view.placement.hits, light.background.copy()
+        add_points(hits.pixel, hits.share, radiance, picture.reshape(-1, 3))
+        intensity = project.document.light.intensity
+        return held(picture if intensity == 1.0 else picture * np.float64(intensity), BRIGHTEST)
+
+    def error(self, project: Project, n_bounces: int | None = None) -> ErrorEstimate:
+        """How far off that picture is, estimated by tracing some of its points."""
+        radiance, layers, n = self._radiance(project, n_bounces)
+        view, light = self._made()
+        indirect = noise = None
+        if n > 1 and self._indirect is not None:
+            indirect = finish(reflected_light(self._indirect[1], layers, None, view.placement.hits))
+            noise = finish(noise_in(self._indirect[1], layers, None))
+        of = view.placement, layers, light.sky, light.quality, n, radiance.astype(np.float64), indirect
+        return finish(estimate_error(*of, noise=noise))
+
+    # -------------------------------------------------------------------------------------------------- its parts
+
+    def _made(self) -> tuple[_View, _Light]:
+        assert self._view is not None and self._light is not None
+        return self._view, self._light
+
+    def _radiance(
+        self, project: Project, n_bounces: int | None, draft: bool = False
+    ) -> tuple[NDArray[np.float32], tuple[StillLayer, ...], int]:
+        """What the points reflect (P, 3), the layers and the number of bounces."""
+        plan = self._plan(project, draft)
+        view = self._viewed(project, plan.n_edge_rays)
+        layers = self._still_layers(project, plan, view.placement)
+        self._lit(project, view, layers, plan)
+        n_bounces = self._n_bounces(project, n_bounces or wanted_bounces(project, plan))
+        radiance = np.zeros((len(view.placement.hits.pixel), 3), np.float32)
+        if n_bounces > 1:
+            radiance += self._reflected(project, layers, n_bounces, plan)
+        for key, each in zip(project.layers, layers, strict=True):
+            radiance[slice(*view.placement.hits.object_ranges[each.i_object])] += self._layer(key, each, draft)
+        return radiance, layers, n_bounces
+
+    def _plan(self, project: Project, draft: bool) -> Plan:
+        """The plan for layers that are edited. A layer is planned when it is first seen, and anew where its transport
+        would be made anew; under edits of its curves it keeps its bands, as in the editor."""
+        changed = {
+            key: layer for key, layer in project.layers.items()
+            if key not in self._planned or not _same_quotient(self._planned[key][0], layer, draft)
+        }  # fmt: skip
+        plan = plan_scene(
+            project.scene, changed, has_sky=project.sky.environment is not None, editable=changed.keys(),
+            overrides=_lines_of(project, changed),
+        )  # fmt: skip
+        for own in plan.layers:
+            self._planned[own.key] = changed[own.key], own
+        return replace(plan, layers=tuple(self._planned[key][1] for key in project.layers))
+
+    def _viewed(self, project: Project, n_edge_rays: int) -> _View:
+        scene, document, before = project.scene, project.document, self._view
+        geometry = document.poses, document.new_bumps
+        key = (geometry, scene.description.camera, scene.resolution, n_edge_rays, scene.emission.tobytes())
+        if before is not None and before.key == key:
+            return before
+        same = () if before is None else tuple(a == b for a, b in zip(before.key, key, strict=True))
+        caster = before.placement.caster if before is not None and same[0] else None
+        placement = Placement(scene, caster, n_edge_rays)
+        if before is not None and all(same[:-1]):
+            placement.sphere = before.placement.sphere  # lamps alone shine otherwise: shadows are the same
+        else:
+            self._seen.clear()
+        self._view, self._light = _View(key, placement), None
+        return self._view
+
+    def _lit(self, project: Project, view: _View, layers: Sequence[StillLayer], plan: Plan) -> _Light:
+        decisions = plan.decisions.lit
+        key = (view.key, replace(project.document.light, intensity=1.0), decisions)
+        if self._light is None or self._light.key != key:
+            placement, sky = view.placement, project.sky
+            quality = still_quality(finish(with_needed_light(placement, layers, sky, plan)))
+            background = compose(placement, np.zeros((len(placement.hits.pixel), 3)), sky)
+            self._light = _Light(key, sky, quality, finish(placement.light(sky, quality)), background)
+            self._layers.clear()
+            self._indirect = None
+        return self._light
+
+    def _still_layers(self, project: Project, plan: Plan, placement: Placement) -> tuple[StillLayer, ...]:
+        """The layers with their bands, and their images as the camera sees them."""
+        sampler, made = MapSampler(placement.scene, placement.caster, placement.hits), []
+        for key, layer in project.layers.items():
+            i_object = placement.scene.object_index(object_of(key))
+            shape, most = plan.layer(key).shape, project.document.first_bands
+            bands = shape if most is None else (min(shape[0], most), min(shape[1], most))
+            seen = None
+            if not layer.maps.is_plain:
+                images = i_object, layer.maps.images
+                seen = self._seen[images] = self._seen.get(images) or sampler.see(*images)
+            made.append(StillLayer(i_object, layer, bands, True, seen))
+        return tuple(made)
+
+    def _layer(self, key: str, each: StillLayer, draft: bool) -> NDArray[np.floating]:
+        """A layer's part of what its object's points reflect, (p, 3)."""
+        view, light = self._made()
+        hits, shape, kept = view.placement.hits, shape_of(each), self._layers.get(key)
+        stays = kept is not None and (
+            kept.shape == shape or draft and (kept.shape.model, kept.shape.bands) == (shape.model, shape.bands)
+        )
+        if kept is None or not stays:
+            tiles = project_layer(hits, view.placement.rows_of(each.i_object), light.visible, shape)
+            kept = _KeptLayer(shape, LayerTransport(join_tiles(shape.bands, tiles)))
+            self._layers[key] = kept
+        if kept.radiance is not None and kept.layer == each.layer:
+            return kept.radiance
+        if kept.factor is None or kept.layer is None or _factor_key(kept.layer) != _factor_key(each.layer):
+            rows = view.placement.rows_of(each.i_object)
+            kept.factor = np.asarray(seen_as(hits, rows, each) * light.visible.lighting.unit, np.float32)
+        if kept.layer is None or _curves_key(kept.layer) != _curves_key(each.layer):
+            kept.curves = curves_of(each)
+        kept.layer, kept.radiance = each.layer, kept.transport.radiance(kept.curves) * kept.factor
+        return kept.radiance
+
+    def _n_bounces(self, project: Project, wanted: int | None) -> int:
+        """As many as are wanted; None: as the scene required when it was seen so for the first time."""
+        view, _ = self._made()
+        if wanted is not None:
+            return wanted
+        if self._bounces is None or self._bounces[0] != view.key:
+            planned = planned_bounces(view.placement, project.indexed_layers)
+            self._bounces = view.key, planned.n_bounces
+        return self._bounces[1]
+
+    def _reflected(
+        self, project: Project, layers: Sequence[StillLayer], n_bounces: int, plan: Plan
+    ) -> NDArray[np.float32]:
+        """What reaches the camera after two bounces and more, (P, 3)."""
+        view, light = self._made()
+        models = tuple((key, layer.model.name) for key, layer in project.layers.items())
+        key = (light.key, models, n_bounces, plan.n_rays)
+        if self._indirect is None or self._indirect[0] != key:
+            finding = find_indirect(
+                view.placement, layers, light.sky, BounceSeries(n_bounces), STILL.with_rays(plan.n_rays),
+                not plan.n_rays,
+            )  # fmt: skip
+            self._indirect = key, finish(finding)
+        return finish(reflected_light(self._indirect[1], layers, None, view.placement.hits))
+
+
+def _lines_of(project: Project, layers: dict[str, Layer]) -> dict[str, Any]:
+    """The lines of the plan that a person has set, of these layers and of the whole picture."""
+    others = tuple(f"{key}." for key in project.layers if key not in layers)
+    return {line: value for line, value in project.overruled.items() if not line.startswith(others)}
+
+
+def _same_quotient(one: Layer, other: Layer, draft: bool) -> bool:
+    """Whether the same transport serves both."""
+    same = draft or bool((one.quotient_parameters() == other.quotient_parameters()).all())
+    return same and one.model is other.model
+
+
+def _curves_key(layer: Layer) -> Key:
+    """What the curves depend on."""
+    return layer.model.name, layer.parameters, layer.edits
+
+
+def _factor_key(layer: Layer) -> Key:
+    """What f_q, f_o, texture and weight depend on."""
+    view = layer.model.view_factor
+    curve = () if view is None else (layer.operators(view.name), layer.parameters)
+    return layer.model.name, tuple(layer.scale().tolist()), curve, layer.maps

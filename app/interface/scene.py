@@ -1,0 +1,236 @@
+"""A scene in Python: opened, edited, looked at, saved."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from app.commands import EditCommand
+from app.document import Document
+from app.files.session import load_session, save_session
+from app.frames import own_camera
+from app.history import History
+from app.interface.nodes import CameraNode, LightNode, ObjectNode
+from app.interface.pictures import Mode, Pictures
+from app.interface.placement import Picture
+from app.machine.memory import require_memory_for
+from app.project import Project, open_project, read_measurements
+from app.sources import SESSION_ENDING, find_source, source_of
+from app.stills import ENDINGS, check_output, write_picture
+from app.view_state import Viewpoint, ViewState
+from engine.errors import InsituError
+from engine.render.image_files import png_bytes
+from engine.render.path_tracer import N_SAMPLES
+from engine.render.picture_error import ErrorEstimate
+from engine.scene.builtin import DEFAULT_SCENE
+from engine.scene.description import Camera
+
+MAX_SIDE = 16384
+
+
+@dataclass(frozen=True)
+class _State:
+    """What undo goes back to: the document, and from where it is seen."""
+
+    document: Document
+    viewpoint: Viewpoint
+
+
+@dataclass(frozen=True)
+class _Edit:
+    """One of the document's commands."""
+
+    command: EditCommand
+
+    @property
+    def label(self) -> str:
+        return self.command.label
+
+    def apply(self, state: _State) -> _State:
+        return replace(state, document=read_measurements(self.command.apply(state.document)))
+
+
+@dataclass(frozen=True)
+class _MoveCamera:
+    """See the scene from another camera."""
+
+    camera: Camera
+    label: str = "camera"
+
+    def apply(self, state: _State) -> _State:
+        return replace(state, viewpoint=state.viewpoint._replace(camera=self.camera))
+
+
+def open_scene(name: str | os.PathLike[str] = DEFAULT_SCENE, *, resolution: tuple[int, int] | None = None) -> Scene:
+    """Open a scene: the name of a built-in one, or a scene file, a session, a mesh or an environment, which lights the
+    built-in scene. resolution: (width, height) in pixels, None: as the file says.
+
+    Raises insitu.Error, in one line that says what was found and what was expected.
+
+    >>> import insitu
+    >>> insitu.open("shapes", resolution=(96, 64))
+    <scene shapes, 96 x 64: torus, cone, sphere, cylinder, cube, ground>
+    """
+    source = find_source(os.fspath(name))
+    session = source_of(source).session
+    project = open_project(source, _checked(resolution))
+    view = ViewState() if session is None else load_session(session).view
+    return Scene(project, view, session)
+
+
+class Scene:
+    """A scene with its materials, light and camera, and its pictures; made by `insitu.open`.
+
+    Objects are found by name, their layers by name or number: `scene["teapot"]["copper"]`. An edit is one of the
+    editor's commands; `undo` takes it back. What pictures are made of is kept from one to the next: after the edit of a
+    curve only the bands of that curve are summed. One scene belongs to one thread at a time.
+
+    >>> import insitu
+    >>> scene = insitu.open("shapes", resolution=(48, 32))
+    >>> before = scene.image()
+    >>> before.shape, before.dtype
+    ((32, 48, 3), dtype('float32'))
+    >>> scene["cube"]["paint"].visible = False
+    >>> bool((scene.image() == before).all())
+    False
+    >>> scene.undo()
+    'hide cube.0'
+    >>> bool((scene.image() == before).all())
+    True
+    """
+
+    def __init__(self, project: Project, view: ViewState, session: Path | None) -> None:
+        """view: of the session at the path `session`, where there is one."""
+        camera = own_camera(project.scene)
+        self._history = History(_State(project.document, Viewpoint(camera, project.scene.resolution)))
+        self._project, self._view, self._session = project, view, session
+        self._pictures = Pictures()
+
+    # ------------------------------------------------------------------------------------------------- its parts
+
+    def __getitem__(self, name: str) -> ObjectNode:
+        return ObjectNode(self, self.document.object(name).name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter([state.name for state in self.document.objects])
+
+    def __repr__(self) -> str:
+        width, height = self._resolution
+        name = Path(self.document.source).stem
+        return f"<scene {name}, {width} x {height}: {', '.join(self)}>"
+
+    def _repr_png_(self) -> bytes:
+        """What a notebook shows: the picture, as the editor's viewport has it."""
+        return png_bytes(self.image(), tone_mapping=self._project.view)
+
+    @property
+    def light(self) -> LightNode:
+        """The distant light."""
+        return LightNode(self, "light")
+
+    @property
+    def camera(self) -> CameraNode:
+        """The camera that pictures are seen from."""
+        return CameraNode(self)
+
+    @property
+    def document(self) -> Document:
+        """What is edited, as an immutable value: two of them can be compared."""
+        return self._history.document.document
+
+    @property
+    def viewpoint(self) -> Viewpoint:
+        """Camera and resolution."""
+        return self._history.document.viewpoint
+
+    @property
+    def _resolution(self) -> tuple[int, int]:
+        return self.viewpoint.resolution or self._project.scene.resolution
+
+    # --------------------------------------------------------------------------------------------------- pictures
+
+    def image(
+        self, mode: Mode = "placement", *, bounces: int | None = None, resolution: tuple[int, int] | None = None,
+        samples: int = N_SAMPLES, draft: bool = False,
+    ) -> Picture:  # fmt: skip
+        """The picture, linear Rec. 709 radiance (H, W, 3) float32. The array is the caller's.
+
+        mode: "placement", exact; "orbit" and "deform", as those modes show it at rest: the first picture takes longer,
+        others from another camera or in another pose take less; "paths", by path tracing, to compare with. bounces: how
+        often light is reflected, 1 to 16; None: as the scene says or requires. resolution: (width, height), of this
+        picture alone. samples: paths a pixel, of "paths" alone. draft: parameters such as a roughness, on which more
+        than curves depends, change the curves alone, as in the editor while they are dragged; Placement then makes no
+        transport anew. Raises insitu.Error.
+        """
+        if isinstance(samples, bool) or not isinstance(samples, int) or samples < 1:
+            raise InsituError(f"samples = {samples!r}, expected a whole number from 1")
+        return self._pictures.picture(self._seen_in(resolution), mode, bounces, samples, draft)
+
+    def error(
+        self, mode: Mode = "placement", *, bounces: int | None = None, resolution: tuple[int, int] | None = None
+    ) -> ErrorEstimate:
+        """How far off that picture is: relative RMS errors, `total`, `direct` and `indirect`, estimated by tracing
+        some of its points; within about a factor of two. Arguments: as of `image`. Raises insitu.Error.
+
+        >>> import insitu
+        >>> error = insitu.open("shapes", resolution=(48, 32)).error(bounces=1)
+        >>> 0.0 < error.total < 0.1
+        True
+        """
+        return self._pictures.error(self._seen_in(resolution), mode, bounces)
+
+    def save(
+        self, path: str | os.PathLike[str] | None = None, mode: Mode = "placement", *, bounces: int | None = None
+    ) -> Path:
+        """Save the session (.insitu), or the picture as linear light (.exr) or as the viewport shows it (.png); the
+        path. None: the session that was opened. mode, bounces: of the picture, as of `image`. A file is written whole
+        or not at all. Raises insitu.Error."""
+        if path is None and self._session is None:
+            raise InsituError(f"save: expected a path that ends in {SESSION_ENDING}, .exr or .png")
+        path = Path(path or self._session or "")
+        if path.suffix.lower() in ENDINGS:
+            write_picture(check_output(path), self.image(mode, bounces=bounces), self._project.view)
+            return path
+        if path.suffix.lower() != SESSION_ENDING:
+            raise InsituError(f"{path}: expected a path that ends in {SESSION_ENDING}, .exr or .png")
+        view = replace(self._view, camera=self.viewpoint.camera, resolution=self.viewpoint.resolution)
+        self._session = save_session(path, self.document, view)
+        return self._session
+
+    # ------------------------------------------------------------------------------------------------------ edits
+
+    def undo(self) -> str | None:
+        """Take the last edit back; what it is called, None where there is none."""
+        return self._history.undo()
+
+    def redo(self) -> str | None:
+        """Carry out again what was taken back; what it is called, None where there is nothing."""
+        return self._history.redo()
+
+    def do(self, command: EditCommand) -> None:
+        """Carry out one of the editor's commands (`app.commands`), as attributes of objects, layers and light do.
+        Raises insitu.Error, and nothing changes then."""
+        self._history.do(_Edit(command))
+
+    def look_from(self, camera: Camera) -> None:
+        """See the scene from this camera, as attributes of `camera` do."""
+        self._history.do(_MoveCamera(camera))
+
+    def _seen_in(self, resolution: tuple[int, int] | None) -> Project:
+        """The scene as it is now, loaded and posed; what did not change since the last time is shared with it."""
+        look = self.viewpoint._replace(resolution=_checked(resolution) or self._resolution)
+        self._project = self._project.edited(self.document, look)
+        return self._project
+
+
+def _checked(resolution: tuple[int, int] | None) -> tuple[int, int] | None:
+    if resolution is None:
+        return None
+    width_height = tuple(resolution) if isinstance(resolution, (tuple, list)) else ()
+    sides_fit = all(isinstance(n, int) and not isinstance(n, bool) and 1 <= n <= MAX_SIDE for n in width_height)
+    if len(width_height) != 2 or not sides_fit:
+        raise InsituError(f"resolution = {resolution!r}, expected (width, height) from 1 to {MAX_SIDE}")
+    require_memory_for((width_height[0], width_height[1]))
+    return width_height[0], width_height[1]
