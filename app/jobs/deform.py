@@ -23,7 +23,7 @@ from app.deform.messages import (
 )
 from app.jobs.bench import Bench
 from app.jobs.cache import Store, content_key
-from app.jobs.kernels import FIRST_TIME, are_compiled, note_compiled
+from app.jobs.kernels import COMPILING, DEFORM, FIRST_TIME, are_compiled, note_compiled
 from app.jobs.measured import ensure_tables
 from app.jobs.orbit import layers_by_object
 from app.jobs.schedule import Handlers, Steps
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from engine.deform.truth import Truth
     from engine.deform.zonal import Zonal
 
-STAGE = DEFORM = "deform"
+STAGE = "deform"
 _NO_PICTURE = np.zeros((0, 0, 3), np.float32)
 _ROUNDING = 1e-5  # of axes in single precision
 
@@ -74,7 +74,8 @@ class DeformWork(ModeWork):
         sky = self._bench.sky(scene.light)
         if (image := self._bench.sky_image(sky, scene.light)) is not None:
             yield image
-        first_time, told = not are_compiled(DEFORM), None
+        yield from self._until_compiled()
+        first_time, told = not are_compiled(DEFORM), None  # still, where nobody else compiles
         if first_time:
             yield Progress(STAGE, 0.0, text=FIRST_TIME)
         deform = self._made()
@@ -100,6 +101,12 @@ class DeformWork(ModeWork):
         yield OrbitAdvanced(deform.version, deform.is_done, deform.n_bytes)
         if request.traced is not None:
             yield from self._trace(deform, request, sky, request.traced)
+
+    def _until_compiled(self) -> Steps:
+        """Until another process has compiled what Deform needs; between the steps other requests are answered."""
+        if self._bench.kernels is not None and not are_compiled(DEFORM):
+            for _ in self._bench.kernels.until_ready(DEFORM):
+                yield Progress(COMPILING, 0.0, text=FIRST_TIME)
 
     def _trace(self, deform: Deform, request: PrepareDeform, sky: SkyState, wanted: Traced) -> Steps:
         """By paths, pass by pass; goes on where it was left off."""

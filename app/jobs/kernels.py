@@ -44,8 +44,8 @@ GC_THRESHOLD = 100_000
 # which has compiled the first's details when it comes to them.
 PARTS = ("projection", "the rest")
 # What a scene may want some time after its first picture, in the order in which it is compiled.
-PAINTING, INDIRECT, ESTIMATE, RELIGHTING, ORBIT = LATER = (
-    "painting", "indirect", "estimate", "relighting", "orbit",
+PAINTING, INDIRECT, ESTIMATE, RELIGHTING, ORBIT, DEFORM = LATER = (
+    "painting", "indirect", "estimate", "relighting", "orbit", "deform",
 )  # fmt: skip
 LATER_PART = "later"
 COMPILING = "compiling, first start only"
@@ -91,7 +91,10 @@ class Kernels:
         return self._later is None or are_compiled(what)
 
     def until_ready(self, what: str) -> Iterator[None]:
-        """Wait for one of `LATER`, a step each time."""
+        """Wait for one of `LATER`, a step each time; before that for the first picture's kernels, for only then the
+        process that compiles it is started."""
+        while not are_compiled(what) and not self.wait(_STEP_SECONDS):
+            yield
         while self._later is not None and not self.is_ready(what):
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._later.wait(_STEP_SECONDS)

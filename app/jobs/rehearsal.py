@@ -9,21 +9,32 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+from PIL import Image
+
+from app.deform.messages import DrawDeform, PrepareDeform, Traced
 from app.document import Document, document_from_description
 from app.jobs.cache import Store
+from app.jobs.deform import DeformWork
 from app.jobs.in_process import InProcessClient
-from app.jobs.kernels import ESTIMATE, INDIRECT, ORBIT, PAINTING, RELIGHTING
+from app.jobs.kernels import DEFORM, ESTIMATE, INDIRECT, ORBIT, PAINTING, RELIGHTING
 from app.jobs.tasks import Tasks
 from app.messages import Failed, LookFrom, OpenScene, Request
+from app.modes import DEFORM as DEFORM_MODE
+from app.modes import MODES
 from app.orbit.messages import DrawOrbit, PrepareOrbit
 from app.placement.messages import ComputeTransport, EstimateError, Freeze, PrepareRelighting, SampleMaps
-from app.scene_state import LayerState, layer_state, scene_state
+from app.scene_state import LayerState, SceneState, layer_state, scene_state
+from engine.deform.parts import NOTHING
+from engine.deform.pose import Deformation, Moment
+from engine.deform.wrinkle import wrinkles
 from engine.material.maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.plan import Decisions, band_counts
-from engine.scene.builtin import scene_path
-from engine.scene.description import parse_description
+from engine.scene.builtin import ASSETS
+from engine.scene.description import SceneDescription, parse_description
+from engine.scene.surface_kinds import DeformSurface, Detail, Membrane, Subsurface
 from engine.scene.toml_text import parse_toml
+from engine.steps import finish
 
 _SCENE = """version = 1
 name = "rehearsal"
@@ -62,6 +73,29 @@ _ORBIT_CHANGES = (
     ),
 )
 
+# Few vertices, each of which has transfer of its own, and an animation.
+_DEFORM_CHANGES = (
+    ('primitive = "sphere"', 'primitive = "cube"'),
+    ('[[object]]\nname = "lamp"', '[[object]]\nname = "bat"\nmesh = "bat.glb"\npart = 0\n[[object]]\nname = "lamp"'),
+)
+_POSES = (
+    ("ball", (Deformation("bend", 40.0),)),
+    ("bat", (Moment("flap", 0.3), Deformation("twist", 40.0))),
+)
+_SURFACES = (
+    DeformSurface(),
+    DeformSurface(membrane=Membrane()),
+    DeformSurface(subsurface=Subsurface(scattering=10.0)),
+    DeformSurface(patch=Detail(file="patch.png")),
+)
+_N_TEXELS = 8  # each way, of the patch
+
+
+class SmallDeform(DeformWork):
+    """Deform of few points and rays."""
+
+    n_points, n_rays = 60, 16
+
 
 def rehearse_later() -> Iterator[str]:
     """Go through them, the quickest first; yields each of `kernels.LATER` when it is compiled."""
@@ -89,23 +123,57 @@ def rehearse_later() -> Iterator[str]:
         yield RELIGHTING
         _rehearse_orbit(client, Path(folder))
         yield ORBIT
+    rehearse_deform()
+    yield DEFORM
 
 
 def _rehearse_orbit(client: InProcessClient, folder: Path) -> None:
+    description, state = _opened(client, folder, _ORBIT_CHANGES)
+    _ask(client, PrepareOrbit(state, 3, n_points=_N_POINTS))
+    for quality in ("moving", "rest"):
+        _ask(client, DrawOrbit(description.camera, (24, 24), quality))  # type: ignore[arg-type]
+
+
+def rehearse_deform() -> None:
+    """Go through what Deform needs, by a worker's tasks of few points."""
+    modes = [replace(mode, work="app.jobs.rehearsal:SmallDeform") if mode is DEFORM_MODE else mode for mode in MODES]
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        _draw_bent(InProcessClient(Tasks(Store(folder / "cache"), modes=modes)), folder)
+
+
+def _draw_bent(client: InProcessClient, folder: Path) -> None:
+    """A small scene with each kind of surface, in each kind of picture."""
+    description, state = _opened(client, folder, (*_ORBIT_CHANGES, *_DEFORM_CHANGES))
+    camera, size = description.camera, (24, 24)
+    posed = tuple(name for name, _ in _POSES)
+    Image.new("L", (_N_TEXELS, _N_TEXELS), 128).save(folder / "patch.png")
+    for surface in _SURFACES:
+        _ask(client, PrepareDeform(state, 3, posed, (("ground", surface),)))
+        _ask(client, DrawDeform(camera, size, "moving", _POSES))
+        _ask(client, DrawDeform(camera, size, "moving", _POSES, known=NOTHING))
+        _ask(client, DrawDeform(camera, size, "rest", _POSES))
+    _ask(client, DrawDeform(camera, size, "moving", _POSES, fit_error=True))
+    _ask(client, PrepareDeform(state, 3, posed, traced=Traced(camera, (4, 4), _POSES)))
+    _ask(client, DrawDeform(camera, size, "moving", _POSES, split=(0.3, 0.6)))
+    finish(wrinkles(side=2))  # a scene's are fitted for half a minute
+
+
+def _opened(
+    client: InProcessClient, folder: Path, changes: tuple[tuple[str, str], ...]
+) -> tuple[SceneDescription, SceneState]:
+    """The scene with other text in some places and the files that this names."""
     text = _SCENE
-    for before, after in _ORBIT_CHANGES:
+    for before, after in changes:
         text = text.replace(before, after)
-    for name in ("sky.exr", "relief.png"):
-        shutil.copy(scene_path("rings").parent / {"sky.exr": "studio.exr"}.get(name, name), folder / name)
-    scene = folder / "orbit.toml"
+    for name, of in (("sky.exr", "rings/studio.exr"), ("relief.png", "rings/relief.png"), ("bat.glb", "bat/bat.glb")):
+        shutil.copy(ASSETS / "scenes" / of, folder / name)
+    scene = folder / "changed.toml"
     scene.write_text(text)
     _ask(client, OpenScene(str(scene), id=1))
     _ask(client, LookFrom(1))
     description = parse_description(parse_toml(text, scene.name), scene.name)
-    state = scene_state(document_from_description(str(scene), description))
-    _ask(client, PrepareOrbit(state, 3, n_points=_N_POINTS))
-    for quality in ("moving", "rest"):
-        _ask(client, DrawOrbit(description.camera, (24, 24), quality))  # type: ignore[arg-type]
+    return description, scene_state(document_from_description(str(scene), description))
 
 
 def _with_bands(document: Document, key: str) -> LayerState:

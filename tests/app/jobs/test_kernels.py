@@ -10,12 +10,14 @@ from pathlib import Path
 
 import pytest
 
+from app.deform.messages import PrepareDeform
 from app.jobs import kernels
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.kernels import PARTS, Kernels
 from app.machine.kernel_cache import kernel_folders
-from app.messages import Progress, Response
+from app.messages import Cancel, Progress, Response
+from app.orbit.messages import DrawPlainly, OrbitAdvanced, OrbitDrawn
 from app.placement.messages import (
     BandsPlanned,
     Contract,
@@ -215,6 +217,38 @@ def test_indirect_light_waits_for_its_kernels_and_quick_requests_do_not(
     answers = client.poll(budget_s=float("inf"))
     assert any(isinstance(answer, IndirectFound) for answer in answers)
     assert [answer.exact for answer in answers if isinstance(answer, StageDone)] == [True]
+
+
+def test_deform_waits_for_its_kernels_and_plain_pictures_do_not(source: str, store: Store, log: list[str]) -> None:
+    tasks = opened(source, store)
+    tasks.bench.kernels = waiting = Waiting(first_time=True)
+    waiting.wait_for(Later())
+    client, state = InProcessClient(tasks), compute().scene
+    client.send(PrepareDeform(state, 1, n_rays=16))
+    answers = [answer for _ in range(8) for answer in client.poll(budget_s=0.0)]
+    said = [answer for answer in answers if isinstance(answer, Progress)]
+    assert said and all((each.stage, each.text) == (kernels.COMPILING, kernels.FIRST_TIME) for each in said)
+    client.send(DrawPlainly(tasks.bench.open_placement.scene.description.camera, (16, 12), state))
+    answers = [answer for _ in range(40) for answer in client.poll(budget_s=0.0)]
+    assert any(isinstance(answer, OrbitDrawn) and answer.radiance.any() for answer in answers)
+    assert not any(isinstance(answer, OrbitAdvanced) for answer in answers)
+    client.send(Cancel())
+    client.poll(budget_s=0.0)
+    assert not client.wait(0.0)
+    kernels.note_compiled(kernels.DEFORM)
+    client.send(PrepareDeform(state, 1, n_rays=16))
+    answers = client.poll(budget_s=0.0)
+    assert not any(isinstance(answer, Progress) and answer.stage == kernels.COMPILING for answer in answers)
+
+
+def test_what_is_wanted_later_waits_for_the_process_that_compiles_it(compilers: list[Compiler]) -> None:
+    made = Kernels()
+    steps = made.until_ready(kernels.DEFORM)
+    next(steps)  # that process is not started yet
+    for compiler in compilers:
+        compiler.done.set()
+    kernels.note_compiled(kernels.DEFORM)
+    assert list(steps) == []
 
 
 def test_a_dab_waits_for_its_kernels_and_a_plan_of_bands_does_not(source: str, store: Store, log: list[str]) -> None:
