@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,7 @@ from pydantic import ValidationError
 
 from app.commands.curves import AddOperator, ResetCurve, SetOperators
 from app.document import EMISSION, LIGHT_FIELDS, MATERIAL, SWITCHES, TIME, Document, all_factors, resolve
+from app.interface.editing import Editing
 from app.set_path import set_path
 from engine.curve.operators import ALL_CHANNELS, HALF_PI, Channels, Edit, Operator, OperatorError
 from engine.deform.deformers import KINDS
@@ -29,9 +30,6 @@ from engine.scene.complaints import first_complaint
 from engine.scene.description import Camera
 from engine.scene.surface_kinds import SURFACES
 
-if TYPE_CHECKING:
-    from app.interface.scene import Scene
-
 Region = tuple[float, float] | tuple[float, float, float, float]
 EVERYWHERE: Region = (0.0, 0.0, HALF_PI, HALF_PI)
 
@@ -39,17 +37,17 @@ EVERYWHERE: Region = (0.0, 0.0, HALF_PI, HALF_PI)
 class Node:
     """Attributes that stand for values of the document; `dir()` lists them."""
 
-    def __init__(self, scene: Scene, path: str) -> None:
-        object.__setattr__(self, "_scene", scene)
+    def __init__(self, editing: Editing, path: str) -> None:
+        object.__setattr__(self, "_editing", editing)
         object.__setattr__(self, "_path", path)
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
-        return value_at(self._scene.document, f"{self._path}.{name}")
+        return value_at(self._editing.document, f"{self._path}.{name}")
 
     def __setattr__(self, name: str, value: object) -> None:
-        self._scene.do(set_path(self._scene.document, f"{self._path}.{name}", plain_value(value)))
+        self._editing.do(set_path(self._editing.document, f"{self._path}.{name}", plain_value(value)))
 
     def __dir__(self) -> list[str]:
         return [*object.__dir__(self), *self._names()]
@@ -93,13 +91,13 @@ class ObjectNode(Node):
     """
 
     def __getitem__(self, layer: str | int) -> LayerNode:
-        target = resolve(self._scene.document, f"{self._path}.{layer}")
+        target = resolve(self._editing.document, f"{self._path}.{layer}")
         if target.kind != "layer" or target.key is None:
             raise InsituError(f"{self._path}.{layer} is a {target.kind}, expected one of {', '.join(self)}")
-        return LayerNode(self._scene, target.key)
+        return LayerNode(self._editing, target.key)
 
     def __iter__(self) -> Iterator[str]:
-        return iter([layer.name for layer in self._scene.document.object(self._path).layers])
+        return iter([layer.name for layer in self._editing.document.object(self._path).layers])
 
     def _names(self) -> Sequence[str]:
         return (*SWITCHES, EMISSION, TIME, *KINDS, *bump_fields())
@@ -132,14 +130,14 @@ class LayerNode(Node):
         names = list(self)
         if curve not in names:
             raise InsituError(f"there is no curve {curve!r} of {self._path}; there is: {', '.join(names)}")
-        return Curve(self._scene, self._path, curve)
+        return Curve(self._editing, self._path, curve)
 
     def __iter__(self) -> Iterator[str]:
         return iter([factor.name for factor in all_factors(self._layer.model)])
 
     @property
     def _layer(self) -> Layer:
-        return self._scene.document.layer(self._path)
+        return self._editing.document.layer(self._path)
 
     def _names(self) -> Sequence[str]:
         return (*(parameter.name for parameter in self._layer.table), "visible", "frozen", *map_fields())
@@ -161,8 +159,8 @@ class Curve:
            [1., 1., 1.]])
     """
 
-    def __init__(self, scene: Scene, key: str, factor: str) -> None:
-        self._scene, self._key, self._factor = scene, key, factor
+    def __init__(self, editing: Editing, key: str, factor: str) -> None:
+        self._editing, self._key, self._factor = editing, key, factor
 
     def __call__(self, angles: ArrayLike) -> NDArray[np.float64]:
         return self._layer.curve(self._factor)(np.atleast_1d(np.asarray(angles, np.float64)))
@@ -177,7 +175,7 @@ class Curve:
 
     @operators.setter
     def operators(self, operators: Sequence[Edit]) -> None:
-        self._scene.do(SetOperators(self._key, self._factor, tuple(operators)))
+        self._editing.do(SetOperators(self._key, self._factor, tuple(operators)))
 
     def translate(
         self, *, y: float | None = None, x: float | None = None, region: Region = EVERYWHERE,
@@ -198,7 +196,7 @@ class Curve:
 
     def reset(self) -> None:
         """Remove all operators: the curve is again as the layer's parameters generate it."""
-        self._scene.do(ResetCurve(self._key, self._factor))
+        self._editing.do(ResetCurve(self._key, self._factor))
 
     def _add(
         self, kind: Any, y: float | None, x: float | None, about: tuple[float, float], region: Region,
@@ -222,13 +220,13 @@ class Curve:
         except (OperatorError, TypeError, ValueError) as error:
             raise InsituError(f"{self._key}.{self._factor}: {error}") from None
         if len(operators) == 1:
-            self._scene.do(AddOperator(self._key, self._factor, operators[0]))
+            self._editing.do(AddOperator(self._key, self._factor, operators[0]))
         else:
             self.operators = (*self.operators, *operators)
 
     @property
     def _layer(self) -> Layer:
-        return self._scene.document.layer(self._key)
+        return self._editing.document.layer(self._key)
 
 
 class CameraNode:
@@ -242,18 +240,18 @@ class CameraNode:
     ('camera', 'camera')
     """
 
-    def __init__(self, scene: Scene) -> None:
-        object.__setattr__(self, "_scene", scene)
+    def __init__(self, editing: Editing) -> None:
+        object.__setattr__(self, "_editing", editing)
 
     def __getattr__(self, name: str) -> Any:
         if name not in Camera.model_fields:
             raise AttributeError(f"the camera has no {name!r}; it has {', '.join(Camera.model_fields)}")
-        return getattr(self._scene.viewpoint.camera, name)
+        return getattr(self._editing.camera, name)
 
     def __setattr__(self, name: str, value: object) -> None:
         tree = {**self._values, name: plain_value(value)}
         try:
-            self._scene.look_from(Camera(**tree))
+            self._editing.look_from(Camera(**tree))
         except ValidationError as error:
             raise InsituError(first_complaint(error, tree, "camera", Camera).reason) from None
 
@@ -263,11 +261,11 @@ class CameraNode:
     def orbit(self, degrees: float, up: float = 0.0) -> None:
         """Turn it about its target by so many degrees to the right, and up."""
         camera = Camera(**self._values)
-        self._scene.look_from(orbited(camera, math.radians(degrees), math.radians(up)))
+        self._editing.look_from(orbited(camera, math.radians(degrees), math.radians(up)))
 
     @property
     def _values(self) -> dict[str, Any]:
-        return dict(self._scene.viewpoint.camera or {})
+        return dict(self._editing.camera)
 
 
 def value_at(document: Document, path: str) -> Any:

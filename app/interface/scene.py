@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
-from app.commands import EditCommand
 from app.document import Document
 from app.files.session import load_session, save_session
 from app.frames import own_camera
-from app.history import History
+from app.interface.editing import Editing
 from app.interface.nodes import CameraNode, LightNode, ObjectNode
 from app.interface.pictures import Mode, Pictures
 from app.interface.placement import Picture
 from app.machine.memory import require_memory_for
-from app.project import Project, open_project, read_measurements
+from app.project import Project, open_project
 from app.sources import SESSION_ENDING, find_source, source_of
 from app.stills import ENDINGS, check_output, write_picture
 from app.view_state import Viewpoint, ViewState
@@ -25,42 +24,8 @@ from engine.render.image_files import png_bytes
 from engine.render.path_tracer import N_SAMPLES
 from engine.render.picture_error import ErrorEstimate
 from engine.scene.builtin import DEFAULT_SCENE
-from engine.scene.description import Camera
 
 MAX_SIDE = 16384
-
-
-@dataclass(frozen=True)
-class _State:
-    """What undo goes back to: the document, and from where it is seen."""
-
-    document: Document
-    viewpoint: Viewpoint
-
-
-@dataclass(frozen=True)
-class _Edit:
-    """One of the document's commands."""
-
-    command: EditCommand
-
-    @property
-    def label(self) -> str:
-        return self.command.label
-
-    def apply(self, state: _State) -> _State:
-        return replace(state, document=read_measurements(self.command.apply(state.document)))
-
-
-@dataclass(frozen=True)
-class _MoveCamera:
-    """See the scene from another camera."""
-
-    camera: Camera
-    label: str = "camera"
-
-    def apply(self, state: _State) -> _State:
-        return replace(state, viewpoint=state.viewpoint._replace(camera=self.camera))
 
 
 def open_scene(name: str | os.PathLike[str] = DEFAULT_SCENE, *, resolution: tuple[int, int] | None = None) -> Scene:
@@ -73,6 +38,8 @@ def open_scene(name: str | os.PathLike[str] = DEFAULT_SCENE, *, resolution: tupl
     >>> insitu.open("shapes", resolution=(96, 64))
     <scene shapes, 96 x 64: torus, cone, sphere, cylinder, cube, ground>
     """
+    if not isinstance(name, (str, os.PathLike)):
+        raise InsituError(f"open: {name!r}, expected the name of a scene or a path")
     source = find_source(os.fspath(name))
     session = source_of(source).session
     project = open_project(source, _checked(resolution))
@@ -103,21 +70,20 @@ class Scene:
 
     def __init__(self, project: Project, view: ViewState, session: Path | None) -> None:
         """view: of the session at the path `session`, where there is one."""
-        camera = own_camera(project.scene)
-        self._history = History(_State(project.document, Viewpoint(camera, project.scene.resolution)))
+        self._editing = Editing(project.document, own_camera(project.scene), project.scene.resolution)
         self._project, self._view, self._session = project, view, session
         self._pictures = Pictures()
 
     # ------------------------------------------------------------------------------------------------- its parts
 
     def __getitem__(self, name: str) -> ObjectNode:
-        return ObjectNode(self, self.document.object(name).name)
+        return ObjectNode(self._editing, self.document.object(name).name)
 
     def __iter__(self) -> Iterator[str]:
         return iter([state.name for state in self.document.objects])
 
     def __repr__(self) -> str:
-        width, height = self._resolution
+        width, height = self._editing.resolution
         name = Path(self.document.source).stem
         return f"<scene {name}, {width} x {height}: {', '.join(self)}>"
 
@@ -128,26 +94,22 @@ class Scene:
     @property
     def light(self) -> LightNode:
         """The distant light."""
-        return LightNode(self, "light")
+        return LightNode(self._editing, "light")
 
     @property
     def camera(self) -> CameraNode:
         """The camera that pictures are seen from."""
-        return CameraNode(self)
+        return CameraNode(self._editing)
 
     @property
     def document(self) -> Document:
         """What is edited, as an immutable value: two of them can be compared."""
-        return self._history.document.document
+        return self._editing.document
 
     @property
     def viewpoint(self) -> Viewpoint:
         """Camera and resolution."""
-        return self._history.document.viewpoint
-
-    @property
-    def _resolution(self) -> tuple[int, int]:
-        return self.viewpoint.resolution or self._project.scene.resolution
+        return self._editing.viewpoint
 
     # --------------------------------------------------------------------------------------------------- pictures
 
@@ -195,7 +157,7 @@ class Scene:
             return path
         if path.suffix.lower() != SESSION_ENDING:
             raise InsituError(f"{path}: expected a path that ends in {SESSION_ENDING}, .exr or .png")
-        view = replace(self._view, camera=self.viewpoint.camera, resolution=self.viewpoint.resolution)
+        view = replace(self._view, camera=self._editing.camera, resolution=self._editing.resolution)
         self._session = save_session(path, self.document, view)
         return self._session
 
@@ -203,24 +165,15 @@ class Scene:
 
     def undo(self) -> str | None:
         """Take the last edit back; what it is called, None where there is none."""
-        return self._history.undo()
+        return self._editing.undo()
 
     def redo(self) -> str | None:
         """Carry out again what was taken back; what it is called, None where there is nothing."""
-        return self._history.redo()
-
-    def do(self, command: EditCommand) -> None:
-        """Carry out one of the editor's commands (`app.commands`), as attributes of objects, layers and light do.
-        Raises insitu.Error, and nothing changes then."""
-        self._history.do(_Edit(command))
-
-    def look_from(self, camera: Camera) -> None:
-        """See the scene from this camera, as attributes of `camera` do."""
-        self._history.do(_MoveCamera(camera))
+        return self._editing.redo()
 
     def _seen_in(self, resolution: tuple[int, int] | None) -> Project:
         """The scene as it is now, loaded and posed; what did not change since the last time is shared with it."""
-        look = self.viewpoint._replace(resolution=_checked(resolution) or self._resolution)
+        look = self.viewpoint._replace(resolution=_checked(resolution) or self._editing.resolution)
         self._project = self._project.edited(self.document, look)
         return self._project
 

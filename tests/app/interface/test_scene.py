@@ -186,6 +186,7 @@ def test_nodes_say_what_they_have(file: Path) -> None:
 @pytest.mark.parametrize(
     ("wrong", "line"),
     [
+        ("insitu.open(3)", "open: 3, expected the name of a scene or a path"),
         ('insitu.open("nowhere.toml")', "nowhere.toml: no such file"),
         ("insitu.open(file, resolution=(0, 3))", "resolution = (0, 3), expected (width, height)"),
         ("insitu.open(file, resolution=3)", "resolution = 3, expected (width, height)"),

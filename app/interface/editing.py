@@ -1,0 +1,87 @@
+"""The edits of a scene in Python: the editor's commands over one history, in which the camera has its steps, too."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from app.commands import EditCommand
+from app.document import Document
+from app.history import History
+from app.project import read_measurements
+from app.view_state import Viewpoint
+from engine.scene.description import Camera
+
+
+@dataclass(frozen=True)
+class EditedScene:
+    """What undo goes back to: the document, and from where it is seen."""
+
+    document: Document
+    viewpoint: Viewpoint
+
+
+@dataclass(frozen=True)
+class _Edit:
+    """One of the document's commands; measured BRDFs that it names are read at once."""
+
+    command: EditCommand
+
+    @property
+    def label(self) -> str:
+        return self.command.label
+
+    def apply(self, state: EditedScene) -> EditedScene:
+        return replace(state, document=read_measurements(self.command.apply(state.document)))
+
+
+@dataclass(frozen=True)
+class _MoveCamera:
+    """See the scene from another camera."""
+
+    camera: Camera
+    label: str = "camera"
+
+    def apply(self, state: EditedScene) -> EditedScene:
+        return replace(state, viewpoint=state.viewpoint._replace(camera=self.camera))
+
+
+class Editing:
+    """The present state of a scene and the steps around it."""
+
+    def __init__(self, document: Document, camera: Camera, resolution: tuple[int, int]) -> None:
+        self._camera, self._resolution = camera, resolution
+        self._history = History(EditedScene(document, Viewpoint(camera, resolution)))
+
+    @property
+    def document(self) -> Document:
+        return self._history.document.document
+
+    @property
+    def viewpoint(self) -> Viewpoint:
+        return self._history.document.viewpoint
+
+    @property
+    def camera(self) -> Camera:
+        """The camera that pictures are seen from."""
+        return self.viewpoint.camera or self._camera
+
+    @property
+    def resolution(self) -> tuple[int, int]:
+        """Width and height of pictures."""
+        return self.viewpoint.resolution or self._resolution
+
+    def do(self, command: EditCommand) -> None:
+        """Carry out one of the editor's commands. Raises InsituError, and nothing changes then."""
+        self._history.do(_Edit(command))
+
+    def look_from(self, camera: Camera) -> None:
+        """See the scene from this camera."""
+        self._history.do(_MoveCamera(camera))
+
+    def undo(self) -> str | None:
+        """One step back; what it is called, None where there is none."""
+        return self._history.undo()
+
+    def redo(self) -> str | None:
+        """One step forward again."""
+        return self._history.redo()
