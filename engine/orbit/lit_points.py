@@ -31,8 +31,9 @@ class LitPoints:
     state (S,): how the light that is wanted is known; traced (S,): whether shadows are; seen (S,): what the last
     picture saw; behind: objects whose backs are to have points, as a picture saw them or light goes on from them;
     is_bounced: of which light the indirect irradiance (S, 3) is, and the radiance sent_on (S, 3) that gloss shows of
-    points; known (S,): whether it was lit once, by whatever light; n_traced: points that were traced since this was
-    stored; untold (S,): whose light has changed since `parts` told it. caster: of the scene's triangles.
+    points; known (S,): whether it was lit once, by whatever light; shadowed (S,): whether that light had the point's
+    shadows; n_traced: points that were traced since this was stored; untold (S,): whose light has changed since `parts`
+    told it. caster: of the scene's triangles.
     """
 
     def __init__(
@@ -48,8 +49,10 @@ class LitPoints:
         self.shades = no_shades(self.incident)
         self.colours = np.zeros((self._n, 3), np.float32)
         self.state = np.zeros(self._n, np.uint8)
-        self.traced, self.seen, self.known, self.untold = np.zeros((4, self._n), bool)
+        self.traced, self.seen, self.known, self.shadowed, self.untold = np.zeros((5, self._n), bool)
         self._leave_buried()
+        # Irradiance of each object's points, summed, before they had their shadows and after.
+        self._unshaded, self._shaded = np.zeros((2, len(is_glossy), 3))
         self.n_traced = 0
         self.behind: set[int] = set()
         self._fronts, self._backs = np.arange(self._n), dict[int, NDArray[np.int64]]()
@@ -74,6 +77,11 @@ class LitPoints:
         return bool(self.traced.all() and (self.state == EXACTLY).all()) and self.behind.issubset(self.with_backs)
 
     @property
+    def is_outdated(self) -> bool:
+        """Whether points that are seen were traced after they were lit."""
+        return bool((self.seen & self.traced & self.known & ~self.shadowed).any())
+
+    @property
     def fraction(self) -> float:
         return float(0.75 * self.traced.mean() + 0.25 * (self.state / EXACTLY).mean()) if self._n else 1.0
 
@@ -85,11 +93,16 @@ class LitPoints:
     def light(self, which: NDArray[np.int64], sky: Sky, lamps: Lamps | None, is_coarse: bool) -> None:
         traced = which[self.traced[which]]
         suns = None if is_coarse else visible_suns(self.points, self.caster, sky, traced)
+        first = traced[~self.shadowed[traced] & (self.state[traced] != STALE)]
+        unshaded, i_object = self.incident.irradiance[first], self.points.i_object[first]
         light(self.points, self.bits, sky, self.incident, lamps, which, is_coarse, suns)
+        np.add.at(self._unshaded, i_object, unshaded)
+        np.add.at(self._shaded, i_object, self.incident.irradiance[first])
         slots = self.incident.slot[which]
         self.shades.key[slots[slots >= 0]] = -1
         self.state[which] = COARSELY if is_coarse else EXACTLY
         self.known[which] = self.untold[which] = True
+        self.shadowed[which] = self.traced[which]
 
     def trace(self, which: NDArray[np.int64], patches: tuple[EmitterPatches, NDArray[np.intp]] | None) -> None:
         see(self.points, self.caster, which, self.bits)
@@ -162,8 +175,19 @@ class LitPoints:
         assert self.bounces is not None
         self.is_bounced = self.is_lit
         albedo = albedos[self.points.i_object]
-        self.indirect, before = self.bounces.indirect(self.incident.irradiance, albedo, n_bounces)
+        self.indirect, before = self.bounces.indirect(self._direct(), albedo, n_bounces)
         self.sent_on = (before * albedo / np.float32(np.pi)).astype(np.float32)
+
+    def _direct(self) -> Floats:
+        """Irradiance (S, 3) of the lights. Points that are not traced yet get the share of it that shadows leave, on
+        the average, to those of their object that are; to all others where none of it is."""
+        if self.traced.all():
+            return self.incident.irradiance
+        of_all = self._unshaded == 0.0
+        unshaded, shaded = (np.where(of_all, each.sum(axis=0), each) for each in (self._unshaded, self._shaded))
+        share = np.divide(shaded, unshaded, out=np.ones_like(shaded), where=unshaded > 0.0)
+        shares = np.where(self.traced[:, None], 1.0, np.minimum(share, 1.0)[self.points.i_object])
+        return np.asarray(self.incident.irradiance * shares, np.float32)
 
     def sent_evenly(
         self, which: NDArray[np.int64], reflectance: Sequence[float] | None, albedo: NDArray[np.floating] | None,
@@ -203,6 +227,7 @@ class LitPoints:
         self.colours, self.state = _longer(self.colours, self._n, 0), _longer(self.state, self._n, STALE)
         self.traced, self.seen = _longer(self.traced, self._n, 0), _longer(self.seen, self._n, 0)
         self.known, self.untold = _longer(self.known, self._n, 0), _longer(self.untold, self._n, 1)
+        self.shadowed = _longer(self.shadowed, self._n, 0)
         self.incident = more_glossy(self.incident, np.zeros(before, bool), self._n - before)
         self._leave_buried()
         self.indirect, self.sent_on = _longer(self.indirect, self._n, 0), _longer(self.sent_on, self._n, 0)

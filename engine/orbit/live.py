@@ -8,9 +8,10 @@
     picture = orbit.draw(camera, (512, 384), "moving")
 
 What is drawn is what is known by then: at first without shadows, light coarse before fine, reflections coarse before
-fine, where the last picture looked before elsewhere. `version` rises with all that changes pictures, so that a window
-knows when another is worth drawing. An object of this class belongs to one thread, holds neither window nor process,
-and may be dropped between any two pieces; so may its generators.
+fine, where the last picture looked before elsewhere. Shadows appear all at once, with the light that bounces. `version`
+rises with all that changes pictures, so that a window knows when another is worth drawing; it rests while some points
+have their shadows and others wait for them. An object of this class belongs to one thread, holds neither window nor
+process, and may be dropped between any two pieces; so may its generators.
 """
 
 from __future__ import annotations
@@ -218,7 +219,7 @@ class Orbit:
             yield StillProgress(0.0, "shading points")
             self._place()
         while (told := self._piece()) is not None:
-            self.version += 1
+            self.version += not self._lit.is_outdated  # the light without shadows stays until all is replaced
             yield StillProgress(self.fraction, told)
 
     def _piece(self) -> str | None:
@@ -236,11 +237,17 @@ class Orbit:
             if self._reflections.refine():
                 self._rebounce()
             return "reflection"
-        if self._n_bounces > 1 and lit.bounces is not None and lit.is_bounced < lit.is_lit:
-            lit.bounce(self._reflections.albedos(self.scene), self._n_bounces)
+        if not lit.is_outdated and self._bounce(lit):
             return "bounces"
-        if len(which := lit.first(lit.traced & (lit.state != EXACTLY), _FINE * n_threads())):
+        # Shadows alone would blacken metal that sees itself, point by point: they wait for all shadows that are seen,
+        # and for the light that bounces, and the picture shows them together.
+        waits = bool((lit.seen & ~lit.traced).any()) or self._n_bounces > 1 and lit.bounces is None
+        ripe = lit.traced & (lit.state != EXACTLY)
+        if len(which := lit.first(ripe & lit.shadowed if waits else ripe, _FINE * n_threads())):
+            was_outdated = lit.is_outdated
             lit.light(which, self._sky, self._lamps(lit), is_coarse=False)
+            if was_outdated and not lit.is_outdated:
+                self._bounce(lit)
             return "light"
         if behind := sorted(lit.behind.difference(lit.with_backs)):
             lit.add_backs(behind, self._are_glossy)
@@ -258,6 +265,13 @@ class Orbit:
             lit.refine_rays(None if self._patches is None else self._patches[0])
             return "bounces"
         return None
+
+    def _bounce(self, lit: LitPoints) -> bool:
+        """Find the indirect light anew where it is wanted and the direct light is known better; whether it was."""
+        if self._n_bounces == 1 or lit.bounces is None or lit.is_bounced >= lit.is_lit:
+            return False
+        lit.bounce(self._reflections.albedos(self.scene), self._n_bounces)
+        return True
 
     # ---------------------------------------------------------------------------------------------------- pictures
 
