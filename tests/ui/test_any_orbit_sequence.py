@@ -263,8 +263,8 @@ def is_whole(editor: Editor) -> bool:
     return isinstance(editor.talk, OrbitTalk) and editor.status.picture == "refining"
 
 
-# After all other tests, in one process, seeds 0 and 1 ended with another colour; by themselves they pass. Until the cause
-# is found all seeds are left to the sweep.
+# After all other tests, in one process, seeds 0 and 1 ended with another colour; by themselves they pass. Until the
+# cause is found all seeds are left to the sweep.
 @pytest.mark.sweep
 @pytest.mark.parametrize("seed", range(100))
 def test_the_last_picture_is_of_the_last_document_and_camera(source: str, tmp_path: Path, seed: int) -> None:
