@@ -38,9 +38,11 @@ class PosedPoints:
         return self._points.places, self._points.frames
 
     def carried(self, poses: Poses) -> dict[str, tuple[float, float, float]]:
-        """How far animations have carried the objects in these poses, by name: x, y, z."""
+        """How far animations have carried the objects in these poses, by name: x, y, z; names of none do not count, as
+        where a document has an object that the scene is yet to be opened with."""
         self.at(poses)
-        shifts = {name: self._shifts[self._scene.object_index(name)] for name, _ in poses}
+        names = [name for name, _ in poses if name in self._scene.object_names]
+        shifts = {name: self._shifts[self._scene.object_index(name)] for name in names}
         return {name: (float(x), float(y), float(z)) for name, (x, y, z) in shifts.items() if x or y or z}
 
     def axes_of(self, i: int) -> tuple[Indices, Singles]:

@@ -60,6 +60,14 @@ def test_an_animation_that_is_not_there_moves_nothing(scene: Scene) -> None:
     assert np.array_equal(posed(scene, (("bar", (Moment("swim", 0.7),)),)).vertices, scene.vertices)
 
 
+def test_a_name_of_no_object_is_carried_nowhere(scene: Scene) -> None:
+    placed_points = PosedPoints(scene, bending_points(scene, RayCaster(scene.vertices, scene.triangles), 20))
+    alone = placed_points.carried((("bar", ROW),))
+    rest, moved = at_moment(scene, 0, ROW)
+    assert alone["bar"] == pytest.approx((moved.positions - rest.positions).mean(axis=0))
+    assert placed_points.carried((("gone", ROW), ("bar", ROW))) == alone
+
+
 def test_what_is_drawn_goes_as_the_triangle_does_that_it_lies_on(scene: Scene) -> None:
     points = bending_points(scene, RayCaster(scene.vertices, scene.triangles), 200)
     placed_points = PosedPoints(scene, points)
