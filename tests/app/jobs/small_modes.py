@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -16,6 +16,7 @@ from app.jobs.in_process import InProcessClient
 from app.jobs.orbit import OrbitWork
 from app.jobs.tasks import Tasks
 from app.messages import Request, Response
+from app.modes import DEFORM, ORBIT, PLACEMENT
 from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, PrepareOrbit
 from app.placement.messages import LayerPicture, StageDone
 from app.scene_state import scene_state
@@ -32,10 +33,28 @@ SIZE = (24, 18)
 POSES = (("ball", (Deformation("bend", 40.0),)),)
 
 
+class SmallOrbitWork(OrbitWork):
+    """Orbit's, with few points."""
+
+    n_points = 300
+
+
+class SmallDeformWork(DeformWork):
+    """Deform's, with few points and rays."""
+
+    n_points, n_rays = 60, 16
+
+
+SMALL_MODES = (
+    PLACEMENT,
+    replace(ORBIT, work=f"{__name__}:{SmallOrbitWork.__name__}"),
+    replace(DEFORM, work=f"{__name__}:{SmallDeformWork.__name__}"),
+)
+
+
 def small_tasks(store: Store | None = None) -> Tasks:
     """The worker's, with fewer points and rays than it takes for pictures that are looked at."""
-    OrbitWork.n_points, DeformWork.n_points, DeformWork.n_rays = 300, 60, 16
-    return Tasks(store)
+    return Tasks(store, modes=SMALL_MODES)
 
 
 @dataclass(frozen=True)

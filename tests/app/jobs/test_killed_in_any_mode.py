@@ -12,10 +12,12 @@ import pytest
 
 from app.jobs.cache import Store
 from app.jobs.client import Client
+from app.jobs.deform import DeformWork
+from app.jobs.orbit import OrbitWork
 from app.messages import Failed, Response, WorkerRestarted
 from app.orbit.messages import OrbitDrawn
 from tests.app.jobs.answers import collect, kill, of, seen
-from tests.app.jobs.small_modes import HANDLERS, SCENE, SIZE, in_process, picture_in, shown_by
+from tests.app.jobs.small_modes import HANDLERS, SCENE, SIZE, in_process, picture_in, shown_by, small_tasks
 from tests.app.jobs.test_client_deaths import left_in_memory
 from tests.app.jobs.test_damaged_cache import damage
 from tests.app.jobs.test_resumed import FORGERIES, rewritten, some_of
@@ -104,6 +106,12 @@ def check(mode: str, scene: str, expected: np.ndarray, folder: Path, n_kills: in
     assert set(left_in_memory(os.getpid(), *pids)) <= set(others)
     assert len(os.listdir("/proc/self/fd")) <= before
     assert not list(folder.glob("*.tmp"))
+
+
+def test_small_tasks_leave_the_points_of_other_tasks_as_they_are() -> None:
+    """What they set for all of this process, walks through Orbit in later tests would be drawn of."""
+    small_tasks()
+    assert (OrbitWork.n_points, DeformWork.n_points, DeformWork.n_rays) == (None, None, None)
 
 
 @in_other_modes
