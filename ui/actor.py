@@ -26,6 +26,7 @@ from app.files.preferences import PreferenceFile
 from app.files.recent import RecentFiles
 from app.files.session import CHANGED
 from app.linked_layers import Layers
+from app.machine.atomic import require_place
 from app.pasting import pasted
 from app.selecting import seen_layer
 from app.sources import EXPECTED, LIGHT_ENDINGS, PICTURE_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
@@ -38,6 +39,7 @@ from engine.scene.surface_kinds import SURFACE_IMAGES
 from ui.clipboard import Clipboard
 from ui.panels.actions import (
     Action,
+    AnswerQuestion,
     AskFile,
     BeginDrag,
     BeginLook,
@@ -108,6 +110,10 @@ KIND_OF = {
 }  # fmt: skip
 
 
+# What the shown picture can be saved as.
+PICTURE_FILES = (".png", ".exr")
+
+
 class Actor:
     """Carries actions out on one editor. `recoveries` are edits that editors before it left behind."""
 
@@ -161,12 +167,12 @@ class Actor:
                 return replace(outcome, state=replace(state, front=(action.name,)))
             case AskFile():
                 return replace(outcome, state=replace(state, question=self._question(action)))
+            case AnswerQuestion():
+                return self._answer(action, outcome)
             case Screenshot():
                 return replace(outcome, screenshot=action.path or picture_name(Path.cwd(), datetime.now()))
             case SavePicture():
-                self._folders["picture"], self._deep = action.path.absolute().parent, action.deep
-                self._picture_ending = action.path.suffix.lower()
-                return replace(outcome, picture=action)
+                return replace(outcome, picture=action) if self._may_save(action) else outcome
             case ResetLayout():
                 return replace(outcome, reset_layout=True)
             case Quit():
@@ -180,6 +186,30 @@ class Actor:
             case _:
                 self._edit(action)
                 return outcome
+
+    def _may_save(self, action: SavePicture) -> bool:
+        """Whether a picture can be put there, and if so its folder and kind remembered; else that is said."""
+        if action.path.suffix.lower() not in PICTURE_FILES:
+            self._editor.notify(f"{action.path}: the name of a picture ends in {' or '.join(PICTURE_FILES)}", True)
+            return False
+        try:
+            require_place(action.path)
+        except InsituError as error:
+            self._editor.notify(str(error), True)
+            return False
+        self._folders["picture"], self._deep = action.path.absolute().parent, action.deep
+        self._picture_ending = action.path.suffix.lower()
+        return True
+
+    def _answer(self, action: AnswerQuestion, outcome: Outcome) -> Outcome:
+        """What was to be done with the chosen file; where it is refused, the file dialog stays and says why."""
+        question, said_before = outcome.state.question, self._editor.status.message_number
+        done = self._perform(action.action, replace(outcome, state=replace(outcome.state, question=None)))
+        status = self._editor.status
+        if question is None or status.message_number == said_before or not status.is_error:
+            return done
+        refusal = status.message.removeprefix(f"{action.path}: ")
+        return replace(done, state=replace(done.state, question=replace(question, refusal=refusal, focus="name")))
 
     def _edit(self, action: Action) -> None:
         editor = self._editor
@@ -283,6 +313,8 @@ class Actor:
             self._open_file(Path(path), suffix)
         elif suffix in PICTURE_ENDINGS:
             self._drop_picture(Path(path))
+        elif Path(path).is_absolute() and not os.path.exists(path):
+            self._editor.notify(f"{path}: there is no such file; nothing was changed", True)
         elif suffix or Path(path).is_absolute():
             known = f"{EXPECTED}, a measured BRDF (.binary, .brdf) or a texture (.png, .jpg)"
             self._editor.notify(f"{path}: expected {known}", True)

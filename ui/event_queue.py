@@ -1,12 +1,13 @@
 """What mouse and keyboard did, in the order they did it, on its way to imgui.
 
-imgui knows a state, not a history: of what comes in between two of its frames it would see the end. It spreads presses
-of one button or key over frames by itself; chords it does not: of Z pressed and Ctrl let go in one long frame it would
-see Z alone, and of a drag that ends in one it would not see where. So each pass of the panels hears one act at most, a
-press, a release or turns of the wheel, with the place and the modifiers of then. A press of the mouse, or a turn of its
-wheel, also waits for a pass that finds the mouse in its place already: items that others may overlap (rows, tabs) react
-only where the pass before found the mouse over them. The shell passes through its panels until all is heard
-(`ui.shell`).
+imgui knows a state, not a history: of what comes in between two of its frames it would see the end. It spreads
+presses of one button or key over frames by itself; chords it does not: of Z pressed and Ctrl let go in one long frame
+it would see Z alone, and of a drag that ends in one it would not see where. So each pass of the panels hears one act
+at most, a press, a release or turns of the wheel, with the place and the modifiers of then. Text is the exception:
+while a field takes it, all characters that came in go in together, with the keys that typed them. A press of the
+mouse, or a turn of its wheel, also waits for a pass that finds the mouse in its place already: items that others may
+overlap (rows, tabs) react only where the pass before found the mouse over them. The shell passes through its panels
+until all is heard (`ui.shell`).
 """
 
 from __future__ import annotations
@@ -24,16 +25,19 @@ MODIFIERS = frozenset(
      Key.right_alt, Key.mod_alt, Key.left_super, Key.right_super, Key.mod_super}
 )  # fmt: skip
 ALTS = frozenset({Key.left_alt, Key.right_alt})
+CTRLS = frozenset({Key.left_ctrl, Key.right_ctrl, Key.mod_ctrl})
 
 
 class _Kind(Enum):
-    """What may come before an act (`STATE`, `MOVE`), and the acts: of keys `PRESS`, of the mouse the others."""
+    """What may come before an act (`STATE`, `MOVE`, `CTRL` goes down, `TEXT` is typed), and the acts: of keys `PRESS`
+    and `TYPE`, which makes a character, of the mouse the others."""
 
-    STATE, MOVE, PRESS, CLICK, RELEASE, WHEEL = range(6)
+    STATE, MOVE, CTRL, TEXT, PRESS, TYPE, CLICK, RELEASE, WHEEL = range(9)
 
 
-_ACTS = frozenset({_Kind.PRESS, _Kind.CLICK, _Kind.RELEASE, _Kind.WHEEL})
-_AFTER_A_MOVE = frozenset({_Kind.STATE, _Kind.MOVE, _Kind.PRESS})
+_ACTS = frozenset({_Kind.PRESS, _Kind.TYPE, _Kind.CLICK, _Kind.RELEASE, _Kind.WHEEL})
+_AFTER_A_MOVE = frozenset({_Kind.STATE, _Kind.MOVE, _Kind.CTRL, _Kind.TEXT, _Kind.PRESS, _Kind.TYPE})
+_TYPING = frozenset({_Kind.TYPE, _Kind.TEXT})
 
 
 def _share_a_pass(heard: set[_Kind], next_kind: _Kind) -> bool:
@@ -88,7 +92,9 @@ class EventQueue:
             self._add(self._tap)
         if key != Key.mod_alt:
             self._alt_alone = key in ALTS and pressed
-        kind = _Kind.PRESS if pressed and key not in MODIFIERS else _Kind.STATE
+        kind = _Kind.STATE if not pressed or key in MODIFIERS else _Kind.PRESS
+        if pressed and key in CTRLS:
+            kind = _Kind.CTRL
         self._add(partial(self._io.add_key_event, key, pressed), kind)
 
     def repeat(self, key: imgui.Key) -> None:
@@ -96,18 +102,31 @@ class EventQueue:
         self._add(partial(self._say_again, key), _Kind.PRESS)
 
     def character(self, code: int) -> None:
-        """A character typed."""
-        self._add(partial(self._io.add_input_character, code))
+        """A character typed, by the key that was pressed, or repeated, just before."""
+        if self._waiting and self._waiting[-1][0] is _Kind.PRESS:
+            self._waiting[-1] = _Kind.TYPE, self._waiting[-1][1]
+        self._add(partial(self._io.add_input_character, code), _Kind.TEXT)
 
     def focus(self, gained: bool) -> None:
         """The window has the keyboard now, or has it no more."""
         self._alt_alone = False
         self._add(partial(self._io.add_focus_event, gained))
 
-    def hand_over(self) -> None:
-        """Give imgui what belongs into the coming pass: nothing while it still spreads what it was given before."""
+    def hand_over(self, is_typing: bool = False, waits: bool = False) -> None:
+        """Give imgui what belongs into the coming pass: nothing while it still spreads what it was given before.
+
+        is_typing: whether a field takes text. waits: whether nothing is to be heard in this pass.
+        """
         self.alt_tapped, self.repeated = False, None
-        if self._context.input_events_queue.size() > 0:
+        self._io.config_input_trickle_event_queue = True
+        if waits or self._context.input_events_queue.size() > 0:
+            return
+        if is_typing and next((kind for kind, _ in self._waiting if kind is not _Kind.STATE), None) in _TYPING:
+            # imgui would spread them: of a letter typed twice it would take the second in its next pass. Ctrl would
+            # make it drop them all, and so ends the run.
+            self._io.config_input_trickle_event_queue = False
+            while self._waiting and (self._waiting[0][0] in _TYPING or self._waiting[0][0] is _Kind.STATE):
+                self._waiting.popleft()[1]()
             return
         heard = set[_Kind]()
         while self._waiting and _share_a_pass(heard, self._waiting[0][0]):

@@ -29,7 +29,6 @@ from app.editor import Editor
 from app.files.library import LibraryEntry
 from app.files.preferences import PreferenceFile
 from app.files.recent import RecentFiles
-from app.machine.atomic import require_place
 from app.record import Record
 from app.selecting import seen_layer
 from app.view_state import Bookmark
@@ -49,7 +48,6 @@ from ui.panels import help as shortcuts
 from ui.panels.actions import Action, CancelDrag, SavePicture, SetPanel
 from ui.panels.brdf_board import BrdfBoard
 from ui.panels.context import Fields, Handles, PanelContext
-from ui.panels.dialogs import ENDINGS
 from ui.panels.guard import close_what_is_open, depth_now, guarded
 from ui.panels.picture import Picture
 from ui.panels.state import Notice, PanelState
@@ -134,6 +132,7 @@ class Shell:
         self._tables = TableFeed(context)
         self._brdf = BrdfFeed(context, self._brdf_board, self._picture, self._tables)
         self._escape_is_imguis = False
+        self._focus_comes_in = 0
         self._frame_ms = 0.0
         self._record, self._error_overlay = Record(), ErrorOverlay(context)
         self._prepared: bool | None = None
@@ -169,14 +168,6 @@ class Shell:
 
     def _save_picture(self, action: SavePicture) -> None:
         """What is shown now, taken at once and written by a thread."""
-        if action.path.suffix.lower() not in ENDINGS["save_picture"]:
-            self.editor.notify(f"{action.path}: the name of a picture ends in .png or .exr", True)
-            return
-        try:
-            require_place(action.path)
-        except InsituError as error:
-            self.editor.notify(str(error), True)
-            return
         still = None if self.source is None else self.source.still(self.editor)
         if still is None:
             self.editor.notify("there is no picture yet to be saved", True)
@@ -278,7 +269,9 @@ class Shell:
     def _pass(self, now: float) -> tuple[list[Action], Outcome]:
         """Let the panels answer the next events."""
         keys_taken, self._escape_is_imguis = escape.keys_are_taken(), escape.is_imguis()
-        self.events.hand_over()
+        # imgui gives a field the keyboard in the pass after that in which the dialog asks for it.
+        self.events.hand_over(escape.is_typing(), waits=self._focus_comes_in > 0)
+        self._focus_comes_in = max(self._focus_comes_in - 1, 0)
         self._docking.make_room(self.state.front)
         if not keys_taken:  # else imgui would step to a control of the panel that was last in use, too
             imgui.internal.set_key_owner(imgui.Key.home, SHORTCUT_OWNER)
@@ -296,6 +289,8 @@ class Shell:
         actions = [*requested, *self._panels(context), *self._refusal(now)]
         self.handles.end_frame()
         outcome = self.actor.perform(actions, replace(self.state, front=self._front), now)
+        if outcome.state.question != self.state.question and outcome.state.question and outcome.state.question.focus:
+            self._focus_comes_in = 2
         self.state = outcome.state
         if outcome.reset_layout:
             self._docking.reset()
@@ -429,6 +424,9 @@ class Shell:
     def _take_message(self, now: float) -> None:
         """Show what the editor has to say, once; the same may be said again."""
         status = self.editor.status
+        question = self.state.question
+        if question is not None and question.refusal and status.message.endswith(question.refusal):
+            self._seen_message = status.message_number  # the file dialog says it
         if status.message_number != self._seen_message:
             said = spoken(self.editor.document, status.message)
             self.state = replace(self.state, notice=Notice(said, now, status.is_error))

@@ -66,16 +66,16 @@ def test_the_browser_lists_folders_first_and_hides_the_rest(tmp_path: Path) -> N
 
 
 def test_answers_become_actions(tmp_path: Path) -> None:
-    save, _ = answer(FileQuestion("save_session", tmp_path), tmp_path / "work")
-    assert save == SaveSession(tmp_path / "work.insitu")
-    opened, _ = answer(FileQuestion("open_scene", tmp_path), tmp_path / "scene.toml")
-    assert opened == OpenFile(str(tmp_path / "scene.toml"))
-    imported, _ = answer(FileQuestion("open_measured", tmp_path), tmp_path / "nickel.binary")
-    assert imported == ImportMeasured(tmp_path / "nickel.binary")
-    cloth, _ = answer(FileQuestion("open_measured", tmp_path, cloth=True), tmp_path / "velvet.binary")
-    assert cloth == ImportMeasured(tmp_path / "velvet.binary", cloth=True)
-    exported, _ = answer(FileQuestion("save_measured", tmp_path), tmp_path / "copper")
-    assert exported == ExportMeasured(tmp_path / "copper.binary")
+    save = answer(FileQuestion("save_session", tmp_path), tmp_path / "work")
+    assert save.action == SaveSession(tmp_path / "work.insitu")
+    opened = answer(FileQuestion("open_scene", tmp_path), tmp_path / "scene.toml")
+    assert opened.action == OpenFile(str(tmp_path / "scene.toml"))
+    imported = answer(FileQuestion("open_measured", tmp_path), tmp_path / "nickel.binary")
+    assert imported.action == ImportMeasured(tmp_path / "nickel.binary")
+    cloth = answer(FileQuestion("open_measured", tmp_path, cloth=True), tmp_path / "velvet.binary")
+    assert cloth.action == ImportMeasured(tmp_path / "velvet.binary", cloth=True)
+    exported = answer(FileQuestion("save_measured", tmp_path), tmp_path / "copper")
+    assert exported.action == ExportMeasured(tmp_path / "copper.binary")
 
 
 def test_names_are_suggested() -> None:

@@ -26,6 +26,14 @@ class BeginDrag:
 
 
 @dataclass(frozen=True)
+class AnswerQuestion:
+    """Do with the chosen file what was asked for, and close the file dialog; it stays where that is refused."""
+
+    path: Path
+    action: Action
+
+
+@dataclass(frozen=True)
 class EndDrag:
     """The hand let go."""
 
@@ -306,6 +314,6 @@ WindowAction = (
     | Hold | Undo | Redo | Select | SetPanel | OpenFile | OpenImage | AskFile
     | ReloadImages | SaveSession | SavePicture | ImportMeasured | ExportMeasured | ExportScene | Screenshot
     | SaveMaterial | DeleteMaterial | Copy | Paste | Recover | Leave | Resize | ShowPanel | ResetLayout | CancelWork
-    | ResumeWork | Quit
+    | ResumeWork | Quit | AnswerQuestion
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

@@ -19,6 +19,7 @@ from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import (
     Action,
+    AnswerQuestion,
     ExportMeasured,
     ExportScene,
     ImportMeasured,
@@ -73,6 +74,7 @@ MEASURED_CHOICES = (
 )
 MOST_ENTRIES = 2000
 WIDTH, HEIGHT = 560.0, 420.0
+PATH_FLAGS = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,8 @@ def draw(context: PanelContext) -> list[Action]:
 def _contents(context: PanelContext, question: FileQuestion) -> list[Action]:
     actions = _folder_line(context, question)
     choice = {"open_measured": _measured_line, "save_picture": _picture_line}.get(question.purpose)
-    footer = (1 if choice is None else 2) * imgui.get_frame_height_with_spacing() + context.px(6)
+    n_lines = 1 + (choice is not None) + bool(question.refusal)
+    footer = n_lines * imgui.get_frame_height_with_spacing() + context.px(6)
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
     end = ImVec2(corner.x + room.x, corner.y + room.y - footer)
     imgui.get_window_draw_list().add_rect_filled(corner, end, look.pack(look.WELL), context.px(4))
@@ -130,7 +133,18 @@ def _contents(context: PanelContext, question: FileQuestion) -> list[Action]:
     imgui.end_child()
     if choice is not None:
         actions += choice(context, question)
+    if question.refusal:
+        _refusal_line(question.refusal)
     return actions + _name_line(context, question)
+
+
+def _refusal_line(refusal: str) -> None:
+    """What is wrong with what was entered."""
+    imgui.align_text_to_frame_padding()
+    imgui.push_style_color(imgui.Col_.text, look.pack(look.BAD))
+    imgui.text_unformatted(widgets.shortened(refusal, imgui.get_content_region_avail().x))
+    imgui.pop_style_color()
+    widgets.tooltip(refusal)
 
 
 def _measured_line(context: PanelContext, question: FileQuestion) -> list[Action]:
@@ -161,14 +175,26 @@ def _folder_line(context: PanelContext, question: FileQuestion) -> list[Action]:
     parent = question.folder.parent
     hint = "The folder above."
     if widgets.text_button(context, "files.up", "Up", hint, enabled=parent != question.folder):
-        actions.append(_asked(replace(question, folder=parent)))
+        actions.append(_asked(_in_folder(question, parent)))
     imgui.same_line()
     imgui.set_next_item_width(-1.0)
-    changed, typed = imgui.input_text("##folder", str(question.folder), imgui.InputTextFlags_.enter_returns_true)
+    if question.focus == "folder":
+        imgui.set_keyboard_focus_here()
+        actions.append(_asked(replace(question, focus="")))
+    shown = question.typed or str(question.folder)
+    confirmed, typed = imgui.input_text("##folder", shown, PATH_FLAGS)
+    context.handles.note_item("files.folder")
     widgets.tooltip("The folder shown; type another and press Enter.")
-    if changed and os.path.isdir(folder := os.path.expanduser(typed)):
-        actions.append(_asked(replace(question, folder=Path(folder))))
-    return actions
+    if not confirmed:
+        return actions
+    if os.path.isdir(folder := os.path.expanduser(typed)):
+        return [_asked(_in_folder(question, Path(folder)))]
+    return [_asked(replace(question, typed=typed, refusal="there is no such folder", focus="folder"))]
+
+
+def _in_folder(question: FileQuestion, folder: Path) -> FileQuestion:
+    """The question with another folder shown, and nothing refused any more."""
+    return replace(question, folder=folder, typed="", refusal="")
 
 
 def _entry(context: PanelContext, question: FileQuestion, entry: DirectoryEntry) -> list[Action]:
@@ -177,20 +203,20 @@ def _entry(context: PanelContext, question: FileQuestion, entry: DirectoryEntry)
     if not pressed:
         return []
     if entry.is_folder:
-        return [_asked(replace(question, folder=entry.path))] if imgui.is_mouse_double_clicked(0) else []
-    if imgui.is_mouse_double_clicked(0):
-        return answer(question, entry.path)
-    return [_asked(replace(question, name=entry.path.name))]
+        return [_asked(_in_folder(question, entry.path))] if imgui.is_mouse_double_clicked(0) else []
+    chosen = replace(question, name=entry.path.name, refusal="")
+    return [_asked(chosen), *([answer(chosen, entry.path)] if imgui.is_mouse_double_clicked(0) else [])]
 
 
 def _name_line(context: PanelContext, question: FileQuestion) -> list[Action]:
+    asked = question
     verb, hint = _verb(question)
     width = imgui.calc_text_size(verb).x + 2 * imgui.get_style().frame_padding.x
     imgui.set_next_item_width(imgui.get_content_region_avail().x - width - imgui.get_style().item_spacing.x)
-    if imgui.is_window_appearing():
+    if question.focus == "name":
         imgui.set_keyboard_focus_here()
-    flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
-    confirmed, typed = imgui.input_text("##name", question.name, flags)
+        question = replace(question, focus="")
+    confirmed, typed = imgui.input_text("##name", question.name, PATH_FLAGS)
     context.handles.note_item("files.name")
     widgets.tooltip("The file's name, or a path to it.")
     imgui.same_line()
@@ -198,8 +224,12 @@ def _name_line(context: PanelContext, question: FileQuestion) -> list[Action]:
     if (pressed or confirmed) and typed:
         imgui.set_nav_cursor_visible(False)  # imgui would frame a control of the panel that was last in use
         path = question.folder / os.path.expanduser(typed)
-        return [_asked(replace(question, folder=path, name=""))] if os.path.isdir(path) else answer(question, path)
-    return [_asked(replace(question, name=typed))] if typed != question.name else []
+        if os.path.isdir(path):
+            return [_asked(replace(_in_folder(question, path), name="", focus="name"))]
+        return [_asked(replace(question, name=typed)), answer(question, path)]
+    refusal = question.refusal if typed == question.name else ""
+    edited = replace(question, name=typed, refusal=refusal)
+    return [_asked(edited)] if edited != asked else []
 
 
 def _verb(question: FileQuestion) -> tuple[str, str]:
@@ -216,11 +246,11 @@ def _named(question: FileQuestion, name: str) -> str:
     return name if Path(name).suffix else f"{name}{ENDINGS[question.purpose][0]}"
 
 
-def answer(question: FileQuestion, path: Path) -> list[Action]:
-    """What the person decided, and the browser closed. The name of what is saved gets its ending."""
+def answer(question: FileQuestion, path: Path) -> AnswerQuestion:
+    """What the user decided. The name of what is saved gets its ending."""
     purpose = question.purpose
     if question.key:
-        return [OpenImage(path, question.key, purpose.removeprefix("open_")), SetPanel({"question": None})]
+        return AnswerQuestion(path, OpenImage(path, question.key, purpose.removeprefix("open_")))
     if purpose.startswith("save"):
         path = path.with_name(_named(question, path.name))
     actions: dict[str, Action] = {
@@ -228,7 +258,7 @@ def answer(question: FileQuestion, path: Path) -> list[Action]:
         "save_session": SaveSession(path), "save_picture": SavePicture(path, question.deep),
         "save_scene": ExportScene(path),
     }  # fmt: skip
-    return [actions.get(purpose, OpenFile(str(path))), SetPanel({"question": None})]
+    return AnswerQuestion(path, actions.get(purpose, OpenFile(str(path))))
 
 
 def _asked(question: FileQuestion) -> Action:

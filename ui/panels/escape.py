@@ -23,7 +23,12 @@ def keys_are_taken() -> bool:
     state = imgui.get_current_context()
     if state.open_popup_stack.size() > 0 or state.nav_layer == imgui.internal.NavLayer.menu:
         return True
-    # It wants text for a pass longer than there is a field.
+    return is_typing()
+
+
+def is_typing() -> bool:
+    """Whether a field takes text, asked before a pass."""
+    # imgui wants text for a pass longer than there is a field.
     return imgui.get_io().want_text_input and imgui.internal.get_active_id() != 0
 
 

@@ -110,7 +110,11 @@ class Notice:
 @dataclass(frozen=True)
 class FileQuestion:
     """A file is being asked for: why (a key of `ui.panels.dialogs.TITLES`), where, and the name so far; of an
-    image for which layer, of a measurement whether it becomes cloth, of a picture whether it has 16 bits."""
+    image for which layer, of a measurement whether it becomes cloth, of a picture whether it has 16 bits.
+
+    refusal: what is wrong with what was entered last, "" where nothing is. typed: the folder entered in vain, in the
+    place of the one that is shown. focus: the field that is about to take the keyboard, "name" or "folder"; "": none.
+    """
 
     purpose: str
     folder: Path
@@ -118,6 +122,9 @@ class FileQuestion:
     key: str = ""
     cloth: bool = False
     deep: bool = False
+    refusal: str = ""
+    typed: str = ""
+    focus: str = "name"
 
 
 @dataclass(frozen=True)
