@@ -17,6 +17,8 @@ Texels = NDArray[np.float32]
 Indices = NDArray[np.int64]
 
 _LONGEST = 1e6  # texels: beyond, a footprint is the whole image anyway
+_AT_ONCE = 64  # pixels
+_ROOT_OF_2 = math.sqrt(2.0)
 
 
 class Levels(NamedTuple):
@@ -79,11 +81,11 @@ def _turned(levels: Levels, u: float, v: float):  # type: ignore[no-untyped-def]
 def _texel(levels: Levels, i: int, n: int, u: float, v: float):  # type: ignore[no-untyped-def]
     """Level i at a place, in n channels, as lanes: bilinear; texels are where their middles are."""
     t, height, width, first = levels.texels, levels.sizes[i, 0], levels.sizes[i, 1], levels.first[i]
-    x, y = _within(u, levels.wrap_u) * width - 0.5, (1.0 - _within(v, levels.wrap_v)) * height - 0.5
-    left, top = math.floor(x), math.floor(y)
-    right, down = lanes.even(np.float32(x - left)), lanes.even(np.float32(y - top))
-    x0, y0 = _around(int(left), width, levels.wrap_u), _around(int(top), height, levels.wrap_v)
-    x1, y1 = _around(int(left) + 1, width, levels.wrap_u), _around(int(top) + 1, height, levels.wrap_v)
+    x, y = _within(u, levels.wrap_u) * width + 0.5, (1.0 - _within(v, levels.wrap_v)) * height + 0.5
+    x1, y1 = int(x), int(y)  # rounded down, as neither is negative
+    right, down = lanes.even(np.float32(x - x1)), lanes.even(np.float32(y - y1))
+    x0, y0 = _around(x1 - 1, width, levels.wrap_u), _around(y1 - 1, height, levels.wrap_v)
+    x1, y1 = _around(x1, width, levels.wrap_u), _around(y1, height, levels.wrap_v)
     upper, lower = first + y0 * width, first + y1 * width
     above, below = lanes.floats(t, n * (upper + x0)), lanes.floats(t, n * (lower + x0))
     above = lanes.plus_product(above, right, lanes.minus(lanes.floats(t, n * (upper + x1)), above))
@@ -119,39 +121,76 @@ def fill_at(levels: Levels, uv: Floats, depths: Floats, out: Texels) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _find_footprints(
+    start: int, count: int, levels: Levels, uv: Floats, across: Floats, down: Floats, repeats: tuple[float, float],
+    most_probes: int, out: Floats,
+) -> None:  # fmt: skip
+    """Fill the first `count` columns of out (6, M), of pixels from `start` on, see `fill_over`: u and v of their
+    middles; along u and v the longer axis of the ellipse that each covers; the shorter one, in texels, or what of the
+    longer one falls to a look-up; and how much longer the longer one is. Without branches: several at once."""
+    height, width = levels.sizes[0, 0], levels.sizes[0, 1]
+    cosine, sine, (times_u, times_v) = levels.cosine, levels.sine, repeats
+    for k in range(count):
+        j = start + k
+        right_u, right_v, down_u, down_v = across[j, 0], across[j, 1], down[j, 0], down[j, 1]
+        right_u, right_v, down_u, down_v = right_u * times_u, right_v * times_v, down_u * times_u, down_v * times_v
+        ax, ay = (cosine * right_u - sine * right_v) * width, (sine * right_u + cosine * right_v) * height
+        bx, by = (cosine * down_u - sine * down_v) * width, (sine * down_u + cosine * down_v) * height
+        ax, ay, bx, by = _bounded(ax), _bounded(ay), _bounded(bx), _bounded(by)
+        # Of the ellipse with these conjugate diameters, the longer diameter and the lengths of both.
+        xx, yy, xy = ax * ax + bx * bx, ay * ay + by * by, ax * ay + bx * by
+        half = 0.5 * (xx - yy)
+        spread = math.sqrt(half * half + xy * xy)
+        longer = math.sqrt(max(0.5 * (xx + yy) + spread, 0.0))
+        shorter = abs(ax * by - ay * bx) / max(longer, 1e-30)
+        twice = half / spread if spread > 0.0 else 1.0  # the cosine of twice the longer one's angle
+        u, v = uv[j, 0] * times_u, uv[j, 1] * times_v
+        out[0, k] = cosine * u - sine * v + levels.offset_u
+        out[1, k] = sine * u + cosine * v + levels.offset_v
+        out[2, k] = longer * math.sqrt(max(0.5 + 0.5 * twice, 0.0)) / width
+        out[3, k] = math.copysign(longer * math.sqrt(max(0.5 - 0.5 * twice, 0.0)), xy) / height
+        out[4, k] = max(shorter, longer / most_probes)
+        out[5, k] = longer / max(shorter, 1.0)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _nearest_level(wide: float, n_levels: int) -> int:
+    """That whose texels are as wide as so many of the first, on a scale of powers."""
+    level, limit = 0, _ROOT_OF_2
+    while wide >= limit and level < n_levels - 1:
+        level += 1
+        limit *= 2.0
+    return level
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def fill_over(
     start: int, stop: int, levels: Levels, uv: Floats, across: Floats, down: Floats, repeats: tuple[float, float],
     most_probes: int, is_quick: bool, out: Texels,
 ) -> None:  # fmt: skip
     """Fill out[start:stop] of (N, C): means over pixels at (N, 2) whose sides are across and down (N, 2), all of them
     times repeats; is_quick: of one level, and not of what lies between two."""
-    four = np.empty(4, np.float32)
-    height, width = levels.sizes[0, 0], levels.sizes[0, 1]
-    for j in range(start, stop):
-        ax, ay = _turned(levels, across[j, 0] * repeats[0], across[j, 1] * repeats[1])
-        bx, by = _turned(levels, down[j, 0] * repeats[0], down[j, 1] * repeats[1])
-        ax, ay = _bounded(ax * width), _bounded(ay * height)
-        bx, by = _bounded(bx * width), _bounded(by * height)
-        # Of the ellipse with these conjugate diameters, the longer diameter and the lengths of both.
-        xx, yy, xy = ax * ax + bx * bx, ay * ay + by * by, ax * ay + bx * by
-        spread = math.sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)
-        longer = math.sqrt(max(0.5 * (xx + yy) + spread, 0.0))
-        shorter = abs(ax * by - ay * bx) / max(longer, 1e-30)
-        n = min(max(int(math.ceil(longer / max(shorter, 1.0) - 1e-3)), 1), most_probes)
-        wide = max(shorter, longer / most_probes)
-        depth = math.log2(wide) if wide > 1.0 else 0.0
-        if is_quick:
-            depth = math.floor(depth + 0.5)
-        u, v = _turned(levels, repeats[0] * uv[j, 0], repeats[1] * uv[j, 1])
-        u, v = _finite(u + levels.offset_u), _finite(v + levels.offset_v)
-        twice = 0.5 * (xx - yy) / spread if spread > 0.0 else 1.0  # the cosine of twice the longer one's angle
-        du = longer * math.sqrt(max(0.5 + 0.5 * twice, 0.0)) / levels.sizes[0, 1]
-        dv = math.copysign(longer * math.sqrt(max(0.5 - 0.5 * twice, 0.0)), xy) / levels.sizes[0, 0]
-        share, total = lanes.even(np.float32(1.0 / n)), lanes.zeros()
-        for i in range(n):
-            place = (i + 0.5) / n - 0.5
-            found = _at_depth(levels, out.shape[1], depth, u + place * du, v + place * dv)
-            total = lanes.plus_product(total, share, found)
-        lanes.store(four, 0, total)
-        for channel in range(out.shape[1]):
-            out[j, channel] = four[channel]
+    four, found = np.empty(4, np.float32), np.empty((6, _AT_ONCE))
+    for begin in range(start, stop, _AT_ONCE):
+        count = min(_AT_ONCE, stop - begin)
+        _find_footprints(begin, count, levels, uv, across, down, repeats, most_probes, found)
+        for k in range(count):
+            u, v, du, dv, wide = _finite(found[0, k]), _finite(found[1, k]), found[2, k], found[3, k], found[4, k]
+            n = min(max(int(math.ceil(found[5, k] - 1e-3)), 1), most_probes)
+            step = 1.0 / n
+            share, total = lanes.even(np.float32(step)), lanes.zeros()
+            if is_quick:
+                level = _nearest_level(wide, len(levels.sizes))
+                for i in range(n):
+                    place = (i + 0.5) * step - 0.5
+                    texel = _texel(levels, level, out.shape[1], u + place * du, v + place * dv)
+                    total = lanes.plus_product(total, share, texel)
+            else:
+                depth = math.log2(wide) if wide > 1.0 else 0.0
+                for i in range(n):
+                    place = (i + 0.5) * step - 0.5
+                    texel = _at_depth(levels, out.shape[1], depth, u + place * du, v + place * dv)
+                    total = lanes.plus_product(total, share, texel)
+            lanes.store(four, 0, total)
+            for channel in range(out.shape[1]):
+                out[begin + k, channel] = four[channel]

@@ -131,3 +131,17 @@ def test_no_pixel_takes_more_look_ups_than_the_most() -> None:
     pyramid = make_pyramid(ramp)
     found = over(pyramid, np.array([[0.5, 0.5]]), (1000 / 2048, 0.0), (0.0, 1e-4))
     assert found[0, 0] == pytest.approx(0.5, abs=1e-3) and MOST_PROBES == 16
+
+
+def test_a_quick_look_up_is_of_the_nearest_level() -> None:
+    chance = np.random.default_rng(6)
+    transform = TextureTransform(30.0, (0.2, -0.3), ("mirror", "repeat"))
+    image = make_pyramid(chance.random((32, 32, 3))).under(transform)
+    n = 150  # more than are prepared at once, and not a multiple of that
+    uv, wide = chance.random((n, 2)) * 3.0 - 1.0, 2.0 ** chance.uniform(-1.0, 6.0, n)  # texels
+    side = np.zeros((2, n, 2))
+    side[0, :, 0] = side[1, :, 1] = wide / 32.0
+    level = np.clip(np.rint(np.log2(wide)), 0.0, 5.0)
+    quick = image.over(uv, side[0], side[1], 2, is_quick=True)
+    np.testing.assert_allclose(quick, image.at(uv, level), atol=1e-5)
+    assert np.abs(quick - image.over(uv, side[0], side[1], 2)).max() > 0.05  # that between two levels is another
