@@ -26,6 +26,7 @@ from app.stills import wanted_bounces
 from engine.indirect.beyond import BRIGHTEST, held
 from engine.indirect.fineness import STILL
 from engine.indirect.light import IndirectLight
+from engine.indirect.representation import GatherPolynomial
 from engine.indirect.series import BounceSeries
 from engine.material.layer import Layer, object_of
 from engine.material.maps import Images
@@ -79,6 +80,17 @@ class _KeptLayer:
     radiance: NDArray[np.floating] | None = None
 
 
+@dataclass(eq=False)
+class _KeptIndirect:
+    """Indirect light, what of its reflection no curve changes, and its part of the picture (P, 3) as it was last."""
+
+    key: Key
+    light: IndirectLight
+    polynomial: GatherPolynomial
+    layers: Key = ()
+    radiance: NDArray[np.float32] | None = None
+
+
 class PlacementPictures:
     """Pictures of one scene; see the module."""
 
@@ -88,7 +100,7 @@ class PlacementPictures:
         self._layers: dict[str, _KeptLayer] = {}
         self._planned: dict[str, tuple[Layer, LayerPlan]] = {}
         self._seen: dict[tuple[int, Images], SeenMaps] = {}
-        self._indirect: tuple[Key, IndirectLight] | None = None
+        self._indirect: _KeptIndirect | None = None
         self._bounces: tuple[Key, int] | None = None
 
     def picture(self, project: Project, n_bounces: int | None = None, draft: bool = False) -> Picture:
@@ -107,8 +119,8 @@ class PlacementPictures:
         view, light = self._made()
         indirect = noise = None
         if n > 1 and self._indirect is not None:
-            indirect = finish(reflected_light(self._indirect[1], layers, None, view.placement.hits))
-            noise = finish(noise_in(self._indirect[1], layers, None))
+            indirect = self._indirect.radiance
+            noise = finish(noise_in(self._indirect.light, layers, None))
         of = view.placement, layers, light.sky, light.quality, n, radiance.astype(np.float64), indirect
         return finish(estimate_error(*of, noise=noise))
 
@@ -229,13 +241,19 @@ class PlacementPictures:
         view, light = self._made()
         models = tuple((key, layer.model.name) for key, layer in project.layers.items())
         key = (light.key, models, n_bounces, plan.n_rays)
-        if self._indirect is None or self._indirect[0] != key:
+        kept = self._indirect
+        if kept is None or kept.key != key:
             finding = find_indirect(
                 view.placement, layers, light.sky, BounceSeries(n_bounces), STILL.with_rays(plan.n_rays),
                 not plan.n_rays,
             )  # fmt: skip
-            self._indirect = key, finish(finding)
-        return finish(reflected_light(self._indirect[1], layers, None, view.placement.hits))
+            found = finish(finding)
+            self._indirect = kept = _KeptIndirect(key, found, GatherPolynomial(found))
+        edited = tuple(project.layers.items()), tuple(each.bands for each in layers)
+        if kept.radiance is None or kept.layers != edited:
+            reflecting = reflected_light(kept.light, layers, None, view.placement.hits, kept.polynomial)
+            kept.layers, kept.radiance = edited, finish(reflecting)
+        return kept.radiance
 
 
 def _lines_of(project: Project, layers: dict[str, Layer]) -> dict[str, Any]:

@@ -73,13 +73,14 @@ class GatherPolynomial:
     second curve or bands at the second bounce would multiply it again.
     """
 
-    def __init__(self, light: IndirectLight) -> None:
-        self._light = light
+    def __init__(self, light: IndirectLight, keeps: bool = True) -> None:
+        """keeps: what does not depend on curves, for the next freezing."""
+        self._light, self._keeps = light, keeps
         self._fans: dict[int, Fans] = {}
 
     def under(self, light: IndirectLight) -> GatherPolynomial:
         """The same for other light, which keeps what is known of the rays if these are the same."""
-        other = GatherPolynomial(light)
+        other = GatherPolynomial(light, self._keeps)
         if light.points.gathered is self._light.points.gathered:
             other._fans = self._fans
         return other
@@ -108,5 +109,5 @@ class GatherPolynomial:
 
     def _fans_of(self, i_object: int) -> Fans:
         if i_object not in self._fans:
-            self._fans[i_object] = self._light.points.fans(i_object, keeps=True)
+            self._fans[i_object] = self._light.points.fans(i_object, keeps=self._keeps)
         return self._fans[i_object]

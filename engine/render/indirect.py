@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect.beyond import in_full
+from engine.indirect.beyond import held, in_full
 from engine.indirect.fineness import STILL, Fineness
-from engine.indirect.layers import IndirectLayer, indirect_layer
+from engine.indirect.gather import object_of_rows
+from engine.indirect.layers import IndirectLayer, indirect_layer, seen_from
 from engine.indirect.light import IndirectLight
-from engine.indirect.reflection import SentLight
+from engine.indirect.representation import GatherPolynomial
 from engine.indirect.series import BounceSeries
 from engine.indirect.solver import Solver
 from engine.material.layer import Layer
@@ -49,22 +50,42 @@ def find_indirect(
 
 
 def reflected_light(
-    found: IndirectLight, layers: Sequence[StillLayer], second: int | None, hits: PrimaryHits
-) -> Generator[None, None, NDArray[np.float32]]:
+    found: IndirectLight, layers: Sequence[StillLayer], second: int | None, hits: PrimaryHits,
+    polynomial: GatherPolynomial | None = None,
+) -> Generator[None, None, NDArray[np.float32]]:  # fmt: skip
     """The same of light that was found, in steps; second: the most bands of the second bounce, as a
-    `BounceSeries` has them.
+    `BounceSeries` has them; polynomial: of the same rays, which keeps what no curve changes for the next time.
 
     Layers with images one by one: what they reflect varies slowly between gather points, the images do not."""
     reflecting = indirect_layers(layers, second)
     found = found.by_albedo() if second == 1 else found
-    light = found.sent(reflecting)
-    yield
+    polynomial = GatherPolynomial(found, keeps=False) if polynomial is None else polynomial.under(found)
+    frozen = yield from polynomial.freeze(reflecting)
+    gather_points = found.points.gathered.points
+    objects = object_of_rows(hits, gather_points)
+
+    def at_points(i: int, layer: IndirectLayer) -> NDArray[np.float32]:
+        """Radiance (p, 3) of layer i at the gather points."""
+        out = np.zeros((len(gather_points), 3), np.float32)
+        mine = np.flatnonzero(objects == layer.i_object)
+        with np.errstate(over="ignore"):
+            out[mine] = frozen.reflected[i][:, 0] * seen_from(hits, gather_points[mine], layer)
+        return out
+
+    def at_pixels(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
+        rows, weights = found.footprint
+        return in_full(np.einsum("pk,pkc->pc", weights, held(radiance)[rows]), found.unit)
+
     pairs = list(zip(layers, reflecting, strict=True))
-    total = yield from _reflected(found, [seen for each, seen in pairs if each.seen is None], light)
-    for each, seen in pairs:
+    plain = np.zeros((len(gather_points), 3), np.float32)
+    for i, (each, layer) in enumerate(pairs):
+        if each.seen is None:
+            plain += at_points(i, layer)
+    total = at_pixels(plain)
+    for i, (each, layer) in enumerate(pairs):
         begin, end = hits.object_ranges[each.i_object]
         if (factor := each.factor(hits, np.arange(begin, end))) is not None:
-            alone = yield from _reflected(found, [replace(seen, gain=each.layer.scale())], light)
+            alone = at_pixels(at_points(i, replace(layer, gain=each.layer.scale())))
             total[begin:end] += alone[begin:end] * factor
     return total
 
@@ -75,15 +96,6 @@ def noise_in(found: IndirectLight, layers: Sequence[StillLayer], second: int | N
     found = found.by_albedo() if second == 1 else found
     relative, mean = yield from found.noise(indirect_layers(layers, second))
     return relative * mean
-
-
-def _reflected(
-    found: IndirectLight, layers: Sequence[IndirectLayer], light: SentLight
-) -> Generator[None, None, NDArray[np.float32]]:
-    """What some layers reflect of light that all of them sent, (P, 3)."""
-    at_points = yield from found.points.reflected(layers, light)
-    rows, weights = found.footprint
-    return in_full(np.einsum("pk,pkc->pc", weights, at_points[rows]), found.unit)
 
 
 def direct_mean(

@@ -12,6 +12,9 @@ import pytest
 
 import insitu
 from app.interface import placement
+from engine.indirect import reflection
+from engine.render.indirect import reflected_light
+from engine.steps import finish
 from tests.scene_text import camera, placed
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -111,6 +114,30 @@ def test_transport_is_made_anew_only_where_it_must_be(file: Path, monkeypatch: p
     scene.light.rotation = 30.0
     scene.image()
     assert len(made) == 3
+
+
+def test_light_that_bounces_is_frozen_between_edits(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After an edit how layers weigh rays is not found again, and the sum is that of rays of which nothing is kept."""
+    aimed: list[int] = []
+    original = reflection.Aim
+    monkeypatch.setattr(reflection, "Aim", lambda *a: aimed.append(1) or original(*a))
+    scene = insitu.open(file)
+    first = scene.image(bounces=3)
+    aimed.clear()
+    scene["ball"]["gloss"]["theta_h"].amplify(y=2.0)
+    edited = scene.image(bounces=3)
+    assert aimed == [] and (edited != first).any()
+    pictures = scene._pictures._placement
+    kept, hits = pictures._indirect, pictures._made()[0].placement.hits
+    assert kept is not None and kept.radiance is not None
+    _, layers, _ = pictures._radiance(scene._project, 3)
+    assert aimed == []
+    unfrozen = finish(reflected_light(kept.light, layers, None, hits))
+    assert len(aimed) == 3  # layers
+    np.testing.assert_allclose(kept.radiance, unfrozen, rtol=1e-6, atol=1e-7)
+    scene["ball"]["gloss"].alpha = 0.3
+    scene.image(bounces=3)
+    assert len(aimed) == 3 + 1
 
 
 def test_other_modes_show_the_same_scene(file: Path) -> None:
