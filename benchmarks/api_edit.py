@@ -2,9 +2,8 @@
 
     .venv/bin/python benchmarks/api_edit.py [--scene teatray] [--resolution 512] [--edits 30] [--bounces N]
 
-Each edit sets one operator of the sharpest curve of the scene's glossiest layer to other regions and another height, as
-a drag does, and asks for the picture. The first edits, which make the planes of transport along that curve, are left
-out. Prints median and worst, wall time and the processors' time, as JSON. Run it on a machine that is otherwise idle.
+The edits are those of `app.measure.api_edits`. Prints median and worst, wall time and the processors' time, as JSON.
+Run it on a machine that is otherwise idle.
 """
 
 from __future__ import annotations
@@ -12,35 +11,11 @@ from __future__ import annotations
 import argparse
 import json
 import statistics
-import time
 from pathlib import Path
 
 import insitu
-
-LIMIT_MS = 20.0
-SKIPPED = 2
-
-
-def measure(scene: insitu.Scene, n_edits: int, bounces: int | None) -> dict[str, float]:
-    """Milliseconds of edit and picture together."""
-    layers = [scene[name][layer] for name in scene for layer in scene[name]]
-    curves = [layer[factor] for layer in layers for factor in layer if layer.model != "lambert"]
-    curve = curves[0]
-    scene.image(bounces=bounces)
-    wall, processors = [], []
-    for i in range(n_edits + SKIPPED):
-        started, before = time.perf_counter(), time.process_time()
-        reach = 0.1 + 0.02 * (i % 12)
-        curve.operators = [insitu.Operator("amplify", "y", 0.0, 0.0, reach, reach + 0.3, 1.1 + 0.05 * (i % 7))]
-        scene.image(bounces=bounces)
-        wall.append(1e3 * (time.perf_counter() - started))
-        processors.append(1e3 * (time.process_time() - before))
-    wall, processors = wall[SKIPPED:], processors[SKIPPED:]
-    return {
-        "api_edit_ms": statistics.median(wall),
-        "api_edit_worst_ms": max(wall),
-        "api_edit_processor_ms": statistics.median(processors),
-    }
+from app.measure.api_edits import edit_times
+from app.measure.figures import SPECS
 
 
 def main() -> None:
@@ -52,8 +27,14 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path)
     options = parser.parse_args()
     scene = insitu.open(options.scene, resolution=(options.resolution, options.resolution))
-    figures = measure(scene, options.edits, options.bounces)
-    text = json.dumps({**figures, "limit_ms": LIMIT_MS, "scene": options.scene, "resolution": options.resolution})
+    wall_ms, cpu_ms = edit_times(scene, options.edits, options.bounces)
+    figures = {
+        "api_edit_ms": statistics.median(wall_ms),
+        "api_edit_worst_ms": max(wall_ms),
+        "api_edit_processor_ms": statistics.median(cpu_ms),
+        "limit_ms": SPECS["api_edit_ms"].limit,
+    }
+    text = json.dumps({**figures, "scene": options.scene, "resolution": options.resolution})
     print(text)
     if options.output:
         options.output.write_text(text + "\n", encoding="utf-8")

@@ -3,6 +3,7 @@
     subject ─► speed (against brute force) ─┐
             ─► sweep (against the oracle) ──┼─► figures.json, sweep.csv, plots
             ─► launches (window, renderer) ─┤
+    teatray ─► edits in Python ─────────────┤
     cornell, room ─► indirect light ────────┤
     teatray, bunny ─► edges ────────────────┤
     stairwell, ajar, storeroom ─► rooms ────┤
@@ -31,6 +32,7 @@ import numpy as np
 
 from app.machine.atomic import make_folder_of, require_place
 from app.measure.accuracy import REFERENCES, Errors, reference_errors, reference_folder
+from app.measure.api_edits import ApiEditEffort, api_edit_figures
 from app.measure.deform import DeformEffort, deform_figures
 from app.measure.edges import EdgeEffort, edge_figures
 from app.measure.figures import Figure, NotMeasured, not_measured, summary_lines, write_figures
@@ -97,6 +99,7 @@ class Effort:
     deform: DeformEffort | None = field(default_factory=DeformEffort)
     relight: RelightEffort | None = field(default_factory=RelightEffort)
     turning: TurningEffort | None = field(default_factory=TurningEffort)
+    api_edits: ApiEditEffort | None = field(default_factory=ApiEditEffort)
     planning: PlanEffort | None = field(default_factory=PlanEffort)
     visibility: VisibilityEffort = field(default_factory=VisibilityEffort)
     knobs: KnobEffort = field(default_factory=KnobEffort)
@@ -106,7 +109,7 @@ FULL = Effort("full")
 VISIBILITY_RESOLUTION = 512, 512
 QUICKLY = Effort(
     "quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK, INDIRECT_QUICKLY, edges=None, rooms=None, gloss=None,
-    orbit=None, deform=None, relight=None, turning=None, visibility=VISIBILITY_QUICKLY,
+    orbit=None, deform=None, relight=None, turning=None, api_edits=None, visibility=VISIBILITY_QUICKLY,
     knobs=KNOBS_QUICKLY, planning=None,
 )  # fmt: skip
 
@@ -158,6 +161,7 @@ def _measured_figures(source: str, output: Path, effort: Effort, report: Callabl
     figures += gloss_figures(effort.gloss, report)
     figures += orbit_figures(effort.orbit, output, report)
     figures += relight_figures(effort.relight, report)
+    figures += api_edit_figures(effort.api_edits, report)
     if effort.turning is not None:
         write_turning(output, turning_errors(effort.turning, report))
     figures += deform_figures(effort.deform, report)

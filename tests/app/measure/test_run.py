@@ -43,6 +43,7 @@ EFFORT = Effort(
     deform=None,
     relight=None,
     turning=None,
+    api_edits=None,
 )
 pytestmark = pytest.mark.slow
 WINDOW = ("window_s", "first_picture_s", "worst_stall_ms", "exact_picture_s", "first_picture_cold_s")
