@@ -51,6 +51,8 @@ UPLOAD_SHARE = 0.5
 LEAST_SHARE = 0.25
 LEAST_INTENSITY = 1e-30
 PLAIN_SECONDS = 0.005
+# Behind objects that are lit from the eye, while the sky is not known.
+PLAIN_SKY = 0.18
 
 
 class PlacementFeed(PictureSource):
@@ -65,7 +67,8 @@ class PlacementFeed(PictureSource):
         self._holds = False
         self._emission: dict[str, RGB] = {}
         self._maps = MapFeed(self.renderer)
-        self._plain: set[str] = set()
+        self._plain: dict[str, ObjectState] = {}
+        self._is_shaded = False  # all objects, plainly at least: others are black
         self._view = ShownView()
         self._wanted: dict[str, NDArray[np.float64]] = {}
         self._compared: object = None
@@ -77,7 +80,7 @@ class PlacementFeed(PictureSource):
 
     @property
     def picture(self) -> moderngl.Texture | None:
-        return self._texture
+        return self._texture if self._is_shaded else None
 
     def rehearse(self) -> Iterator[None]:
         return rehearse(self.renderer)
@@ -139,14 +142,15 @@ class PlacementFeed(PictureSource):
         self._maps.clear()
         self._wanted = {}
         self._compared = self._rotation = self._followed = None
+        self._is_shaded = False
+        if event.description.environment is not None:  # until the worker sends what it looks like
+            self.renderer.set_environment(np.full((1, 2, 3), PLAIN_SKY, np.float32))
 
     def _take_radiance(self, event: LayerRadiance) -> None:
         renderer = self.renderer
         renderer.set_footprint(*_both(event.footprint))
         if event.key not in renderer.layer_keys:
             renderer.set_layer(event.key, self._names.index(object_of(event.key)), len(event.radiance))
-            if object_of(event.key) in self._plain & set(renderer.layer_keys):
-                renderer.remove_layer(object_of(event.key))
             self._maps.layer_made(event.key)
         if self._drawn_as.get(event.key) != event.drawn_as:
             self._drawn_as[event.key] = event.drawn_as
@@ -173,7 +177,9 @@ class PlacementFeed(PictureSource):
 
     def draw(self, editor: Editor, last_frame_ms: float, all_taken: bool) -> bool:
         document = _talk(editor).drawn
+        self._end_plain(editor, document)
         shades_plainly = self._shade_plainly(editor, document)
+        self._is_shaded = self._is_shaded or not shades_plainly
         if document is editor.document or document is not self._followed:
             self._follow_environment(document)
             self._follow_emitters(document)
@@ -208,18 +214,30 @@ class PlacementFeed(PictureSource):
     def _shade_plainly(self, editor: Editor, document: Document) -> bool:
         """Show objects plainly that have no picture yet, for a few milliseconds; whether some may be left."""
         until = time.perf_counter() + PLAIN_SECONDS
-        there = self._plain | {object_of(key) for key in self.renderer.layer_keys}
+        keys = set(self.renderer.layer_keys)
+        there = self._plain.keys() | {object_of(key) for key in keys}
         for state in document.objects:
-            if state.name in there or state.is_lamp or state.name not in self._names:
+            is_new = state.name not in there and not state.is_lamp and state.name in self._names
+            if not is_new and (state.name not in keys or self._plain[state.name] == state):
                 continue
             if time.perf_counter() > until:
                 return True
-            self._plain.add(state.name)
+            self._plain[state.name] = state
             self._shade_object(editor, document, state)
         return False
 
+    def _end_plain(self, editor: Editor, document: Document) -> None:
+        """Let objects go that are shown plainly and have a picture now: metals only when it has the light between
+        surfaces, without which they are black."""
+        renderer = self.renderer
+        there = {object_of(key) for key in set(renderer.layer_keys) - self._plain.keys()}
+        for name in self._plain.keys() & set(renderer.layer_keys) & there:
+            is_metal = not any(layer.model.is_matt for layer in document.object(name).layers)
+            if not (is_metal and _talk(editor).lacks_bounces):
+                renderer.remove_layer(name)
+
     def _shade_object(self, editor: Editor, document: Document, state: ObjectState) -> None:
-        """As a layer of its own, which has the object's name for a key and goes when the first real one comes."""
+        """As a layer of its own, which has the object's name for a key and goes when the real ones can be shown."""
         frame, index = self.renderer.frame, self._names.index(state.name)
         layers = {layer_key(state.name, i): layer for i, layer in enumerate(state.layers)}
         seen = [layer for key, layer in layers.items() if is_seen(document, editor.view, key)]
@@ -259,9 +277,13 @@ class PlacementFeed(PictureSource):
 
     def _follow_visibility(self, editor: Editor, document: Document) -> None:
         """Which layers are seen; one that is gone may come back, by undo, before the worker has heard of it."""
-        known = {key for key, _ in document.layers()}
-        for key in set(self.renderer.layer_keys) - self._plain:
-            self.renderer.set_layer_visible(key, key in known and is_seen(document, editor.view, key))
+        seen = {key for key, _ in document.layers() if is_seen(document, editor.view, key)}
+        keys = set(self.renderer.layer_keys)
+        plain = self._plain.keys() & keys
+        for key in keys - plain:
+            self.renderer.set_layer_visible(key, key in seen and object_of(key) not in plain)
+        for name in plain:
+            self.renderer.set_layer_visible(name, any(object_of(key) == name for key in seen))
 
     def _is_drawn(self, editor: Editor, key: str) -> bool:
         """Whether the picture of a layer is its own, and not that of the one that it took the place of."""

@@ -182,7 +182,7 @@ class PlacementWork(ModeWork):
             yield from _told_need(need, decisions)
             yield from self._tell_kept(placement, request, sky, replace(lit_by, decided=need.decided(decisions)))
         yield from self._tell_relit(request, sky, lit_by)
-        n_bounces, bounces_told = decisions.n_bounces, decisions.n_bounces == 1
+        n_bounces, bounces_told, bounces_found = decisions.n_bounces, decisions.n_bounces == 1, False
         begun = time.process_time()
         for quality, exact in _stages(request)[-1 if self._bench.fills else 0 :]:
             started = time.monotonic()
@@ -199,8 +199,10 @@ class PlacementWork(ModeWork):
                 planned = self._indirect_tasks().planned(scene.visible, n_bounces)
                 n_bounces, bounces_told = planned.n_bounces, True
                 yield planned
-            is_rough = quality.name == COARSE.name and self._is_compiled(INDIRECT)  # else the direct light goes first
+            # Roughly as soon as it is compiled: until then the direct light goes first.
+            is_rough = not (exact or bounces_found) and self._is_compiled(INDIRECT)
             if n_bounces > 1 and quality is not DRAG and (exact or is_rough):
+                bounces_found = True
                 yield from self._until_compiled(INDIRECT, "indirect light")
                 tasks = self._indirect_tasks()
                 yield from tasks.find(

@@ -248,6 +248,11 @@ class PlacementTalk(ModeTalk):
         return self._comparison.update(now, document, self._transport, decisions, exact, self.indirect.is_shown)
 
     @property
+    def lacks_bounces(self) -> bool:
+        """Whether the picture shows direct light alone, and the first light between surfaces is still to come."""
+        return self._transport.running and self._view.n_bounces != 1 and not self.indirect.is_on_screen
+
+    @property
     def awaits_answer(self) -> bool:
         """Whether a curve's transport, a layer's picture or frozen light is to come at any moment."""
         return self._transport.awaits_contraction or self.indirect.awaits_frozen

@@ -11,18 +11,19 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.commands.layers import SetVisible
+from app.commands.layers import SetParameter, SetVisible
 from app.commands.light import SetEnvironment, SetIntensity, SetRotation
 from app.commands.material import SetMaterial, new_layer
 from app.editor import Editor
 from app.messages import SkyImage
 from app.placement.events import LayerMapsChanged
 from app.placement.messages import ComputeTransport
+from app.placement.talk import PlacementTalk
 from app.view_state import SetView
 from engine.render.plain_shading import plain_colour, plain_radiance
 from tests.app.fake_worker import FakeClient
 from tests.ui.stand_in import HEIGHT, WIDTH, StandInClient, scene_frame, transport_of
-from ui import picture_feed, scene_view
+from ui import picture_feed, placement_feed, scene_view
 from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.placement.sample_layout import SAMPLES_PER_ROW, row_count
 from ui.headless import HeadlessWindow
@@ -246,7 +247,7 @@ def opening(context: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> Itera
 
 def test_a_scene_is_taken_and_drawn_in_different_blocks(opening: Opening) -> None:
     took, calls = opening.step()
-    assert took and calls == ["set_frame"]
+    assert took and calls == ["set_frame", "set_environment"]
     _, calls = opening.draw()
     assert set(calls) == {"set_layer_radiance", "composite"} and calls[-1] == "composite"  # objects are shaded plainly
 
@@ -257,7 +258,7 @@ def test_a_scene_waits_when_its_description_took_the_time(opening: Opening, monk
     assert took and calls == []
     busy, calls = opening.draw()
     assert busy and calls == []  # nothing to draw yet, and more to come
-    n_steps = next(n for n in range(1, 20) if opening.step()[1] == ["set_frame"])  # no longer than that
+    n_steps = next(n for n in range(1, 20) if opening.step()[1][:1] == ["set_frame"])  # no longer than that
     assert n_steps > 4  # its textures come one by one
 
 
@@ -306,9 +307,8 @@ def test_the_view_before_stays_until_another_is_lit(opening: Opening) -> None:
         feed.draw(editor, 10.0)
         if feed.shows_view_before:
             n_frames += 1
-            assert (
-                shown(feed) == before and feed.source.picture.read() != before
-            )  # in which objects are lit from the eye
+            own = feed.source.picture  # in which objects are lit from the eye
+            assert shown(feed) == before and (own is None or own.read() != before)
             assert editor.status.picture == "waiting" and feed.heading == 0.0
         elif n_frames:
             break
@@ -340,6 +340,57 @@ def test_before_anything_is_computed_objects_are_lit_from_the_eye(opening: Openi
         opening.step()
         opening.draw()
     assert set(feed.renderer.layer_keys) == {key for key, _ in editor.document.layers() if not key.startswith("lamp")}
+
+
+def test_the_first_picture_has_no_black_in_it(opening: Opening, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It waits until all objects are shaded plainly, and stands before grey until the sky has come."""
+    monkeypatch.setattr(placement_feed, "PLAIN_SECONDS", 1e-4)  # an object a frame
+    opening.step()
+    n_frames = 0
+    while opening.feed.picture is None and n_frames < 100:
+        busy, _ = opening.draw()
+        n_frames += 1
+        assert busy or opening.feed.picture is not None
+    source = opening.feed.source
+    assert isinstance(source, PlacementFeed) and n_frames > 2
+    assert source.renderer.linear_image().reshape(-1, 3).max(axis=-1).min() > 0.05
+
+
+def test_metal_stays_plain_until_light_bounces(opening: Opening, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In direct light alone metal is black where it shows its surroundings."""
+    feed_of_all, feed, editor = opening.feed, opening.feed.source, opening.editor
+    assert isinstance(feed, PlacementFeed)
+    monkeypatch.setattr(PlacementTalk, "lacks_bounces", True)
+    opening.step()
+    for _ in editor.document.objects:  # each draws one of them at least
+        opening.draw()
+    for _ in range(20):
+        opening.step()
+        opening.draw()
+    assert "tray.0" in feed.renderer.layer_keys and "teapot" not in feed.renderer.layer_keys
+    frame, tray = scene_frame(), editor.document.object("tray")
+
+    def shows_plain_metal() -> bool:
+        rows = slice(*frame.object_ranges[[state.name for state in editor.document.objects].index("tray")])
+        plain = plain_radiance(plain_colour(editor.document.object("tray").layers), frame.theta_o[rows])
+        shown = feed.renderer.linear_image().reshape(-1, 3)[frame.pixel[rows]]
+        return bool(np.allclose(shown, plain, rtol=1e-3))
+
+    assert shows_plain_metal()
+    editor.do(SetParameter("tray.0", "k", (1.0, 1.5, 2.0)))  # an edit is followed
+    for now in np.arange(1.0, 30.0, 0.1):
+        feed_of_all.take(editor, float(now))
+        opening.draw()
+        if editor.talk.drawn is editor.document:
+            break
+    assert shows_plain_metal() and editor.talk.drawn.object("tray") != tray
+    editor.do(SetVisible("tray.0", False))
+    opening.draw()
+    assert not shows_plain_metal()
+    editor.do(SetVisible("tray.0", True))
+    monkeypatch.setattr(PlacementTalk, "lacks_bounces", False)
+    opening.draw()
+    assert not shows_plain_metal() and "tray" not in feed.renderer.layer_keys
 
 
 def test_a_plain_colour_is_about_what_a_material_reflects() -> None:

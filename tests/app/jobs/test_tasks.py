@@ -1,7 +1,9 @@
 """The worker's work on a tiny scene: what it says in which order, and what it says of what goes wrong."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from app.document import LightState
 from app.jobs import placement as placement_module
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
+from app.jobs.kernels import Kernels
 from app.jobs.placement import _stages
 from app.jobs.tasks import Tasks
 from app.looking import what_is_missing
@@ -18,6 +21,7 @@ from app.placement.messages import (
     Contract,
     ErrorEstimated,
     EstimateError,
+    IndirectFound,
     LayerPicture,
     LayerTransport,
     StageDone,
@@ -85,6 +89,35 @@ def test_stages_come_coarse_to_fine_with_the_selected_layer_first(source: str, s
     assert answers[-1].transport_bytes > 0
     # A second request for the same light does not send the sky again.
     assert not any(isinstance(a, SkyImage) for a in run_in_process(tasks, compute()))
+
+
+class StillCompiling:
+    """The kernels of a first start: those of bounces are there when they are asked about a second time."""
+
+    first_time, fraction = True, 0.5
+
+    def __init__(self) -> None:
+        self.n_asked = 0
+
+    def wait(self, timeout_s: float) -> bool:
+        return True
+
+    def is_ready(self, what: str) -> bool:
+        self.n_asked += 1
+        return self.n_asked > 1
+
+    def until_ready(self, what: str) -> Iterator[None]:
+        return iter(())
+
+
+def test_light_bounces_as_soon_as_that_is_compiled(source: str, store: Store) -> None:
+    kernels = StillCompiling()
+    tasks = Tasks(store, kernels=cast(Kernels, kernels))
+    open_in_process(tasks, source)
+    request = compute()
+    answers = run_in_process(tasks, replace(request, decisions=replace(request.decisions, n_bounces=2)))
+    told = [a.stage for a in answers if isinstance(a, (IndirectFound, StageDone))]
+    assert told == ["coarse", "rough", "preview", "fine", "final"]
 
 
 def test_a_file_is_read_by_the_mapping_of_the_light(source: str, store: Store, tmp_path: Path) -> None:
