@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -93,6 +94,7 @@ def test_an_animation_is_frames_of_it_and_a_time_one_of_them(
     assert insitu("render", bar, "-o", out, *few, "--frames", 2) == 0
     assert "1 frames, 1 were there" in capsys.readouterr().out and (out / "0001.png").read_bytes() == first[1]
     assert insitu("render", bar, "-o", tmp_path / "still.png", *few, "--time", 2.5) == 0  # which is 0.5
+    assert re.search(r"still\.png: 12 x 9, .* s, error about \d+\.\d %", capsys.readouterr().out)
     still, *drawn = (
         np.asarray(Image.open(each), float) for each in (tmp_path / "still.png", out / "0000.png", out / "0001.png")
     )
