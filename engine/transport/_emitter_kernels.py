@@ -27,15 +27,29 @@ _DEPTH = 48
 _ROOM = 4096
 
 
+class Around(NamedTuple):
+    """Of N things some leaves each, as bits: those of thing i are the bits mask (K,) of the words word (K,), from
+    start[i] to start[i + 1] of start (N + 1,)."""
+
+    start: np.ndarray
+    word: np.ndarray
+    mask: np.ndarray
+
+
 class Leaves(NamedTuple):
     """M leaves: node and root (M,) of each, part (M,) of its root's area, ball (M, 4): middle and squared longest edge,
-    and beside (M, 6), -1 padded: which stand around it."""
+    and beside: which stand around it.
+
+    What holds for each 64 of them, whose bits are one word: block (M / 64, 5): middle, how far from it theirs are at
+    most, and their longest edge, squared; and beside_block: which stand around any of them."""
 
     node: np.ndarray
     root: np.ndarray
     part: np.ndarray
     ball: np.ndarray
-    beside: np.ndarray
+    beside: Around
+    block: np.ndarray
+    beside_block: Around
 
 
 class Emitters(NamedTuple):

@@ -17,11 +17,13 @@ import numpy as np
 from engine.light.emitters import EmitterPatches, EmitterTree
 from engine.light.environment import LUMINANCE
 from engine.light.lights import SUN_SHARE, TriangleLights
-from engine.transport._emitter_kernels import Emitters, Leaves
+from engine.transport._emitter_kernels import Around, Emitters, Leaves
 from engine.transport._projection_kernels import SkyLights
 from engine.visibility.targets import VISIBILITY_LEVEL, Targets
 
 FLOOD_NEIGHBOURS = 6
+# Those among which a leaf is held to lie at the edge of what is seen: six miss most of what bars leave.
+BESIDE = 12
 LEAF_SENTINELS = 16
 # Leaves may stand beside one another that face as nearly the same way as this.
 BESIDE_COSINE = 0.9
@@ -116,20 +118,22 @@ def _emitters(tree: EmitterTree | None, unit: float) -> tuple[Emitters, Targets]
     if tree is None:
         none, nobody = np.zeros((0, 3), np.float32), np.zeros(0, np.int64)
         halves, alone = nobody.astype(np.int32), nearest_neighbours(none)
-        leaves = Leaves(halves, halves, none[:, 0].copy(), np.zeros((0, 4), np.float32), alone)
+        balls, around = np.zeros((2, 0, 5), np.float32), _around(alone, 1)
+        leaves = Leaves(halves, halves, none[:, 0].copy(), balls[0, :, :4].copy(), around, balls[1], around)
         dark = Emitters(np.zeros((0, 3, 3), np.float32), none, none[:, 0].copy(), halves, halves, nobody, 0, leaves)
         return dark, Targets(none, none, alone, True)
     radiance = np.asarray(tree.radiance / np.float64(unit), np.float32)
     brightness = np.asarray(radiance @ LUMINANCE, np.float32)
     samples, normals = tree.leaves.samples, np.ascontiguousarray(tree.leaves.normal, np.float32)
-    neighbours = nearest_neighbours(samples)
+    neighbours = nearest_neighbours(samples, BESIDE)
     emitters = Emitters(
         np.ascontiguousarray(tree.corners, np.float32), radiance, brightness, tree.child, tree.parent, tree.first,
         tree.n_roots, _leaves(tree, neighbours),
     )  # fmt: skip
     step = LEAF_SENTINELS
+    flood = np.ascontiguousarray(neighbours[:, :FLOOD_NEIGHBOURS])
     targets = Targets(
-        samples, normals, neighbours, finite=True, sentinel_step=step, weak_step=step, weakest_step=step, rotating=True
+        samples, normals, flood, finite=True, sentinel_step=step, weak_step=step, weakest_step=step, rotating=True
     )
     return emitters, targets
 
@@ -142,13 +146,35 @@ def _leaves(tree: EmitterTree, neighbours: np.ndarray) -> Leaves:
     normals = tree.leaves.normal
     alike = np.einsum("mi,mki->mk", normals, normals[neighbours]) > BESIDE_COSINE
     squares = longest_edges(tree.leaves.corners) ** 2
+    beside, middles = np.where((neighbours >= 0) & alike, neighbours, -1), tree.leaves.centre
     return Leaves(
         nodes.astype(np.int32),
         roots.astype(np.int32),
         (areas / np.bincount(roots, areas)[roots]).astype(np.float32),
-        np.column_stack([tree.leaves.centre, squares]).astype(np.float32),
-        np.where((neighbours >= 0) & alike, neighbours, -1).astype(np.int32),
+        np.column_stack([middles, squares]).astype(np.float32),
+        _around(beside, 1),
+        np.array([_block(middles[i : i + 64], squares[i : i + 64]) for i in range(0, len(nodes), 64)], np.float32),
+        _around(beside, 64),
     )
+
+
+def _block(middles: np.ndarray, squares: np.ndarray) -> tuple[float, ...]:
+    """Middle, radius with room for rounding, and longest edge, squared, of leaves with middles (K, 3)."""
+    middle = middles.mean(axis=0, dtype=np.float64)
+    radius = float(np.linalg.norm(middles - middle, axis=1).max())
+    return *middle, 1.0001 * radius + 1e-6, float(squares.max())
+
+
+def _around(leaves: np.ndarray, n_rows: int) -> Around:
+    """Those leaves that stand in each n_rows rows of leaves (M, K), in which -1 is none."""
+    n_things, n_words = -(-len(leaves) // n_rows), -(-len(leaves) // 64)
+    row, column = np.nonzero(leaves >= 0)
+    leaf = leaves[row, column].astype(np.int64)
+    pairs, place = np.unique(row // n_rows * n_words + (leaf >> 6), return_inverse=True)
+    masks = np.zeros(len(pairs), np.uint64)
+    np.bitwise_or.at(masks, place, np.uint64(1) << (leaf & 63).astype(np.uint64))
+    start = np.searchsorted(pairs, n_words * np.arange(n_things + 1))
+    return Around(start.astype(np.int32), (pairs % max(n_words, 1)).astype(np.int32), masks)
 
 
 def longest_edges(triangles: np.ndarray) -> np.ndarray:
@@ -157,11 +183,11 @@ def longest_edges(triangles: np.ndarray) -> np.ndarray:
     return np.linalg.norm(edges, axis=2).max(axis=1, initial=0.0).astype(np.float32)
 
 
-def nearest_neighbours(points: np.ndarray) -> np.ndarray:
-    """(D, 6) int32 indices of the nearest other points, -1 where there are fewer."""
+def nearest_neighbours(points: np.ndarray, n: int = FLOOD_NEIGHBOURS) -> np.ndarray:
+    """(D, n) int32 indices of the nearest other points, the nearest first, -1 where there are fewer."""
     n_points = len(points)
-    neighbours = np.full((n_points, FLOOD_NEIGHBOURS), -1, np.int32)
-    k = min(FLOOD_NEIGHBOURS, n_points - 1)
+    neighbours = np.full((n_points, n), -1, np.int32)
+    k = min(n, n_points - 1)
     if k > 0:
         neighbours[:, :k] = _by_tree(points, k) if n_points > TREE_PAYS_FROM else _by_pairs(points, k)
     return neighbours

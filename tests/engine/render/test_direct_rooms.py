@@ -14,14 +14,15 @@ from engine.render.error_estimate import estimate_error
 from engine.render.path_tracer import trace_paths
 from engine.render.still import reflected, still_layers, still_quality, with_maps
 from engine.steps import finish
+from engine.transport import near
 from engine.transport.pipeline import Placement
 from tests.direct_rooms import blinds_room, gap_irradiance, gap_room, lamp_room, plate_room, sphere_irradiance
 from tests.engine.render.test_indirect import errors
 
 
-def lit(scene: Path, n_patches: int = 768) -> tuple[Project, Placement, np.ndarray]:
+def lit(scene: Path | str, n_patches: int = 768) -> tuple[Project, Placement, np.ndarray]:
     """Direct light (P, 3) of a scene at its pixels' centres."""
-    project = with_edges(open_project(str(scene)), 0)
+    project = with_edges(open_project(str(scene), (48, 36) if isinstance(scene, str) else None), 0)
     placement, plan = Placement(project.scene), plan_still(project, n_patches=n_patches)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     return project, placement, finish(reflected(placement, layers, project.sky, still_quality(plan)))
@@ -51,13 +52,24 @@ def in_the_gap_room(folder: Path, n_patches: int = 768) -> tuple[float, float]:
 
 def test_a_lamp_through_a_narrow_gap_lights_a_ceiling_smoothly(tmp_path: Path) -> None:
     # 34 %, and black dots: points saw nothing in common and believed one another, and edges of leaves stood in rows.
+    # 4.4 % where six leaves beside one said whether it lies at the edge of what the gap shows.
     rmse, mean = in_the_gap_room(tmp_path)
-    assert rmse < 0.06 and abs(mean) < 0.015
+    assert rmse < 0.035 and abs(mean) < 0.005
 
 
 def test_more_patches_help(tmp_path: Path) -> None:
     rmse, mean = in_the_gap_room(tmp_path, 3072)
     assert rmse < 0.04 and abs(mean) < 0.005
+
+
+def test_lamps_behind_bars_are_seen_in_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    # 1.11 %: a leaf that a bar half hides got one ray where the six beside it were alike, or it brought little.
+    _, _, found = lit("stairwell")
+    monkeypatch.setattr(near, "LEAST", np.float32(1e-5))
+    monkeypatch.setattr(near, "MOST", 4096)
+    _, _, truth = lit("stairwell", 12288)
+    rmse, mean = errors(found, truth)
+    assert rmse < 0.0095 and abs(mean) < 0.002
 
 
 @pytest.mark.parametrize("n_patches", [96, 768])

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from engine.light.emitters import emitter_tree
-from engine.transport.lighting import prepare_lighting
+from engine.transport._emitter_kernels import Around
+from engine.transport._near_kernels import _mark_edges
+from engine.transport.lighting import BESIDE, prepare_lighting
 from engine.transport.near import MOST, NearLeaves, near_leaves
 from engine.visibility.points import brute_force_visibility
 from tests.engine.transport.by_hand import NOWHERE, caster_of, irradiance, light_of, points_at, square
@@ -134,6 +136,38 @@ def test_rays_of_its_own_go_to_leaves_along_a_shadows_edge_alone() -> None:
     assert np.abs(middles[near.node][:, 0]).max() < 2 / 16
     assert (np.abs(near.delta) <= 1.0).all() and near.delta.all()  # what a bit says already is not kept
     assert 0 < near.delta.max() < 1 and len(near_of(ORIGIN, NOWHERE)[0].node) == 0
+
+
+def test_leaves_are_marked_as_one_by_one() -> None:
+    """Twin: each leaf asks its neighbours in turn, and whether it is large."""
+    lamps = np.concatenate([LAMP, square((3, 1, 0), (0.2, 0, 0), (0, 0, 0.3))])
+    leaves = prepare_lighting(None, emitter_tree(lamps, np.ones((4, 3)), 300), 0.5).emitters.leaves
+    n, random, near = len(leaves.node), np.random.default_rng(5), np.float32(0.2)
+    assert n > 128 and n % 64
+    middles = leaves.ball[:, :3].astype(np.float64)
+    beside = [[m for m in range(n) if leaf_bit(leaves.beside, leaf, m)] for leaf in range(n)]
+    assert {len(each) for each in beside} == {BESIDE}
+    for place, share in zip(
+        random.uniform([-1, -1, -1], [4, 0.95, 1], (24, 3)), np.tile([0, 0.02, 0.5, 1], 6), strict=True
+    ):
+        seen = random.random(n) < share
+        seen[: n // 2] |= middles[: n // 2, 0] > 0.1 * place[0]  # an edge of a shadow
+        bits = np.zeros(64 * -(-n // 64), np.uint8)
+        bits[:n] = seen
+        words = np.packbits(bits, bitorder="little").view(np.uint64)
+        shares, marked = np.empty(4, np.float32), np.empty(len(words), np.uint64)
+        _mark_edges(words, leaves, place.astype(np.float32), near, shares, marked)
+        large = leaves.ball[:, 3] > near**2 * ((middles - place) ** 2).sum(axis=1)
+        parted = np.array([0 < seen[each].sum() < len(each) for each in beside])
+        np.testing.assert_array_equal(np.unpackbits(marked.view(np.uint8), bitorder="little")[:n] > 0, parted | large)
+        np.testing.assert_allclose(shares, np.bincount(leaves.root, leaves.part * seen, 4), rtol=1e-5)
+
+
+def leaf_bit(around: Around, i: int, leaf: int) -> bool:
+    """Whether a leaf is among those of thing i."""
+    own = slice(around.start[i], around.start[i + 1])
+    masks = dict(zip(around.word[own].tolist(), around.mask[own].tolist(), strict=True))
+    return bool(masks.get(leaf >> 6, 0) >> (leaf & 63) & 1)
 
 
 def test_a_point_never_asks_for_more_than_so_many_leaves() -> None:
