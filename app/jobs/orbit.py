@@ -211,7 +211,7 @@ def _drawing(orbit: Orbit, wanted: DrawOrbit) -> Generator[StillProgress, None, 
 
 def _key(orbit: Orbit) -> str:
     """Under which its visibility is kept."""
-    return content_key("orbit visibility 3", *orbit.geometry)
+    return content_key("orbit visibility 4", *orbit.geometry)
 
 
 def _bumps(scene: Scene) -> dict[str, Bumps]:

@@ -27,6 +27,9 @@ R2 = np.array([0.7548776662466927, 0.5698402909980532])
 # How long the edges of what is merged are at most, of the edge of a square as large as what it becomes; from how many
 # triangles on no more are cut.
 OF_A_PIECE, MOST_CUT = 2.0, 1 << 16
+# What an object is merged into at least, so that a bulb that is small beside a panel stays round: the light of a ball
+# in 64 pieces is 0.7 % off around it, in 32 2 %, in 16 5 %.
+FEWEST_OF_AN_OBJECT = 64
 
 Floats = NDArray[np.float64]
 Importance = Callable[[Floats, NDArray[np.intp]], Floats]
@@ -151,6 +154,23 @@ def merged_triangles(corners: Floats, radiance: Floats, most: int) -> tuple[Floa
             groups[place : place + 1], spread[place : place + 1] = [half], [_spread(features[half], power[half])]
     merged = np.array([_merged(corners[group], vectors[group]) for group in groups])
     return merged, radiance[[group[0] for group in groups]]
+
+
+def merged_by_object(
+    corners: Floats, objects: NDArray[np.integer], most: int
+) -> tuple[Floats, NDArray[np.integer]]:  # fmt: skip
+    """The same of triangles (T, 3, 3) of objects (T,), whatever these shine: each object becomes its share of `most` by
+    area, and no fewer than `FEWEST_OF_AN_OBJECT`. Triangles without area are left out. Returns triangles and objects.
+    """
+    areas = _areas(corners)
+    merged, owners = [np.zeros((0, 3, 3))], [objects[:0]]
+    for one in np.unique(objects[areas > 0.0]):
+        mine = (objects == one) & (areas > 0.0)
+        wanted = max(round(most * areas[mine].sum() / areas.sum()), FEWEST_OF_AN_OBJECT)
+        pieces, _ = merged_triangles(corners[mine], np.ones((int(mine.sum()), 3)), wanted)
+        merged.append(pieces)
+        owners.append(np.full(len(pieces), one, objects.dtype))
+    return np.concatenate(merged), np.concatenate(owners)
 
 
 def _without_slivers(corners: Floats, radiance: Floats, longest: float) -> tuple[Floats, Floats]:

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.errors import InsituError
-from engine.light.emitters import EmitterPatches, emitter_patches
+from engine.light.emitters import EmitterPatches, emitter_patches, merged_by_object
 from engine.material.bumps import Bumps
 from engine.orbit.buried import buried
 from engine.orbit.drawing import N_MOVING, Quality, reflected_light
@@ -409,6 +409,8 @@ def _emitters(scene: Scene, n_patches: int) -> tuple[EmitterPatches, NDArray[np.
     mine = scene.emitters[scene.object_of_triangle]
     if not mine.any():
         return None
-    number = np.repeat(scene.object_of_triangle[mine, None] + 1.0, 3, axis=1)  # where radiance stands in patches
-    patches = emitter_patches(scene.vertices[scene.triangles[mine]], number, n_patches)
+    corners = scene.vertices[scene.triangles[mine]].astype(np.float64)
+    corners, owner = merged_by_object(corners, scene.object_of_triangle[mine], n_patches)
+    number = np.repeat(owner[:, None] + 1.0, 3, axis=1)  # where radiance stands in patches
+    patches = emitter_patches(corners, number, n_patches)
     return patches, np.rint(patches.radiance[:, 0]).astype(np.intp) - 1

@@ -7,6 +7,7 @@ from engine.light.emitters import (
     EmitterPatches,
     emitter_patches,
     emitter_tree,
+    merged_by_object,
     merged_triangles,
     seen_importance,
     solid_angles,
@@ -265,3 +266,15 @@ def test_few_triangles_are_not_merged_and_radiances_never_mixed() -> None:
         # Area is kept, colour by colour: 833 and 417 triangles of a 1,250th square metre.
         share = (radiance == colour).all(axis=1).mean()
         assert areas[(found == colour).all(axis=1)].sum() == pytest.approx(share, rel=1e-9)
+
+
+def test_objects_are_merged_by_themselves_and_small_ones_stay_round() -> None:
+    triangles = np.concatenate([panel(), bulb(0.01), np.zeros((3, 3, 3))])
+    objects = np.repeat([7, 3, 3], [1250, len(bulb(0.01)), 3])
+    merged, found = merged_by_object(triangles, objects, 128)
+    areas = np.linalg.norm(np.cross(*(merged[:, 1:] - merged[:, :1]).transpose(1, 0, 2)), axis=1) / 2
+    for one, n, radius in ((7, 128, None), (3, 64, 0.01)):
+        assert (found == one).sum() == n
+        area = 1.0 if radius is None else 4.0 * np.pi * radius**2
+        assert areas[found == one].sum() == pytest.approx(area, rel=0.01)
+    assert merged_by_object(triangles[:0], objects[:0], 64)[0].shape == (0, 3, 3)
