@@ -43,7 +43,7 @@ from ui.gl.interface import InterfaceRenderer
 from ui.gl.thumbnails import Thumbnails
 from ui.pacing import REDRAW_SECONDS, Pacing
 from ui.panel_windows import draw_panels
-from ui.panels import escape
+from ui.panels import dialogs, escape
 from ui.panels import help as shortcuts
 from ui.panels.actions import Action, CancelDrag, SavePicture, SetPanel
 from ui.panels.brdf_board import BrdfBoard
@@ -178,7 +178,11 @@ class Shell:
 
     def drop(self, paths: Sequence[str], image: str | None = None) -> None:
         """Files were dropped on the window; `image`: on the "texture" or the "weight" of the selected layer."""
-        self.do(*self.actor.dropped(paths, image))
+        question = self.state.question
+        if question is not None and len(paths) == 1:
+            self.do(*dialogs.dropped(question, Path(paths[0])))
+        else:
+            self.do(*self.actor.dropped(paths, image))
 
     @property
     def title(self) -> str:

@@ -214,6 +214,7 @@ def _name_line(context: PanelContext, question: FileQuestion) -> list[Action]:
     width = imgui.calc_text_size(verb).x + 2 * imgui.get_style().frame_padding.x
     imgui.set_next_item_width(imgui.get_content_region_avail().x - width - imgui.get_style().item_spacing.x)
     if question.focus == "name":
+        imgui.internal.clear_active_id()  # a field that has the keyboard already keeps the text it had
         imgui.set_keyboard_focus_here()
         question = replace(question, focus="")
     confirmed, typed = imgui.input_text("##name", question.name, PATH_FLAGS)
@@ -259,6 +260,16 @@ def answer(question: FileQuestion, path: Path) -> AnswerQuestion:
         "save_scene": ExportScene(path),
     }  # fmt: skip
     return AnswerQuestion(path, actions.get(purpose, OpenFile(str(path))))
+
+
+def dropped(question: FileQuestion, path: Path) -> list[Action]:
+    """What a file or folder means that is dropped on the window while a file is asked for: what is to be opened, or
+    the folder and name of what is to be saved."""
+    if os.path.isdir(path):
+        return [_asked(replace(_in_folder(question, path), focus="name"))]
+    if question.purpose.startswith("save"):
+        return [_asked(replace(_in_folder(question, path.parent), name=path.name, focus="name"))]
+    return [_asked(replace(question, name=str(path))), answer(question, path)]
 
 
 def _asked(question: FileQuestion) -> Action:
