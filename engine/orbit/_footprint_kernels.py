@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -11,59 +12,62 @@ from numpy.typing import NDArray
 from engine.fast_math import FAST
 
 Floats = NDArray[np.float64]
+Wides = NDArray[np.float32]
+
+
+class Charts(NamedTuple):
+    """How an object's triangles (K,) lie on images: a corner (K, 3), its texture coordinates (K, 2), the normal (K, 3),
+    of any length, and over the triangle's plane the gradients of u and v (K, 2, 3); first: the first one's number."""
+
+    corner: Floats
+    uv: Floats
+    normal: Floats
+    gradients: Floats
+    first: int
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def footprints(
-    start: int, stop: int, wo: NDArray[np.float32], share: NDArray[np.float32], triangle: NDArray[np.int64],
-    corners: Floats, uvs: Floats, eye: Floats, axes: Floats, uv: Floats, across: Floats, down: Floats,
+    start: int, stop: int, which: NDArray[np.int64], part: NDArray[np.int32], source: NDArray[np.int32], wo: Wides,
+    share: Wides, charts: Charts, eye: Floats, axes: Floats, uv: Floats, left: Floats, up: Floats,
 ) -> None:  # fmt: skip
-    """Fill rows [start, stop) of uv, across and down (N, 2): texture coordinates of samples, and by how much they
-    change over the share (N,) of a pixel, to the right and downwards, as of rays that meet the plane of the sample's
-    own triangle [Igehy99]. wo (N, 3), back to the eye (3,); triangle (N,) into corners (K, 3, 3) and uvs (K, 3, 2);
-    axes (3, 3) as `fill_rays` takes them."""
-    one, two, normal, middle, towards = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    forward = np.cross(axes[2], axes[1])
-    forward /= math.sqrt(np.dot(forward, forward))
-    for j in range(start, stop):
-        k = triangle[j]
-        a = corners[k, 0]
+    """Fill rows [start, stop) of uv, left and up (N, 2): texture coordinates of samples (N,), and by how much they
+    change over the share (R,) of a pixel, to the left and upwards, as of rays that meet the plane of the sample's own
+    triangle [Igehy99]. part (R,) and source (T,): see `places`; wo (R, 3), back to the eye (3,); axes (3, 3) as
+    `fill_rays` takes them."""
+    middle = np.empty(3)
+    # Rays are taken backwards through the eye: from there a step of `axes` leads to the left or upwards.
+    back = np.cross(axes[2], axes[1])
+    back /= math.sqrt(np.dot(back, back))
+    for n in range(start, stop):
+        j = which[n]
+        k = source[part[j]] - charts.first
+        corner, normal = charts.corner[k], charts.normal[k]
+        over_u, over_v = charts.gradients[k, 0], charts.gradients[k, 1]
+        height = along = squared = 0.0
         for i in range(3):
-            one[i], two[i] = corners[k, 1, i] - a[i], corners[k, 2, i] - a[i]
-        for i in range(3):
-            i1, i2 = (i + 1) % 3, (i + 2) % 3
-            normal[i] = one[i1] * two[i2] - one[i2] * two[i1]
-        squared = normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2
-        least = 1e-9 * math.sqrt(squared)
-        height = along = 0.0
-        for i in range(3):
-            height += normal[i] * (a[i] - eye[i])
-            along -= forward[i] * wo[j, i]
-        side = math.sqrt(share[j])
+            squared += normal[i] * normal[i]
+            height += normal[i] * (corner[i] - eye[i])
+            along -= back[i] * wo[j, i]
+        least, side = 1e-9 * math.sqrt(squared), math.sqrt(share[j])
         for i in range(3):
             middle[i] = -wo[j, i] / along
         for way in range(3):
             slope = 0.0
             for i in range(3):
-                towards[i] = middle[i] + (side * axes[way, i] if way else 0.0)
-                slope += normal[i] * towards[i]
-            slope = math.copysign(max(abs(slope), least), slope)
-            u, v, far = 0.0, 0.0, height / slope
+                slope += normal[i] * (middle[i] + (side * axes[way, i] if way else 0.0))
+            far = height / math.copysign(max(abs(slope), least), slope)
+            u, v = charts.uv[k, 0], charts.uv[k, 1]
             for i in range(3):
-                i1, i2 = (i + 1) % 3, (i + 2) % 3
-                p1 = eye[i1] + far * towards[i1] - a[i1]
-                p2 = eye[i2] + far * towards[i2] - a[i2]
-                u += normal[i] * (p1 * two[i2] - p2 * two[i1])
-                v += normal[i] * (one[i1] * p2 - one[i2] * p1)
-            u, v = u / squared, v / squared
-            for c in range(2):
-                found = (1.0 - u - v) * uvs[k, 0, c] + u * uvs[k, 1, c] + v * uvs[k, 2, c]
-                if way == 0:
-                    uv[j, c] = found
-                elif way == 1:
-                    across[j, c] = found - uv[j, c]
-                else:
-                    down[j, c] = found - uv[j, c]
+                place = eye[i] + far * (middle[i] + (side * axes[way, i] if way else 0.0)) - corner[i]
+                u += over_u[i] * place
+                v += over_v[i] * place
+            if way == 0:
+                uv[n, 0], uv[n, 1] = u, v
+            elif way == 1:
+                left[n, 0], left[n, 1] = u - uv[n, 0], v - uv[n, 1]
+            else:
+                up[n, 0], up[n, 1] = u - uv[n, 0], v - uv[n, 1]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)

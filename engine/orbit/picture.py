@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from engine.light.environment import Environment
 from engine.orbit import _picture_kernels as kernels
+from engine.orbit._footprint_kernels import Charts
 from engine.orbit.shading_points import ShadingPoints
 from engine.orbit.sight import Sight
 from engine.scene.camera import camera_frame
@@ -35,7 +36,7 @@ class PointMesh:
         self._scene, self._points = scene, points
         self._last: tuple[tuple[object, ...], Seen] | None = None
         self._caster = caster or points.caster()
-        self._surfaces: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
+        self._charts: dict[int, Charts] = {}
         self.sight = Sight(points, self._caster)
         self._surface = kernels.PointTriangles(
             points.shown, np.ascontiguousarray(scene.geometric_normals[points.source]),
@@ -45,7 +46,7 @@ class PointMesh:
     def of(self, points: ShadingPoints) -> PointMesh:
         """The same surface, with other points on its sides."""
         other = PointMesh(self._scene, points, self._caster)
-        other._surfaces = self._surfaces
+        other._charts = self._charts
         return other
 
     def look(
@@ -84,7 +85,7 @@ class PointMesh:
         order, bounds = kernels.by_object(i_object, reflects, len(self._scene.smooth))
         eye = np.subtract(camera.position, self._scene.origin).astype(np.float32)
         axes = _plane(camera, resolution)
-        what = samples, pixel, share, order, bounds, found, self._points, self._surfaces
+        what = samples, pixel, share, order, bounds, found, self._points, self._charts
         return Seen((width, height), eye, axes, *what)
 
     def _edges(
@@ -139,7 +140,7 @@ class Seen:
     """Samples (R,) of a picture: resolution (width, height), eye (3,), axes (3, 3) of its plane, what they meet, their
     pixel (R,) and share of it (R,). order (N,): those that reflect, by object, whose ranges are bounds (M + 1,); found:
     triangle, u, v of the points' triangles; footprints, sampled, leans: what `seen_maps` and `turned` have found for
-    it; surfaces: corners (K, 3, 3) of objects' triangles, and these on images (K, 3, 2), shared by all pictures."""
+    it; charts: how objects' triangles lie on images, shared by all pictures."""
 
     resolution: tuple[int, int]
     eye: Floats
@@ -151,7 +152,7 @@ class Seen:
     bounds: Rows
     found: tuple[NDArray, ...]
     points: ShadingPoints
-    surfaces: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]]
+    charts: dict[int, Charts]
     footprints: dict[int, tuple[NDArray[np.float64], ...]] = field(default_factory=dict)
     sampled: dict[object, Floats] = field(default_factory=dict)
     leans: dict[object, Floats] = field(default_factory=dict)

@@ -13,7 +13,7 @@ from engine.orbit import _footprint_kernels as kernels
 from engine.orbit.picture import Rows, Seen
 from engine.render.surface_maps import painted, sampled
 from engine.scene.load import Scene
-from engine.scene.relief import Footprints
+from engine.scene.relief import Footprints, gradients
 from engine.scene.surface_uvs import corner_uvs
 from engine.texture.pyramid import MOST_PROBES, Pyramid
 from engine.threads import even_parts, on_threads
@@ -60,26 +60,32 @@ class _Places:
 
 
 def footprints_of(seen: Seen, which: Rows, scene: Scene, i_object: int) -> Footprints:
-    """Texture coordinates of the samples of an object, and their change over a pixel rightwards and downwards, (N, 2);
+    """Texture coordinates of the samples of an object, and their change over a pixel to the left and upwards, (N, 2);
     found once."""
     if i_object not in seen.footprints:
         seen.footprints[i_object] = _footprints(seen, which, scene, i_object)
-    uv, across, down = seen.footprints[i_object]
-    return uv, across, down
+    uv, left, up = seen.footprints[i_object]
+    return uv, left, up
 
 
 def _footprints(seen: Seen, which: Rows, scene: Scene, i_object: int) -> tuple[NDArray[np.float64], ...]:
-    begin, end = scene.triangle_ranges[i_object]
-    if i_object not in seen.surfaces:
-        own = np.arange(begin, end)
-        seen.surfaces[i_object] = scene.vertices[scene.triangles[own]].astype(np.float64), corner_uvs(scene, own)
-    triangle = seen.points.source[seen.found[0][which]] - begin
+    if i_object not in seen.charts:
+        seen.charts[i_object] = _charts(scene, i_object)
     out = tuple(np.empty((3, len(which), 2)))
-    corners, uvs = seen.surfaces[i_object]
-    what = seen.samples.wo[which], seen.share[which], triangle.astype(np.int64), corners, uvs
+    samples, eye = seen.samples, seen.eye.astype(np.float64)
+    what = which, seen.found[0], seen.points.source, samples.wo, seen.share, seen.charts[i_object]
 
     def part(start: int, stop: int) -> None:
-        kernels.footprints(start, stop, *what, seen.eye.astype(np.float64), seen.axes, *out)
+        kernels.footprints(start, stop, *what, eye, seen.axes, *out)
 
     on_threads(part, *even_parts(len(which)))
     return out
+
+
+def _charts(scene: Scene, i_object: int) -> kernels.Charts:
+    """How an object's triangles lie on its images."""
+    own = np.arange(*scene.triangle_ranges[i_object])
+    corners = scene.vertices[scene.triangles[own]].astype(np.float64)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    first = np.ascontiguousarray(corners[:, 0]), np.ascontiguousarray(corner_uvs(scene, own)[:, 0])
+    return kernels.Charts(*first, normals, gradients(scene, own), int(own[0]))

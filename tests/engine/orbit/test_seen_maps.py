@@ -11,11 +11,12 @@ from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.material.maps import LayerMaps
 from engine.orbit.picture import PointMesh
-from engine.orbit.seen_maps import factors
+from engine.orbit.seen_maps import factors, footprints_of
 from engine.orbit.shading_points import shading_points
 from engine.render.maps import MapFactors
 from engine.scene.description import parse_description
 from engine.scene.load import build_scene
+from engine.scene.surface_uvs import pixel_footprints
 from engine.transport.pipeline import Placement
 from tests.engine.orbit.conftest import SCENE
 
@@ -39,3 +40,18 @@ def test_images_are_filtered_as_in_placement(tmp_path: Path, quality: str) -> No
     np.testing.assert_array_equal(seen.pixel[which], placement.hits.pixel[begin:end])
     assert np.abs(found - expected).mean() < (0.006 if quality == "rest" else 0.02)
     assert expected.std() < 0.15  # one look-up a pixel would give 0 or 1, of 0.5
+
+
+def test_footprints_are_those_of_the_neighbouring_pixels_rays() -> None:
+    scene = build_scene(parse_description(tomllib.loads(SCENE), "ball"), Path("ball.toml"), SIZE)
+    points = shading_points(scene, Placement(scene).caster, 300)
+    seen = PointMesh(scene, points).look(scene.description.camera, SIZE)
+    for i_object in range(len(scene.smooth)):
+        which = seen.of(i_object)
+        rows, columns = np.divmod(seen.pixel[which], SIZE[0])
+        middles, hits = np.stack([columns, rows], axis=1) + 0.5, seen.in_scene(which)
+        uv, left, up = footprints_of(seen, which, scene, i_object)
+        # The twin asks the pixel to the right and the one below of a place.
+        np.testing.assert_allclose(uv, pixel_footprints(scene, hits, middles, SIZE)[0], atol=1e-5)
+        np.testing.assert_allclose(left, pixel_footprints(scene, hits, middles - (2.0, 0.0), SIZE)[1], 2e-3, 2e-4)
+        np.testing.assert_allclose(up, pixel_footprints(scene, hits, middles - (0.0, 2.0), SIZE)[2], 2e-3, 2e-4)
