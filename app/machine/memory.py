@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-
+from app.machine.system import resident_bytes
 from engine.errors import InsituError
 
 # Of one pixel: its visibility (5,120 bits and the finest lights'), its hit, its directions, the picture.
@@ -12,7 +11,7 @@ BYTES_A_PIXEL = 1200
 
 def memory_bytes() -> tuple[int, int]:
     """Bytes that the system can still give without swapping, and in all."""
-    import psutil  # late, here and below: the window is not to wait for it
+    import psutil  # late: the window is not to wait for it
 
     memory = psutil.virtual_memory()
     return memory.available, memory.total
@@ -32,13 +31,7 @@ def orbit_bytes() -> int:
 
 def resident_megabytes(*pids: int | None) -> float:
     """Memory that these processes hold in RAM, together, in MB; those that have ended hold none."""
-    import psutil
-
-    total = 0
-    for pid in pids:
-        with contextlib.suppress(psutil.Error):
-            total += 0 if pid is None else psutil.Process(pid).memory_info().rss
-    return total / 1e6
+    return sum(resident_bytes(pid) for pid in pids if pid is not None) / 1e6
 
 
 def bytes_for(resolution: tuple[int, int]) -> int:

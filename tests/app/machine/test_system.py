@@ -20,12 +20,14 @@ from app.machine.system import (
     process_lives,
     read_at,
     reserve,
+    resident_bytes,
     seal,
     start_with_socket,
     write_at,
 )
 
 ROOT = Path(__file__).resolve().parents[3]
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="where /proc tells it")
 
 
 @pytest.mark.parametrize("positional", [True, False])
@@ -121,3 +123,20 @@ def test_a_page_that_the_system_has_hold_of_does_not_keep_a_block_from_being_sea
         os.ftruncate(descriptor, 5)
     assert len(tries) == min(n_busy, SEAL_TRIES) + 1
     os.close(descriptor)
+
+
+@pytest.mark.parametrize("has_proc", [pytest.param(True, marks=LINUX), False])
+def test_memory_that_a_process_holds(has_proc: bool) -> None:
+    before = resident_bytes(os.getpid(), has_proc)
+    held = bytearray(os.urandom(1 << 20)) * 64
+    assert 56 << 20 < resident_bytes(os.getpid(), has_proc) - before < 80 << 20
+    del held
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    assert resident_bytes(ended.pid, has_proc) == 0
+
+
+@LINUX
+def test_a_windows_thread_asks_for_memory_without_a_library() -> None:
+    asked = "import os, sys; from app.machine.memory import resident_megabytes as asked; assert asked(os.getpid()) > 1"
+    subprocess.run([sys.executable, "-c", f"{asked}; assert 'psutil' not in sys.modules"], cwd=ROOT, check=True)
