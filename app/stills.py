@@ -16,7 +16,7 @@ from app.decided import mode_knobs
 from app.jobs.cache import Store
 from app.jobs.deform import StoredLobes
 from app.machine.atomic import make_folder_of, require_place, save_file
-from app.machine.memory import orbit_bytes
+from app.machine.memory import orbit_bytes, orbit_slice_bytes
 from app.project import Project
 from engine.colour import ToneMapping
 from engine.deform.live import N_LOBES, Deform
@@ -123,7 +123,7 @@ def render_project(
             knobs = {**mode_knobs(mode, project.overruled), **knobs}
             drawing = render_orbit(
                 placement, layers_by_object(project), sky, n_patches, n_bounces=series.n_bounces,
-                most_bytes=orbit_bytes(), **knobs,
+                most_bytes=orbit_bytes(), most_slice_bytes=orbit_slice_bytes(), **knobs,
             )  # fmt: skip
         else:
             # A still has one pose: transfer of the meshes as they stand in it has the shadows between objects, too.
@@ -174,7 +174,7 @@ def prepared_orbit(project: Project, n_patches: int = N_PATCHES, series: BounceS
     """What pictures in Orbit's way are drawn of, from anywhere; all its work is to be done. series: None for as many
     bounces as the session or the scene says, or Orbit takes."""
     knobs: dict[str, Any] = {"n_patches": n_patches, **mode_knobs("orbit", project.overruled)}
-    orbit = Orbit(project.scene, most_bytes=orbit_bytes(), **knobs)
+    orbit = Orbit(project.scene, most_bytes=orbit_bytes(), most_slice_bytes=orbit_slice_bytes(), **knobs)
     orbit.set_light(project.sky)
     orbit.set_layers(layers_by_object(project))
     if n_bounces := series.n_bounces if series else project.chosen_bounces:

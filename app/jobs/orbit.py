@@ -19,8 +19,8 @@ from app.jobs.cache import content_key
 from app.jobs.kernels import FIRST_TIME, ORBIT, are_compiled, note_compiled
 from app.jobs.measured import ensure_tables
 from app.jobs.schedule import Handlers, Steps
-from app.machine.memory import orbit_bytes
-from app.messages import Progress
+from app.machine.memory import orbit_bytes, orbit_slice_bytes
+from app.messages import Noted, Progress
 from app.mode import ModeWork
 from app.orbit.messages import (
     DrawOrbit,
@@ -65,6 +65,7 @@ class OrbitWork(ModeWork):
         self._posed: tuple[tuple[Scene, Poses], Scene, RayCaster] | None = None
         self._emission: tuple[tuple[str, RGB], ...] = ()
         self._effort: tuple[int, ...] = ()
+        self._noted: tuple[str, ...] = ()
 
     @property
     def handlers(self) -> Handlers:
@@ -110,6 +111,10 @@ class OrbitWork(ModeWork):
             yield Progress(STAGE, step.fraction, text=FIRST_TIME if first_time else step.text)
         if first_time:
             note_compiled(ORBIT)
+        if orbit.notes != self._noted:
+            self._noted = orbit.notes
+            if orbit.notes:
+                yield Noted(orbit.notes)
         yield from self._tell(orbit, request)
         yield OrbitAdvanced(orbit.version, orbit.is_done, orbit.n_bytes)
         if orbit.has_traced:
@@ -186,10 +191,11 @@ class OrbitWork(ModeWork):
             from engine.orbit.live import Orbit
 
             scene = self._bench.open_placement.scene
-            self._orbit, self._telling = (
-                Orbit(scene, self._caster, n_points, n_coefficients, most_bytes=orbit_bytes()),
-                None,
-            )
+            self._orbit = Orbit(
+                scene, self._caster, n_points, n_coefficients, most_bytes=orbit_bytes(),
+                most_slice_bytes=orbit_slice_bytes(),
+            )  # fmt: skip
+            self._telling, self._noted = None, ()
             self._effort, self._emission = effort, ()
         return self._orbit
 

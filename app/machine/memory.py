@@ -29,6 +29,13 @@ def orbit_bytes() -> int:
     return max(MOST_BYTES, memory_bytes()[1] // 3)
 
 
+def orbit_slice_bytes() -> int:
+    """What the slices of Orbit's layers may: an eighth of all memory, and no less than the engine takes for granted."""
+    from engine.orbit.live import MOST_SLICE_BYTES
+
+    return max(MOST_SLICE_BYTES, memory_bytes()[1] // 8)
+
+
 def resident_megabytes(*pids: int | None) -> float:
     """Memory that these processes hold in RAM, together, in MB; those that have ended hold none."""
     return sum(resident_bytes(pid) for pid in pids if pid is not None) / 1e6

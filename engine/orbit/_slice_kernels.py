@@ -21,10 +21,11 @@ _3 = np.uint64(3)
 
 
 class Tables(NamedTuple):
-    """Slices by coefficient (polar, columns, rows, 3) and by upper triangle (polar, columns, 2560, 3), bfloat16, flat,
-    with one number behind the last, see `engine.lanes`: what points that look alike ask for stands together. Where
-    symmetries carry coefficients (10, 5120) and upper triangles (10, 2560), of columns over 36 degrees, or (2, ...) of
-    columns over half a turn; polar angles, the last the steepest, columns; serial: another of other tables."""
+    """Slices by coefficient (polar, columns, rows, 3), the last row 0, and by upper triangle of a level k (polar,
+    columns, 10 * 4^k, 3), bfloat16, flat, with one number behind the last, see `engine.lanes`: what points that look
+    alike ask for stands together. At which of these rows and triangles symmetries find coefficients (10, 5120) and
+    upper triangles (10, 2560) of the last level, of columns over 36 degrees, or (2, ...) of columns over half a turn;
+    polar angles, the last the steepest, columns; serial: another of other tables."""
 
     table: Halves
     values: Halves
@@ -132,7 +133,7 @@ def reflect(cell: Cell, number: NDArray[np.int16], value: Floats, n: int, t: Tab
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
 def corners_at(cell: Cell, place: int, t: Tables) -> Corners:
     """Where a cell's slices stand in `Tables.values` for an upper triangle."""
-    size = t.places.shape[1]
+    size = len(t.values) // (t.n_polar * t.n_columns) // 3
     first = np.uint64(((cell.row * t.n_columns + cell.column) * size + t.places[cell.symmetry, place]) * 3)
     across, down = np.uint64(3 * size), np.uint64(3 * size * t.n_columns)
     return Corners(first, first + across, first + down, first + across + down)

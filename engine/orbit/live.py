@@ -52,6 +52,7 @@ N_COEFFICIENTS = 320
 N_PATCHES = 64
 N_BOUNCES = 4  # where a scene does not say
 MOST_BYTES = 3 << 29
+MOST_SLICE_BYTES = 1 << 29
 _LEAST_COEFFICIENTS = 20
 _BYTES_A_COEFFICIENT = 8
 # Points a piece and thread: some 15 ms.
@@ -68,12 +69,14 @@ class Orbit:
     def __init__(
         self, scene: Scene, caster: RayCaster | None = None, n_points: int = N_POINTS,
         n_coefficients: int = N_COEFFICIENTS, n_patches: int = N_PATCHES, most_bytes: int = MOST_BYTES,
+        most_slice_bytes: int = MOST_SLICE_BYTES,
     ) -> None:  # fmt: skip
         """caster: of the scene's triangles, where there is one; n_points: besides the meshes' vertices; n_coefficients:
-        of light, 20 to 5,120 a point; n_patches: of all emitters; most_bytes: what points may keep, see `notes`."""
+        of light, 20 to 5,120 a point; n_patches: of all emitters; most_bytes: what points may keep, and
+        most_slice_bytes: what the layers' slices may, see `notes`."""
         self.scene = scene
         self.version = 0
-        self.notes: tuple[str, ...] = ()
+        self._notes: tuple[str, ...] = ()
         self._caster = caster or RayCaster(scene.vertices, scene.triangles)
         self._n_points, self._n_coefficients, self._n_patches = n_points, n_coefficients, n_patches
         self._most_bytes = most_bytes
@@ -83,7 +86,7 @@ class Orbit:
         self._patches = _emitters(scene, n_patches)
         self._n_bounces = scene.description.bounces or N_BOUNCES
         self._light, self._sky = SkyState(None), make_sky(None, 0.0)
-        self._reflections = Reflections()
+        self._reflections = Reflections(most_slice_bytes)
 
     # ------------------------------------------------------------------------------------------- what can be kept
 
@@ -182,6 +185,11 @@ class Orbit:
     def n_bounces(self) -> int:
         """How often light is reflected between light and eye."""
         return self._n_bounces
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is coarser than it was to be, for want of memory."""
+        return (*self._notes, *self._reflections.notes)
 
     # ----------------------------------------------------------------------------------------------------- the work
 
@@ -338,7 +346,7 @@ class Orbit:
             n = self._within_memory(len(points))
         self._check_memory(len(points))
         if n < self._n_coefficients:
-            self.notes = (f"{n} coefficients of light a point instead of {self._n_coefficients}, for want of memory",)
+            self._notes = (f"{n} coefficients of light a point instead of {self._n_coefficients}, for want of memory",)
         n_patches = 0 if self._patches is None else len(self._patches[0])
         self._lit = LitPoints(self.scene, self._caster, points, n, n_patches, self._are_glossy)
         if self._kept is not None:

@@ -1,4 +1,9 @@
-"""What the objects of a scene reflect, as sums that are drawn; their layers' slices, which are found piece by piece."""
+"""What the objects of a scene reflect, as sums that are drawn; their layers' slices, which are found piece by piece.
+
+Slices take at most so many bytes: of many layers they stand over larger triangles (`engine.orbit.slice_levels`). To
+drop those that were used least recently, and to find them again, was rejected: a picture asks for all that it shows,
+and 500 metals took 160 s of processor time for each.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +17,9 @@ from numpy.typing import NDArray
 from engine.material.layer import Layer
 from engine.material.maps import LayerMaps
 from engine.orbit import _slice_kernels
+from engine.orbit.slice_levels import SliceLevels
 from engine.orbit.slices import Slices, matt_reflectance, slicing
+from engine.orbit.visibility import LEVEL
 from engine.render.surface_maps import mean_factor
 from engine.scene.load import Scene
 from engine.steps import Stepped, finish
@@ -36,9 +43,11 @@ class Term:
 class Reflections:
     """The terms of all objects, and the slices of their layers: none, coarse ones, fine ones."""
 
-    def __init__(self) -> None:
+    def __init__(self, most_bytes: int) -> None:
+        """most_bytes: that slices take."""
         self.layers_of: dict[int, tuple[Layer, ...]] = {}
         self.terms: tuple[Term, ...] = ()
+        self._levels = SliceLevels(most_bytes)
         self._slices: dict[Layer, Slices] = {}
         self._fine: set[Layer] = set()
         self._tables: dict[tuple[Layer, ...], _slice_kernels.Tables] = {}
@@ -51,10 +60,20 @@ class Reflections:
         if layers == self.layers_of:
             return False
         self.layers_of, self.terms = layers, tuple(_terms(layers))
-        wanted = self._wanted
-        self._slices = {layer: slices for layer, slices in self._slices.items() if layer in wanted}
-        self._fine &= set(wanted)
-        self._tables.clear()
+        glossy = list(dict.fromkeys(term.layers for term in self.terms if term.reflectance is None))
+        self._levels.choose(glossy)
+        before, self._slices = self._slices, {}
+        for layer, slices in before.items():
+            level = self._levels.of.get(layer, 0)
+            if slices.level > level > 0:
+                self._slices[layer] = slices.at_level(level)
+            elif slices.level >= min(level, LEVEL - 1) > 0:
+                self._slices[layer] = slices
+        same = {layer for layer, slices in self._slices.items() if slices is before[layer]}
+        self._fine = {layer for layer in self._fine & same if self._slices[layer].level == LEVEL}
+        self._tables = {
+            those: self._tables[those] for those in glossy if those in self._tables and same.issuperset(those)
+        }
         return True
 
     @property
@@ -63,9 +82,21 @@ class Reflections:
         return len(self._slices)
 
     @property
+    def slice_bytes(self) -> int:
+        """What slices take now."""
+        arrays = [slices.flat for slices in self._slices.values()]
+        arrays += [array for tables in self._tables.values() for array in (tables.table, tables.values)]
+        return sum({id(array): array.nbytes for array in arrays}.values())
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is coarser for want of memory."""
+        return self._levels.notes
+
+    @property
     def is_done(self) -> bool:
-        """Whether all slices are fine."""
-        return all(layer in self._fine for layer in self._wanted)
+        """Whether all slices are as fine as they are to be."""
+        return not self._rough and all(layer in self._slices for layer in self._wanted)
 
     def are_glossy(self, n_objects: int) -> NDArray[np.bool_]:
         """Which objects (M,) do not reflect evenly."""
@@ -75,14 +106,16 @@ class Reflections:
 
     def find_coarse(self) -> bool:
         """Find the coarse slices of a layer that has none; whether there was one."""
-        missing = [layer for layer in self._wanted if layer not in self._slices]
-        if missing:
-            self._take(missing[0], finish(slicing(missing[0], -1)))
-        return bool(missing)
+        missing = next((layer for layer in self._wanted if layer not in self._slices), None)
+        if missing is None:
+            return False
+        coarse = finish(slicing(missing, -1))
+        self._take(missing, coarse.at_level(min(coarse.level, self._levels.of[missing])))
+        return True
 
     def refine(self) -> bool:
         """A step towards the fine slices of a layer whose are coarse; whether it was the last of them."""
-        rough = [layer for layer in self._wanted if layer not in self._fine]
+        rough = self._rough
         if self._slicing is None or self._slicing[0] not in rough:
             self._slicing = rough[0], Stepped(slicing(rough[0]))
         layer, steps = self._slicing
@@ -101,7 +134,7 @@ class Reflections:
             total = self._slices[layers[0]]
             for layer in layers[1:]:
                 total = total + self._slices[layer]
-            self._tables[layers] = total.tables
+            self._tables[layers] = total.make_tables()
         return self._tables[layers]
 
     def is_sharp(self, layers: tuple[Layer, ...]) -> bool:
@@ -140,8 +173,12 @@ class Reflections:
     @property
     def _wanted(self) -> list[Layer]:
         """The layers that want slices."""
-        glossy = (term for term in self.terms if term.reflectance is None)
-        return list(dict.fromkeys(layer for term in glossy for layer in term.layers))
+        return list(self._levels.of)
+
+    @property
+    def _rough(self) -> list[Layer]:
+        """Those that are to have fine ones, and have not."""
+        return [layer for layer, level in self._levels.of.items() if level == LEVEL and layer not in self._fine]
 
     def _take(self, layer: Layer, slices: Slices) -> None:
         self._slices[layer] = slices

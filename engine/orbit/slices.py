@@ -3,6 +3,9 @@
 Slices stand over the angle of ωo to the normal and its azimuth [Ma06, 3.2 and 3.4]. An isotropic BRDF is the same
 function turned about the normal, and the sphere has ten symmetries about it, so that slices over 36 degrees of azimuth,
 4.5 apart, serve all of them; one with a grain is the same mirrored across it, and has slices over half a turn.
+
+A slice has the means over the triangles of a level of the geodesic sphere, 1 to 4; each level less takes a quarter of
+the memory. Fewer angles instead were rejected: between slices further apart a highlight fades out and in again.
 """
 
 from __future__ import annotations
@@ -30,15 +33,17 @@ Floats = NDArray[np.float32]
 N_POLAR, N_AZIMUTHS, N_GRAINED = 24, 9, 41
 _STEEPEST = np.radians(89.0)
 _SERIALS = count(1)
+# The coarsest triangles that lie above the surface or below it as a whole.
+LEAST_LEVEL = 1
 # Of the most that is reflected: by which triangles beside one another may differ and be even in themselves.
 _EVEN = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class Slices:
-    """packed (polar, columns, U, 3): the mean of ρ cos θ over each upper triangle, or, coarse, of the level before,
-    bfloat16 as `kernels.packed` makes them; is_isotropic: the columns are azimuths to 36 degrees; otherwise they go to
-    180. flat: packed with one number behind the last, as the kernels take it.
+    """packed (polar, columns, U, 3): the mean of ρ cos θ over each upper triangle of a level, bfloat16 as
+    `kernels.packed` makes them; is_isotropic: the columns are azimuths to 36 degrees; otherwise they go to 180. flat:
+    packed with one number behind the last, as the kernels take it.
     """
 
     flat: NDArray[np.uint16]
@@ -61,38 +66,46 @@ class Slices:
         return kernels.unpacked(self.packed)
 
     @property
-    def fine(self) -> Slices:
-        """The same over the triangles of the last level."""
-        times = len(upper()) // self.packed.shape[2]
-        return self if times == 1 else Slices.of(np.repeat(self.packed, times, axis=2), self.is_isotropic)
+    def level(self) -> int:
+        """Of the triangles, `LEAST_LEVEL` to 4."""
+        return next(k for k in range(LEAST_LEVEL, LEVEL + 1) if len(_above(k)) == self.packed.shape[2])
 
-    @cached_property
-    def tables(self) -> kernels.Tables:
+    def at_level(self, level: int) -> Slices:
+        """The same over the triangles of another level; over larger ones by the means of four [Haar]."""
+        finer = level - self.level
+        if finer == 0:
+            return self
+        if finer > 0:
+            return Slices.of(np.repeat(self.packed, 4**finer, axis=2), self.is_isotropic)
+        parts = self.values.reshape(N_POLAR, self.n_columns, len(_above(level)), 4**-finer, 3)
+        return Slices.of(kernels.packed(parts.mean(axis=3)), self.is_isotropic)
+
+    def make_tables(self) -> kernels.Tables:
         """With the coefficients of each slice, times 4^(L − level), so that the integral of powers times a slice is the
         sum of products of coefficients. Of those of the lower hemisphere, where all slices are 0, there are none."""
-        n_polar, n_columns = self.packed.shape[:2]
-        level, rows = self._level, _rows(self._level)
-        flat = np.zeros(n_polar * n_columns * len(_rows(LEVEL)) * 3 + 1, np.uint16)
-        table = flat[:-1].reshape(n_polar, n_columns, -1, 3)
+        level, rows = self.level, _rows(self.level)
+        # One row more is 0: it stands for all coefficients of finer levels.
+        flat = np.zeros(N_POLAR * self.n_columns * (len(rows) + 1) * 3 + 1, np.uint16)
+        table = flat[:-1].reshape(N_POLAR, self.n_columns, -1, 3)
         scale = (4.0 ** (LEVEL - levels_of_coefficients(level)))[rows].astype(np.float32)[:, None, None]
 
         def row(i: int) -> None:
-            values = np.zeros((geodesic(level).n_triangles, n_columns, 3), np.float32)
+            values = np.zeros((geodesic(level).n_triangles, self.n_columns, 3), np.float32)
             values[_above(level)] = kernels.unpacked(self.packed[i]).swapaxes(0, 1)
-            table[i, :, : len(rows)] = kernels.packed(forward(values)[rows] * scale).swapaxes(0, 1)
+            table[i, :, :-1] = kernels.packed(forward(values)[rows] * scale).swapaxes(0, 1)
 
-        on_threads(row, range(n_polar))
-        images, places = _inverse_images()
+        on_threads(row, range(N_POLAR))
+        images, places = _row_images(level), _place_images(LEVEL) // np.int32(4 ** (LEVEL - level))
         if not self.is_isotropic:
             images, places = images[[0, N_TURNS]], places[[0, N_TURNS]]
         return kernels.Tables(
-            flat, self.fine.flat, images, places, n_polar, n_columns, _STEEPEST, next(_SERIALS)
+            flat, self.flat, images, places, N_POLAR, self.n_columns, _STEEPEST, next(_SERIALS)
         )  # fmt: skip
 
     @cached_property
     def albedo(self) -> NDArray[np.float64]:
         """Of the matt reflection that sends as much light on [BenArtzi07, sect. 5.3], (3,): 1/π ∫∫ ρ cos cos."""
-        solid_angles = geodesic(self._level).solid_angles[_above(self._level)].astype(np.float32)
+        solid_angles = geodesic(self.level).solid_angles[_above(self.level)].astype(np.float32)
         sent = np.einsum("k,paki->pai", solid_angles, self.values).astype(np.float64)
         sent = np.trapezoid(sent, axis=1) / (self.n_columns - 1)
         polar = np.linspace(0.0, _STEEPEST, N_POLAR)
@@ -101,37 +114,46 @@ class Slices:
     @cached_property
     def lobe(self) -> float:
         """Solid angle of the even lobe that is as sharp as what light along the normal becomes: (∫ f)² / ∫ f²."""
-        solid_angles = geodesic(self._level).solid_angles[_above(self._level)]
+        solid_angles = geodesic(self.level).solid_angles[_above(self.level)]
         sent = kernels.unpacked(self.packed[:1, :1])[0, 0].sum(axis=1, dtype=np.float64)
         square = float(solid_angles @ sent**2)
         return float(solid_angles @ sent) ** 2 / square if square > 0.0 else 2.0 * np.pi
-
-    @property
-    def _level(self) -> int:
-        return LEVEL if self.packed.shape[2] == len(upper()) else LEVEL - 1
 
     def __add__(self, other: Slices) -> Slices:
         """Of both one above the other."""
         if self.is_isotropic != other.is_isotropic:
             return self.half_around() + other.half_around()
-        if self._level != other._level:
-            return self.fine + other.fine
+        if self.level != other.level:
+            level = max(self.level, other.level)
+            return self.at_level(level) + other.at_level(level)
         return Slices.of(kernels.packed(self.values + other.values), self.is_isotropic)
 
     def half_around(self) -> Slices:
         """The same with slices over half a turn."""
         if not self.is_isotropic:
             return self
-        if self._level != LEVEL:
-            return self.fine.half_around()
-        _, places = _inverse_images()
-        turned = np.empty((N_POLAR, N_GRAINED, len(upper()), 3), np.uint16)
+        places = _place_images(self.level)
+        turned = np.empty((N_POLAR, N_GRAINED, places.shape[1], 3), np.uint16)
         half = N_AZIMUTHS - 1  # of a fifth of a turn: from there on it is mirrored
         for i in range(N_GRAINED):
             turn, inside = divmod(i, 2 * half)
             symmetry, at = (turn, inside) if inside <= half else (N_TURNS + (turn + 1) % N_TURNS, 2 * half - inside)
             turned[:, i] = self.packed[:, at][:, places[symmetry]]
         return Slices.of(turned, False)
+
+
+def slice_bytes_of(level: int, is_isotropic: bool) -> int:
+    """Of slices over the triangles of a level, `Slices.flat`."""
+    return 2 * (_n_slices(is_isotropic) * len(_above(level)) * 3 + 1)
+
+
+def table_bytes_of(level: int, is_isotropic: bool) -> int:
+    """Of the coefficients of such slices, `Tables.table`."""
+    return 2 * (_n_slices(is_isotropic) * (len(_rows(level)) + 1) * 3 + 1)
+
+
+def _n_slices(is_isotropic: bool) -> int:
+    return N_POLAR * (N_AZIMUTHS if is_isotropic else N_GRAINED)
 
 
 def slicing(layer: Layer, finer: int = 1) -> Generator[float, None, Slices]:
@@ -193,13 +215,14 @@ def _pairs() -> NDArray[np.float64]:
     return np.stack([spherical(polar[0], azimuth[0]), spherical(polar[1], azimuth[1])])
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)
 def _above(level: int) -> NDArray[np.int32]:
-    """The triangles of the last level or the one before above the surface, ascending."""
-    return upper() if level == LEVEL else upper()[::4] // 4
+    """The triangles of a level above the surface, ascending."""
+    size = 4 ** (LEVEL - level)
+    return upper()[::size] // size
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)
 def _rows(level: int) -> NDArray[np.int64]:
     """The coefficients of functions that are 0 below the surface that need not be 0, ascending."""
     above = np.zeros((geodesic(level).n_triangles, 1))
@@ -207,19 +230,26 @@ def _rows(level: int) -> NDArray[np.int64]:
     return np.flatnonzero(forward(above)[:, 0])
 
 
-@lru_cache(maxsize=1)
-def _inverse_images() -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """(10, 5120) and (10, 2560): of an unmoved function the row of `_rows`, and the upper triangle by its place, that
-    become each coefficient and triangle when a symmetry moves it."""
-    turns = [
-        *((N_TURNS - k) % N_TURNS for k in range(N_TURNS)),
-        *range(N_TURNS, 2 * N_TURNS),
-    ]  # mirrors undo themselves
-    triangles = images_of_triangles(LEVEL)[turns][:, upper()]
-    places = np.searchsorted(upper(), triangles).astype(np.int32)
-    row = np.zeros(geodesic(LEVEL).n_triangles, np.int32)
-    row[_rows(LEVEL)] = np.arange(len(_rows(LEVEL)))
-    return np.ascontiguousarray(row[images_of_wavelets(LEVEL)[turns]]), np.ascontiguousarray(places)
+def _inverse_turns() -> list[int]:
+    """Of each symmetry the one that undoes it; mirrors undo themselves."""
+    return [*((N_TURNS - k) % N_TURNS for k in range(N_TURNS)), *range(N_TURNS, 2 * N_TURNS)]
+
+
+@lru_cache(maxsize=4)
+def _row_images(level: int) -> NDArray[np.int32]:
+    """(10, 5120): of an unmoved function the row of `_rows` of a level that becomes each coefficient when a symmetry
+    moves it; the row behind the last of those that have none."""
+    row = np.full(geodesic(LEVEL).n_triangles, len(_rows(level)), np.int32)
+    row[_rows(level)] = np.arange(len(_rows(level)))
+    return np.ascontiguousarray(row[images_of_wavelets(LEVEL)[_inverse_turns()]])
+
+
+@lru_cache(maxsize=4)
+def _place_images(level: int) -> NDArray[np.int32]:
+    """(10, 10 * 4^level): of an unmoved function the upper triangle of a level, by its place, that becomes each when a
+    symmetry moves it."""
+    triangles = images_of_triangles(level)[_inverse_turns()][:, _above(level)]
+    return np.searchsorted(_above(level), triangles).astype(np.int32)
 
 
 def _reflected(layer: Layer, wo: NDArray[np.float64], finer: int) -> Floats:

@@ -7,7 +7,7 @@ from collections.abc import Generator
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.orbit.live import MOST_BYTES, N_COEFFICIENTS, N_POINTS, Orbit
+from engine.orbit.live import MOST_BYTES, MOST_SLICE_BYTES, N_COEFFICIENTS, N_POINTS, Orbit
 from engine.orbit.reflections import LayersOf
 from engine.render.still import StillProgress
 from engine.transport.pipeline import Placement, SkyState
@@ -24,12 +24,14 @@ def render_orbit(
     n_coefficients: int = N_COEFFICIENTS,
     n_bounces: int = 1,
     most_bytes: int = MOST_BYTES,
+    most_slice_bytes: int = MOST_SLICE_BYTES,
 ) -> Generator[StillProgress, None, NDArray[np.float32]]:
     """Radiance (H, W, 3) after up to n_bounces reflections, as Orbit shows it at rest; yields how far it is.
 
-    layers_of: the layers of each object, by its index; most_bytes: what points may keep.
+    layers_of: the layers of each object, by its index; most_bytes: what points may keep, most_slice_bytes: what
+    slices may, see `Orbit`.
     """
-    orbit = Orbit(placement.scene, placement.caster, n_points, n_coefficients, n_patches, most_bytes)
+    orbit = Orbit(placement.scene, placement.caster, n_points, n_coefficients, n_patches, most_bytes, most_slice_bytes)
     orbit.set_light(sky)
     orbit.set_layers(layers_of)
     orbit.set_bounces(n_bounces)

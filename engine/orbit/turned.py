@@ -191,7 +191,7 @@ _of_bytes = lru_cache(maxsize=1)(kernels.of_bytes)
 
 
 def _is_highlight(tables: _slice_kernels.Tables) -> bool:
-    size = tables.places.shape[1]
+    size = len(tables.values) // (tables.n_polar * tables.n_columns) // 3
     upright = _slice_kernels.unpacked(tables.values[: 3 * size]).reshape(size, 3).sum(axis=1)
     return bool(upright.max() > _HIGHLIGHT * upright.mean())
 

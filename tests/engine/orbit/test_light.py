@@ -17,7 +17,15 @@ from engine.orbit.reflected import at_corners, mirrored, no_shades, reflected, r
 from engine.orbit.reflections import SHARP
 from engine.orbit.shading_points import shading_points
 from engine.orbit.sky import MAP_SIDE, make_sky, texel_directions
-from engine.orbit.slices import looks_isotropic, matt_reflectance, slicing, spherical, to_shading
+from engine.orbit.slices import (
+    looks_isotropic,
+    matt_reflectance,
+    slice_bytes_of,
+    slicing,
+    spherical,
+    table_bytes_of,
+    to_shading,
+)
 from engine.orbit.visibility import see, see_patches, upper
 from engine.render.integrator import evaluate_layers
 from engine.scene.description import parse_description
@@ -251,7 +259,8 @@ def along(slices, ball, incident, p: int, wo: np.ndarray) -> np.ndarray:
     members = np.arange(3 * len(wo))
     corner_kernels.shade_corners(
         0, 1, np.array([p]), np.array([0, len(members)]), members, world, 5120, points.frames, incident.slot,
-        incident.kept, suns_of(make_sky(None, 0.0), incident, 0.0), slices.tables, found, np.zeros((0, 2), np.uint64),
+        incident.kept, suns_of(make_sky(None, 0.0), incident, 0.0), slices.make_tables(), found,
+        np.zeros((0, 2), np.uint64),
     )  # fmt: skip
     return found[::3]
 
@@ -283,7 +292,7 @@ def test_what_moves_shows_the_colours_of_rest_interpolated(ball_scene, ball, une
     sky = make_sky(uneven, 0.0)
     incident = lit(ball, sky, 320)
     seen = PointMesh(ball_scene, points).look(ball_scene.description.camera, (48, 36))
-    tables, which = finish(slicing(GOLD, 0)).tables, seen.of(1)
+    tables, which = finish(slicing(GOLD, 0)).make_tables(), seen.of(1)
     resting = reflected(seen, which, incident, sky, [GOLD], tables, 0.005)
     colours, moving = np.zeros((len(points), 3), np.float32), np.zeros((48 * 36, 3), np.float32)
     shaded(seen, np.flatnonzero(seen.points_seen()), incident, tables, 320, no_shades(incident), colours)
@@ -300,7 +309,7 @@ def test_a_sun_is_reflected_in_its_own_direction(ball_scene, ball) -> None:
     sharp = make_layer(MODELS["rough_conductor"], {"alpha": 0.05})
     seen = PointMesh(ball_scene, points).look(ball_scene.description.camera, (240, 180))
     on_ball = seen.of(1)
-    tables = finish(slicing(sharp, 0)).tables
+    tables = finish(slicing(sharp, 0)).make_tables()
     found = reflected(seen, on_ball, lit(ball, sky, 20), sky, [sharp], tables, 0.01)
     normal = np.einsum("pk,pki->pi", seen.samples.weights[on_ball], points.normal[seen.samples.corners[on_ball]])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -326,7 +335,7 @@ def test_a_highlight_stands_where_the_surface_shows_it_also_where_points_are_far
     seen = PointMesh(scene, points).look(scene.description.camera, (48, 36))
     which = seen.of(1)[::5]
     incident = lit((points, caster, bits), sky)
-    tables = finish(slicing(layer)).tables
+    tables = finish(slicing(layer)).make_tables()
     found = reflected(seen, which, incident, sky, [layer], tables, 0.01)
     quickly = reflected_quickly(seen, which, incident, sky, tables, 96)
     above, exact = upper(), np.zeros((len(which), 3))
@@ -352,22 +361,45 @@ def test_how_sharp_a_layer_is_is_told_by_its_slices() -> None:
 
 def test_a_layer_with_gloss_is_kept_in_seven_megabytes() -> None:
     slices = finish(slicing(GOLD, 0))
-    assert slices.tables.table.nbytes + slices.packed.nbytes < 7.2e6 and np.shares_memory(
-        slices.tables.values, slices.packed
-    )
+    tables = slices.make_tables()
+    assert tables.table.nbytes + slices.packed.nbytes < 7.2e6 and np.shares_memory(tables.values, slices.packed)
 
 
+def entries(flat: np.ndarray, images: np.ndarray) -> np.ndarray:
+    """Of tables, (polar and columns, symmetries, 5120 or 2560, 3), as the kernels find them."""
+    n_slices = 24 * (9 if len(images) == 10 else 41)
+    return slice_kernels.unpacked(flat[:-1]).reshape(n_slices, -1, 3)[:, images]
+
+
+@pytest.mark.parametrize("level", [1, 2, 3])
 @pytest.mark.parametrize("layer", [GOLD, BRUSHED], ids=["isotropic", "brushed"])
-def test_coarse_slices_are_read_as_even_fine_ones(layer) -> None:
-    coarse = finish(slicing(layer, -1))
-    fine = coarse.fine
-    assert coarse.packed.shape[2] == 640 and fine.packed.shape[2] == 2560
-    np.testing.assert_array_equal(coarse.tables.values, fine.tables.values)
-    near, far = (slice_kernels.unpacked(slices.tables.table) for slices in (coarse, fine))
-    np.testing.assert_allclose(near, far, rtol=0.01, atol=1e-6 * far.max())
+def test_coarse_slices_are_read_as_even_fine_ones(layer, level: int) -> None:
+    coarse = finish(slicing(layer, -1)).at_level(level)
+    fine = coarse.at_level(4)
+    assert coarse.packed.shape[2] == 10 * 4**level and fine.packed.shape[2] == 2560
+    near, far = coarse.make_tables(), fine.make_tables()
+    made = near.table.nbytes, near.values.nbytes
+    assert made == (table_bytes_of(level, layer is GOLD), slice_bytes_of(level, layer is GOLD))
+    np.testing.assert_array_equal(entries(near.values, near.places), entries(far.values, far.places))
+    kept, even = entries(near.table, near.images), entries(far.table, far.images)
+    np.testing.assert_allclose(kept, even, rtol=0.01, atol=1e-6 * even.max())
     np.testing.assert_allclose(coarse.albedo, fine.albedo, rtol=0.01)
     both, twice = coarse + finish(slicing(MATT_LIKE, 0)), fine + finish(slicing(MATT_LIKE, 0))
     np.testing.assert_array_equal(both.packed, twice.packed)
+    turned = coarse.half_around()
+    assert not turned.is_isotropic and turned.level == level
+    np.testing.assert_array_equal(turned.at_level(4).packed, fine.half_around().packed)
+
+
+def test_slices_over_larger_triangles_are_means_and_have_the_first_coefficients() -> None:
+    fine = finish(slicing(GOLD, 0))
+    coarse = fine.at_level(3)
+    means = fine.values.reshape(24, 9, 640, 4, 3).mean(axis=3)
+    np.testing.assert_allclose(coarse.values, means, rtol=2**-8)
+    near, far = coarse.make_tables(), fine.make_tables()
+    first = slice(0, 20 * 4**3)
+    kept, all_of_them = entries(near.table, near.images)[:, :, first], entries(far.table, far.images)[:, :, first]
+    np.testing.assert_allclose(kept, all_of_them, rtol=0.01, atol=2e-3 * all_of_them.max())
 
 
 def test_finer_slices_are_the_means_over_finer_triangles() -> None:
@@ -389,7 +421,7 @@ def test_all_suns_that_are_asked_are_the_sum_over_them(ball_scene, ball, uneven)
     assert len(sky.sun_power) > 5
     incident = lit(ball, sky, 20)
     seen = PointMesh(ball_scene, points).look(ball_scene.description.camera, (48, 36))
-    which, tables = seen.of(1)[::7], finish(slicing(GOLD, 0)).tables
+    which, tables = seen.of(1)[::7], finish(slicing(GOLD, 0)).make_tables()
     incident.kept.value[:] = 0  # suns alone
     found = reflected(seen, which, incident, sky, [GOLD], tables, -1.0)
     for j, row in zip(which, found, strict=True):
@@ -414,7 +446,7 @@ def test_suns_that_differ_little_are_looked_up_as_they_stand(ball_scene, ball, u
     points, _, _ = ball
     incident = lit(ball, sky, 20)
     seen = PointMesh(ball_scene, points).look(ball_scene.description.camera, (48, 36))
-    which, tables = seen.of(1), finish(slicing(GOLD)).tables
+    which, tables = seen.of(1), finish(slicing(GOLD)).make_tables()
     sharp = np.zeros((3 * len(which), 2), np.uint64)
     ways = mirrored(seen.samples.wo[which], seen.normals(which))
     found = at_corners(seen, which, ways, incident, suns_of(sky, incident, 1e9), tables, sharp)
