@@ -1,6 +1,7 @@
 """Which work of ours has the processors first: what a person waits for as others have them, all else after that.
 
-    window; worker; the compiling of what first pictures need, direct and indirect light  as any process
+    window                                                                                as any process
+    worker; the compiling of what first pictures need, direct and indirect light          a little behind
     a worker's thread for what nobody waits for (`Request.waited_for`)                    behind
     the compiling of what is wanted later                                                 behind all
 
@@ -9,8 +10,10 @@ first thread never steps back, and lets another take the steps of what nobody wa
 Where threads have no priority of their own, all the worker does is waited for.
 
 The window's thread sleeps between frames and has to run at once when something happens, so those of the worker do not
-take a processor from one that runs (SCHED_BATCH). Rejected: a worker that steps back as a whole, which beside a busy
-program of another kind had a tenth of a processor for the picture that a person waited for.
+take a processor from one that runs (SCHED_BATCH). Where OpenGL is software, a frame is also 20 ms of work for threads
+of its own, which the worker's get in the way of: from a little behind, these leave it two thirds (frames at a start
+took 0.6 of their time). Rejected: a worker that steps back by 10, which beside a busy program of another kind had a
+tenth of a processor for the picture that a person waited for.
 Light to import, for it is imported first of all.
 """
 
@@ -25,17 +28,18 @@ from typing import TypeVar
 from app.machine.system import HAS_THREAD_PRIORITIES, let_wake_before_us, step_back_by
 
 Result = TypeVar("Result")
+LITTLE = 3
 NICENESS = 10
 LAST = 19
 _OOM_SCORE = "800"  # the system, short of memory, ends us before the window
 
 
 def step_back(last: bool = False) -> None:
-    """Leave Ctrl-C and, when memory runs out, survival to the window; `last`: and the processor to everybody."""
+    """Leave Ctrl-C, a little of the processor and, when memory runs out, survival to the window; `last`: the processor
+    to everybody."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     let_wake_before_us()
-    if last:
-        step_back_by(LAST)
+    step_back_by(LAST if last else LITTLE)
     with contextlib.suppress(OSError), open("/proc/self/oom_score_adj", "w", encoding="ascii") as file:
         file.write(_OOM_SCORE)
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from app.jobs.background import NICENESS, Background
+from app.jobs.background import LAST, LITTLE, NICENESS, Background
 from app.jobs.schedule import Schedule
 from app.jobs.worker import Worker
 from app.messages import LookFrom, Request, Response
@@ -26,6 +28,7 @@ def priority(_: object = None) -> int:
     return os.getpriority(os.PRIO_PROCESS, 0)
 
 
+ROOT = Path(__file__).resolve().parents[3]
 BEHIND = min(priority() + NICENESS, 19)
 
 
@@ -33,6 +36,13 @@ def everywhere() -> set[int]:
     """Of this thread, and of those that it shares its work with."""
     with pool() as threads:
         return {priority(), *on_threads(priority, range(8)), *threads.map(priority, range(8))}
+
+
+@pytest.mark.parametrize("last", [False, True])
+def test_a_worker_stands_a_little_behind_the_window(last: bool) -> None:
+    say = f"import os; from app.jobs.background import step_back; step_back({last}); print(os.getpriority(0, 0))"
+    told = subprocess.run([sys.executable, "-c", say], cwd=ROOT, check=True, capture_output=True)
+    assert int(told.stdout) == min(priority() + (LAST if last else LITTLE), LAST) and 0 < LITTLE < NICENESS
 
 
 def test_a_thread_steps_back_with_all_that_work_for_it() -> None:
