@@ -52,9 +52,10 @@ def in_the_gap_room(folder: Path, n_patches: int = 768) -> tuple[float, float]:
 
 def test_a_lamp_through_a_narrow_gap_lights_a_ceiling_smoothly(tmp_path: Path) -> None:
     # 34 %, and black dots: points saw nothing in common and believed one another, and edges of leaves stood in rows.
-    # 4.4 % where six leaves beside one said whether it lies at the edge of what the gap shows.
+    # 4.4 % where six leaves beside one said whether it lies at the edge of what the gap shows, and 3.1 where points at
+    # the border had missed a part of it.
     rmse, mean = in_the_gap_room(tmp_path)
-    assert rmse < 0.035 and abs(mean) < 0.005
+    assert rmse < 0.027 and abs(mean) < 0.005
 
 
 def test_more_patches_help(tmp_path: Path) -> None:
