@@ -23,9 +23,9 @@ from app.deform.messages import (
 )
 from app.jobs.bench import Bench
 from app.jobs.cache import Store, content_key
-from app.jobs.kernels import COMPILING, DEFORM, FIRST_TIME, are_compiled, note_compiled
+from app.jobs.kernels import DEFORM, FIRST_TIME, are_compiled, note_compiled
 from app.jobs.measured import ensure_tables
-from app.jobs.orbit import layers_by_object
+from app.jobs.orbit import layers_by_object, until_compiled
 from app.jobs.schedule import Handlers, Steps
 from app.messages import Progress
 from app.mode import ModeWork
@@ -74,7 +74,7 @@ class DeformWork(ModeWork):
         sky = self._bench.sky(scene.light)
         if (image := self._bench.sky_image(sky, scene.light)) is not None:
             yield image
-        yield from self._until_compiled()
+        yield from until_compiled(self._bench, DEFORM)
         first_time, told = not are_compiled(DEFORM), None  # still, where nobody else compiles
         if first_time:
             yield Progress(STAGE, 0.0, text=FIRST_TIME)
@@ -101,12 +101,6 @@ class DeformWork(ModeWork):
         yield OrbitAdvanced(deform.version, deform.is_done, deform.n_bytes)
         if request.traced is not None:
             yield from self._trace(deform, request, sky, request.traced)
-
-    def _until_compiled(self) -> Steps:
-        """Until another process has compiled what Deform needs; between the steps other requests are answered."""
-        if self._bench.kernels is not None and not are_compiled(DEFORM):
-            for _ in self._bench.kernels.until_ready(DEFORM):
-                yield Progress(COMPILING, 0.0, text=FIRST_TIME)
 
     def _trace(self, deform: Deform, request: PrepareDeform, sky: SkyState, wanted: Traced) -> Steps:
         """By paths, pass by pass; goes on where it was left off."""

@@ -9,8 +9,8 @@ Numba compiles under one lock and mostly in Python, so that threads would take t
 compiled through the folder of `app.machine.kernel_cache`, which begins with what the installation has
 (`app.machine.installed_kernels`). A file in it, left when all was ready, says that no other process is needed; others
 say so of each of `LATER`. Who wants one of those meanwhile waits in steps (`Kernels.until_ready`), so that other
-requests are answered. Whatever goes wrong here costs time alone: a kernel that is not ready is compiled when it is
-called.
+requests are answered; Orbit and Deform, which a scene may be opened in, have theirs compiled before the others.
+Whatever goes wrong here costs time alone: a kernel that is not ready is compiled when it is called.
 """
 
 from __future__ import annotations
@@ -70,6 +70,7 @@ class Kernels:
         started = [_start_compiler(part) for part in PARTS] if self.first_time else []
         self._compilers = [compiler for compiler in started if compiler is not None]
         self._later: subprocess.Popen[bytes] | None = None
+        self._first = ""
 
     def prepare(self) -> None:
         """Begin to make all ready, in a thread; import the engine before."""
@@ -90,16 +91,25 @@ class Kernels:
         """Whether there is nothing to wait for: one of `LATER` is compiled, or nobody is compiling it."""
         return self._later is None or are_compiled(what)
 
-    def until_ready(self, what: str) -> Iterator[None]:
+    def until_ready(self, what: str, goes_first: bool = False) -> Iterator[None]:
         """Wait for one of `LATER`, a step each time; before that for the first picture's kernels, for only then the
-        process that compiles it is started."""
+        process that compiles it is started. goes_first: whether it is Orbit or Deform, and the others come later."""
         while not are_compiled(what) and not self.wait(_STEP_SECONDS):
             yield
+        if goes_first and not self.is_ready(what):
+            self._put_first(what)
         while self._later is not None and not self.is_ready(what):
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._later.wait(_STEP_SECONDS)
                 self._later = None
             yield
+
+    def _put_first(self, what: str) -> None:
+        """Start the process that compiles `LATER` anew with this as its first, unless it is at it already. Of what it
+        has compiled it loses one kernel at most."""
+        if self._first != what and not all(map(are_compiled, LATER[: LATER.index(what)])):
+            self.close()
+            self._first, self._later = what, _start_compiler(LATER_PART, what)
 
     def close(self) -> None:
         """End the process that still compiles what is wanted later; what it has compiled is kept."""
@@ -185,8 +195,9 @@ def compile_all() -> None:
             pass
 
 
-def _start_compiler(part: str) -> subprocess.Popen[bytes] | None:
+def _start_compiler(part: str, first: str = "") -> subprocess.Popen[bytes] | None:
     command = [sys.executable, "-P", "-m", qualified("app.jobs.kernels"), part, str(os.getpid())]
+    command += [first] if first else []
     try:
         return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
     except OSError:
@@ -194,12 +205,12 @@ def _start_compiler(part: str) -> subprocess.Popen[bytes] | None:
         return None
 
 
-def rehearse(part: str) -> None:
-    """Compile or read one of `PARTS`, or all of `LATER`."""
+def rehearse(part: str, first: str = "") -> None:
+    """Compile or read one of `PARTS`, or all of `LATER`, of which Orbit or Deform may be the first."""
     from engine.transport import rehearsal
 
     if part == LATER_PART:
-        _rehearse_later()
+        _rehearse_later(first)
     elif part == "projection":
         rehearsal.rehearse_contraction()
         rehearsal.rehearse_footprint()
@@ -210,11 +221,11 @@ def rehearse(part: str) -> None:
         rehearsal.rehearse_light()
 
 
-def _rehearse_later() -> None:
+def _rehearse_later(first: str) -> None:
     if not all(map(are_compiled, LATER)):
         from app.jobs.rehearsal import rehearse_later
 
-        for what in rehearse_later():
+        for what in rehearse_later(first):
             note_compiled(what)
             if what == INDIRECT:
                 step_behind(LAST)  # up to here a person may wait, for light between surfaces
@@ -233,7 +244,7 @@ def main() -> None:
     gc.set_threshold(GC_THRESHOLD if sys.argv[1] == LATER_PART else 0)  # the parts end before it would be worth while
     load_compiler()
     with alone(sys.argv[1]):
-        rehearse(sys.argv[1])
+        rehearse(sys.argv[1], *sys.argv[3:])
 
 
 @contextlib.contextmanager

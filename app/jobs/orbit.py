@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from app.document import RGB
 from app.jobs.bench import Bench
 from app.jobs.cache import content_key
-from app.jobs.kernels import FIRST_TIME, ORBIT, are_compiled, note_compiled
+from app.jobs.kernels import COMPILING, FIRST_TIME, ORBIT, are_compiled, note_compiled
 from app.jobs.measured import ensure_tables
 from app.jobs.schedule import Handlers, Steps
 from app.machine.memory import orbit_bytes, orbit_slice_bytes
@@ -88,7 +88,8 @@ class OrbitWork(ModeWork):
         sky = self._bench.sky(scene.light)
         if (image := self._bench.sky_image(sky, scene.light)) is not None:
             yield image
-        first_time, told = not are_compiled(ORBIT), None
+        yield from until_compiled(self._bench, ORBIT)
+        first_time, told = not are_compiled(ORBIT), None  # still, where nobody else compiles
         yield from _prepared_sky(sky, FIRST_TIME if first_time else "light")
         orbit = self._made(self.n_points or request.n_points, request.n_coefficients)
         if not orbit.n_bytes:  # nothing is placed yet
@@ -198,6 +199,14 @@ class OrbitWork(ModeWork):
             self._telling, self._noted = None, ()
             self._effort, self._emission = effort, ()
         return self._orbit
+
+
+def until_compiled(bench: Bench, what: str) -> Steps:
+    """Until another process has compiled what Orbit or Deform needs, before all else that comes later; between the
+    steps other requests are answered."""
+    if bench.kernels is not None and not are_compiled(what):
+        for _ in bench.kernels.until_ready(what, goes_first=True):
+            yield Progress(COMPILING, 0.0, text=FIRST_TIME)
 
 
 def _prepared_sky(sky: SkyState, text: str) -> Steps:

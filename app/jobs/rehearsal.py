@@ -97,12 +97,19 @@ class SmallDeform(DeformWork):
     n_points, n_rays = 60, 16
 
 
-def rehearse_later() -> Iterator[str]:
-    """Go through them, the quickest first; yields each of `kernels.LATER` when it is compiled."""
+def rehearse_later(first: str = "") -> Iterator[str]:
+    """Go through them, `first` (Orbit or Deform) before the others, of these the quickest first; yields each of
+    `kernels.LATER` when it is compiled."""
+    if first == DEFORM:
+        rehearse_deform()
+        yield DEFORM
     with tempfile.TemporaryDirectory() as folder:
         scene = Path(folder, "scene.toml")
         scene.write_text(_SCENE)
         client = InProcessClient(Tasks(Store(Path(folder, "cache"))))
+        if first == ORBIT:
+            _rehearse_orbit(client, Path(folder))
+            yield ORBIT
         _ask(client, OpenScene(str(scene), id=1))
         _ask(client, LookFrom(1))
         stroke = Stroke(0.5, dabs=pack_dabs([[0.0, 0.0, 0.5]], [[0.0, 0.0, 1.0]]))
@@ -121,10 +128,12 @@ def rehearse_later() -> Iterator[str]:
         turned = replace(state, light=replace(state.light, rotation=90.0))
         _ask(client, ComputeTransport(turned, "ball.1", "theta_h", 50, Decisions(100, 64), is_drag=True))
         yield RELIGHTING
-        _rehearse_orbit(client, Path(folder))
-        yield ORBIT
-    rehearse_deform()
-    yield DEFORM
+        if first != ORBIT:
+            _rehearse_orbit(client, Path(folder))
+            yield ORBIT
+    if first != DEFORM:
+        rehearse_deform()
+        yield DEFORM
 
 
 def _rehearse_orbit(client: InProcessClient, folder: Path) -> None:

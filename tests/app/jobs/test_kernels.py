@@ -17,7 +17,7 @@ from app.jobs.in_process import InProcessClient
 from app.jobs.kernels import PARTS, Kernels
 from app.machine.kernel_cache import kernel_folders
 from app.messages import Cancel, Progress, Response
-from app.orbit.messages import DrawPlainly, OrbitAdvanced, OrbitDrawn
+from app.orbit.messages import DrawPlainly, OrbitAdvanced, OrbitDrawn, PrepareOrbit
 from app.placement.messages import (
     BandsPlanned,
     Contract,
@@ -149,10 +149,13 @@ def test_where_no_kernels_are_kept_nobody_is_told(monkeypatch: pytest.MonkeyPatc
 class Later:
     """The process that compiles what is wanted later, as `subprocess.Popen`, and ends when a test says so."""
 
-    def __init__(self) -> None:
-        self.has_ended = False
+    def __init__(self, first: str = "") -> None:
+        self.has_ended, self.first = False, first
 
-    def wait(self, timeout_s: float) -> int:
+    def kill(self) -> None:
+        self.has_ended = True
+
+    def wait(self, timeout_s: float = 0.0) -> int:
         if not self.has_ended:
             raise subprocess.TimeoutExpired("compiler", timeout_s)
         return 0
@@ -165,6 +168,7 @@ class Waiting(Kernels):
         self.first_time = first_time
         self._ready = threading.Event()
         self._later = None
+        self._first = ""
 
     def wait_for(self, later: Later) -> None:
         """Only what is wanted later is still to come."""
@@ -219,26 +223,44 @@ def test_indirect_light_waits_for_its_kernels_and_quick_requests_do_not(
     assert [answer.exact for answer in answers if isinstance(answer, StageDone)] == [True]
 
 
-def test_deform_waits_for_its_kernels_and_plain_pictures_do_not(source: str, store: Store, log: list[str]) -> None:
+@pytest.mark.parametrize("mode", [kernels.ORBIT, kernels.DEFORM])
+def test_a_mode_waits_for_its_kernels_and_plain_pictures_do_not(
+    source: str, store: Store, log: list[str], monkeypatch: pytest.MonkeyPatch, mode: str
+) -> None:
+    """The process that compiles begins anew with what is waited for, once."""
+    started: list[Later] = []
+    monkeypatch.setattr(kernels, "_start_compiler", lambda part, first: started.append(Later(first)) or started[-1])
     tasks = opened(source, store)
     tasks.bench.kernels = waiting = Waiting(first_time=True)
-    waiting.wait_for(Later())
+    waiting.wait_for(before := Later())
     client, state = InProcessClient(tasks), compute().scene
-    client.send(PrepareDeform(state, 1, n_rays=16))
+    prepare = PrepareDeform(state, 1, n_rays=16) if mode == kernels.DEFORM else PrepareOrbit(state, 1, n_points=50)
+    client.send(prepare)
     answers = [answer for _ in range(8) for answer in client.poll(budget_s=0.0)]
     said = [answer for answer in answers if isinstance(answer, Progress)]
     assert said and all((each.stage, each.text) == (kernels.COMPILING, kernels.FIRST_TIME) for each in said)
+    assert before.has_ended and [later.first for later in started] == [mode]
     client.send(DrawPlainly(tasks.bench.open_placement.scene.description.camera, (16, 12), state))
     answers = [answer for _ in range(40) for answer in client.poll(budget_s=0.0)]
     assert any(isinstance(answer, OrbitDrawn) and answer.radiance.any() for answer in answers)
     assert not any(isinstance(answer, OrbitAdvanced) for answer in answers)
     client.send(Cancel())
     client.poll(budget_s=0.0)
-    assert not client.wait(0.0)
-    kernels.note_compiled(kernels.DEFORM)
-    client.send(PrepareDeform(state, 1, n_rays=16))
+    assert not client.wait(0.0) and len(started) == 1
+    kernels.note_compiled(mode)
+    client.send(prepare)
     answers = client.poll(budget_s=0.0)
     assert not any(isinstance(answer, Progress) and answer.stage == kernels.COMPILING for answer in answers)
+
+
+def test_what_is_next_in_order_is_not_begun_anew(log: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernels, "_start_compiler", lambda *_: pytest.fail("started anew"))
+    for what in kernels.LATER[: kernels.LATER.index(kernels.ORBIT)]:
+        kernels.note_compiled(what)
+    waiting = Waiting(first_time=True)
+    waiting.wait_for(later := Later())
+    next(waiting.until_ready(kernels.ORBIT, goes_first=True))
+    assert not later.has_ended
 
 
 def test_what_is_wanted_later_waits_for_the_process_that_compiles_it(compilers: list[Compiler]) -> None:
@@ -287,10 +309,10 @@ def test_a_person_may_wait_for_indirect_light_and_for_nothing_after_it(
     def behind(niceness: int) -> None:
         log.append(f"behind by {niceness}, compiled: {[what for what in kernels.LATER if kernels.are_compiled(what)]}")
 
-    monkeypatch.setattr("app.jobs.rehearsal.rehearse_later", lambda: iter(kernels.LATER))
+    monkeypatch.setattr("app.jobs.rehearsal.rehearse_later", lambda first: iter(kernels.LATER))
     monkeypatch.setattr(kernels, "step_behind", behind)
     monkeypatch.setattr(kernels, "step_back", lambda last: log.append(f"last: {last}"))
-    monkeypatch.setattr(kernels, "rehearse", lambda part: kernels._rehearse_later())
+    monkeypatch.setattr(kernels, "rehearse", lambda part: kernels._rehearse_later(""))
     monkeypatch.setattr(kernels, "end_with_parent", lambda parent: None)
     monkeypatch.setattr(kernels.gc, "set_threshold", lambda threshold: None)
     monkeypatch.setattr(sys, "argv", ["kernels", kernels.LATER_PART, "1"])
