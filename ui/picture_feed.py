@@ -5,8 +5,9 @@
 
 `draw` is part of a frame where the hand does something, else a step before it; `take` comes between two frames: so the
 hand is heard in the meantime. Everything slow is sliced: answers are taken for a few milliseconds and the rest the next
-time. Before there is a scene `take` rehearses, after which no shader is left to compile. Where another mode is chosen,
-or the scene is seen from elsewhere, the picture before that stays until there is something to show.
+time. Before there is a scene `take` rehearses, after which no shader is left to compile and no mode to import. Where
+another mode is chosen, or the scene is seen from elsewhere, the picture before that stays until there is something to
+show.
 """
 
 from __future__ import annotations
@@ -14,12 +15,14 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping
+from itertools import chain
 from typing import Protocol
 
 import moderngl
 
 from app.editor import Editor
 from app.mode import Mode
+from app.modes import MODES
 from app.naming import named
 from app.picture import PictureEvent, SceneFrame, SkyChanged
 from engine.scene.description import Camera
@@ -112,7 +115,7 @@ class PictureFeed:
 
     def _choose(self, mode: Mode, source: PictureSource) -> None:
         self._mode, self.source = mode, source
-        self._rehearsal = source.rehearse()
+        self._rehearsal = chain(source.rehearse(), _importing())
 
     @property
     def picture(self) -> moderngl.Texture | None:
@@ -296,3 +299,11 @@ class PictureFeed:
                 self._scene.take_scene(event)
         elif isinstance(event, SkyChanged):
             self._scene.take_sky(event.radiance)
+
+
+def _importing() -> Iterator[None]:
+    """Import what modes draw with, one at a time: the first frame after another is chosen would wait 20 ms for that."""
+    for mode in MODES:
+        for name in filter(None, (mode.picture, mode.accuracy, mode.tools, mode.strip, mode.handles)):
+            named(name)
+            yield

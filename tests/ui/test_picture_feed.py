@@ -16,6 +16,8 @@ from app.commands.light import SetEnvironment, SetIntensity, SetRotation
 from app.commands.material import SetMaterial, new_layer
 from app.editor import Editor
 from app.messages import SkyImage
+from app.modes import MODES
+from app.naming import named
 from app.placement.events import LayerMapsChanged
 from app.placement.messages import ComputeTransport
 from app.placement.talk import PlacementTalk
@@ -410,6 +412,22 @@ def test_before_a_scene_the_feed_rehearses_and_leaves_nothing(context: moderngl.
     for _ in range(100):
         assert not feed.take(editor, 0.0)
     assert feed.source.renderer.frame is None and feed.picture is None
+    feed.close()
+
+
+def test_before_a_scene_the_feed_imports_what_other_modes_draw_with(
+    context: moderngl.Context, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    imported = list[str]()
+    monkeypatch.setattr(picture_feed, "named", lambda name: imported.append(name) or named(name))
+    editor = Editor(FakeClient(), "shelf")
+    feed = PictureFeed(context, editor.mode)
+    before = len(imported)
+    for _ in range(100):
+        feed.take(editor, 0.0)
+        assert len(imported) <= before + 1  # one a look, events being heard between them
+        before = len(imported)
+    assert {mode.picture for mode in MODES} | {mode.accuracy for mode in MODES} <= set(imported)
     feed.close()
 
 
