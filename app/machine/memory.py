@@ -30,10 +30,10 @@ def orbit_bytes() -> int:
 
 
 def orbit_slice_bytes() -> int:
-    """What the slices of Orbit's layers may: an eighth of all memory, and no less than the engine takes for granted."""
+    """What the slices of Orbit's layers may: a 32nd of all memory, and no less than the engine takes for granted."""
     from engine.orbit.live import MOST_SLICE_BYTES
 
-    return max(MOST_SLICE_BYTES, memory_bytes()[1] // 8)
+    return max(MOST_SLICE_BYTES, memory_bytes()[1] // 32)
 
 
 def resident_megabytes(*pids: int | None) -> float:

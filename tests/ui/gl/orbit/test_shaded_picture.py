@@ -16,7 +16,7 @@ from app.project import open_project
 from engine.light.environment import Environment
 from engine.material.layer import Layer
 from engine.material.strokes import Stroke, Strokes
-from engine.orbit.live import Orbit
+from engine.orbit.live import MOST_SLICE_BYTES, Orbit
 from engine.orbit.parts import LightPart
 from engine.orbit.telling import Telling
 from engine.scene.camera_moves import orbited
@@ -70,7 +70,7 @@ def sky(rotation: float) -> SkyState:
 class Studio:
     """An Orbit that has done its work, and who is told of it."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, most_slice_bytes: int = MOST_SLICE_BYTES) -> None:
         write_bump_images(folder)
         chance = np.random.default_rng(1)
         for name, values in (("tint.png", chance.random((8, 8, 3))), ("share.png", chance.random((4, 4)))):
@@ -81,7 +81,7 @@ class Studio:
         for i, layer in project.indexed_layers:
             self.layers[i] = (*self.layers.get(i, ()), layer)
         self.camera: CameraDescription = project.scene.description.camera
-        self.orbit = Orbit(project.scene, n_points=300)
+        self.orbit = Orbit(project.scene, n_points=300, most_slice_bytes=most_slice_bytes)
 
     def work(self, light: SkyState, layers: dict[int, tuple[Layer, ...]]) -> None:
         self.orbit.set_light(light)
@@ -124,6 +124,15 @@ def assert_same(studio: Studio, shaded: ShadedPicture, camera: CameraDescription
     # Images are looked up in one of their levels: where that changes, the two round in their own ways.
     assert np.quantile(off[on_floor], 0.9) < 0.02
     assert np.quantile(off[~on_floor], 0.995) < 0.01
+
+
+def test_slices_over_larger_triangles_are_read_as_the_worker_does(tmp_path: Path, shaded: ShadedPicture) -> None:
+    made = Studio(tmp_path, 12 << 20)  # a metal and a brushed layer take 37 MB
+    made.work(sky(20.0), made.layers)
+    assert made.orbit.notes and made.orbit.reflections.slice_bytes <= 12 << 20
+    for part in Telling(1 << 26).parts(made.orbit):
+        shaded.buffers.take(part)
+    assert_same(made, shaded, made.camera)
 
 
 def test_it_is_the_workers_picture_after_every_change(studio: Studio, shaded: ShadedPicture) -> None:
