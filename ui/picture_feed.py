@@ -15,6 +15,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from itertools import chain
 from typing import Protocol
 
@@ -81,6 +82,11 @@ class PictureSource(Protocol):
         """Free GL objects."""
 
 
+def _made_of(editor: Editor) -> tuple[object, ...]:
+    """What a picture shows beside its mode; equal where it may stay."""
+    return editor.document, replace(editor.view, mode="", hovered=None)
+
+
 class KeptPicture:
     """A display picture as it was, whatever becomes of its own. Raises GraphicsError where there is no room for it."""
 
@@ -111,6 +117,9 @@ class PictureFeed:
         self._left: PictureSource | KeptPicture | None = None
         self._left_scene: SceneFrame | None = None
         self._left_mode: Mode | None = None
+        self._left_of: object = None  # what the picture of the mode before was made of, where it was finished
+        self._finished_of: object = None
+        self._is_plain = False  # what is seen is objects lit from the eye, and no mode's picture
         self._choose(mode, source or named(mode.picture)(context))
 
     def _choose(self, mode: Mode, source: PictureSource) -> None:
@@ -176,7 +185,9 @@ class PictureFeed:
             self._waiting.append(event)
         if editor.mode is not self._mode:
             if self._left is None and self.source.picture is not None:
-                self._left, self._left_scene, self._left_mode = self.source, self._shown_scene, self._mode
+                self._left, self._left_scene = self.source, self._shown_scene
+                self._left_mode = None if self._is_plain else self._mode
+                self._left_of = self._finished_of
             else:
                 self.source.close()
             self._choose(editor.mode, named(editor.mode.picture)(self._context))
@@ -217,8 +228,17 @@ class PictureFeed:
             editor.gauges.frame_ms = self._frame_ms
             busy = self.source.draw(editor, last_frame_ms, not self._waiting) or thumbnail_came
             status = editor.status
-            if status.picture != "waiting" or status.goes_with_hand or self.shows_view_before and status.stopped:
+            made_of = _made_of(editor)
+            is_better = self.mode_before is not None and self._left_of == made_of
+            if is_better and not status.stopped:
+                may_leave = status.is_finished and not busy
+            else:
+                stopped = self.shows_view_before and status.stopped
+                may_leave = status.picture != "waiting" or status.goes_with_hand or stopped
+            if may_leave:
                 self._leave()
+            self._finished_of = made_of if status.is_finished else None
+            self._is_plain = status.picture == "waiting" and self._left is None
         except GraphicsError as error:
             editor.notify(str(error), True)
             return False

@@ -75,6 +75,8 @@ def test_the_bar_says_exact_of_nothing_that_is_not(status: Status, ink: look.Col
 
 
 def test_what_is_seen_before_the_first_picture_is_said() -> None:
+    words = picture_state(Status(picture="preview"), "Placement's picture")[1]
+    assert words == "preview, Placement's picture"
     assert picture_state(Status(), PLAIN)[1] == "waiting, objects lit from the eye"
 
 

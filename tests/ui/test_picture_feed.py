@@ -358,6 +358,17 @@ def test_the_first_picture_has_no_black_in_it(opening: Opening, monkeypatch: pyt
     assert source.renderer.linear_image().reshape(-1, 3).max(axis=-1).min() > 0.05
 
 
+def test_objects_lit_from_the_eye_are_no_modes_picture(opening: Opening) -> None:
+    opening.step()
+    feed, editor = opening.feed, opening.editor
+    while feed.picture is None:
+        opening.draw()
+    opening.draw()
+    editor.do(SetView.of(mode="orbit"))
+    feed.take(editor, 0.0)
+    assert feed.picture is not None and feed.mode_before is None  # the status would say "Placement's picture"
+
+
 def test_metal_stays_plain_until_light_bounces(opening: Opening, monkeypatch: pytest.MonkeyPatch) -> None:
     """In direct light alone metal is black where it shows its surroundings."""
     feed_of_all, feed, editor = opening.feed, opening.feed.source, opening.editor

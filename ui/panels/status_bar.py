@@ -137,6 +137,8 @@ def picture_state(status: Status, meanwhile: str = "", camera_moved: bool = True
         return _finished_state(status)
     if status.is_held:
         return look.ACCENT, "before the edit", EDIT_BEFORE
+    if status.picture != "waiting" and meanwhile not in ("", PLAIN):
+        return look.ACCENT, f"{status.picture}, {meanwhile}", STAYS_HINT
     if status.picture == "refining":
         return look.ACCENT, f"refining{error}", status.missing_note
     if status.picture == "preview":
