@@ -55,11 +55,11 @@ class NamedOrbit:
     """As `engine.orbit.live.Orbit`; each picture is of one colour, that of all it is drawn of, or black while
     anything of it is still to be made ready. Nothing of it is kept in the cache."""
 
-    n_bytes, n_bounces, has_traced = 1, 1, False
+    n_bytes, n_bounces, has_traced, notes = 1, 1, False, ()
 
     def __init__(
         self, scene: Scene, caster: object = None, n_points: int = 1, n_coefficients: int = 1, n_patches: int = 1,
-        most_bytes: int = 1,
+        most_bytes: int = 1, most_slice_bytes: int = 1,
     ) -> None:  # fmt: skip
         self.scene, self.version, self.is_ready, self.fraction = scene, 0, False, 0.0
         self._wanted: tuple[object, ...] = ()
