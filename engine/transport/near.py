@@ -9,9 +9,9 @@ into 16 or 64 where those leaves bring much of all light, as behind a narrow gap
 Rays of all points go to the same places of a leaf. Shifted for each point [Cranley76], a stairwell was 2.3 % off for
 2.1, and light through a gap 4.4 as before: what was left is in leaves that bring less than `LEAST`, and in those that
 are seen in part though all beside them are alike, of which one bit is known. Twelve beside a leaf miss fewer than six
-did: with them, and 0.001 for `LEAST` instead of 0.002, a stairwell behind bars is 0.84 % off for 1.11, a room behind a
-door that is ajar 0.63 for 0.77, and light through a gap 3.1 for 4.4. Most of the latter was in points that had missed a
-part of the gap's strip (`lighting.WEAK_SENTINELS`), without which it is 2.3.
+did: a stairwell behind bars is 0.90 % off for 1.11, a room behind a door that is ajar 0.70 for 0.77, and light through
+a gap 3.1 for 4.4; without the points that had missed a part of the gap's strip (`lighting.WEAK_SENTINELS`) it is 2.3.
+0.001 for `LEAST` was rejected: the stairwell was 0.77 % off, a storeroom 0.35 for 0.29, in a seventh more time.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from engine.transport import _near_kernels as kernels
 from engine.transport._emitter_kernels import Emitters
 from engine.visibility.points import Visibility
 
-LEAST, NEAR = np.float32(0.001), np.float32(0.35)
+LEAST, NEAR = np.float32(0.002), np.float32(0.35)
 MOST = 256  # leaves of a point that are looked at
 BLOCK, AT_ONCE = 1024, 8
 

