@@ -93,26 +93,6 @@ def test_the_picture_of_a_view_at_rest_is_placements(window: HeadlessWindow) -> 
     assert first.mean() == pytest.approx(then.mean(), rel=0.05)
 
 
-def test_a_finished_picture_stays_through_changes_of_mode(window: HeadlessWindow) -> None:
-    """Placement's, which all modes end with: none begins with a picture of its own that is worse."""
-    wait_until_exact(window)
-    editor, source = window.shell.editor, window.shell.source
-    assert source is not None and source.picture is not None
-    finished = read_texture(source.picture, np.uint8).astype(int)
-    farthest = []
-
-    def is_back() -> bool:
-        shown = read_texture(source.picture, np.uint8).astype(int)
-        farthest.append(float(np.abs(shown - finished)[..., :3].max()))
-        return editor.status.picture == "exact" and is_drawn(window)
-
-    for mode in ("placement", "orbit", "placement", "orbit"):
-        editor.do(SetView.of(mode=mode))
-        window.frames(1)
-        assert window.run_until(is_back, 120.0)
-    assert len(farthest) > 4 and max(farthest) <= 2.0
-
-
 def test_a_camera_that_moves_is_followed_by_orbit_at_once(window: HeadlessWindow) -> None:
     wait_until_exact(window)
     window.shell.editor.do(SetView.of(camera=ASIDE))
