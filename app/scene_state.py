@@ -17,7 +17,7 @@ from app.document import RGB, Document, LightState
 from engine.material.layer import Layer, object_of
 from engine.material.maps import MapMeans
 
-Array = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -62,12 +62,12 @@ class LayerState:
         return tuple(factor.name for factor in self.layer.model.factors[: len(self.bands)])
 
     @cached_property
-    def coefficients(self) -> tuple[Array, ...]:
+    def coefficients(self) -> tuple[Float64Array, ...]:
         """Band values of these curves, (J, 3) each."""
         return tuple(self.layer.coefficients(name, n) for name, n in zip(self.factors, self.bands, strict=True))
 
     @property
-    def mean_factor(self) -> Array:
+    def mean_factor(self) -> Float64Array:
         """What its images multiply it by on average, (3,); 1 while that is not known."""
         return np.ones(3) if self.means is None else self.means.factor(self.layer.maps)
 

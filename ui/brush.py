@@ -18,7 +18,7 @@ SPACING = 0.3
 MOST_DABS = 400  # in one frame
 _NEAR = 1024.0
 
-Array = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 Point = tuple[float, float]
 
 
@@ -26,8 +26,8 @@ Point = tuple[float, float]
 class Spot:
     """What a pixel sees: a point (3,) of the world, the outward normal (3,), and how many metres a pixel is there."""
 
-    place: Array
-    normal: Array
+    place: Float64Array
+    normal: Float64Array
     metres: float
 
 

@@ -17,7 +17,7 @@ from engine.scene.camera import project
 from engine.scene.description import Camera
 from ui.gl.brdf_stack import BrdfStack
 
-Array = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 N_AZIMUTHS = 36
 RINGS = np.concatenate([[1e-4], np.geomspace(4e-3, 0.12, 8), np.linspace(0.17, 1.5, 15)])
@@ -30,8 +30,8 @@ class SurfacePoint:
 
     column: int
     row: int
-    frame: Array
-    ray: Array
+    frame: Float64Array
+    ray: Float64Array
     camera: Camera
     resolution: tuple[int, int]
 
@@ -41,11 +41,11 @@ class SurfaceLobe:
     """The shape: unit directions (R, A, 3) in the world, their radii (R, A) of at most 1, and colours (R, A, 3)."""
 
     point: SurfacePoint
-    directions: Array
-    radii: Array
-    colours: Array
+    directions: Float64Array
+    radii: Float64Array
+    colours: Float64Array
 
-    def pixels(self, size: float) -> Array:
+    def pixels(self, size: float) -> Float64Array:
         """Where it stands in the picture, (R, A, 2) in pixels, its longest radius `size` pixels long at most."""
         point = self.point
         _, height = point.resolution
@@ -59,7 +59,7 @@ class SurfaceLobe:
         return np.argsort(-_of_faces(depth).ravel(), kind="stable")
 
     @cached_property
-    def shades(self) -> Array:
+    def shades(self) -> Float64Array:
         """Colours of the faces (R-1, A, 3): brightest where they face the eye."""
         place = self.radii[..., None] * self.directions
         one = np.roll(place[1:], -1, axis=1) - place[:-1]
@@ -70,7 +70,7 @@ class SurfaceLobe:
         return _of_faces(self.colours) * (0.35 + 0.65 * facing)[..., None]
 
 
-def _of_faces(values: Array) -> Array:
+def _of_faces(values: Float64Array) -> Float64Array:
     """Means over the corners of the faces."""
     beside = np.roll(values, -1, axis=1)
     return np.asarray(0.25 * (values[:-1] + values[1:] + beside[:-1] + beside[1:]))

@@ -19,7 +19,7 @@ from engine.material.model import channels
 from engine.render.integrator import evaluate_layers
 from engine.render.tabulate import is_anisotropic
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 # Places of a table: phi_h (one where nothing changes when the surface turns), theta_h, theta_d, phi_d. Between them it
 # is 0.2 % and 1 % off (relative RMS of rho cos theta_i, over all directions); theta_d matters most, at grazing angles.
@@ -36,7 +36,7 @@ class Written:
 
 
 def write_material(
-    shape: Element, layers: Sequence[Layer], folder: Path, stem: str, axes: Floats, factors: Floats
+    shape: Element, layers: Sequence[Layer], folder: Path, stem: str, axes: Float64Array, factors: Float64Array
 ) -> Written:
     """Add the material of these visible layers to a shape. axes (2, 3): the object's own Y and X in the world; factors
     (K, 3): the means of each layer's texture and weight map, which stand for them there."""
@@ -101,7 +101,7 @@ def _add_metal(bsdf: Element, values: dict[str, Any], share: float) -> None:
     add_numbers(bsdf, "rgb", "specular_reflectance", channels(values, "scale") / share)
 
 
-def tabulated(layers: Sequence[Layer], factors: Floats | None = None) -> tuple[NDArray[np.float32], float]:
+def tabulated(layers: Sequence[Layer], factors: Float64Array | None = None) -> tuple[NDArray[np.float32], float]:
     """rho (phi_h, theta_h, theta_d, phi_d, 3) in 1/sr at the places of `grid`, and the GGX width that its highlight is
     best sampled with; factors (K, 3): what multiplies each layer.
 
@@ -120,7 +120,7 @@ def tabulated(layers: Sequence[Layer], factors: Floats | None = None) -> tuple[N
     return table, _highlight_width(table)
 
 
-def grid(shape: Sequence[int], turn: int) -> tuple[Floats, Floats]:
+def grid(shape: Sequence[int], turn: int) -> tuple[Float64Array, Float64Array]:
     """wi and wo (theta_h, theta_d, phi_d, 3) in the local frame, for one azimuth of the half vector."""
     n_turns, n_h, n_d, n_p = shape
     theta_h = (np.linspace(0.0, 1.0, n_h)[:, None, None] ** 2) * (np.pi / 2)
@@ -137,7 +137,7 @@ def grid(shape: Sequence[int], turn: int) -> tuple[Floats, Floats]:
     return wi, wo
 
 
-def _continued(value: Floats, above: NDArray[np.bool_]) -> Floats:
+def _continued(value: Float64Array, above: NDArray[np.bool_]) -> Float64Array:
     """Values (theta_h, theta_d, phi_d, 3); below the horizon the last one above it, theta_d growing, then theta_h."""
     for axis in (1, 0):
         places = np.arange(value.shape[axis]).reshape([-1 if a == axis else 1 for a in range(3)])

@@ -37,7 +37,7 @@ from engine.scene.surface_points import surface_points
 from engine.steps import finish
 from engine.transport.pipeline import SkyState
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 NAMES = (
     "zh_error_random_6", "zh_error_mesh_3", "zh_fit_s", "deform_fps", "deform_fps_gpu", "deform_error_bent",
@@ -113,7 +113,7 @@ def relief(columns: int, rows: int) -> Scene:
     return _scene(vertices, np.concatenate([*faces, np.array(caps)]))
 
 
-def _scene(vertices: Floats, triangles: NDArray[np.integer]) -> Scene:
+def _scene(vertices: Float64Array, triangles: NDArray[np.integer]) -> Scene:
     with tempfile.TemporaryDirectory(prefix="insitu-relief-") as folder:
         lines = [f"v {x:.7g} {y:.7g} {z:.7g}" for x, y, z in vertices]
         lines += [f"f {a} {b} {c}" for a, b, c in triangles + 1]
@@ -135,7 +135,7 @@ def varied_sky() -> SkyState:
 
 
 def _bent_errors(
-    scene: Scene, points: BendingPoints, vectors: Floats, zonal_lobes: Lobes, n_rays: int
+    scene: Scene, points: BendingPoints, vectors: Float64Array, zonal_lobes: Lobes, n_rays: int
 ) -> tuple[float, float]:
     """relRMSE of lobes that turn, and of transfer that does not."""
     light = band_light_of(varied_sky())
@@ -152,7 +152,7 @@ def _bent_errors(
     return _relative(found, truth), _relative(stays, truth)
 
 
-def _relative(found: NDArray[np.floating], truth: Floats) -> float:
+def _relative(found: NDArray[np.floating], truth: Float64Array) -> float:
     return float(np.sqrt(((found - truth) ** 2).mean()) / truth.mean())
 
 

@@ -32,7 +32,7 @@ from engine.scene.surface_points import surface_points
 from engine.sphere.harmonics import project
 from engine.steps import finish
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 TRUTH_RAYS, LIGHT_LEVEL = 4000, 5
 
@@ -91,7 +91,7 @@ class Bench:
     def knob(self, name: str, settings: Any, make: Any, present: Any, cost: str) -> Knob:
         return Knob("deform", name, settings, make, self._truth, present, cost)
 
-    def _traced(self, n: int, n_rays: int) -> Floats:
+    def _traced(self, n: int, n_rays: int) -> Float64Array:
         points = self._points
         return finish(shadowed(points.mesh(0, (0,)), points.caster((0,)), n, n_rays))
 
@@ -110,11 +110,11 @@ class Bench:
     def by_rays(self, n_rays: int) -> Any:
         return lambda: Shown(self.shaded(n_rays, N_LOBES))
 
-    def shaded(self, n_rays: int, n_lobes: int) -> Floats:
+    def shaded(self, n_rays: int, n_lobes: int) -> Float64Array:
         """Light (p, 3) of the vertices by so many rays from each, and lobes for what they find."""
         zonal = finish(fit(self._traced(ORDER, n_rays), n_lobes))
         return np.asarray(shade(lobes(zonal), self._frames, band_light(project(self._powers, ORDER))), np.float64)
 
-    def error(self, shaded: Floats) -> float:
+    def error(self, shaded: Float64Array) -> float:
         """relRMSE of that light."""
         return errors(shaded, self._truth).rmse

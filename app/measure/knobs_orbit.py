@@ -20,7 +20,7 @@ from app.measure.knobs import Knob, Shown
 from app.measure.orbit import _inner_rows, _layers_of, _wait
 from app.measure.subject import Subject
 from app.measure.sweep import MIB
-from app.measure.truncation import Floats, direct_factors
+from app.measure.truncation import Float64Array, direct_factors
 from app.project import Project
 from engine.orbit.drawing import N_MOVING, Quality
 from engine.orbit.live import N_COEFFICIENTS, N_POINTS, Orbit
@@ -125,7 +125,7 @@ class _Bench:
         return Knob("orbit", name, settings, make, self._factors[0], present, "factors alone, not timed", timed=False)
 
     @cached_property
-    def _factors(self) -> tuple[Floats, list[tuple[Floats, ...]]]:
+    def _factors(self) -> tuple[Float64Array, list[tuple[Float64Array, ...]]]:
         """The truth at the pixels, and the coefficients of light, visibility and reflection at each."""
         hits, sky, level = self._placement.hits, self._project.sky, self._effort.level
         truth, means = direct_factors(hits, self._rows, self._placement.caster, self._layers, sky, level)
@@ -146,7 +146,7 @@ class _Bench:
         return Shown(np.stack([product.sum(axis=0) for product in products]))
 
 
-def in_bits(values: Floats, bits: int | str) -> NDArray[np.floating]:
+def in_bits(values: Float64Array, bits: int | str) -> NDArray[np.floating]:
     """Numbers rounded to so many bits of the largest, sign included; to bfloat16, as Orbit keeps them; or not."""
     if bits == WHOLE:
         return values

@@ -39,7 +39,7 @@ from engine.visibility.points import brute_force_visibility
 from engine.visibility.targets import VISIBILITY_LEVEL
 from engine.visibility.variants import variant_visibility, voronoi_targets
 
-Floats = NDArray[np.floating]
+FloatingArray = NDArray[np.floating]
 
 N_BOUNCES, N_FRAMES, FINER, SEED = 4, 8, 4, 11
 FINENESSES = {each.name: each for each in (ROUGH, FINE, STILL)}
@@ -252,10 +252,10 @@ class _Drag:
 
         return compute
 
-    def _whole(self, curve: Floats) -> Floats:
+    def _whole(self, curve: FloatingArray) -> FloatingArray:
         return self._sum(curve, np.arange(len(curve)))
 
-    def _sum(self, curve: Floats, which: NDArray[np.integer]) -> Floats:
+    def _sum(self, curve: FloatingArray, which: NDArray[np.integer]) -> FloatingArray:
         return np.asarray(np.einsum("kc,kpc->pc", curve[which].astype(np.float32), self._planes[which]))
 
 

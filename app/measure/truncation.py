@@ -30,7 +30,7 @@ from engine.sphere.geodesic import geodesic
 from engine.sphere.haar import Rule, forward, inverse, kept
 from engine.transport.pipeline import SkyState
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 Counts = tuple[int, ...]
 FINE, COARSE = 6, 4
@@ -70,7 +70,7 @@ def truncation_errors(
     The truth is the sum over the triangles of level `fine`; the wavelets are those of level `coarse`.
     """
     truth, means = direct_factors(hits, rows, caster, layers, sky, fine, coarse)
-    found = dict[tuple[str, Rule, int], list[Floats]]()
+    found = dict[tuple[str, Rule, int], list[Float64Array]]()
     for factors in means:
         for key, radiance in _truncated(*factors, counts):
             found.setdefault(key, []).append(radiance)
@@ -83,7 +83,7 @@ def truncation_errors(
 def direct_factors(
     hits: PrimaryHits, rows: NDArray[np.integer], caster: RayCaster, layers: Mapping[int, Sequence[Layer]],
     sky: SkyState, fine: int = FINE, coarse: int = COARSE,
-) -> tuple[Floats, list[tuple[Floats, Floats, Floats]]]:  # fmt: skip
+) -> tuple[Float64Array, list[tuple[Float64Array, Float64Array, Float64Array]]]:  # fmt: skip
     """Direct light (p, 3) from the environment at rows of the hits, and for each of them the means over the triangles
     of level `coarse` of its three factors: power (T, 3), visibility (T, 1), BRDF times cosine (T, 3)."""
     assert sky.environment is not None
@@ -103,8 +103,8 @@ def direct_factors(
 
 
 def _factors(
-    hits: PrimaryHits, row: int, caster: RayCaster, layers: Sequence[Layer], towards: Floats
-) -> tuple[Floats, Floats]:
+    hits: PrimaryHits, row: int, caster: RayCaster, layers: Sequence[Layer], towards: Float64Array
+) -> tuple[Float64Array, Float64Array]:
     """Visibility (M,) and BRDF times cosine (M, 3) at one point in directions (M, 3)."""
     frame = local_frames(hits.tangent[row : row + 1], hits.normal[row : row + 1])[0]
     local = towards @ frame.T
@@ -120,8 +120,8 @@ def _factors(
 
 
 def _truncated(
-    light: Floats, visible: Floats, reflected: Floats, counts: Counts
-) -> Iterator[tuple[tuple[str, Rule, int], Floats]]:
+    light: Float64Array, visible: Float64Array, reflected: Float64Array, counts: Counts
+) -> Iterator[tuple[tuple[str, Rule, int], Float64Array]]:
     """((way, rule, n), radiance (3,)) of factors (T, 3 or 1) on the triangles of a level."""
     lit = light * visible
     transformed = [forward(each) for each in (light, visible, reflected, lit)]

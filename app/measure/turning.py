@@ -35,7 +35,7 @@ FILE = "turning.csv"
 # Frames at the beginning that are not judged: all ways begin with the whole light.
 _SETTLING = 3
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def turning_errors(effort: TurningEffort, report: Callable[[str], None], source:
     return found
 
 
-def followed(rows: Floats, lights: Sequence[Floats], n_terms: int, way: Way) -> list[Floats]:
+def followed(rows: Float32Array, lights: Sequence[Float32Array], n_terms: int, way: Way) -> list[Float32Array]:
     """The coefficients (T, 3) that each frame's picture is of, after lights (T, 3), the first of them whole.
 
     rows (P, T, 3): what points reflect; n_terms: coefficients that change in a frame.
@@ -117,7 +117,7 @@ def write_turning(output: Path, found: Sequence[Turning]) -> None:
     save_file(output / FILE, text.getvalue().encode())
 
 
-def _reflected(project: Project, effort: TurningEffort) -> tuple[Floats, Floats]:
+def _reflected(project: Project, effort: TurningEffort) -> tuple[Float32Array, Float32Array]:
     """What some points of all layers reflect of each wavelet, (P, T, 3), and that with as many terms as rows have."""
     placement, sky = Placement(project.scene), project.sky
     assert sky.environment is not None
@@ -136,7 +136,7 @@ def _reflected(project: Project, effort: TurningEffort) -> tuple[Floats, Floats]
     return rows, np.where((effect >= least)[..., None], rows, np.float32(0.0))
 
 
-def _dense(maker: RowMaker, layer: Layer, points: NDArray[np.integer]) -> Floats:
+def _dense(maker: RowMaker, layer: Layer, points: NDArray[np.integer]) -> Float32Array:
     dense, begin = np.zeros((len(points), len(maker.effects), 3), np.float32), 0
     for tile in maker.rows(layer, points):
         mine = begin + np.repeat(np.arange(len(tile.scale)), np.diff(tile.start))
@@ -145,10 +145,10 @@ def _dense(maker: RowMaker, layer: Layer, points: NDArray[np.integer]) -> Floats
     return np.asarray(dense * layer.scale(), np.float32)
 
 
-def _lit(rows: Floats, lights: Sequence[Floats]) -> Floats:
+def _lit(rows: Float32Array, lights: Sequence[Float32Array]) -> Float32Array:
     """Radiance (F, P, 3) of the frames that are judged."""
     return np.asarray(np.einsum("pkc,fkc->fpc", rows, np.stack(lights[_SETTLING:]), optimize=True), np.float32)
 
 
-def _error(found: Floats, truth: Floats) -> float:
+def _error(found: Float32Array, truth: Float32Array) -> float:
     return float(np.sqrt(np.mean((found - truth) ** 2)) / np.mean(truth))

@@ -26,7 +26,7 @@ import numpy as np
 from app.commands.light import emission_of
 from app.document import SCENE_ENVIRONMENT, Document, layer_key
 from app.picture import PictureEvent, SkyChanged
-from app.placement.curves import Array, Coefficients, Curves, drawn_as
+from app.placement.curves import Float64Array, Coefficients, Curves, drawn_as
 from app.placement.events import LayerRadiance, TransportReady
 from app.placement.wishes import TransportWish, brightened, same_coefficients
 
@@ -95,7 +95,7 @@ class Changeover:
         return self.has_picture and self._rank == _RANK["final"]
 
     @property
-    def light_gain(self) -> Array:
+    def light_gain(self) -> Float64Array:
         """How much brighter (3,) the emitters of the document drawn are than in its pictures, where they are all there
         is of light."""
         factors = None if self._wish is None else brightened(emission_of(self.drawn), self._wish.emission)
@@ -118,7 +118,7 @@ class Changeover:
     def took_sky(self, event: SkyChanged) -> None:
         self._sky = event
 
-    def rendered(self, key: str, factor: str, coefficients: Array) -> None:
+    def rendered(self, key: str, factor: str, coefficients: Float64Array) -> None:
         """The renderer has stepped a layer's picture to these exactly."""
         layer = self._layers.get(key)
         if layer is not None and key not in self._coming:

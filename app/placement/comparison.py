@@ -27,7 +27,7 @@ from app.commands.light import emission_of
 from app.document import Document
 from app.messages import Request
 from app.picture import PictureEvent
-from app.placement.curves import Array, Coefficients, Curves, view_curve_of
+from app.placement.curves import Float64Array, Coefficients, Curves, view_curve_of
 from app.placement.events import ComparedRefined, LayerLook
 from app.placement.messages import Contract, LayerPicture
 from app.placement.transport_talk import CONTRACT_PATIENCE, TransportTalk
@@ -176,7 +176,7 @@ class Comparison:
         self._asked = Awaited(self._send(Contract(layer, None, revision=revision)), layer.key, now)
         self._ids.add(self._asked.id)
 
-    def _looks(self, compared: Document, differing: list[str], light_gain: Array) -> Mapping[str, LayerLook]:
+    def _looks(self, compared: Document, differing: list[str], light_gain: Float64Array) -> Mapping[str, LayerLook]:
         return {
             key: LayerLook(
                 layer.scale() * light_gain,

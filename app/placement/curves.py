@@ -22,8 +22,8 @@ from engine.material.model import Model
 from engine.plan import MOST_BANDS, bands_by_hand
 from engine.plan_lines import bands_of_lines
 
-Array = NDArray[np.float64]
-Coefficients = Mapping[str, Array]
+Float64Array = NDArray[np.float64]
+Coefficients = Mapping[str, Float64Array]
 
 N_VIEW_SAMPLES = 256
 
@@ -39,7 +39,7 @@ class Curves:
         """plans: those of a talk before, None for some that have at most so many bands."""
         self.plans = plans or BandPlans(most_bands)
         self.map_means: dict[tuple[str, Images], MapMeans] = {}
-        self._cached: dict[tuple[str, str, int], tuple[Layer, Array]] = {}
+        self._cached: dict[tuple[str, str, int], tuple[Layer, Float64Array]] = {}
 
     def opened(self, scene: object) -> None:
         """This scene is open: of another one bands are planned anew."""
@@ -63,7 +63,7 @@ class Curves:
         counts, chosen = self.plans.of(key, layer), document.first_bands
         return counts if chosen is None else bands_by_hand(layer, counts, chosen)
 
-    def coefficients(self, document: Document, key: str, most: int | None = None) -> dict[str, Array]:
+    def coefficients(self, document: Document, key: str, most: int | None = None) -> dict[str, Float64Array]:
         """Band values of each transport factor of a layer, (J,3) by factor [BenArtzi07, eq. 4.17], of `most` bands."""
         layer = document.layer(key)
         counts = self.bands(document, key)
@@ -79,7 +79,7 @@ class Curves:
         bands = self.bands(document, key)
         return layer_state(document, key, tuple(bands.values()), self._means(key, layer))
 
-    def view_curve(self, document: Document, key: str) -> Array:
+    def view_curve(self, document: Document, key: str) -> Float64Array:
         """f_o at 256 angles from 0 to π/2, (256,3); ones for a layer whose model has no view factor."""
         layer = document.layer(key)
         factor = layer.model.view_factor
@@ -87,11 +87,11 @@ class Curves:
         known = self._known(key, layer, name, N_VIEW_SAMPLES)
         return self._keep(key, layer, name, view_curve_of(layer) if known is None else known)
 
-    def gain(self, document: Document, key: str) -> Array:
+    def gain(self, document: Document, key: str) -> Float64Array:
         """f_q of a layer, (3,)."""
         return document.layer(key).scale()
 
-    def sent_gain(self, document: Document, key: str) -> Array:
+    def sent_gain(self, document: Document, key: str) -> Float64Array:
         """f_q of a layer for all but the eye, (3,): with the mean of its texture and weight map, once that is known."""
         layer = document.layer(key)
         means = self._means(key, layer)
@@ -100,19 +100,19 @@ class Curves:
     def _means(self, key: str, layer: Layer) -> MapMeans | None:
         return None if layer.maps.is_plain else self.map_means.get((object_of(key), layer.maps.images))
 
-    def _band_values(self, key: str, layer: Layer, factor: str, n_bands: int) -> Array:
+    def _band_values(self, key: str, layer: Layer, factor: str, n_bands: int) -> Float64Array:
         known = self._known(key, layer, factor, n_bands)
         values = layer.coefficients(factor, n_bands) if known is None else known
         return self._keep(key, layer, factor, values)
 
-    def _known(self, key: str, layer: Layer, factor: str, n: int) -> Array | None:
+    def _known(self, key: str, layer: Layer, factor: str, n: int) -> Float64Array | None:
         """The cached curve when it was made from this layer, or from one that does not differ in this curve."""
         before, values = self._cached.get((key, factor, n), (None, None))
         if before is None or values is None or not (before is layer or _same_curve(before, layer, factor)):
             return None
         return values
 
-    def _keep(self, key: str, layer: Layer, factor: str, values: Array) -> Array:
+    def _keep(self, key: str, layer: Layer, factor: str, values: Float64Array) -> Float64Array:
         values.setflags(write=False)
         self._cached[key, factor, len(values)] = (layer, values)
         return values
@@ -126,7 +126,7 @@ def drawn_as(model: str, quotient_parameters: Sequence[float]) -> tuple[object, 
     return (model, *quotient_parameters) if isinstance(MODELS[model], MeasuredModel) else (model,)
 
 
-def view_curve_of(layer: Layer) -> Array:
+def view_curve_of(layer: Layer) -> Float64Array:
     """f_o at 256 angles from 0 to π/2, (256,3)."""
     factor = layer.model.view_factor
     if factor is None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.picture import PictureEvent
-from app.placement.curves import Array, Coefficients
+from app.placement.curves import Float64Array, Coefficients
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +83,8 @@ class LayerLook:
     """How a layer looks in another document: f_q, f_o, visibility, and its radiance (p,3), None where as on screen;
     ``maps``: the samples of its images, None for none, the texture's strength, and whether the weight is inverted."""
 
-    gain: Array
-    view_curve: Array
+    gain: Float64Array
+    view_curve: Float64Array
     visible: bool
     radiance: NDArray[np.floating] | None = None
     maps: tuple[NDArray[np.float16] | None, float, bool] = (None, 1.0, False)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from app.document import Document, Selection
 from app.messages import Request
 from app.picture import PictureEvent
-from app.placement.curves import Array, Curves, drawn_as
+from app.placement.curves import Float64Array, Curves, drawn_as
 from app.placement.edited_curves import edited_layers
 from app.placement.events import Footprint, IndirectRadiance
 from app.placement.messages import Freeze, Frozen, IndirectFound, IndirectNoise
@@ -44,9 +44,9 @@ class LayerReflectance:
     """What a visible layer reflects by, to be compared: its curves, f_q (3,) and f_o (N,3), as `Curves` keeps them."""
 
     layer: LayerState
-    coefficients: tuple[Array, ...]
-    gain: Array
-    view_curve: Array
+    coefficients: tuple[Float64Array, ...]
+    gain: Float64Array
+    view_curve: Float64Array
 
     @property
     def key(self) -> str:
@@ -351,7 +351,7 @@ class IndirectTalk:
                 events.append(IndirectRadiance(look.key, radiance, footprint, look_as))
         return events
 
-    def _albedo(self, document: Document, frozen: Frozen) -> Array:
+    def _albedo(self, document: Document, frozen: Frozen) -> Float64Array:
         """d (3,) of the edited object as it is now."""
         total = np.zeros(3)
         for key, e in frozen.albedos.items():
@@ -362,7 +362,7 @@ class IndirectTalk:
         return total
 
 
-def _radiance(frozen: Frozen, key: str, albedo: Array, curve: Array | None) -> NDArray[np.float32]:
+def _radiance(frozen: Frozen, key: str, albedo: Float64Array, curve: Float64Array | None) -> NDArray[np.float32]:
     """Indirect radiance (p,3) of one layer, without f_q and f_o."""
     # Powers in double precision: beyond single, what they multiply may be 0.
     if curve is None:

@@ -24,7 +24,7 @@ from app.picture import PictureEvent, SkyChanged
 from app.placement.band_plans import BandPlans, BandTalk
 from app.placement.changeover import Asked, Changeover
 from app.placement.comparison import Comparison
-from app.placement.curves import Array, Curves, drawn_as
+from app.placement.curves import Float64Array, Curves, drawn_as
 from app.placement.edited_curves import edited_layers
 from app.placement.error_talk import ErrorTalk
 from app.placement.events import DocumentDrawn, Footprint, LayerRadiance, TransportReady
@@ -284,11 +284,11 @@ class PlacementTalk(ModeTalk):
         """Whether the picture shows an earlier document than there is."""
         return self.drawn is not self._document
 
-    def wanted_coefficients(self, key: str) -> dict[str, Array]:
+    def wanted_coefficients(self, key: str) -> dict[str, Float64Array]:
         """Band values (J,3) of each transport factor of a layer, as the document has them."""
         return self.curves.coefficients(self._document, key)
 
-    def drawn_coefficients(self, key: str) -> dict[str, Array]:
+    def drawn_coefficients(self, key: str) -> dict[str, Float64Array]:
         """The same, as the document drawn has them; none where the document has another layer by now."""
         models = [{key: layer.model for key, layer in each.layers()}.get(key) for each in (self.drawn, self._document)]
         return self.curves.coefficients(self.drawn, key) if models[0] is models[1] else {}
@@ -303,11 +303,11 @@ class PlacementTalk(ModeTalk):
         layer = self.drawn.layer(key)
         return drawn_as(layer.model.name, layer.quotient_parameters().tolist())
 
-    def layer_gain(self, key: str) -> Array:
+    def layer_gain(self, key: str) -> Float64Array:
         """What a layer's picture is multiplied by, (3,): f_q, and how much brighter the only light has become."""
         return self.curves.gain(self.drawn, key) * self._changeover.light_gain
 
-    def view_curve(self, key: str) -> Array:
+    def view_curve(self, key: str) -> Float64Array:
         """f_o of a layer at 256 angles θ_o from 0 to π/2, (256,3)."""
         return self.curves.view_curve(self.drawn, key)
 

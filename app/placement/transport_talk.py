@@ -28,7 +28,7 @@ import numpy as np
 from app.commands.light import emission_of
 from app.document import SCENE_ENVIRONMENT, Document, LightState, Selection
 from app.messages import Failed, Request
-from app.placement.curves import Array, Coefficients, Curves, drawn_as
+from app.placement.curves import Float64Array, Coefficients, Curves, drawn_as
 from app.placement.edited_curves import EditedCurves, curve_wishes, edited_layers
 from app.placement.messages import ComputeTransport, Contract, LayerPicture, LayerTransport, StageDone
 from app.placement.wishes import (
@@ -140,7 +140,7 @@ class TransportTalk:
         self._asked, self._stopped = None, False
         self.revision += 1
 
-    def rendered(self, key: str, factor: str, coefficients: Array) -> None:
+    def rendered(self, key: str, factor: str, coefficients: Float64Array) -> None:
         """The renderer has stepped a layer's picture to these coefficients exactly."""
         shown = self._layers.get(key)
         if shown is not None and self._edited.stage_of(key, factor) == shown.stage:
@@ -159,7 +159,7 @@ class TransportTalk:
         return self._asked is not None and self._wish is not None and self._wish.lights_like(self._asked)
 
     @property
-    def light_gain(self) -> Array:
+    def light_gain(self) -> Float64Array:
         """How much brighter (3,) the light is than in the transport asked for: it is linear in the only emitters."""
         return self._light_gain
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.document import RGB, Document, LightState
-from app.placement.curves import Array, Coefficients, Curves
+from app.placement.curves import Float64Array, Coefficients, Curves
 from app.scene_state import LayerState
 from engine.plan import Decisions, Precision
 
@@ -149,7 +149,7 @@ def transport_wish(document: Document, decisions: Decisions, curves: Curves) -> 
     return TransportWish(scene.light, shapes, scene.emission, decisions)
 
 
-def brightened(wanted: Emission, known: Emission) -> Array | None:
+def brightened(wanted: Emission, known: Emission) -> Float64Array | None:
     """The factors (3,) by which every emitter is brighter than it was; None where they are not the same for all."""
     if [name for name, _ in wanted] != [name for name, _ in known] or not known:
         return None
@@ -158,12 +158,12 @@ def brightened(wanted: Emission, known: Emission) -> Array | None:
     return factors if np.allclose(old * factors, new, rtol=1e-9, atol=0.0) else None
 
 
-def same_coefficients(one: Mapping[str, Array], two: Mapping[str, Array]) -> bool:
+def same_coefficients(one: Mapping[str, Float64Array], two: Mapping[str, Float64Array]) -> bool:
     """Whether two sets of band values agree to 1e-6, factor by factor."""
     if one.keys() != two.keys():
         return False
     return all(a is two[name] or _close(a, two[name]) for name, a in one.items())
 
 
-def _close(one: Array, two: Array) -> bool:
+def _close(one: Float64Array, two: Float64Array) -> bool:
     return one.shape == two.shape and bool(np.all(np.abs(one - two) <= 1e-6 * np.abs(two)))

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from engine.curve.ascending import ascending
 from engine.curve.wavelet import check_band_count
 
-Array = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 HALF_PI = math.pi / 2
 # Grading stops where a spike of the least roughness, 1e-4, is resolved.
@@ -63,20 +63,20 @@ _EIGHT_WEIGHTS[4:] = _EIGHT_WEIGHTS[3::-1]
 _RANGE_SAMPLES = np.array([1e-9, 0.25, 0.5, 0.75, 1.0 - 1e-9])
 
 
-def band_nodes(n_bands: int, domain: float = HALF_PI) -> Array:
+def band_nodes(n_bands: int, domain: float = HALF_PI) -> Float64Array:
     """The angles (J,) at which a curve has its band values; linear in between, constant beyond the ends."""
     return np.asarray((np.arange(n_bands) + 0.5) * (domain / n_bands), np.float64)
 
 
 @lru_cache(maxsize=64)
-def band_weights(n_bands: int, domain: float = HALF_PI, by_solid_angle: bool = False) -> Array:
+def band_weights(n_bands: int, domain: float = HALF_PI, by_solid_angle: bool = False) -> Float64Array:
     """The integral of each hat, plain or with weight sin γ, (J,): values times these sum to the curve's integral."""
     return _mass_matrix(n_bands, domain, by_solid_angle).sum(axis=0)
 
 
 def band_values(
-    curve: Callable[[Array], Array], n_bands: int, domain: float = HALF_PI, by_solid_angle: bool = False
-) -> Array:
+    curve: Callable[[Float64Array], Float64Array], n_bands: int, domain: float = HALF_PI, by_solid_angle: bool = False
+) -> Float64Array:
     """Values at J nodes of the piecewise linear curve nearest to the given one, plain or by solid angle: (J, 3).
 
     curve: angles (N,) in radians to values (N, 3); an attribute `features`, if there is one, names angles where it
@@ -91,7 +91,7 @@ def band_values(
     return _within(values, low, high, band_weights(n_bands, domain, by_solid_angle)[:, None])
 
 
-def _moments(curve: Callable[[Array], Array], edges: Array, n_bands: int, domain: float) -> Array:
+def _moments(curve: Callable[[Float64Array], Float64Array], edges: Float64Array, n_bands: int, domain: float) -> Float64Array:
     """The integral of the curve times each hat, (J, 3)."""
     left, width = edges[:-1], np.diff(edges)
     cell, _ = _place(left + 0.5 * width, n_bands, domain)
@@ -114,14 +114,14 @@ def _moments(curve: Callable[[Array], Array], edges: Array, n_bands: int, domain
     return moments
 
 
-def _place(gamma: Array, n_bands: int, domain: float) -> tuple[NDArray[np.intp], Array]:
+def _place(gamma: Float64Array, n_bands: int, domain: float) -> tuple[NDArray[np.intp], Float64Array]:
     """The node below each angle (at most J - 2, at least 0), and how far it is to the next, 0 to 1."""
     position = np.clip(gamma * (n_bands / domain) - 0.5, 0.0, n_bands - 1.0)
     cell = np.clip(position.astype(np.intp), 0, max(n_bands - 2, 0))
     return cell, position - cell
 
 
-def _partition(n_bands: int, domain: float, features: tuple[float, ...]) -> Array:
+def _partition(n_bands: int, domain: float, features: tuple[float, ...]) -> Float64Array:
     """The nodes, the ends, the grades towards 0, and the features: increasing angles from 0 to the domain's end."""
     nodes = band_nodes(n_bands, domain)
     n_grades = max(0, math.ceil(math.log2(nodes[0] / FINEST_GRADE)))
@@ -131,8 +131,8 @@ def _partition(n_bands: int, domain: float, features: tuple[float, ...]) -> Arra
 
 
 def _integrate(
-    curve: Callable[[Array], Array], left: Array, width: Array, n_bands: int, domain: float
-) -> tuple[Array, Array]:
+    curve: Callable[[Float64Array], Float64Array], left: Float64Array, width: Float64Array, n_bands: int, domain: float
+) -> tuple[Float64Array, Float64Array]:
     """Each interval's integrals of f and of f times the hat of the node above, (2, I, 3), and an error bound (I, 3)."""
     nodes = left[:, None] + width[:, None] * (0.5 + 0.5 * _NODES)
     values = curve(nodes.ravel()).reshape(left.size, _NODES.size, 3)
@@ -143,7 +143,7 @@ def _integrate(
     return np.stack([kronrod, first]), np.abs(kronrod - gauss)
 
 
-def _by_cell(shares: Array, cell: NDArray[np.intp], n_bands: int) -> Array:
+def _by_cell(shares: Float64Array, cell: NDArray[np.intp], n_bands: int) -> Float64Array:
     """Sums (2, J, 3) of the intervals' shares (2, I, 3) over the cells they lie in."""
     sums = np.zeros((2, n_bands, 3))
     for moment in range(2):
@@ -152,7 +152,7 @@ def _by_cell(shares: Array, cell: NDArray[np.intp], n_bands: int) -> Array:
     return sums
 
 
-def _mass_matrix(n_bands: int, domain: float, by_solid_angle: bool) -> Array:
+def _mass_matrix(n_bands: int, domain: float, by_solid_angle: bool) -> Float64Array:
     """The integrals of the products of every two hats, (J, J); by Gauss' rule over each cell."""
     edges = np.concatenate([[0.0], band_nodes(n_bands, domain), [domain]])
     gamma = (edges[:-1, None] + np.diff(edges)[:, None] * (0.5 + 0.5 * _EIGHT_NODES)).ravel()
@@ -167,7 +167,7 @@ def _mass_matrix(n_bands: int, domain: float, by_solid_angle: bool) -> Array:
 
 
 @lru_cache(maxsize=64)
-def _inverse_mass(n_bands: int, domain: float, by_solid_angle: bool) -> Array:
+def _inverse_mass(n_bands: int, domain: float, by_solid_angle: bool) -> Float64Array:
     """Hats meet their neighbours alone: eliminated row by row, 128 bands take 2 ms; as any matrix LAPACK's threads take
     25 ms."""
     mass = _mass_matrix(n_bands, domain, by_solid_angle)
@@ -183,8 +183,8 @@ def _inverse_mass(n_bands: int, domain: float, by_solid_angle: bool) -> Array:
 
 
 def _range_under_hats(
-    curve: Callable[[Array], Array], edges: Array, n_bands: int, domain: float
-) -> tuple[Array, Array]:
+    curve: Callable[[Float64Array], Float64Array], edges: Float64Array, n_bands: int, domain: float
+) -> tuple[Float64Array, Float64Array]:
     """Least and largest value (J, 3) of the curve where each hat is above zero, of samples in every interval."""
     gamma = (edges[:-1, None] + np.diff(edges)[:, None] * _RANGE_SAMPLES).ravel()
     cell, values = _place(gamma, n_bands, domain)[0], curve(gamma)
@@ -196,7 +196,7 @@ def _range_under_hats(
     return np.minimum(low[first], low[last]), np.maximum(high[first], high[last])
 
 
-def _within(values: Array, low: Array, high: Array, weights: Array) -> Array:
+def _within(values: Float64Array, low: Float64Array, high: Float64Array, weights: Float64Array) -> Float64Array:
     """Values (J, 3) within their bounds: an excess goes to the neighbours, what is left to all with room."""
     total = (values * weights).sum(axis=0)
     for _ in range(MOST_LEVELLINGS):
@@ -215,7 +215,7 @@ def _within(values: Array, low: Array, high: Array, weights: Array) -> Array:
     return np.clip(values + room * share, low, high)
 
 
-def _given(excess: Array, room: Array) -> Array:
+def _given(excess: Float64Array, room: Float64Array) -> Float64Array:
     """What each receives (J, 3) when every excess is shared by its two neighbours in proportion to their room."""
     around = np.zeros_like(room)
     around[1:] += room[:-1]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 # Narrower falloffs are steps: no angle a person can tell lies inside them.
 STEP_WIDTH = 1e-12
@@ -17,7 +17,7 @@ STEP_WIDTH = 1e-12
 STEEPEST = 2.0
 
 
-def smooth_step(t: Array) -> Array:
+def smooth_step(t: Float64Array) -> Float64Array:
     """C-infinity step: 0 for t <= 0, 1 for t >= 1, all derivatives 0 at both ends.
 
     e(t) / (e(t) + e(1 - t)) with e(t) = exp(-1/t), written as (1 - tanh((1/t - 1/(1-t)) / 2)) / 2, which

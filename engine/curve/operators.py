@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 from engine.curve.ascending import ascending
 from engine.curve.falloff import STEEPEST, STEP_WIDTH, lever_extremes, smooth_step
 
-Array = NDArray[np.float64]
-Curve = Callable[[Array], Array]
+Float64Array = NDArray[np.float64]
+Curve = Callable[[Float64Array], Float64Array]
 Channels = tuple[bool, bool, bool]
 
 HALF_PI = math.pi / 2
@@ -139,7 +139,7 @@ class Tabulated:
         if not np.isfinite(gammas).all() or (np.diff(gammas) < 0).any():
             raise OperatorError("angles of a tabulated curve must be finite and not decrease")
 
-    def __call__(self, gamma: Array) -> Array:
+    def __call__(self, gamma: Float64Array) -> Float64Array:
         """Values (N, 3) at angles (N,), constant beyond the ends."""
         gammas, values = _table(self)
         return np.stack([np.interp(gamma, gammas, values[:, channel]) for channel in range(3)], axis=-1)
@@ -149,11 +149,11 @@ Edit = Operator | Tabulated
 
 
 @lru_cache(maxsize=64)
-def _table(table: Tabulated) -> tuple[Array, Array]:
+def _table(table: Tabulated) -> tuple[Float64Array, Float64Array]:
     return np.array(table.gammas, dtype=float), np.array(table.values, dtype=float).reshape(-1, 3)
 
 
-def strength(operator: Operator, x: Array) -> Array:
+def strength(operator: Operator, x: Float64Array) -> Float64Array:
     """How strongly the operator acts at x: 1 on [b, c], exactly 0 outside [a, d], smooth between [eq. 9.2]."""
     a, b, c, d = operator.regions
     t = np.ones_like(x)
@@ -166,7 +166,7 @@ def strength(operator: Operator, x: Array) -> Array:
     return weight
 
 
-def shift(operator: Operator, x: Array) -> Array:
+def shift(operator: Operator, x: Float64Array) -> Float64Array:
     """Where on the curve below an X-operator looks for its value at x [eq. 9.3, 9.5], kept in [0, pi/2]."""
     operator = operator.clamped()
     weight = strength(operator, x)
@@ -177,7 +177,7 @@ def shift(operator: Operator, x: Array) -> Array:
     return np.where(weight > 0.0, np.minimum(np.maximum(moved, 0.0), HALF_PI), x)
 
 
-def combine(operator: Operator, x: Array, values: Array) -> Array:
+def combine(operator: Operator, x: Float64Array, values: Float64Array) -> Float64Array:
     """A Y-operator on values (N, 3) of the curve below at x (N,) or (N, 3) [eq. 9.1, 9.4]."""
     weight = strength(operator, x)
     weight = (weight[:, None] if weight.ndim == 1 else weight) * np.array(operator.channels, dtype=float)
@@ -250,11 +250,11 @@ class EditedCurve:
     operators: tuple[Edit, ...]
     below: Curve
 
-    def __call__(self, gamma: Array) -> Array:
+    def __call__(self, gamma: Float64Array) -> Float64Array:
         """The edited values. From the last operator down, X-operators move where to look; then, from the first up,
         Y-operators change what was found there. Channels part company only where an operator spares one of them."""
-        x: Array = np.asarray(gamma, dtype=float)
-        lifted: list[tuple[Operator, Array]] = []
+        x: Float64Array = np.asarray(gamma, dtype=float)
+        lifted: list[tuple[Operator, Float64Array]] = []
         source = self.below
         for operator in reversed(self.operators):
             if isinstance(operator, Tabulated):
@@ -272,7 +272,7 @@ class EditedCurve:
     @property
     def features(self) -> tuple[float, ...]:
         """Angles where the curve may bend sharply or jump: region ends, carried through the X-operators above them."""
-        places: Array = np.array(getattr(self.below, "features", ()), dtype=float)
+        places: Float64Array = np.array(getattr(self.below, "features", ()), dtype=float)
         for operator in self.operators:
             if isinstance(operator, Tabulated):
                 places = np.array(operator.gammas)
@@ -313,7 +313,7 @@ def collapse(operators: Sequence[Edit], curve: Curve, tolerance: float = 1e-4, m
     return Tabulated(tuple(gamma.tolist()), tuple((r, g, b) for r, g, b in values.tolist()))
 
 
-def _shift_channels(operator: Operator, x: Array) -> Array:
+def _shift_channels(operator: Operator, x: Float64Array) -> Float64Array:
     moved = shift(operator, x)
     if all(operator.channels):
         return moved
@@ -321,13 +321,13 @@ def _shift_channels(operator: Operator, x: Array) -> Array:
     return np.where(np.array(operator.channels), *columns)
 
 
-def _evaluate(curve: Curve, x: Array) -> Array:
+def _evaluate(curve: Curve, x: Float64Array) -> Float64Array:
     if x.ndim == 1:
         return curve(x)
     return np.stack([curve(np.ascontiguousarray(x[:, channel]))[:, channel] for channel in range(3)], axis=-1)
 
 
-def _came_from(operator: Operator, places: Array) -> Array:
+def _came_from(operator: Operator, places: Float64Array) -> Float64Array:
     """Where the X-operator carries `places` to, to within 1/4000 of its regions' width: the inverse of `shift`."""
     lookup = np.linspace(max(operator.a, 0.0), min(max(operator.d, operator.a), HALF_PI), 4001)
     return np.interp(places, np.maximum.accumulate(shift(operator, lookup)), lookup)

@@ -9,13 +9,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def skin_range(
-    places: Floats, normals: Floats, bones: NDArray[np.int32], weights: Floats, moves: Floats, turns: Floats,
-    start: int, stop: int, moved: Floats, linear: Floats, turned: Floats,
+    places: Float64Array, normals: Float64Array, bones: NDArray[np.int32], weights: Float64Array, moves: Float64Array, turns: Float64Array,
+    start: int, stop: int, moved: Float64Array, linear: Float64Array, turned: Float64Array,
 ) -> None:  # fmt: skip
     """Add to moved[start:stop] (V, 3) and to linear parts (V, 3, 3) what bones do to places (V, 3); fill turned (V, 3)
     with normals (V, 3) under them.

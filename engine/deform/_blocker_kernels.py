@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from engine.deform._shading_kernels import _look_up
 from engine.fast_math import FAST
 
-Singles = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 
 LEAST = 2e-3  # of an even light: a cluster takes so much less than it does, and where that is all nothing
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def shadow_range(
-    start: int, stop: int, rows: Singles, casts: NDArray[np.bool_], owners: NDArray[np.int32], places: Singles,
-    normals: Singles, table: Singles, window: Singles, white: Singles,
+    start: int, stop: int, rows: Float32Array, casts: NDArray[np.bool_], owners: NDArray[np.int32], places: Float32Array,
+    normals: Float32Array, table: Float32Array, window: Float32Array, white: Float32Array,
 ) -> None:  # fmt: skip
     """Darken white[start:stop] (S, 3); rows (K, 14) of clusters: see `engine.deform.blockers`."""
     n = table.shape[2]

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from engine.deform._shading_kernels import _look_up
 
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
+Float64Array = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def gloss_range(
-    which: NDArray[np.int64], places: Singles, normals: Singles, eye: Floats, table: Singles, bands: Singles,
-    lean: Singles, steepest: float, cosine: Singles, even: float, white: Singles, sent: Singles,
+    which: NDArray[np.int64], places: Float32Array, normals: Float32Array, eye: Float64Array, table: Float32Array, bands: Float32Array,
+    lean: Float32Array, steepest: float, cosine: Float32Array, even: float, white: Float32Array, sent: Float32Array,
 ) -> None:  # fmt: skip
     """Add what points send to the eye to sent (S, 3); bands (A, n, 3), lean (A,) for angles 0 to steepest of the eye;
     cosine (n,): the bands of a white matt surface; even: what a white matt surface has of all the light's mean, summed

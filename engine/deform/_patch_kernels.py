@@ -11,13 +11,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Singles = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def look_up_range(
-    low: Singles, axes: Singles, coefficients: Singles, uvs: NDArray[np.float64],
-    start: int, stop: int, found_low: Singles, found_axes: Singles, found_coefficients: Singles,
+    low: Float32Array, axes: Float32Array, coefficients: Float32Array, uvs: NDArray[np.float64],
+    start: int, stop: int, found_low: Float32Array, found_axes: Float32Array, found_coefficients: Float32Array,
 ) -> None:  # fmt: skip
     """Fill the found ones [start:stop] (P, ...) at texture coordinates (P, 2), v upwards, from maps (H, W, ...)."""
     n_rows, n_columns = low.shape[0], low.shape[1]

@@ -15,17 +15,17 @@ from numpy.typing import NDArray
 
 from engine.fast_math import FAST
 
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
-Indices = NDArray[np.int32]
+Float64Array = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+Int32Array = NDArray[np.int32]
 
 _NEAR = 1e-6  # of depth 1: what reaches nearer has no outline in the picture
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def set_up(
-    start: int, stop: int, places: Singles, corners: Indices, sides: Indices, eye: Floats, plane: Floats, view: Floats,
-    size: Indices, shares: Singles, boxes: Indices, front: Singles,
+    start: int, stop: int, places: Float32Array, corners: Int32Array, sides: Int32Array, eye: Float64Array, plane: Float64Array, view: Float64Array,
+    size: Int32Array, shares: Float32Array, boxes: Int32Array, front: Float32Array,
 ) -> None:  # fmt: skip
     """Fill shares[start:stop] (T, 3, 3), of each corner of triangles (T, 3) over places (V, 3): at column 0, a column
     to the right, a row down, divided by the distance, positive inside; boxes (T, 4): first and last column and row that
@@ -70,14 +70,14 @@ def set_up(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _dot_cross(a: Floats, b: Floats, c: Floats) -> float:
+def _dot_cross(a: Float64Array, b: Float64Array, c: Float64Array) -> float:
     return (
         a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
     )  # fmt: skip
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def fill_rows(start: int, stop: int, shares: Singles, boxes: Indices, nearness: Singles, found: Indices) -> None:
+def fill_rows(start: int, stop: int, shares: Float32Array, boxes: Int32Array, nearness: Float32Array, found: Int32Array) -> None:
     """Fill rows [start, stop) of found (H, W), the nearest triangle or -1, and of nearness (H, W), 1 / distance in
     lengths of a pixel's direction."""
     half, tiny = np.float32(0.5), np.float32(-1e-6)
@@ -101,9 +101,9 @@ def fill_rows(start: int, stop: int, shares: Singles, boxes: Indices, nearness: 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def paint_rows(
-    start: int, stop: int, found: Indices, shares: Singles, sides: Indices, front: Singles, i_object: Indices,
-    white: Singles, gloss: Singles, albedos: Singles, emission: Singles, plane: Floats, sky: Singles, turn: float,
-    scale: float, picture: Singles,
+    start: int, stop: int, found: Int32Array, shares: Float32Array, sides: Int32Array, front: Float32Array, i_object: Int32Array,
+    white: Float32Array, gloss: Float32Array, albedos: Float32Array, emission: Float32Array, plane: Float64Array, sky: Float32Array, turn: float,
+    scale: float, picture: Float32Array,
 ) -> None:  # fmt: skip
     """Fill rows [start, stop) of picture (H, W, 3): white (S, 3) between a triangle's points times the object's albedo
     (M, 3), gloss (S, 3), what shines (M, 3), and the sky (h, w, 3) behind it all.

@@ -11,14 +11,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
+Float64Array = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def shade_range(
-    low: Singles, axes: Singles, coefficients: Singles, frames: Singles, light: Singles, table: Singles,
-    start: int, stop: int, radiance: Singles,
+    low: Float32Array, axes: Float32Array, coefficients: Float32Array, frames: Float32Array, light: Float32Array, table: Float32Array,
+    start: int, stop: int, radiance: Float32Array,
 ) -> None:  # fmt: skip
     """Fill radiance[start:stop] (P, 3) (eq. 25).
 
@@ -43,7 +43,7 @@ def shade_range(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _to_world(frame: Singles, x: float, y: float, z: float) -> tuple[float, float, float]:
+def _to_world(frame: Float32Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     return (
         frame[0, 0] * x + frame[1, 0] * y + frame[2, 0] * z,
         frame[0, 1] * x + frame[1, 1] * y + frame[2, 1] * z,
@@ -52,7 +52,7 @@ def _to_world(frame: Singles, x: float, y: float, z: float) -> tuple[float, floa
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _look_up(table: Singles, x: float, y: float, z: float, bands: Singles) -> None:
+def _look_up(table: Float32Array, x: float, y: float, z: float, bands: Float32Array) -> None:
     """The light of each band (n, 3) along a direction, between four entries; beyond a pole lies the other side."""
     n_rows, n_columns = table.shape[0], table.shape[1]
     row = math.acos(min(max(z, -1.0), 1.0)) * (n_rows / math.pi) - 0.5

@@ -11,15 +11,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 _NEAR = 16.0  # squares of radii: nearer, the disc about a place is not a point
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def gather_range(
-    entering: Floats, places: Floats, areas: Floats, numbers: NDArray[np.int32], points: Floats, own: Floats,
-    table: Floats, reach: float, start: int, stop: int, leaving: Floats,
+    entering: Float64Array, places: Float64Array, areas: Float64Array, numbers: NDArray[np.int32], points: Float64Array, own: Float64Array,
+    table: Float64Array, reach: float, start: int, stop: int, leaving: Float64Array,
 ) -> None:  # fmt: skip
     """Fill leaving[start:stop] (P, n^2).
 
@@ -46,7 +46,7 @@ def gather_range(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _over_disc(table: Floats, reach: float, square: float, disc: float) -> float:
+def _over_disc(table: Float64Array, reach: float, square: float, disc: float) -> float:
     """The mean over a disc in the plane, by its middle's distance and its radius, both squared; by seven of its points,
     which are exact for polynomials of degree 5 [Abramowitz64, 25.4.61]."""
     further, cross = square + 2.0 / 3.0 * disc, 2.0 * math.sqrt(2.0 / 3.0 * disc * square)
@@ -57,7 +57,7 @@ def _over_disc(table: Floats, reach: float, square: float, disc: float) -> float
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _look_up(table: Floats, reach: float, square: float) -> float:
+def _look_up(table: Float64Array, reach: float, square: float) -> float:
     at = math.sqrt(square) / reach * (table.shape[0] - 1)
     k = int(at)
     if k >= table.shape[0] - 1:

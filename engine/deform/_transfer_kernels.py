@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from engine.sphere._harmonic_kernels import basis_at
 
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int32]
+Float64Array = NDArray[np.float64]
+Int32Array = NDArray[np.int32]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def turn_range(
-    vectors: Floats, frames: Floats, places: Floats, weighed: Floats, start: int, stop: int, turned: Floats
+    vectors: Float64Array, frames: Float64Array, places: Float64Array, weighed: Float64Array, start: int, stop: int, turned: Float64Array
 ) -> None:
     """Fill turned[start:stop]: the functions (P, n^2) in axes that `frames` (P, 3, 3) take to their own.
 
@@ -46,8 +46,8 @@ def turn_range(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def gather_range(
-    firsts: NDArray[np.int64], triangle: Indices, u: NDArray[np.float32], v: NDArray[np.float32], corners: Indices,
-    share: float, sent: Floats, start: int, stop: int, gathered: Floats,
+    firsts: NDArray[np.int64], triangle: Int32Array, u: NDArray[np.float32], v: NDArray[np.float32], corners: Int32Array,
+    share: float, sent: Float64Array, start: int, stop: int, gathered: Float64Array,
 ) -> None:  # fmt: skip
     """Fill gathered[start:stop]: `share` of what the hits of each point send (P, n^2).
 

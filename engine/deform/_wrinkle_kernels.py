@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 from engine.sphere._harmonic_kernels import basis_at
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 FIRST = 2  # the bands below are kept as they are
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def error_range(
-    targets: Floats, places: Floats, axes: Floats, coefficients: Floats, start: int, stop: int,
-    of_axes: Floats, of_coefficients: Floats,
+    targets: Float64Array, places: Float64Array, axes: Float64Array, coefficients: Float64Array, start: int, stop: int,
+    of_axes: Float64Array, of_coefficients: Float64Array,
 ) -> float:  # fmt: skip
     """The squared error of samples start to stop (eq. 17); its gradient by the nodes is added (eq. 19 to 21).
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from engine.sphere._harmonic_kernels import basis_at
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 RIDGE = 1e-6  # of a lobe's own weight in the system
 _STEPS = 100
@@ -29,8 +29,8 @@ _INVERSE_4PI = 0.25 / math.pi
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def fit_range(
-    targets: Floats, first: int, n_restarts: int, enough: float, scan: Floats, scanned: Floats,
-    start: int, stop: int, axes: Floats, coefficients: Floats, errors: Floats,
+    targets: Float64Array, first: int, n_restarts: int, enough: float, scan: Float64Array, scanned: Float64Array,
+    start: int, stop: int, axes: Float64Array, coefficients: Float64Array, errors: Float64Array,
 ) -> None:  # fmt: skip
     """Fit the bands from `first` on of targets[start:stop] (P, n^2).
 
@@ -66,18 +66,18 @@ def fit_range(
 class _Work(NamedTuple):
     """What a fit of N lobes of order n works in."""
 
-    legendre: Floats  # (n, n + 1)
-    basis: Floats  # (N, n^2) of the lobes' axes
-    slopes: Floats  # (N, n^2, 3)
-    system: Floats  # (N, N), of a band
-    coefficients: Floats  # (N, n): g*, 0 in the bands below the first
-    rest: Floats  # (n^2,): what they leave of the target, 0 in the bands below the first
-    gradient: Floats  # (N, 3): of the squared error, as the axes turn
-    before: Floats  # (N, 3): the gradient where a step began
-    end: Floats  # (N, 3): the axes where it ends
-    step: Floats  # (N, 3)
-    product: Floats  # (N, 3)
-    inverse: Floats  # (3N, 3N): of the Hessian, as BFGS knows it
+    legendre: Float64Array  # (n, n + 1)
+    basis: Float64Array  # (N, n^2) of the lobes' axes
+    slopes: Float64Array  # (N, n^2, 3)
+    system: Float64Array  # (N, N), of a band
+    coefficients: Float64Array  # (N, n): g*, 0 in the bands below the first
+    rest: Float64Array  # (n^2,): what they leave of the target, 0 in the bands below the first
+    gradient: Float64Array  # (N, 3): of the squared error, as the axes turn
+    before: Float64Array  # (N, 3): the gradient where a step began
+    end: Float64Array  # (N, 3): the axes where it ends
+    step: Float64Array  # (N, 3)
+    product: Float64Array  # (N, 3)
+    inverse: Float64Array  # (3N, 3N): of the Hessian, as BFGS knows it
 
 
 @njit(cache=True, nogil=True)
@@ -90,7 +90,7 @@ def _make_work(n_lobes: int, n: int) -> _Work:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _copy_rows(rows: Floats, out: Floats) -> None:
+def _copy_rows(rows: Float64Array, out: Float64Array) -> None:
     """Number by number: for whole arrays the compiler makes the words of an error, which takes longer than a fit."""
     for i in range(rows.shape[0]):
         for k in range(rows.shape[1]):
@@ -98,7 +98,7 @@ def _copy_rows(rows: Floats, out: Floats) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _add_greedily(target: Floats, first: int, scan: Floats, scanned: Floats, axes: Floats, work: _Work) -> None:
+def _add_greedily(target: Float64Array, first: int, scan: Float64Array, scanned: Float64Array, axes: Float64Array, work: _Work) -> None:
     """Axes one by one, each the best for what those before it leave."""
     rest = target.copy()
     for i in range(axes.shape[0]):
@@ -111,7 +111,7 @@ def _add_greedily(target: Floats, first: int, scan: Floats, scanned: Floats, axe
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _best_of(target: Floats, first: int, scanned: Floats) -> int:
+def _best_of(target: Float64Array, first: int, scanned: Float64Array) -> int:
     """The direction along which a single lobe leaves least of the target (eq. 18)."""
     best, most, n = 0, -1.0, int(math.sqrt(float(target.shape[0])))
     for d in range(scanned.shape[0]):
@@ -127,7 +127,7 @@ def _best_of(target: Floats, first: int, scanned: Floats) -> int:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _scatter(seed: np.uint64, axes: Floats) -> np.uint64:
+def _scatter(seed: np.uint64, axes: Float64Array) -> np.uint64:
     """Random axes, not yet of length 1; the next seed [Knuth97, 3.3.4]."""
     for i in range(axes.shape[0]):
         for c in range(3):
@@ -137,7 +137,7 @@ def _scatter(seed: np.uint64, axes: Floats) -> np.uint64:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _length(values: Floats, first: int) -> float:
+def _length(values: Float64Array, first: int) -> float:
     """Of a vector from the band `first` on."""
     total = 0.0
     for k in range(first * first, values.shape[0]):
@@ -146,7 +146,7 @@ def _length(values: Floats, first: int) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _search(target: Floats, first: int, axes: Floats, work: _Work) -> float:
+def _search(target: Float64Array, first: int, axes: Float64Array, work: _Work) -> float:
     """Turn the axes to where the error is least around, by BFGS; `work` has their coefficients. The error's length."""
     error = _evaluate(target, first, axes, work)
     largest = _largest(work.gradient)
@@ -178,7 +178,7 @@ def _search(target: Floats, first: int, axes: Floats, work: _Work) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _evaluate(target: Floats, first: int, axes: Floats, work: _Work) -> float:
+def _evaluate(target: Float64Array, first: int, axes: Float64Array, work: _Work) -> float:
     """The squared error, ridge and all, of the best coefficients about these axes, which become of length 1, and its
     gradient.
 
@@ -205,7 +205,7 @@ def _evaluate(target: Floats, first: int, axes: Floats, work: _Work) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _evaluate_band(target: Floats, l: int, work: _Work) -> float:  # noqa: E741
+def _evaluate_band(target: Float64Array, l: int, work: _Work) -> float:  # noqa: E741
     """Its coefficients by the normal equations, its part of the error and of the gradient."""
     n_lobes = work.coefficients.shape[0]
     low, high = l * l, (l + 1) * (l + 1)
@@ -238,7 +238,7 @@ def _evaluate_band(target: Floats, l: int, work: _Work) -> float:  # noqa: E741
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _solve(system: Floats, values: Floats, l: int) -> None:  # noqa: E741
+def _solve(system: Float64Array, values: Float64Array, l: int) -> None:  # noqa: E741
     """values[:, l] by a positive definite system, of which the lower half is given; by Cholesky, in place."""
     size = system.shape[0]
     for i in range(size):
@@ -305,14 +305,14 @@ def _learn(work: _Work, is_first: bool) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _diagonal(matrix: Floats, value: float) -> None:
+def _diagonal(matrix: Float64Array, value: float) -> None:
     matrix[:] = 0.0
     for a in range(matrix.shape[0]):
         matrix[a, a] = value
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _largest(vectors: Floats) -> float:
+def _largest(vectors: Float64Array) -> float:
     largest = 0.0
     for i in range(vectors.shape[0]):
         largest = max(largest, vectors[i, 0] ** 2 + vectors[i, 1] ** 2 + vectors[i, 2] ** 2)

@@ -18,8 +18,8 @@ from engine.scene.gltf_nodes import matrix_of
 from engine.scene.rig import PATHS, Clip, Rig, Track, morph_weight, normal_matrices
 from engine.threads import even_parts, on_threads
 
-Floats = NDArray[np.float64]
-Values = dict[tuple[int, str], Floats]
+Float64Array = NDArray[np.float64]
+Values = dict[tuple[int, str], Float64Array]
 
 RESTS = 1e-5  # of the mesh's extent: a bone that moves nothing of it by more is at rest, but for the file's rounding
 
@@ -75,7 +75,7 @@ def sampled(clip: Clip, time: float, loop: bool = True) -> Values:
     return {(track.node, track.path): _at(track, time) for track in clip.tracks}
 
 
-def _at(track: Track, time: float) -> Floats:
+def _at(track: Track, time: float) -> Float64Array:
     """A track's value between its keys, or of the nearest where there is none on one side."""
     times, is_spline = track.times, track.interpolation == "CUBICSPLINE"
     after = int(np.searchsorted(times, time, side="right"))
@@ -91,13 +91,13 @@ def _at(track: Track, time: float) -> Floats:
     return np.asarray((1.0 - share) * track.values[before] + share * track.values[after])
 
 
-def _kept(track: Track, value: Floats) -> Floats:
+def _kept(track: Track, value: Float64Array) -> Float64Array:
     """The value, of a rotation at length 1."""
     length = float(np.linalg.norm(value)) if track.path == "rotation" else 1.0
     return value / length if length > 1e-6 else np.array([0.0, 0.0, 0.0, 1.0])
 
 
-def _hermite(before: Floats, after: Floats, span: float, share: float) -> Floats:
+def _hermite(before: Float64Array, after: Float64Array, span: float, share: float) -> Float64Array:
     """Between two keys (3, W) of a cubic spline [glTF20, C.5]."""
     square, cube = share**2, share**3
     return np.asarray(
@@ -108,7 +108,7 @@ def _hermite(before: Floats, after: Floats, span: float, share: float) -> Floats
     )
 
 
-def _slerp(before: Floats, after: Floats, share: float) -> Floats:
+def _slerp(before: Float64Array, after: Float64Array, share: float) -> Float64Array:
     """Between two rotations, the shorter way round at an even speed [glTF20, C.4]."""
     before, after = before / np.linalg.norm(before), after / np.linalg.norm(after)
     cosine = float(before @ after)
@@ -122,9 +122,9 @@ def _slerp(before: Floats, after: Floats, share: float) -> Floats:
     return np.asarray(value / np.linalg.norm(value))
 
 
-def _bone_moves(rig: Rig, values: Values) -> Floats:
+def _bone_moves(rig: Rig, values: Values) -> Float64Array:
     """The matrices of bones less those at rest (B, 3, 4); 0 of those at rest."""
-    skeleton, moved = rig.skeleton, dict[int, Floats]()
+    skeleton, moved = rig.skeleton, dict[int, Float64Array]()
     for node, rest in skeleton.parts.items():
         if any((node, path) in values for path in PATHS):
             moved[node] = matrix_of(*(values.get((node, path), part) for path, part in zip(PATHS, rest, strict=True)))

@@ -20,8 +20,8 @@ from engine.deform.points import BendingPoints
 from engine.deform.shading import BandLight
 from engine.threads import even_parts, on_threads
 
-Singles = NDArray[np.float32]
-Floats = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+Float64Array = NDArray[np.float64]
 
 N_CLUSTERS, MOST_CLUSTERS = 12, 48  # of an object, and of all
 ROW = 14  # numbers of a cluster: middle, area, adjugate (xx yy zz xy xz yz), mean normal, whose
@@ -36,7 +36,7 @@ class Blockers:
         self._points = points
         self._clusters: dict[tuple[int, int], _Clusters] = {}
 
-    def rows(self, objects: list[int]) -> Singles:
+    def rows(self, objects: list[int]) -> Float32Array:
         """The clusters (K, `ROW`) of some objects, where these are now; by their place among these they say whose."""
         count = max(1, min(N_CLUSTERS, MOST_CLUSTERS // max(len(objects), 1)))
         found = []
@@ -65,7 +65,7 @@ class _Clusters:
         self._corners = surface.corners[chosen[order]]
         self._firsts = np.flatnonzero(np.diff(labels[order], prepend=-1))
 
-    def rows(self, places: Singles) -> Singles:
+    def rows(self, places: Float32Array) -> Float32Array:
         """See `Blockers.rows`: areas, and the second moments of triangles, as their corners stand."""
         if not len(self._firsts):
             return np.zeros((0, ROW), np.float32)
@@ -90,8 +90,8 @@ class _Clusters:
 
 
 def add_shadows(
-    rows: Singles, casts: NDArray[np.bool_], points: BendingPoints, places: Singles, normals: Singles,
-    light: BandLight, white: Singles,
+    rows: Float32Array, casts: NDArray[np.bool_], points: BendingPoints, places: Float32Array, normals: Float32Array,
+    light: BandLight, white: Float32Array,
 ) -> None:  # fmt: skip
     """Darken white (S, 3), what white matt points at places (S, 3) with normals (S, 3) send, by clusters (K, `ROW`).
 
@@ -108,7 +108,7 @@ def add_shadows(
 
 
 @cache
-def spread_of(n: int) -> Singles:
+def spread_of(n: int) -> Float32Array:
     """By what light in n bands is multiplied, so that a small bright one is a spot: Hann's window, which leaves 3 % of
     its peak as rings. A shadow of none of these would be wider (`engine.sphere.deringing`), and half as dark."""
     return np.asarray(0.5 * (1.0 + np.cos(np.pi * np.arange(n) / n)), np.float32)

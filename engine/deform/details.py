@@ -27,8 +27,8 @@ from engine.scene.surface_kinds import DeformSurface
 from engine.scene.surface_kinds import Detail as PatchSays
 from engine.scene.surface_kinds import Wrinkles as WrinklesSay
 
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
+Float64Array = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +47,10 @@ class LobeMap:
 class Detail(Protocol):
     """Lobes by texture coordinates."""
 
-    def at(self, uvs: Floats) -> Lobes:
+    def at(self, uvs: Float64Array) -> Lobes:
         """At (P, 2), in axes along u, along v, outwards."""
 
-    def errors_at(self, uvs: Floats) -> Floats:
+    def errors_at(self, uvs: Float64Array) -> Float64Array:
         """How far they are off what they were fitted to (P,), as a share of it."""
 
     def map(self) -> LobeMap:
@@ -63,10 +63,10 @@ class Patched(Detail):
     def __init__(self, found: Patch, repeats: tuple[float, float]) -> None:
         self._patch, self._repeats = found, repeats
 
-    def at(self, uvs: Floats) -> Lobes:
+    def at(self, uvs: Float64Array) -> Lobes:
         return self._patch.at(uvs * self._repeats)
 
-    def errors_at(self, uvs: Floats) -> Floats:
+    def errors_at(self, uvs: Float64Array) -> Float64Array:
         return self._patch.errors_at(uvs * self._repeats)
 
     def map(self) -> LobeMap:
@@ -80,10 +80,10 @@ class Wrinkled(Detail):
     def __init__(self, found: WrinkleMap, says: WrinklesSay) -> None:
         self._map, self._says = found, says
 
-    def at(self, uvs: Floats) -> Lobes:
+    def at(self, uvs: Float64Array) -> Lobes:
         return lobes(self._on_surface(self._lobes_at(uvs)))
 
-    def errors_at(self, uvs: Floats) -> Floats:
+    def errors_at(self, uvs: Float64Array) -> Float64Array:
         return self._lobes_at(uvs).relative_errors
 
     def map(self) -> LobeMap:
@@ -97,12 +97,12 @@ class Wrinkled(Detail):
             return found
         return found.turned([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # across and along it are v and -u
 
-    def _lobes_at(self, uvs: Floats) -> Zonal:
+    def _lobes_at(self, uvs: Float64Array) -> Zonal:
         places = uvs[:, 0 if self._says.across == "u" else 1] * self._says.repeats
         return self._map.at(places, np.full(len(uvs), self._says.depth))
 
 
-def heights(scene: Scene, says: PatchSays) -> Floats:
+def heights(scene: Scene, says: PatchSays) -> Float64Array:
     """(H, W), in sides of the patch; of an image as many texels as there are to be at most."""
     if says.kind is not None:
         return PATTERNS[says.kind]() * says.height
@@ -113,7 +113,7 @@ def heights(scene: Scene, says: PatchSays) -> Floats:
     return of_image(whole) * says.height
 
 
-def patch_vectors(scene: Scene, says: PatchSays, n: int, n_rays: int) -> Generator[float, None, Floats]:
+def patch_vectors(scene: Scene, says: PatchSays, n: int, n_rays: int) -> Generator[float, None, Float64Array]:
     """The vectors of a patch's texels, row by row. Yields the share that is done."""
     return (yield from simulate_patch(heights(scene, says), n, n_rays=n_rays))
 
@@ -142,8 +142,8 @@ def detail(scene: Scene, says: DeformSurface, zonal: Zonal) -> Detail:
 
 
 def shaded(
-    found: Detail, uvs: Floats, axes: Singles, weights: Singles, is_front: NDArray[np.bool_], light: BandLight
-) -> Singles:
+    found: Detail, uvs: Float64Array, axes: Float32Array, weights: Float32Array, is_front: NDArray[np.bool_], light: BandLight
+) -> Float32Array:
     """What white matt pixels (N, 3) send; axes (N, 3, 3, 3) of the corners of their triangles and shares (N, 3) of
     these; of backs the detail is turned inside out."""
     mean = np.einsum("nk,nkab->nab", weights, axes)

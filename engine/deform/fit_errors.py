@@ -16,7 +16,7 @@ from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points
 from engine.steps import told_as
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 # [Sloan05]: of a random vector of order 6 with 6 lobes (figure 2), of a shadowed mesh with 3 (section 3.3).
 PAPERS_RANDOM_6, PAPERS_MESH_3 = 0.00908, 0.045
@@ -25,13 +25,13 @@ MESH = ("idol", "head")
 N_RANDOM, N_POINTS, N_RAYS = 200, 1100, 2000
 
 
-def random_vectors(count: int = N_RANDOM, n: int = ORDER) -> Floats:
+def random_vectors(count: int = N_RANDOM, n: int = ORDER) -> Float64Array:
     """Vectors (P, n^2) of length 1 in random directions."""
     vectors = np.random.default_rng(7).normal(size=(count, n * n))
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1)[:, None])
 
 
-def shadowed_mesh(n_points: int = N_POINTS, n_rays: int = N_RAYS, n: int = ORDER) -> Generator[float, None, Floats]:
+def shadowed_mesh(n_points: int = N_POINTS, n_rays: int = N_RAYS, n: int = ORDER) -> Generator[float, None, Float64Array]:
     """Vectors (P, n^2) of about so many vertices, evenly chosen, of the built-in head with its own shadows. Yields the
     share that is done."""
     scene = load_scene(builtin_scenes()[MESH[0]])
@@ -48,7 +48,7 @@ def shadowed_mesh(n_points: int = N_POINTS, n_rays: int = N_RAYS, n: int = ORDER
 
 
 def fit_errors(
-    vectors: Floats, n_lobes: Sequence[int] = tuple(range(1, MAX_LOBES + 1))
+    vectors: Float64Array, n_lobes: Sequence[int] = tuple(range(1, MAX_LOBES + 1))
 ) -> Generator[float, None, dict[int, float]]:
     """For each number of lobes the error over all points, as a share of all points' signal: both root mean squares
     [Sloan05, figure 3]. Yields the share that is done."""

@@ -25,8 +25,8 @@ from engine.sphere.geodesic import geodesic
 from engine.sphere.harmonics import clamped_cosine
 from engine.threads import even_parts, on_threads
 
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
+Float64Array = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
 
 N_ANGLES = 16
 STEEPEST = np.radians(85.0)
@@ -42,12 +42,12 @@ class LowGloss:
     lost: what n bands are off, as a share of the reflection's energy, 0 to 1, for an eye at 45 degrees.
     """
 
-    bands: Singles
-    lean: Singles
+    bands: Float32Array
+    lean: Float32Array
     lost: float
 
     @property
-    def albedo(self) -> Floats:
+    def albedo(self) -> Float64Array:
         """What of even light it reflects (3,), of all angles of the eye."""
         angles = np.linspace(0.0, STEEPEST, N_ANGLES)
         weights = np.sin(2.0 * angles)
@@ -79,8 +79,8 @@ def low_gloss(layer: Layer, n: int) -> LowGloss:
 
 
 def add_gloss(
-    gloss: LowGloss, factor: NDArray[np.floating], which: NDArray[np.int64], places: Singles, normals: Singles,
-    eye: Floats, light: BandLight, white: Singles, sent: Singles,
+    gloss: LowGloss, factor: NDArray[np.floating], which: NDArray[np.int64], places: Float32Array, normals: Float32Array,
+    eye: Float64Array, light: BandLight, white: Float32Array, sent: Float32Array,
 ) -> None:  # fmt: skip
     """Add to sent (S, 3) what points (P,) of all send to the eye (3,), times factor (3,).
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 _FLAT = 1e-12
 
 
-def gradients(before: Floats, after: Floats, triangles: NDArray[np.int32]) -> Floats:
+def gradients(before: Float64Array, after: Float64Array, triangles: NDArray[np.int32]) -> Float64Array:
     """Jacobians (V, 3, 3) at the vertices of a mesh that goes from places (V, 3) to others: the mean over their
     triangles, by area; a triangle's takes its edges along and its normal to its normal. The identity where a vertex has
     none with an area."""
@@ -30,13 +30,13 @@ def gradients(before: Floats, after: Floats, triangles: NDArray[np.int32]) -> Fl
     return np.where(has_any[:, None, None], total.reshape(-1, 3, 3), np.eye(3))
 
 
-def _edges(places: Floats, triangles: NDArray[np.int32]) -> Floats:
+def _edges(places: Float64Array, triangles: NDArray[np.int32]) -> Float64Array:
     """Two edges of each triangle (T, 2, 3)."""
     corners = places[triangles]
     return corners[:, 1:] - corners[:, :1]
 
 
-def _with_normals(edges: Floats) -> Floats:
+def _with_normals(edges: Float64Array) -> Float64Array:
     """Two edges and a normal as long as they are, as columns (T, 3, 3)."""
     normal = np.cross(edges[:, 0], edges[:, 1])
     doubled = np.linalg.norm(normal, axis=1, keepdims=True)

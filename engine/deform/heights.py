@@ -10,12 +10,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 SIDE = 128
 
 
-def bumps(side: int = SIDE) -> Floats:
+def bumps(side: int = SIDE) -> Float64Array:
     """Half balls in rows that are set off against each other."""
     u, v = _places(side)
     radius, height = 0.19, np.zeros((side, side))
@@ -25,14 +25,14 @@ def bumps(side: int = SIDE) -> Floats:
     return height
 
 
-def waffle(side: int = SIDE) -> Floats:
+def waffle(side: int = SIDE) -> Float64Array:
     """Square pits with slanting sides between bars."""
     u, v = _places(side)
     to_bar = np.minimum(*(0.125 - np.abs(np.mod(each, 0.25) - 0.125) for each in (u, v)))
     return 0.12 * (1.0 - _smooth((to_bar - 0.02) / 0.045))
 
 
-def swirl(side: int = SIDE) -> Floats:
+def swirl(side: int = SIDE) -> Float64Array:
     """Ridges that wind about the patch's middle and flatten out towards its edge."""
     u, v = _places(side)
     x, y = u - 0.5, v - 0.5
@@ -41,7 +41,7 @@ def swirl(side: int = SIDE) -> Floats:
     return 0.06 * wave * _smooth(radius / 0.06) * (1.0 - _smooth((radius - 0.3) / 0.18))
 
 
-def weave(side: int = SIDE) -> Floats:
+def weave(side: int = SIDE) -> Float64Array:
     """Four threads each way, round, that go over and under each other."""
     u, v = _places(side)
     up, across = (_thread(each) for each in (u, v))
@@ -50,7 +50,7 @@ def weave(side: int = SIDE) -> Floats:
     return np.asarray(0.03 * np.maximum(up * (1.0 + 0.8 * turn), across * (1.0 - 0.8 * turn)))
 
 
-def of_image(image: ArrayLike, height: float = 0.1) -> Floats:
+def of_image(image: ArrayLike, height: float = 0.1) -> Float64Array:
     """From a picture's brightness (H, W) or linear RGB (H, W, 3): black at 0, its brightest at `height` [Sloan05, 6].
 
     Raises ValueError where it is not a picture of finite numbers.
@@ -63,26 +63,26 @@ def of_image(image: ArrayLike, height: float = 0.1) -> Floats:
     return np.asarray((grey - low) * (height / (high - low)) if high > low else np.zeros(grey.shape))
 
 
-PATTERNS: dict[str, Callable[..., Floats]] = {"bumps": bumps, "waffle": waffle, "swirl": swirl, "weave": weave}
+PATTERNS: dict[str, Callable[..., Float64Array]] = {"bumps": bumps, "waffle": waffle, "swirl": swirl, "weave": weave}
 
 
-def _places(side: int) -> tuple[Floats, Floats]:
+def _places(side: int) -> tuple[Float64Array, Float64Array]:
     """u and v (H, W) of the texels' middles."""
     middle = (np.arange(side) + 0.5) / side
     return np.tile(middle, (side, 1)), np.tile(1.0 - middle[:, None], (1, side))
 
 
-def _apart(value: Floats, place: float, period: float = 1.0) -> Floats:
+def _apart(value: Float64Array, place: float, period: float = 1.0) -> Float64Array:
     """The distance to the nearest of places that repeat."""
     return np.abs(np.mod(value - place + period / 2.0, period) - period / 2.0)
 
 
-def _thread(value: Floats) -> Floats:
+def _thread(value: Float64Array) -> Float64Array:
     """The profile of threads that lie a quarter apart."""
     return np.asarray(np.sqrt(np.maximum(1.0 - (_apart(value, 0.0, 0.25) / 0.11) ** 2, 0.0)))
 
 
-def _smooth(value: Floats) -> Floats:
+def _smooth(value: Float64Array) -> Float64Array:
     """From 0 below 0 to 1 above 1 without a kink."""
     t = np.clip(value, 0.0, 1.0)
     return np.asarray(t * t * (3.0 - 2.0 * t))

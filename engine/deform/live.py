@@ -46,7 +46,7 @@ from engine.sphere.harmonics import project
 from engine.steps import finish
 from engine.transport.pipeline import SkyState
 
-Singles = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 
 N_POINTS = 12_000  # besides the meshes' own vertices
 N_BOUNCES = 2  # of an object's light onto itself
@@ -83,7 +83,7 @@ class Deform:
         self._lobes: Lobes | None = None
         self._pictures: Pictures | None = None
         self._telling: Telling | None = None
-        self._errors: Singles | None = None
+        self._errors: Float32Array | None = None
         self._details: dict[int, Detail] = {}
 
     # ------------------------------------------------------------------------------------------------ what is wanted
@@ -278,7 +278,7 @@ class Deform:
     def draw(
         self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (), quality: Quality = "moving",
         turned: bool = True,
-    ) -> Singles:  # fmt: skip
+    ) -> Float32Array:  # fmt: skip
         """Radiance (H, W, 3) as it is known by now; resolution (width, height). "rest": four samples a pixel. turned:
         whether transfer turns with the surface; False shows what one would get if it did not.
 
@@ -287,7 +287,7 @@ class Deform:
         subject, pictures = self._subject()
         return pictures.draw(subject, camera, resolution, poses, quality, turned)
 
-    def draw_errors(self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = ()) -> Singles:
+    def draw_errors(self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = ()) -> Float32Array:
         """How far the lobes of what is seen are off the transfer they were fitted to (H, W, 3): see `error_colours`.
         Raises ValueError before `is_ready`."""
         subject, pictures = self._subject()

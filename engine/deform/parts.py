@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from engine.texture.told import ToldMaps, Words
 
-Singles = NDArray[np.float32]
-Integers = NDArray[np.int32]
+Float32Array = NDArray[np.float32]
+Int32Array = NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,9 +23,9 @@ class ShapePart:
     axis and its bands. number: another one has other arrays."""
 
     number: int
-    corners: Integers
-    owners: Integers
-    lobes: Singles
+    corners: Int32Array
+    owners: Int32Array
+    lobes: Float32Array
     n_lobes: int
     order: int
 
@@ -59,9 +59,9 @@ class CoverPart:
     an object's triangles; lobes: of all `ToldDetail`; images and strokes: see `engine.texture.told`."""
 
     number: int
-    corners: Integers
+    corners: Int32Array
     ranges: dict[int, tuple[int, int]]
-    lobes: Singles
+    lobes: Float32Array
     images: Words
     strokes: Words
     n_strokes: int
@@ -77,15 +77,15 @@ class LookPart:
     was."""
 
     number: int
-    harmonics: Singles
-    table: Singles
-    objects: Singles
-    gloss: Singles
+    harmonics: Float32Array
+    table: Float32Array
+    objects: Float32Array
+    gloss: Float32Array
     steepest: float
-    cosine: Singles
+    cosine: Float32Array
     even: float
-    casts: Singles
-    spread: Singles
+    casts: Float32Array
+    spread: Float32Array
     least: float
     turn: float
     scale: float
@@ -97,7 +97,7 @@ class SkyPart:
     """radiance (h, w, 3) of what is behind it all, see `Backdrop`: the largest part, the same however it turns."""
 
     number: int
-    radiance: Singles
+    radiance: Float32Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,9 +106,9 @@ class PosedPart:
     that alone. axes (A, 9) that details lie in: along u, along v, outwards. blockers (K, 14): clusters of what shades
     others, see `engine.deform.blockers`. eye (3,): where the camera stands among them."""
 
-    places: Singles
-    axes: Singles
-    blockers: Singles
+    places: Float32Array
+    axes: Float32Array
+    blockers: Float32Array
     eye: tuple[float, float, float]
 
 

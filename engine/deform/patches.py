@@ -24,7 +24,7 @@ from engine.scene.surface_points import surface_points
 from engine.steps import told_as
 from engine.threads import even_parts, on_threads
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 UNDER_EVERY = 4  # texels, between places where light enters from below
 
@@ -40,7 +40,7 @@ class Slab:
 
 def simulate_patch(
     heights: ArrayLike, n: int, albedo: float = 0.0, n_bounces: int = 0, slab: Slab | None = None, n_rays: int = N_RAYS
-) -> Generator[float, None, Floats]:
+) -> Generator[float, None, Float64Array]:
     """The vectors (H W, n^2) of a patch's texels, row by row, with its shadows and either what it reflects onto itself
     or, of a slab, what light goes through it. heights (H, W): see `heights`. Yields the share that is done.
 
@@ -72,7 +72,7 @@ class Patch:
     low: NDArray[np.float32]
     axes: NDArray[np.float32]
     coefficients: NDArray[np.float32]
-    errors: Floats
+    errors: Float64Array
 
     def at(self, uvs: ArrayLike) -> Lobes:
         """The lobes at texture coordinates (P, 2), which repeat: bands that are kept as they are lie between texels,
@@ -87,7 +87,7 @@ class Patch:
         )
         return found
 
-    def errors_at(self, uvs: ArrayLike) -> Floats:
+    def errors_at(self, uvs: ArrayLike) -> Float64Array:
         """Of the texels (P,) that hold texture coordinates (P, 2)."""
         height, width = self.errors.shape
         u, v = np.mod(np.asarray(uvs, np.float64), 1.0).T
@@ -105,7 +105,7 @@ def patch(zonal: Zonal, shape: tuple[int, int]) -> Patch:
     return Patch(low, axes, coefficients, zonal.relative_errors.reshape(shape))
 
 
-def _among_copies(heights: Floats) -> tuple[TransferPoints, RayCaster]:
+def _among_copies(heights: Float64Array) -> tuple[TransferPoints, RayCaster]:
     """The texels of a patch, and what stands around them: the patch and its eight neighbours."""
     n_rows, n_columns = heights.shape
     row, column = np.mgrid[-n_rows : 2 * n_rows + 1, -n_columns : 2 * n_columns + 1]
@@ -128,7 +128,7 @@ def _among_copies(heights: Floats) -> tuple[TransferPoints, RayCaster]:
     return TransferPoints(points, frames, corners, normals[corners].sum(axis=1)), caster
 
 
-def _sources(places: Floats, upright: Floats, shape: tuple[int, int], slab: Slab) -> Sources:
+def _sources(places: Float64Array, upright: Float64Array, shape: tuple[int, int], slab: Slab) -> Sources:
     """Where light enters a slab from above and from below, in the patch and as far around it as the medium reaches; of
     what enters below there is one vector, after those of the texels."""
     reach = min(slab.medium.reach, 2.0)
@@ -146,6 +146,6 @@ def _sources(places: Floats, upright: Floats, shape: tuple[int, int], slab: Slab
     return Sources(all_places[near], np.tile(areas, len(copies))[near], np.tile(numbers, len(copies))[near])
 
 
-def _mirrored(n: int) -> Floats:
+def _mirrored(n: int) -> Float64Array:
     """What turns a function of order n upside down, about the plane z = 0: (n^2,)."""
     return np.array([(-1.0) ** (band + m) for band in range(n) for m in range(-band, band + 1)])

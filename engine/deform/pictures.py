@@ -17,7 +17,7 @@ from engine.deform.pose import Poses
 from engine.deform.posed_points import PosedPoints
 from engine.deform.raster import Drawn, draw, paint
 from engine.deform.shading import shade
-from engine.deform.subject import Singles, Subject, albedo
+from engine.deform.subject import Float32Array, Subject, albedo
 from engine.render.error_colours import shown
 from engine.scene.description import CameraDescription
 from engine.scene.load import Scene
@@ -30,13 +30,13 @@ class Pictures:
 
     def __init__(self, scene: Scene, points: BendingPoints) -> None:
         self._points = points
-        self._white: tuple[tuple[object, ...], Singles] = (), np.zeros((0, 3), np.float32)
+        self._white: tuple[tuple[object, ...], Float32Array] = (), np.zeros((0, 3), np.float32)
         self.posed, self.blockers = PosedPoints(scene, points), Blockers(points)
 
     def draw(
         self, of: Subject, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (),
         quality: Quality = "moving", turned: bool = True,
-    ) -> Singles:  # fmt: skip
+    ) -> Float32Array:  # fmt: skip
         """Radiance (H, W, 3); see `Deform.draw`."""
         points, eye, fine = self._points, eye_of(of.scene, camera), 2 if quality == "rest" else 1
         places, frames = self.posed.at(poses)
@@ -50,7 +50,7 @@ class Pictures:
 
     def draw_errors(
         self, of: Subject, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = ()
-    ) -> Singles:
+    ) -> Float32Array:
         """How far the lobes of what is seen are off (H, W, 3); see `Deform.draw_errors`."""
         drawn = draw(self._points.surface, self.posed.at(poses)[0], camera, eye_of(of.scene, camera), resolution)
         errors = np.repeat(shown(of.errors).astype(np.float32)[:, None], 3, axis=1)
@@ -62,7 +62,7 @@ class Pictures:
                 picture[pixels.rows, pixels.columns] = of_pixels[:, None]
         return picture
 
-    def _shaded(self, of: Subject, poses: Poses, places: Singles, frames: Singles, turned: bool) -> Singles:
+    def _shaded(self, of: Subject, poses: Poses, places: Float32Array, frames: Float32Array, turned: bool) -> Float32Array:
         """What white matt points send (S, 3), with the shadows that no transfer has."""
         made_of = (poses, turned, of.lobes, of.bands, of.casters)
         if self._white[0] != made_of:
@@ -74,8 +74,8 @@ class Pictures:
         return self._white[1]
 
     def _gloss(
-        self, of: Subject, places: Singles, frames: Singles, eye: NDArray[np.float64], white: Singles
-    ) -> Singles:
+        self, of: Subject, places: Float32Array, frames: Float32Array, eye: NDArray[np.float64], white: Float32Array
+    ) -> Float32Array:
         """What points send to the eye of layers that are not matt (S, 3)."""
         sent = np.zeros_like(white)
         normals = np.ascontiguousarray(frames[:, 2])
@@ -85,7 +85,7 @@ class Pictures:
         return sent
 
     def _add_by_pixel(
-        self, of: Subject, i: int, drawn: Drawn, white: Singles, picture: Singles, quality: Quality
+        self, of: Subject, i: int, drawn: Drawn, white: Float32Array, picture: Float32Array, quality: Quality
     ) -> None:
         layers = list(of.by_pixel(i))
         pixels = pixels_of(i, drawn, self._points) if layers else None
@@ -96,7 +96,7 @@ class Pictures:
             factor = pixels.factor(of.scene, layer.maps, quality == "moving")
             picture[pixels.rows, pixels.columns] += np.maximum(matt * factor * albedo(layer), 0.0)
 
-    def _matt(self, of: Subject, i: int, pixels: Pixels, white: Singles) -> Singles:
+    def _matt(self, of: Subject, i: int, pixels: Pixels, white: Float32Array) -> Float32Array:
         """What white matt pixels send (N, 3)."""
         if i not in of.details:
             return np.einsum("nk,nki->ni", pixels.weights, white[pixels.points])
@@ -110,7 +110,7 @@ def eye_of(scene: Scene, camera: CameraDescription) -> NDArray[np.float64]:
     return np.subtract(camera.position, scene.origin).astype(np.float64)
 
 
-def _halved(picture: Singles) -> Singles:
+def _halved(picture: Float32Array) -> Float32Array:
     """With half as many pixels a side."""
     height, width = picture.shape[0] // 2, picture.shape[1] // 2
     return np.asarray(picture.reshape(height, 2, width, 2, 3).mean(axis=(1, 3)), np.float32)

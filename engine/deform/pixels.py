@@ -17,9 +17,9 @@ from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections
 from engine.texture.pyramid import MOST_PROBES, Pyramid
 
-Indices = NDArray[np.integer]
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
+IntegerArray = NDArray[np.integer]
+Float64Array = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,12 +27,12 @@ class Pixels:
     """N pixels: rows and columns (N,); triangle (N,) that each shows, and the shares (N, 3) of its corners; whether its
     front is seen (N,); points (N, 3) at the corners on that side, -1 for none."""
 
-    rows: Indices
-    columns: Indices
-    triangle: Indices
-    weights: Singles
+    rows: IntegerArray
+    columns: IntegerArray
+    triangle: IntegerArray
+    weights: Float32Array
     is_front: NDArray[np.bool_]
-    points: Indices
+    points: IntegerArray
     _drawn: Drawn
     _all: BendingPoints
 
@@ -42,11 +42,11 @@ class Pixels:
         u, v = np.einsum("nk,nki->in", self.weights, self._all.within[self.triangle])
         return Intersections(self._all.source[self.triangle], u, v, np.zeros(len(u), np.float32))
 
-    def uvs(self, scene: Scene) -> Floats:
+    def uvs(self, scene: Scene) -> Float64Array:
         """Texture coordinates (N, 2)."""
         return np.einsum("nk,nki->ni", self.weights, self._corner_uvs(scene))
 
-    def factor(self, scene: Scene, maps: LayerMaps, is_quick: bool) -> Singles:
+    def factor(self, scene: Scene, maps: LayerMaps, is_quick: bool) -> Float32Array:
         """By what images and strokes multiply a layer (N, 3), filtered over the pixel; is_quick: by fewer look-ups."""
         if maps.is_plain:
             return np.ones((1, 3), np.float32)
@@ -57,13 +57,13 @@ class Pixels:
         )
         probes = MOVING_PROBES if is_quick else MOST_PROBES
 
-        def sample(image: Pyramid, repeats: tuple[float, float]) -> Singles:
+        def sample(image: Pyramid, repeats: tuple[float, float]) -> Float32Array:
             return image.over(uv, right - uv, below - uv, probes, repeats, is_quick)
 
         texture, weight = sampled(maps.images, scene.textures, len(uv), sample)
         return np.asarray(maps.factor(texture, painted(scene, self.at, maps.strokes, weight)), np.float32)
 
-    def _corner_uvs(self, scene: Scene) -> Floats:
+    def _corner_uvs(self, scene: Scene) -> Float64Array:
         """Of the corners of what pixels show (N, 3, 2)."""
         return self._all.corner_uvs(scene, self.triangle)
 

@@ -23,9 +23,9 @@ from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.surface_points import SurfacePoints
 from engine.scene.surface_uvs import corner_uvs, uvs_at
 
-Singles = NDArray[np.float32]
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int32]
+Float32Array = NDArray[np.float32]
+Float64Array = NDArray[np.float64]
+Int32Array = NDArray[np.int32]
 
 _SAME_PLACE = 1e-6  # of the scene's size
 _FACING = 0.05  # of an object's size, that what faces another way is farther off
@@ -62,7 +62,7 @@ class BendingPoints:
         return len(self._points)
 
     @property
-    def owners(self) -> Indices:
+    def owners(self) -> Int32Array:
         """The object (S,) of each point."""
         return self._points.i_object
 
@@ -90,12 +90,12 @@ class BendingPoints:
         turned = resting.frames @ np.einsum("nk,nkab->nab", shares, turns[vertices])
         return Pose(resting.positions + places, orthonormal(turned, resting.frames))
 
-    def uvs(self, i_object: int) -> Floats:
+    def uvs(self, i_object: int) -> Float64Array:
         """Texture coordinates (P, 2) of an object's points; of one that has several, any of them."""
         mine = self.of(i_object)
         return uvs_at(self._scene, self._at[0][mine], *self._at[1][mine].T)
 
-    def middles(self, i_object: int) -> tuple[Intersections, Floats, Floats]:
+    def middles(self, i_object: int) -> tuple[Intersections, Float64Array, Float64Array]:
         """Where the middles of an object's triangles lie on the scene's, their texture coordinates (T, 2), and how wide
         a square of the texture each of the triangles covers (T,)."""
         own = np.flatnonzero(self.surface.i_object == i_object)
@@ -104,7 +104,7 @@ class BendingPoints:
         sides = np.sqrt(0.5 * np.abs(np.linalg.det(uvs[:, 1:] - uvs[:, :1])))
         return Intersections(self.source[own], u, v, np.zeros(len(own), np.float32)), uvs.mean(axis=1), sides
 
-    def means_around(self, i_object: int, values: Floats) -> Floats:
+    def means_around(self, i_object: int, values: Float64Array) -> Float64Array:
         """By area the means (P,) around an object's points of what its triangles (T,) have."""
         own = np.flatnonzero(self.surface.i_object == i_object)
         a, b, c = np.moveaxis(self._points.corners[own].astype(np.float64), 1, 0)
@@ -112,19 +112,19 @@ class BendingPoints:
         sides = self.surface.sides[own]
         is_point = sides >= 0
 
-        def summed(each: Floats) -> Floats:
+        def summed(each: Float64Array) -> Float64Array:
             shares = np.broadcast_to(each[:, None, None], sides.shape)[is_point]
             return np.asarray(np.bincount(sides[is_point], shares, len(self))[self.of(i_object)], np.float64)
 
         return np.asarray(summed(values * areas) / np.maximum(summed(areas), 1e-300))
 
-    def corner_uvs(self, scene: Scene, triangle: NDArray[np.integer]) -> Floats:
+    def corner_uvs(self, scene: Scene, triangle: NDArray[np.integer]) -> Float64Array:
         """Texture coordinates (N, 3, 2) of the corners of triangles (N,)."""
         u, v = np.moveaxis(self.within[triangle].astype(np.float64), 2, 0)
         shares = np.stack([1.0 - u - v, u, v], axis=2)
         return np.einsum("npk,nki->npi", shares, corner_uvs(scene, self.source[triangle]))
 
-    def corners_at_rest(self, triangle: NDArray[np.integer]) -> Floats:
+    def corners_at_rest(self, triangle: NDArray[np.integer]) -> Float64Array:
         """Where the corners of triangles (N,) are at rest (N, 3, 3)."""
         return self._points.corners[triangle]
 
@@ -192,7 +192,7 @@ def bending_points(
     return BendingPoints(scene, with_backs(points, _is_open(scene) | lit_sides(scene, caster).reached[:, 1]))
 
 
-def _anchors(surface: Surface, points: ShadingPoints, count: int) -> tuple[NDArray[np.int64], Floats]:
+def _anchors(surface: Surface, points: ShadingPoints, count: int) -> tuple[NDArray[np.int64], Float64Array]:
     """The scene's triangle (N,) that each of so many points lies on, and u and v (N, 2) there."""
     source, within = np.zeros(count, np.int64), np.zeros((count, 2))
     for numbers in (surface.corners, surface.sides[:, 0], surface.sides[:, 1]):

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from engine.deform.deformers import KINDS
 from engine.errors import InsituError
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 MAX_GROWTH = 1000.0
 _SHORT = 1e-12
@@ -68,16 +68,16 @@ def without_rest(poses: Sequence[tuple[str, Row]]) -> Poses:
 class Pose:
     """Points (V, 3) and their axes, rows tangent, bitangent, normal (V, 3, 3)."""
 
-    positions: Floats
-    frames: Floats
+    positions: Float64Array
+    frames: Float64Array
 
     @property
-    def box(self) -> Floats:
+    def box(self) -> Float64Array:
         """The least and the largest corner (2, 3)."""
         return np.stack([self.positions.min(axis=0), self.positions.max(axis=0)])
 
 
-def deformed(pose: Pose, deformations: Sequence[Deformation], box: Floats | None = None) -> Pose:
+def deformed(pose: Pose, deformations: Sequence[Deformation], box: Float64Array | None = None) -> Pose:
     """The pose after the deformers, one after another, each in the same box (2, 3): the resting mesh's, or None where
     that is the pose's own."""
     if not deformations:
@@ -104,14 +104,14 @@ def growth(deformations: Sequence[Deformation]) -> float:
     return float(np.ptp(moved.positions, axis=0).max())
 
 
-def check_extent(name: str, positions: Floats, most: float) -> None:
+def check_extent(name: str, positions: Float64Array, most: float) -> None:
     """Raises InsituError where an object, by name, reaches farther than so many metres in a pose."""
     extent = float(np.abs(positions).max(initial=0.0))
     if not extent <= most:
         raise InsituError(f"{name}: reaches {extent:.3g} m in this pose, expected at most {most:g} m")
 
 
-def deformed_frames(frames: ArrayLike, jacobians: ArrayLike) -> Floats:
+def deformed_frames(frames: ArrayLike, jacobians: ArrayLike) -> Float64Array:
     """Axes (V, 3, 3), rows tangent, bitangent, normal, after maps with these Jacobians (V, 3, 3).
 
     The normal stays normal to the surface, on its outer side; the tangent stays as near to its image as it may.
@@ -123,7 +123,7 @@ def deformed_frames(frames: ArrayLike, jacobians: ArrayLike) -> Floats:
     return orthonormal(np.stack([tangent, frames[:, 1], normal], axis=1), frames)
 
 
-def orthonormal(frames: Floats, instead: Floats) -> Floats:
+def orthonormal(frames: Float64Array, instead: Float64Array) -> Float64Array:
     """Axes (V, 3, 3) with the normals' directions and tangents as near to these as they may be; where one has no
     length, that of others."""
     normal = _unit(frames[:, 2], instead[:, 2])
@@ -132,17 +132,17 @@ def orthonormal(frames: Floats, instead: Floats) -> Floats:
     return np.stack([tangent, np.cross(normal, tangent), normal], axis=1)
 
 
-def _cofactors(matrices: Floats) -> Floats:
+def _cofactors(matrices: Float64Array) -> Float64Array:
     """det(J) J^-T (V, 3, 3), also where there is no inverse: rows are cross products of rows."""
     a, b, c = matrices[:, 0], matrices[:, 1], matrices[:, 2]
     return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
 
 
-def _across(vectors: Floats, normal: Floats) -> Floats:
+def _across(vectors: Float64Array, normal: Float64Array) -> Float64Array:
     return vectors - np.einsum("vc,vc->v", vectors, normal)[:, None] * normal
 
 
-def _unit(vectors: Floats, instead: Floats) -> Floats:
+def _unit(vectors: Float64Array, instead: Float64Array) -> Float64Array:
     """Vectors (V, 3) of length 1; where they have none, the others (V, 3)."""
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     others = np.linalg.norm(instead, axis=1, keepdims=True)

@@ -11,8 +11,8 @@ from engine.deform.posed_scene import at_moment, deformers, moment_of, shifted
 from engine.deform.uv_axes import SurfaceAxes
 from engine.scene.load import MAX_EXTENT, Scene
 
-Singles = NDArray[np.float32]
-Indices = NDArray[np.int32]
+Float32Array = NDArray[np.float32]
+Int32Array = NDArray[np.int32]
 
 
 class PosedPoints:
@@ -23,9 +23,9 @@ class PosedPoints:
         self._poses: dict[int, tuple[object, Pose]] = {}
         self._shifts: dict[int, NDArray[np.float64]] = {}
         self._axes: dict[int, SurfaceAxes] = {}
-        self._axes_now: dict[int, tuple[object, Singles]] = {}
+        self._axes_now: dict[int, tuple[object, Float32Array]] = {}
 
-    def at(self, poses: Poses) -> tuple[Singles, Singles]:
+    def at(self, poses: Poses) -> tuple[Float32Array, Float32Array]:
         """Places (V, 3) of all that is drawn, and axes (S, 3, 3) of points. Raises InsituError where an object would
         reach beyond the largest scene."""
         scene = self._scene
@@ -45,7 +45,7 @@ class PosedPoints:
         shifts = {name: self._shifts[self._scene.object_index(name)] for name in names}
         return {name: (float(x), float(y), float(z)) for name, (x, y, z) in shifts.items() if x or y or z}
 
-    def axes_of(self, i: int) -> tuple[Indices, Singles]:
+    def axes_of(self, i: int) -> tuple[Int32Array, Float32Array]:
         """Which axes along texture coordinates the corners of an object's triangles have, and these as they stand now,
         see `SurfaceAxes`."""
         if i not in self._axes:

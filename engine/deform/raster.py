@@ -17,9 +17,9 @@ from engine.scene.camera import camera_frame
 from engine.scene.description import CameraDescription
 from engine.threads import even_parts, n_threads, on_threads
 
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
-Indices = NDArray[np.int32]
+Float64Array = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+Int32Array = NDArray[np.int32]
 
 _BANDS = 2  # of rows a thread: what is in the picture lies unevenly
 
@@ -29,9 +29,9 @@ class Surface:
     """T triangles: corners (T, 3), numbers of the places they are drawn at; sides (T, 2, 3), the points on the side
     that the winding faces and on the other, -1 where there are none; the object (T,) of each."""
 
-    corners: Indices
-    sides: Indices
-    i_object: Indices
+    corners: Int32Array
+    sides: Int32Array
+    i_object: Int32Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,14 +39,14 @@ class Drawn:
     """Which triangle each pixel of a picture sees: found (H, W), -1 for none; shares (T, 3, 3), see `set_up`; front
     (T,), positive where the winding faces the eye; plane (3, 3): the directions of pixels."""
 
-    found: Indices
-    shares: Singles
-    front: Singles
-    plane: Floats
+    found: Int32Array
+    shares: Float32Array
+    front: Float32Array
+    plane: Float64Array
 
     def weights(
         self, rows: NDArray[np.integer], columns: NDArray[np.integer], right: float = 0.0, below: float = 0.0
-    ) -> Singles:
+    ) -> Float32Array:
         """The shares (N, 3) of the corners at pixels that see a triangle, or so many pixels beside these in its plane;
         beyond its horizon they are without bounds."""
         at = np.stack([np.ones(len(rows)), columns + 0.5 + right, rows + 0.5 + below], axis=1).astype(np.float32)
@@ -58,7 +58,7 @@ class Drawn:
 class Backdrop:
     """What is behind it all: radiance (h, w, 3) by latitude and longitude, turned by so many radians, times scale."""
 
-    radiance: Singles
+    radiance: Float32Array
     turn: float = 0.0
     scale: float = 1.0
 
@@ -66,7 +66,7 @@ class Backdrop:
 BLACK = Backdrop(np.zeros((1, 1, 3), np.float32))
 
 
-def draw(surface: Surface, places: Singles, camera: CameraDescription, eye: Floats, size: tuple[int, int]) -> Drawn:
+def draw(surface: Surface, places: Float32Array, camera: CameraDescription, eye: Float64Array, size: tuple[int, int]) -> Drawn:
     """What a camera sees of triangles over places (V, 3); eye (3,): where it stands among them; size: width, height."""
     width, height = size
     plane, view = _plane(camera, size)
@@ -87,9 +87,9 @@ def draw(surface: Surface, places: Singles, camera: CameraDescription, eye: Floa
 
 
 def paint(
-    drawn: Drawn, surface: Surface, white: Singles, gloss: Singles, albedos: Singles, emission: Singles,
+    drawn: Drawn, surface: Surface, white: Float32Array, gloss: Float32Array, albedos: Float32Array, emission: Float32Array,
     backdrop: Backdrop = BLACK,
-) -> Singles:  # fmt: skip
+) -> Float32Array:  # fmt: skip
     """Radiance (H, W, 3): white and gloss (S, 3) of the points, albedos and emission (M, 3) of the objects."""
     picture = np.empty((*drawn.found.shape, 3), np.float32)
 
@@ -110,7 +110,7 @@ def _bands(height: int) -> tuple[list[int], list[int]]:
     return bounds[:-1], bounds[1:]
 
 
-def _plane(camera: CameraDescription, size: tuple[int, int]) -> tuple[Floats, Floats]:
+def _plane(camera: CameraDescription, size: tuple[int, int]) -> tuple[Float64Array, Float64Array]:
     """The directions of pixels as `paint_rows` takes them, see `engine.scene.camera.pixel_directions`; and rows that
     take a direction to column and row times depth, and depth."""
     (width, height), half = size, math.tan(math.radians(camera.fov_y) / 2)

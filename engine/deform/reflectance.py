@@ -21,8 +21,8 @@ from engine.render.surface_maps import painted, sampled
 from engine.scene.load import Scene
 from engine.texture.pyramid import Pyramid
 
-Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
+Float64Array = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
 
 ALBEDO_STEPS = 8  # of the brightest point
 SHARE_STEPS = 15  # of the others, by that one's
@@ -37,13 +37,13 @@ class Reflectance:
     shares: bytes = b""
 
     @property
-    def albedo(self) -> Floats:
+    def albedo(self) -> Float64Array:
         """Of the points (P,), or of all of them ()."""
         shares = np.frombuffer(self.shares, np.uint8) / SHARE_STEPS if self.shares else np.ones(())
         return np.asarray(self.brightest / ALBEDO_STEPS * shares)
 
 
-def reflectance(albedo: Floats) -> Reflectance:
+def reflectance(albedo: Float64Array) -> Reflectance:
     """Of points (P,), below 1."""
     most = float(albedo.max(initial=0.0))
     brightest = min(round(most * ALBEDO_STEPS), ALBEDO_STEPS - 1)
@@ -53,14 +53,14 @@ def reflectance(albedo: Floats) -> Reflectance:
     return Reflectance(brightest, b"" if (shares == SHARE_STEPS).all() else shares.tobytes())
 
 
-def albedos(scene: Scene, points: BendingPoints, i_object: int, layers: Sequence[Layer], order: int) -> Floats:
+def albedos(scene: Scene, points: BendingPoints, i_object: int, layers: Sequence[Layer], order: int) -> Float64Array:
     """Of an object's points (P,), gloss as if it were matt: the mean over the triangles around each, for an image may
     be finer than they. order: in which gloss is known. Raises LoadError."""
     middles, uvs, sides = points.middles(i_object)
     none, total = np.zeros_like(sides), np.zeros(len(sides))
     across, down = np.stack([sides, none], axis=1), np.stack([none, sides], axis=1)
 
-    def sample(image: Pyramid, repeats: tuple[float, float]) -> Singles:
+    def sample(image: Pyramid, repeats: tuple[float, float]) -> Float32Array:
         return image.over(uvs, across, down, repeats=repeats)
 
     for layer in layers:

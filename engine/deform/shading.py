@@ -17,7 +17,7 @@ from engine.deform.zonal import Zonal
 from engine.sphere.harmonics import basis, order_of
 from engine.threads import even_parts, on_threads
 
-Singles = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 
 ROWS, COLUMNS = 32, 64
 
@@ -27,8 +27,8 @@ class BandLight:
     """Distant light: its harmonics (n^2, 3), and table (rows, columns, n, 3), each band of it along each direction, by
     latitude from +z and longitude from -x (eq. 24)."""
 
-    harmonics: Singles
-    table: Singles
+    harmonics: Float32Array
+    table: Float32Array
 
 
 def band_light(light: ArrayLike) -> BandLight:
@@ -44,16 +44,16 @@ def band_light(light: ArrayLike) -> BandLight:
 class Lobes:
     """Zonal lobes in single precision, as they are shaded: see `Zonal`."""
 
-    low: Singles
-    axes: Singles
-    coefficients: Singles
+    low: Float32Array
+    axes: Float32Array
+    coefficients: Float32Array
 
 
 def lobes(zonal: Zonal) -> Lobes:
     return Lobes(*(np.ascontiguousarray(each, np.float32) for each in (zonal.low, zonal.axes, zonal.coefficients)))
 
 
-def shade(lobes: Lobes, frames: ArrayLike, light: BandLight) -> Singles:
+def shade(lobes: Lobes, frames: ArrayLike, light: BandLight) -> Float32Array:
     """Radiance (P, 3) of white points whose axes are now the rows of frames (P, 3, 3)."""
     frames = np.ascontiguousarray(frames, np.float32)
     radiance = np.empty((len(frames), 3), np.float32)

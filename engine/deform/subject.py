@@ -20,7 +20,7 @@ from engine.render.surface_maps import mean_factor
 from engine.scene.load import Scene
 from engine.transport.pipeline import SkyState
 
-Singles = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 LayersOf = Mapping[int, Sequence[Layer]]
 
 
@@ -36,7 +36,7 @@ class Subject:
     bands: BandLight
     layers_of: LayersOf
     lobes: Lobes
-    errors: Singles
+    errors: Float32Array
     details: Mapping[int, Detail]
     casters: tuple[frozenset[int], ...] = ()
 
@@ -53,7 +53,7 @@ class Subject:
         return found.reshape(len(self.scene.smooth), len(shading))
 
     @property
-    def albedos(self) -> Singles:
+    def albedos(self) -> Float32Array:
         """What objects (M, 3) make of the matt light of their points; that of detail, and of what images lie on, is
         added pixel by pixel."""
         found = np.zeros((len(self.scene.smooth), 3), np.float32)

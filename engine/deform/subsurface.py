@@ -21,7 +21,7 @@ from engine.scene.raycaster import RayCaster
 from engine.steps import told_as
 from engine.threads import even_parts, on_threads
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 LEFT_OUT = 1e-3  # of the reflectance, which comes from further away
 _TABLE = 4096
@@ -61,7 +61,7 @@ class Medium:
         """The effective transport coefficient, per metre."""
         return math.sqrt(3.0 * self.absorption * (self.scattering + self.absorption))
 
-    def reflectance(self, distance: ArrayLike) -> Floats:
+    def reflectance(self, distance: ArrayLike) -> Float64Array:
         """R_d, radiant exitance by power, per square metre [Jensen01, eq. 4]."""
         radius = np.asarray(distance, np.float64)
         total = np.zeros(radius.shape)
@@ -70,7 +70,7 @@ class Medium:
             total += depth * (1.0 + self.decay * away) * np.exp(-self.decay * away) / away**3
         return np.asarray(self.albedo / (4.0 * np.pi) * total)
 
-    def beyond(self, distance: ArrayLike) -> Floats:
+    def beyond(self, distance: ArrayLike) -> Float64Array:
         """Its integral over the plane beyond a distance; at 0 the whole diffuse reflectance."""
         radius = np.asarray(distance, np.float64)
         total = np.zeros(radius.shape)
@@ -95,14 +95,14 @@ class Medium:
 class Sources:
     """Where light enters: places (S, 3), areas (S,), and numbers (S,) of what enters there; copies may share one."""
 
-    places: Floats
-    areas: Floats
+    places: Float64Array
+    areas: Float64Array
     numbers: NDArray[np.int32]
 
 
 def subsurface(
     entering: ArrayLike, points: ArrayLike, sources: Sources, medium: Medium
-) -> Generator[float, None, Floats]:
+) -> Generator[float, None, Float64Array]:
     """What leaves at points (P, 3), of vectors (Q, n^2) that enter: both in the same axes for all. Yields the share
     that is done."""
     entering, points = np.ascontiguousarray(entering, np.float64), np.ascontiguousarray(points, np.float64)
@@ -129,7 +129,7 @@ def subsurface(
 
 def simulate_subsurface(
     mesh: TransferPoints, caster: RayCaster, triangles: NDArray[np.int32], n: int, medium: Medium, n_rays: int = N_RAYS
-) -> Generator[float, None, Floats]:
+) -> Generator[float, None, Float64Array]:
     """Vectors (P, n^2) of the points of a mesh, with its own shadows, in their own axes; triangles (T, 3): numbers of
     these points. Yields the share that is done."""
     entering = yield from told_as(simulate(mesh, caster, n, n_rays=n_rays), lambda share: 0.6 * share)
@@ -140,7 +140,7 @@ def simulate_subsurface(
     return turned(leaving, mesh.frames)
 
 
-def vertex_areas(places: Floats, triangles: NDArray[np.int32]) -> Floats:
+def vertex_areas(places: Float64Array, triangles: NDArray[np.int32]) -> Float64Array:
     """Of the surface about each vertex (V,): a third of its triangles'."""
     a, b, c = (places[triangles[:, k]] for k in range(3))
     thirds = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0

@@ -20,7 +20,7 @@ from engine.deform.parts import (
     Numbers,
     PosedPart,
     ShapePart,
-    Singles,
+    Float32Array,
     SkyPart,
     Told,
     ToldDetail,
@@ -114,7 +114,7 @@ def shape_part(points: BendingPoints, lobes: Lobes) -> ShapePart:
 
 
 def look_part(of: Subject, terms: tuple[ToldTerm, ...] = ()) -> LookPart:
-    objects, rows = np.zeros((len(of.scene.smooth), 8), np.float32), list[Singles]()
+    objects, rows = np.zeros((len(of.scene.smooth), 8), np.float32), list[Float32Array]()
     objects[:, :3], objects[:, 4:7] = of.albedos, of.scene.emission
     for i in of.layers_of:
         objects[i, 3] = len(rows)
@@ -133,7 +133,7 @@ def look_part(of: Subject, terms: tuple[ToldTerm, ...] = ()) -> LookPart:
 
 
 def posed_part(
-    places: Singles, frames: Singles, axes: Singles, blockers: Singles, eye: NDArray[np.float64]
+    places: Float32Array, frames: Float32Array, axes: Float32Array, blockers: Float32Array, eye: NDArray[np.float64]
 ) -> PosedPart:
     """places (V, 3) of all that is drawn, frames (S, 3, 3) of the points, which are the first of them."""
     rows = np.zeros((len(places), 12), np.float32)
@@ -165,12 +165,12 @@ def _told_detail(first: int, detail: Detail) -> ToldDetail:
     return ToldDetail(first, (height, width), n_lobes, found.repeats, found.is_smooth)
 
 
-def _lobe_rows(detail: Detail) -> Singles:
+def _lobe_rows(detail: Detail) -> Float32Array:
     found = detail.map().lobes
     return _rows(Lobes(*(each.reshape(-1, *each.shape[2:]) for each in (found.low, found.axes, found.coefficients))))
 
 
-def _rows(lobes: Lobes) -> Singles:
+def _rows(lobes: Lobes) -> Float32Array:
     """Low, then of each lobe its axis and its bands (P, 4 + N (3 + n))."""
     each = np.concatenate([lobes.axes, lobes.coefficients], axis=2).reshape(len(lobes.low), -1)
     return np.hstack([lobes.low, each])

@@ -22,7 +22,7 @@ from engine.sphere.harmonics import basis, quadrature
 from engine.steps import told_as
 from engine.threads import even_parts, on_threads
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 N_RAYS = 5000
 N_BOUNCE_RAYS = 1000
@@ -37,19 +37,19 @@ class TransferPoints:
     (T, 3): which way those face, of any length; None: as their corners lie."""
 
     points: SurfacePoints
-    frames: Floats
+    frames: Float64Array
     corners: NDArray[np.int32]
-    normals: Floats | None = None
+    normals: Float64Array | None = None
 
 
-def unshadowed(n_points: int, n: int) -> Floats:
+def unshadowed(n_points: int, n: int) -> Float64Array:
     """The vectors (P, n^2) of points that see all that is above them: a cosine about their normal."""
     return np.repeat(cosine_directions(N_RAYS, n)[1].mean(axis=0)[None], n_points, axis=0)
 
 
 def simulate(
     mesh: TransferPoints, caster: RayCaster, n: int, albedo: ArrayLike = 0.0, n_bounces: int = 0, n_rays: int = N_RAYS
-) -> Generator[float, None, Floats]:
+) -> Generator[float, None, Float64Array]:
     """Vectors (P, n^2) of order n with the mesh's own shadows and, for albedo (P,) or one for all in [0, 1), what it
     reflects onto itself in so many bounces. Yields the share that is done."""
     end = 0.7 if n_bounces else 1.0
@@ -60,7 +60,7 @@ def simulate(
     return total
 
 
-def shadowed(mesh: TransferPoints, caster: RayCaster, n: int, n_rays: int = N_RAYS) -> Generator[float, None, Floats]:
+def shadowed(mesh: TransferPoints, caster: RayCaster, n: int, n_rays: int = N_RAYS) -> Generator[float, None, Float64Array]:
     """Vectors (P, n^2) of order n with the shadows of what the rays can meet. Yields the share that is done."""
     total = np.empty((len(mesh.frames), n * n))
     for start, stop, rays in ray_blocks(mesh, cosine_directions(n_rays, n)[0]):
@@ -71,8 +71,8 @@ def shadowed(mesh: TransferPoints, caster: RayCaster, n: int, n_rays: int = N_RA
 
 
 def bounced(
-    mesh: TransferPoints, caster: RayCaster, vectors: Floats, albedo: ArrayLike, n_bounces: int
-) -> Generator[float, None, Floats]:
+    mesh: TransferPoints, caster: RayCaster, vectors: Float64Array, albedo: ArrayLike, n_bounces: int
+) -> Generator[float, None, Float64Array]:
     """Vectors (P, n^2) with what the mesh, of albedo (P,) or one for all in [0, 1), reflects onto itself in so many
     bounces of the light that they take in. Yields the share that is done."""
     hits = yield from _hits(mesh, caster)
@@ -85,7 +85,7 @@ def bounced(
     return total
 
 
-def turned(vectors: Floats, frames: Floats) -> Floats:
+def turned(vectors: Float64Array, frames: Float64Array) -> Float64Array:
     """Functions (P, n^2) in the axes that are the rows of `frames` (P, 3, 3): exact, by quadrature."""
     n = round(vectors.shape[1] ** 0.5)
     places, weights = quadrature(n)
@@ -100,7 +100,7 @@ def turned(vectors: Floats, frames: Floats) -> Floats:
 
 
 @cache
-def cosine_directions(count: int, n: int) -> tuple[Floats, Floats]:
+def cosine_directions(count: int, n: int) -> tuple[Float64Array, Float64Array]:
     """Directions (D, 3) about +z, as dense as the cosine, each for the same share of a matt surface's irradiance; and
     the harmonics there (D, n^2). A spiral of the golden angle over the disc below them."""
     i = np.arange(count) + 0.5
@@ -118,7 +118,7 @@ class _Hits:
     u: NDArray[np.float32]
     v: NDArray[np.float32]
 
-    def gather(self, sent: Floats, corners: NDArray[np.int32]) -> Floats:
+    def gather(self, sent: Float64Array, corners: NDArray[np.int32]) -> Float64Array:
         """What each point receives of what all send."""
         result = np.empty_like(sent)
         on_threads(
@@ -146,14 +146,14 @@ def _hits(mesh: TransferPoints, caster: RayCaster) -> Generator[float, None, _Hi
     return _Hits(np.cumsum(counts), triangle, u, v)
 
 
-def _face_normals(mesh: TransferPoints) -> Floats:
+def _face_normals(mesh: TransferPoints) -> Float64Array:
     """Not of length 1 (T, 3)."""
     a, b, c = (mesh.points.position[mesh.corners[:, k]].astype(np.float64) for k in range(3))
     return np.cross(b - a, c - a)
 
 
 def ray_blocks(
-    mesh: TransferPoints, local: Floats
+    mesh: TransferPoints, local: Float64Array
 ) -> Generator[tuple[int, int, tuple[NDArray[np.float32], NDArray[np.float32]]], None, None]:
     """Some points after others, by their numbers: origins and directions of all their rays, `local` (D, 3) in their own
     axes."""

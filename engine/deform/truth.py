@@ -16,7 +16,7 @@ from engine.render.still import StillProgress
 from engine.scene.load import Scene
 from engine.transport.pipeline import Placement, SkyState
 
-Singles = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 
 N_PASSES, N_SAMPLES = 32, 4  # of so many paths a pixel each
 _MISSING = 0.2  # how bright the own picture stands where paths have not come yet
@@ -29,7 +29,7 @@ class Truth:
         """scene: at rest, seen as it is to be traced."""
         self._placement = Placement(posed(scene, poses))
         self.n_passes = 0
-        self.picture: Singles | None = None
+        self.picture: Float32Array | None = None
 
     def trace(self, layers_of: LayersOf, sky: SkyState, n_bounces: int) -> Generator[StillProgress, None, None]:
         """One pass more."""
@@ -39,7 +39,7 @@ class Truth:
         self.picture = before + (found - before) / np.float32(self.n_passes)
 
 
-def side_by_side(traced: Singles | None, stays: Singles, own: Singles, split: tuple[float, float]) -> Singles:
+def side_by_side(traced: Float32Array | None, stays: Float32Array, own: Float32Array, split: tuple[float, float]) -> Float32Array:
     """One picture (H, W, 3) of three: up to the first share of its width what paths show, up to the second transfer
     that does not turn, then the own. traced may have other pixels; None: not there yet, so that the own stands dark."""
     height, width = own.shape[:2]

@@ -13,8 +13,8 @@ from engine.deform.points import BendingPoints
 from engine.deform.pose import orthonormal
 from engine.scene.load import Scene
 
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int32]
+Float64Array = NDArray[np.float64]
+Int32Array = NDArray[np.int32]
 
 
 class SurfaceAxes:
@@ -35,7 +35,7 @@ class SurfaceAxes:
         return uv_axes(places, self._corners, self._uvs, frames).astype(np.float32)
 
 
-def uv_axes(positions: ArrayLike, triangles: Indices, uvs: ArrayLike, frames: ArrayLike) -> Floats:
+def uv_axes(positions: ArrayLike, triangles: Int32Array, uvs: ArrayLike, frames: ArrayLike) -> Float64Array:
     """Axes (2 V, 3, 3), rows: along u, along v, normal; of vertex k the first is 2 k, and the left-handed one of its
     triangles whose coordinates are mirrored 2 k + 1.
 
@@ -60,12 +60,12 @@ def uv_axes(positions: ArrayLike, triangles: Indices, uvs: ArrayLike, frames: Ar
     return found
 
 
-def numbers_of(triangles: Indices, uvs: ArrayLike) -> Indices:
+def numbers_of(triangles: Int32Array, uvs: ArrayLike) -> Int32Array:
     """Which of `uv_axes` the corners of triangles have (T, 3)."""
     return 2 * triangles + _is_mirrored(np.asarray(uvs, np.float64))[:, None].astype(np.int32)
 
 
-def _is_mirrored(uvs: Floats) -> NDArray[np.bool_]:
+def _is_mirrored(uvs: Float64Array) -> NDArray[np.bool_]:
     """Which triangles' (T,) coordinates (T, 3, 2) run the other way round than their corners."""
     steps = uvs[:, 1:] - uvs[:, :1]
     return np.asarray(steps[:, 0, 0] * steps[:, 1, 1] - steps[:, 0, 1] * steps[:, 1, 0] < 0.0)

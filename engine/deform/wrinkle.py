@@ -24,7 +24,7 @@ from engine.deform.zonal import Zonal
 from engine.sphere.harmonics import bands, basis
 from engine.threads import even_parts, on_threads
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 SIDE, N_LOBES, ORDER = 32, 3, 6
 DEEPEST = 1.0  # widths
@@ -43,10 +43,10 @@ class Wrinkles:
     axes (H, W, N, 3), coefficients (H, W, N, n); errors (H, W): the length of what they leave of what they were fitted
     to, at a node and half way to the next."""
 
-    low: Floats
-    axes: Floats
-    coefficients: Floats
-    errors: Floats
+    low: Float64Array
+    axes: Float64Array
+    coefficients: Float64Array
+    errors: Float64Array
 
     def at(self, position: ArrayLike, depth: ArrayLike) -> Zonal:
         """The lobes of points (P,) of grooves; positions repeat, depths are held between 0 and `DEEPEST`."""
@@ -98,7 +98,7 @@ def wrinkles(n: int = ORDER, side: int = SIDE) -> Generator[float, None, Wrinkle
     return replace(fitted, errors=np.sqrt(np.maximum(about_nodes[::_PER_CELL, ::_PER_CELL], 0.0)))
 
 
-def _error(values: Floats, targets: Floats, places: Floats, shapes: tuple) -> tuple[float, Floats]:
+def _error(values: Float64Array, targets: Float64Array, places: Float64Array, shapes: tuple) -> tuple[float, Float64Array]:
     """The squared error of all samples and its gradient; by parts whose number does not depend on the cores."""
     axes, coefficients = _parted(values, shapes)
     gradients = np.zeros((_PARTS, len(values)))
@@ -110,18 +110,18 @@ def _error(values: Floats, targets: Floats, places: Floats, shapes: tuple) -> tu
     return sum(on_threads(part, range(_PARTS))), gradients.sum(axis=0)
 
 
-def _parted(values: Floats, shapes: tuple) -> tuple[Floats, Floats]:
+def _parted(values: Float64Array, shapes: tuple) -> tuple[Float64Array, Float64Array]:
     """Axes and coefficients, which stand one after the other."""
     end = int(np.prod(shapes[0]))
     return values[:end].reshape(shapes[0]), values[end:].reshape(shapes[1])
 
 
-def _beginning(vectors: Floats, n: int) -> tuple[Floats, Floats]:
+def _beginning(vectors: Float64Array, n: int) -> tuple[Float64Array, Float64Array]:
     """Axes (P, 3, 3) and coefficients (P, 3, n) to begin with: one lobe along the linear band, and two along the groove
     on either side of it, spread alike at all points, by the best of some angles [Sloan05, 4.2]."""
     middle = _unit(vectors[:, [3, 1, 2]] * (-1.0, -1.0, 1.0))
     along = _unit(np.array([0.0, 1.0, 0.0]) - middle[:, 1:2] * middle)
-    best: tuple[float, Floats, Floats] | None = None
+    best: tuple[float, Float64Array, Float64Array] | None = None
     for spread in _SPREADS:
         outer = [np.cos(spread) * middle + side * np.sin(spread) * along for side in (-1.0, 1.0)]
         axes = np.stack([middle, *outer], axis=1)
@@ -134,7 +134,7 @@ def _beginning(vectors: Floats, n: int) -> tuple[Floats, Floats]:
     return best[1], best[2]
 
 
-def _coefficients(vectors: Floats, axes: Floats, n: int) -> Floats:
+def _coefficients(vectors: Float64Array, axes: Float64Array, n: int) -> Float64Array:
     """The best ones (P, N, n) about given axes, band by band."""
     values, found = basis(axes, n), np.zeros((*axes.shape[:2], n))
     for l in range(kernels.FIRST, n):  # noqa: E741
@@ -144,12 +144,12 @@ def _coefficients(vectors: Floats, axes: Floats, n: int) -> Floats:
     return found
 
 
-def _unit(vectors: Floats) -> Floats:
+def _unit(vectors: Float64Array) -> Float64Array:
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(np.where(lengths > 0.0, vectors / np.where(lengths > 0.0, lengths, 1.0), (0.0, 0.0, 1.0)))
 
 
-def transfer(position: ArrayLike, depth: ArrayLike, n: int = ORDER, n_rays: int = N_RAYS) -> Floats:
+def transfer(position: ArrayLike, depth: ArrayLike, n: int = ORDER, n_rays: int = N_RAYS) -> Float64Array:
     """Vectors (P, n^2) of order n of points of a groove, with its shadows: positions (P,) from 0 to 1, depths (P,) by
     the groove's width."""
     position, depth = (np.asarray(each, np.float64).ravel() for each in np.broadcast_arrays(position, depth))
@@ -173,7 +173,7 @@ def transfer(position: ArrayLike, depth: ArrayLike, n: int = ORDER, n_rays: int 
     return vectors
 
 
-def _horizons(position: Floats, depth: Floats) -> tuple[Floats, Floats]:
+def _horizons(position: Float64Array, depth: Float64Array) -> tuple[Float64Array, Float64Array]:
     """The steepest slopes (P,) from points of a groove up to what stands on their left and on their right: a ridge half
     a width away at most, or nothing."""
     away = (np.arange(_HORIZON_STEPS) + 1.0) / _HORIZON_STEPS

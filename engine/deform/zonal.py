@@ -19,7 +19,7 @@ from engine.sphere.geodesic import geodesic
 from engine.sphere.harmonics import bands, basis, order_of
 from engine.threads import even_parts, on_threads
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 MAX_LOBES = 6
 N_RESTARTS = 4
@@ -37,12 +37,12 @@ class Zonal:
     that are kept. errors (P,): the length of what they leave of the vectors that they were fitted to.
     """
 
-    low: Floats
-    axes: Floats
-    coefficients: Floats
-    errors: Floats
+    low: Float64Array
+    axes: Float64Array
+    coefficients: Float64Array
+    errors: Float64Array
 
-    def harmonics(self) -> Floats:
+    def harmonics(self) -> Float64Array:
         """The vectors (P, n^2) that they stand for (eq. 11)."""
         n = self.coefficients.shape[2]
         of_lobes = np.einsum("pik,pik->pk", basis(self.axes, n), self.coefficients[:, :, bands(n)])
@@ -50,7 +50,7 @@ class Zonal:
         return of_lobes
 
     @property
-    def relative_errors(self) -> Floats:
+    def relative_errors(self) -> Float64Array:
         """(P,): as shares of what the lobes were fitted to, which is at right angles to what they leave of it."""
         kept = np.linalg.norm(self.harmonics(), axis=1)
         return np.asarray(self.errors / np.maximum(np.hypot(kept, self.errors), 1e-30))
@@ -116,7 +116,7 @@ def about_linear(vectors: ArrayLike) -> Zonal:
 
 
 @cache
-def _scan() -> Floats:
+def _scan() -> Float64Array:
     """Directions over half the sphere: the other half's give the same lobes."""
     vertices = geodesic(_SCAN_LEVEL).vertices
     return np.ascontiguousarray(vertices[vertices @ (0.01, 0.02, 1.0) > 0.0])

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from engine.indirect._cell_kernels import CellTable
     from engine.scene.load import Scene
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 _LEAST_ALBEDO = 1e-6
 _MOST_KEPT = 16
 
@@ -46,10 +46,10 @@ class CellReflectance:
     direction over what it is for all, None where nothing is glossy; texels (K, C, 3), the factors of K glossy layers
     over their means; image (L): which of these each of all layers has, −1 for none."""
 
-    relative: Floats
-    matt: Floats
-    slant: Floats | None
-    texels: Floats
+    relative: Float32Array
+    matt: Float32Array
+    slant: Float32Array | None
+    texels: Float32Array
     image: tuple[int, ...]
 
     @property
@@ -91,7 +91,7 @@ class _Places:
         sums = np.add.reduceat(values, self._start, axis=0, dtype=np.float64) if len(values) else values
         return np.asarray((sums.T / self._counts).T, np.float64)
 
-    def _spread(self, position: Floats) -> NDArray[np.float64]:
+    def _spread(self, position: Float32Array) -> NDArray[np.float64]:
         """The area (k,) that each cell's places are spread over: six times their variance, as that of a square is a
         sixth of its area."""
         mean = self._means(position)
@@ -159,6 +159,6 @@ class CellMaps:
         return np.divide(factor, layer.share, out=np.zeros_like(factor), where=layer.share > 0.0)
 
 
-def _ratio(part: NDArray[np.float64], whole: NDArray[np.float64]) -> Floats:
+def _ratio(part: NDArray[np.float64], whole: NDArray[np.float64]) -> Float32Array:
     """1 where there is next to nothing of the whole."""
     return np.where(whole > _LEAST_ALBEDO, part / np.maximum(whole, _LEAST_ALBEDO), 1.0).astype(np.float32)

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from engine.sphere._kernels import solid_angle_from
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 Image = NDArray[np.float32]
-Indices = NDArray[np.int32]
+Int32Array = NDArray[np.int32]
 Bytes = NDArray[np.uint8]
 
 
@@ -24,13 +24,13 @@ Bytes = NDArray[np.uint8]
 def integrate_above_edges(
     start: int,
     stop: int,
-    edges: Indices,
-    vertices: Floats,
+    edges: Int32Array,
+    vertices: Float64Array,
     turn: float,
     radiance: Image,
-    light_above: Floats,
-    row_edges: Floats,
-    integrals: Floats,
+    light_above: Float64Array,
+    row_edges: Float64Array,
+    integrals: Float64Array,
 ) -> None:
     """integrals (E, 3)[start:stop]: the light between each edge and the zenith, from its first to its second vertex.
 
@@ -65,9 +65,9 @@ def _walk_arc(
     step: float,
     circle: tuple[float, float, float],
     radiance: Image,
-    light_above: Floats,
-    row_edges: Floats,
-    result: Floats,
+    light_above: Float64Array,
+    row_edges: Float64Array,
+    result: Float64Array,
 ) -> None:
     """Add the light above the great-circle arc of azimuths first .. first + step, texel by texel.
 
@@ -127,7 +127,7 @@ def _area_from_peak(sine: float, cosine: float, k: float, ny: float) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def sum_around_triangles(
-    start: int, stop: int, triangles: Indices, triangle_edges: Indices, edge_integrals: Floats, integrals: Floats
+    start: int, stop: int, triangles: Int32Array, triangle_edges: Int32Array, edge_integrals: Float64Array, integrals: Float64Array
 ) -> None:
     """integrals (T, 3)[start:stop]: the signed sum of the three edges of each triangle."""
     for t in range(start, stop):
@@ -254,7 +254,7 @@ def angular_texel(cosine: float, sine: float, radius: float, size: int) -> tuple
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def solid_angles_range(points: Floats, corners: Floats, start: int, stop: int, result: Image) -> None:
+def solid_angles_range(points: Float64Array, corners: Float64Array, start: int, stop: int, result: Image) -> None:
     """result[p, m] for points [start, stop): signed solid angle of patch m."""
     for p in range(start, stop):
         x, y, z = points[p, 0], points[p, 1], points[p, 2]

@@ -31,8 +31,8 @@ OF_A_PIECE, MOST_CUT = 2.0, 1 << 16
 # in 64 pieces is 0.7 % off around it, in 32 2 %, in 16 5 %.
 FEWEST_OF_AN_OBJECT = 64
 
-Floats = NDArray[np.float64]
-Importance = Callable[[Floats, NDArray[np.intp]], Floats]
+Float64Array = NDArray[np.float64]
+Importance = Callable[[Float64Array, NDArray[np.intp]], Float64Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,12 +116,12 @@ def emitter_tree(
     )  # fmt: skip
 
 
-def shining_triangles(corners: Floats, radiance: Floats) -> NDArray[np.bool_]:
+def shining_triangles(corners: Float64Array, radiance: Float64Array) -> NDArray[np.bool_]:
     """Which triangles (T, 3, 3) have area and radiance (T, 3)."""
     return (_areas(corners) > 0.0) & (radiance > 0.0).any(axis=1)
 
 
-def merged_triangles(corners: Floats, radiance: Floats, most: int) -> tuple[Floats, Floats]:
+def merged_triangles(corners: Float64Array, radiance: Float64Array, most: int) -> tuple[Float64Array, Float64Array]:
     """At most about so many triangles in the place of many that shine (T, 3, 3), with radiance (T, 3).
 
     Those that stand together, face alike and shine alike become one that faces as the sum of their area vectors, has
@@ -157,8 +157,8 @@ def merged_triangles(corners: Floats, radiance: Floats, most: int) -> tuple[Floa
 
 
 def merged_by_object(
-    corners: Floats, objects: NDArray[np.integer], most: int
-) -> tuple[Floats, NDArray[np.integer]]:  # fmt: skip
+    corners: Float64Array, objects: NDArray[np.integer], most: int
+) -> tuple[Float64Array, NDArray[np.integer]]:  # fmt: skip
     """The same of triangles (T, 3, 3) of objects (T,), whatever these shine: each object becomes its share of `most` by
     area, and no fewer than `FEWEST_OF_AN_OBJECT`. Triangles without area are left out. Returns triangles and objects.
     """
@@ -173,7 +173,7 @@ def merged_by_object(
     return np.concatenate(merged), np.concatenate(owners)
 
 
-def _without_slivers(corners: Floats, radiance: Floats, longest: float) -> tuple[Floats, Floats]:
+def _without_slivers(corners: Float64Array, radiance: Float64Array, longest: float) -> tuple[Float64Array, Float64Array]:
     """The same surface (T, 3, 3) in triangles with edges no longer than that, unless these would be too many."""
     while len(corners) < MOST_CUT:
         edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
@@ -185,13 +185,13 @@ def _without_slivers(corners: Floats, radiance: Floats, longest: float) -> tuple
     return corners, radiance
 
 
-def _spread(features: Floats, weights: Floats) -> float:
+def _spread(features: Float64Array, weights: Float64Array) -> float:
     """Weighted squared distance of features (K, D) from their mean."""
     middle = np.average(features, axis=0, weights=weights)
     return float(weights @ ((features - middle) ** 2).sum(axis=1))
 
 
-def _merged(corners: Floats, vectors: Floats) -> Floats:
+def _merged(corners: Float64Array, vectors: Float64Array) -> Float64Array:
     """The triangle (3, 3) for some (K, 3, 3) of these area vectors (K, 3), see `merged_triangles`."""
     if len(corners) == 1:
         return corners[0]
@@ -211,7 +211,7 @@ def _merged(corners: Floats, vectors: Floats) -> Floats:
     return np.asarray(middle + height.max() * normal + scale * shape)
 
 
-def seen_importance(triangles: Floats, radiance: Floats, points: Floats, normals: Floats, seen: Floats) -> Importance:
+def seen_importance(triangles: Float64Array, radiance: Float64Array, points: Float64Array, normals: Float64Array, seen: Float64Array) -> Importance:
     """What patches of the triangles (T, 3, 3) with radiance (T, 3) do at points (P, 3): for `emitter_tree`.
 
     seen (P, T): the share of each triangle that is seen from each point. A patch brings a point the share
@@ -223,7 +223,7 @@ def seen_importance(triangles: Floats, radiance: Floats, points: Floats, normals
     """
     brightness = radiance @ LUMINANCE
 
-    def contribution(corners: Floats, roots: NDArray[np.intp]) -> Floats:
+    def contribution(corners: Float64Array, roots: NDArray[np.intp]) -> Float64Array:
         towards = corners.mean(axis=1)[None] - points[:, None]
         distance = np.maximum(np.linalg.norm(towards, axis=2), 1e-12)
         cosine = np.maximum(np.einsum("pmi,pi->pm", towards, normals) / distance, 0.02)
@@ -234,14 +234,14 @@ def seen_importance(triangles: Floats, radiance: Floats, points: Floats, normals
     # Half seen errs most; what is seen whole is told by few rays, but for what the rays to the triangle missed.
     partly = 0.1 + 4.0 * seen * (1.0 - seen)
 
-    def importance(corners: Floats, roots: NDArray[np.intp]) -> Floats:
+    def importance(corners: Float64Array, roots: NDArray[np.intp]) -> Float64Array:
         share = contribution(corners, roots) * scale[:, None]
         return np.mean(share * share * partly[:, roots], axis=0)
 
     return importance
 
 
-def solid_angles(corners: Floats, points: ArrayLike) -> NDArray[np.float32]:
+def solid_angles(corners: Float64Array, points: ArrayLike) -> NDArray[np.float32]:
     """Solid angle of every triangle (M, 3, 3) from every point (P, 3): (P, M) float32, steradians, 0 to 2 pi.
 
     Exact at any distance [VanOosterom83]; 0 from behind a triangle and from within its plane.
@@ -256,7 +256,7 @@ def solid_angles(corners: Floats, points: ArrayLike) -> NDArray[np.float32]:
     return np.maximum(result, 0.0)
 
 
-def _patches(corners: Floats, radiance: Floats) -> EmitterPatches:
+def _patches(corners: Float64Array, radiance: Float64Array) -> EmitterPatches:
     normal = _area_vectors(corners)
     area = np.linalg.norm(normal, axis=1)
     return EmitterPatches(
@@ -268,15 +268,15 @@ def _patches(corners: Floats, radiance: Floats) -> EmitterPatches:
     )
 
 
-def _area_vectors(corners: Floats) -> Floats:
+def _area_vectors(corners: Float64Array) -> Float64Array:
     return 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
-def _areas(corners: Floats) -> Floats:
+def _areas(corners: Float64Array) -> Float64Array:
     return np.linalg.norm(_area_vectors(corners), axis=1)
 
 
-def _halve(corners: Floats, n_leaves: int, importance: Importance) -> tuple[Floats, NDArray[np.intp], NDArray[np.intp]]:
+def _halve(corners: Float64Array, n_leaves: int, importance: Importance) -> tuple[Float64Array, NDArray[np.intp], NDArray[np.intp]]:
     """Halve the most important leaves until there are `n_leaves`: nodes (N, 3, 3), the root (N,) and first half (N,).
 
     All that are more than half as important as the most important are halved at once: their halves are not, mostly.
@@ -300,7 +300,7 @@ def _halve(corners: Floats, n_leaves: int, importance: Importance) -> tuple[Floa
     return np.concatenate(nodes), np.concatenate(root), np.concatenate(child)
 
 
-def _halves(corners: Floats) -> Floats:
+def _halves(corners: Float64Array) -> Float64Array:
     """Triangles (K, 3, 3) at the middle of their longest edges, (2 K, 3, 3), turned the same way round, in pairs."""
     lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
     turn = (np.argmax(lengths, axis=1)[:, None] + np.arange(3)) % 3

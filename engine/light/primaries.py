@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 """x, y of red, green, blue and white (D65) [ITU-R BT.709]."""
@@ -20,7 +20,7 @@ _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0
 _ALIKE = 1e-4  # single precision and the usual four digits
 
 
-def to_rec709(chromaticities: Sequence[float]) -> Floats | None:
+def to_rec709(chromaticities: Sequence[float]) -> Float64Array | None:
     """The matrix (3, 3) from linear RGB of these primaries, x and y of red, green, blue and white; None where they are
     Rec. 709's. Raises ValueError for numbers that are no primaries."""
     if np.abs(np.subtract(chromaticities, REC709)).max() <= _ALIKE:
@@ -32,17 +32,17 @@ def to_rec709(chromaticities: Sequence[float]) -> Floats | None:
     return matrix
 
 
-def xyz_to_rec709() -> Floats:
+def xyz_to_rec709() -> Float64Array:
     """From CIE XYZ, whose white is that of Rec. 709."""
     return np.asarray(np.linalg.inv(_to_xyz(REC709)))
 
 
-def adaptation(white: Floats, to: Floats) -> Floats:
+def adaptation(white: Float64Array, to: Float64Array) -> Float64Array:
     """The matrix (3, 3) that takes colours under one white, XYZ, to what they look like under another [Lam85]."""
     return np.linalg.inv(_BRADFORD) @ np.diag((_BRADFORD @ to) / (_BRADFORD @ white)) @ _BRADFORD
 
 
-def _to_xyz(chromaticities: Sequence[float]) -> Floats:
+def _to_xyz(chromaticities: Sequence[float]) -> Float64Array:
     """From linear RGB to XYZ, white at Y = 1 [SMPTE RP 177]."""
     primaries = np.stack([_xyz(chromaticities[i : i + 2]) for i in (0, 2, 4)], axis=1)
     try:
@@ -51,7 +51,7 @@ def _to_xyz(chromaticities: Sequence[float]) -> Floats:
         raise ValueError("chromaticities on a line") from None
 
 
-def _xyz(chromaticity: Sequence[float]) -> Floats:
+def _xyz(chromaticity: Sequence[float]) -> Float64Array:
     """XYZ with Y = 1 of a chromaticity x, y."""
     x, y = chromaticity
     if not y > 1e-6 and not y < -1e-6:

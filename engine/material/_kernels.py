@@ -31,7 +31,7 @@ ROUGH_DISTRIBUTION, ROUGH_ALPHA, BECKMANN = kinds.ROUGH_DISTRIBUTION, kinds.ROUG
 FACING_REFLECTANCE, RATIO_EXPONENT, GRAZING = kinds.FACING_REFLECTANCE, kinds.RATIO_EXPONENT, kinds.GRAZING
 RISES = kinds.RISES
 
-Array = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 HALF_PI = math.pi / 2
 # Directions whose sum is shorter than 1e-12 are opposite: their half vector is the normal.
@@ -133,7 +133,7 @@ def theta_d(ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) ->
 
 
 @njit(**_compile)
-def gamma(kind: int, q: Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
+def gamma(kind: int, q: Float64Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
     """The angle that a curve of that kind (engine.material.kinds) runs over, radians in [0, pi], error 2e-11.
 
     Beyond pi/2 a curve has no bands: f is 0 there. Half vector of opposite directions: the normal.
@@ -211,7 +211,7 @@ def _smith_beckmann(cosine: float, alpha: float) -> float:
 
 
 @njit(inline="always", **_compile)
-def _smith(q: Array, iz: float, oz: float) -> float:
+def _smith(q: Float64Array, iz: float, oz: float) -> float:
     """Smith's G cos_i / (4 cos_i cos_o)."""
     alpha = q[ROUGH_ALPHA]
     if q[ROUGH_DISTRIBUTION] == BECKMANN:
@@ -239,7 +239,7 @@ _compiled: dict[Callable[..., float | None], Any] = {}
 _compiling = Lock()
 
 
-def _call_plain(number: int, q: Array, *directions: float) -> float:
+def _call_plain(number: int, q: Float64Array, *directions: float) -> float:
     """Where numba compiles nothing (NUMBA_DISABLE_JIT)."""
     return _numbered[number](q, *directions)
 
@@ -301,7 +301,7 @@ def call_colours(typingctx, address, q, n, x, y, z, ox, oy, oz, out):  # type: i
 
 @njit(**_compile)
 def quotient_cosine(
-    model_kind: int, q: Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float
+    model_kind: int, q: Float64Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float
 ) -> float:
     """rho_q(wi, wo) cos_i of a layer, finite everywhere: that of its model, of a second Fresnel term (q[RISES]) times
     (1 - cos theta_d)^5 [BenArtzi07, eq. 3.12].
@@ -316,7 +316,7 @@ def quotient_cosine(
 
 @njit(**_compile)
 def model_quotient_cosine(
-    model_kind: int, q: Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float
+    model_kind: int, q: Float64Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float
 ) -> float:
     """rho_q(wi, wo) cos_i of a model (engine.material.kinds) with its quotient parameters q (8,), finite everywhere.
 

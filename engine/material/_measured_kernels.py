@@ -18,8 +18,8 @@ from engine.material import kinds
 from engine.material._kernels import _angle, _compile, _is_interpreted, theta_d, theta_h
 from engine.measured.coordinates import N_NODES, SHAPE
 
-Array = NDArray[np.float64]
-Singles = NDArray[np.float32]
+Float64Array = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
 
 TABLE, CURVES, CHANNEL, PART = kinds.TABLE, kinds.SMOOTHING, kinds.CHANNEL, kinds.PART
 MEAN, GRAZING = kinds.MEAN, kinds.GRAZING
@@ -143,7 +143,7 @@ def _part_of(
     return max(value - matt, 0.0), shine * _between(curves, THETA_D + node_d + colour, t_d)
 
 
-def quotient(q: Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
+def quotient(q: Float64Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
     """rho_q cos_i of a measured layer, of the colour q[CHANNEL] or the MEAN of all; 1 where nothing was read.
 
     The mean is weighted by what each colour reflects: a colour that hardly does has a quotient that means little.
@@ -163,7 +163,7 @@ def quotient(q: Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz
 
 
 def quotients(
-    q: Array, n: int, x: Singles, y: Singles, z: Singles, ox: float, oy: float, oz: float, out: Singles
+    q: Float64Array, n: int, x: Float32Array, y: Float32Array, z: Float32Array, ox: float, oy: float, oz: float, out: Float32Array
 ) -> None:
     """rho_q cos_i of each colour for n directions to light, one after the other in `out` (3 n,); 0 below the horizon.
 

@@ -9,7 +9,7 @@ import numpy as np
 from engine.material import kinds
 from engine.material.fresnel import schlick_fresnel
 from engine.material.microfacet import SMALLEST_ALPHA, directions, ggx
-from engine.material.model import PHI_H, THETA_H, Array, Model, Parameters, channels, grey, number
+from engine.material.model import PHI_H, THETA_H, Float64Array, Model, Parameters, channels, grey, number
 from engine.material.parameters import FACING, TINT, Parameter
 
 
@@ -55,20 +55,20 @@ class AshikhminHybrid(Model):
         TINT,
     )
 
-    def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
+    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         if self.factor(factor_name) is PHI_H:
             return grey(1.0 + number(params, "bias") * np.cos(2.0 * gamma))
         return grey(ggx(np.cos(gamma), np.sin(gamma) ** 2, number(params, "alpha")) * np.maximum(np.cos(gamma), 0.0))
 
-    def scale(self, params: Parameters) -> Array:
+    def scale(self, params: Parameters) -> Float64Array:
         return channels(params, "scale") * (2.0 * math.pi)
 
-    def quotient_parameters(self, params: Parameters) -> Array:
+    def quotient_parameters(self, params: Parameters) -> Float64Array:
         q = super().quotient_parameters(params)
         q[kinds.FACING_REFLECTANCE] = number(params, "reflectance")
         return q
 
-    def brdf(self, params: Parameters, wi: Array, wo: Array) -> Array:
+    def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         d = directions(wi, wo)
         around = 1.0 + number(params, "bias") * (2.0 * d.cos2_phi_h - 1.0)
         facets = ggx(d.cos_h, d.sin2_h, number(params, "alpha")) * d.cos_h * around

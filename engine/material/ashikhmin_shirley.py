@@ -9,7 +9,7 @@ import numpy as np
 from engine.material import kinds
 from engine.material.fresnel import schlick_fresnel
 from engine.material.microfacet import Directions, cosine_power, directions
-from engine.material.model import GAMMA_ALPHA, GAMMA_BETA, Array, Model, Parameters, channels, grey, number
+from engine.material.model import GAMMA_ALPHA, GAMMA_BETA, Float64Array, Model, Parameters, channels, grey, number
 from engine.material.parameters import FACING, TINT, Parameter
 
 
@@ -57,26 +57,26 @@ class AshikhminShirley(Model):
         TINT,
     )
 
-    def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
+    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         exponent = number(params, "n_u" if self.factor(factor_name) is GAMMA_ALPHA else "n_v")
         return grey(cosine_power(np.cos(gamma), np.sin(gamma) ** 2, exponent))
 
-    def scale(self, params: Parameters) -> Array:
+    def scale(self, params: Parameters) -> Float64Array:
         strength = math.sqrt((number(params, "n_u") + 1.0) * (number(params, "n_v") + 1.0))
         return channels(params, "scale") * strength
 
-    def quotient_parameters(self, params: Parameters) -> Array:
+    def quotient_parameters(self, params: Parameters) -> Float64Array:
         q = super().quotient_parameters(params)
         q[kinds.FACING_REFLECTANCE] = number(params, "reflectance")
         return q
 
-    def brdf(self, params: Parameters, wi: Array, wo: Array) -> Array:
+    def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         d = directions(wi, wo)
         lobe = anisotropic_lobe(d, number(params, "n_u"), number(params, "n_v"), number(params, "reflectance"))
         return channels(params, "scale") * lobe[:, None]
 
 
-def anisotropic_lobe(d: Directions, n_u: float, n_v: float, reflectance: float) -> Array:
+def anisotropic_lobe(d: Directions, n_u: float, n_v: float, reflectance: float) -> Float64Array:
     """The specular term of Ashikhmin and Shirley, (N,), 1/sr; 0 below the horizon."""
     power = cosine_power(d.cos_h, d.sin2_h, n_u * d.cos2_phi_h + n_v * (1.0 - d.cos2_phi_h))
     steeper = np.where(d.above, np.maximum(d.cos_i, d.cos_o), 1.0)

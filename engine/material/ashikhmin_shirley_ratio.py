@@ -9,7 +9,7 @@ import numpy as np
 from engine.material import kinds
 from engine.material.ashikhmin_shirley import anisotropic_lobe
 from engine.material.microfacet import cosine_power, directions
-from engine.material.model import GAMMA_RATIO, Array, Model, Parameters, channels, grey, number
+from engine.material.model import GAMMA_RATIO, Float64Array, Model, Parameters, channels, grey, number
 from engine.material.parameters import FACING, TINT, Parameter
 
 
@@ -64,21 +64,21 @@ class AshikhminShirleyRatio(Model):
         TINT,
     )
 
-    def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
+    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         self.factor(factor_name)
         return grey(cosine_power(np.cos(gamma), np.sin(gamma) ** 2, number(params, "ratio")))
 
-    def scale(self, params: Parameters) -> Array:
+    def scale(self, params: Parameters) -> Float64Array:
         n_u, ratio = number(params, "n_u"), number(params, "ratio")
         return channels(params, "scale") * math.sqrt((n_u + 1.0) * (ratio * n_u + 1.0))
 
-    def quotient_parameters(self, params: Parameters) -> Array:
+    def quotient_parameters(self, params: Parameters) -> Float64Array:
         q = super().quotient_parameters(params)
         q[kinds.FACING_REFLECTANCE] = number(params, "reflectance")
         q[kinds.RATIO_EXPONENT] = number(params, "n_u")
         return q
 
-    def brdf(self, params: Parameters, wi: Array, wo: Array) -> Array:
+    def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         n_u = number(params, "n_u")
         lobe = anisotropic_lobe(directions(wi, wo), n_u, n_u * number(params, "ratio"), number(params, "reflectance"))
         return channels(params, "scale") * lobe[:, None]

@@ -9,7 +9,7 @@ import numpy as np
 from engine.material import kinds
 from engine.material.fresnel import schlick_fresnel
 from engine.material.microfacet import cosine_power, directions, v_groove
-from engine.material.model import THETA_H, Array, Model, Parameters, channels, grey, number
+from engine.material.model import THETA_H, Float64Array, Model, Parameters, channels, grey, number
 from engine.material.parameters import FACING, TINT
 from engine.material.phong import EXPONENT
 
@@ -28,19 +28,19 @@ class BlinnPhong(Model):
     factors = (THETA_H,)
     parameters = (EXPONENT, FACING, TINT)
 
-    def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
+    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         self.factor(factor_name)
         return grey(cosine_power(np.cos(gamma), np.sin(gamma) ** 2, number(params, "exponent")))
 
-    def scale(self, params: Parameters) -> Array:
+    def scale(self, params: Parameters) -> Float64Array:
         return channels(params, "scale") * ((number(params, "exponent") + 2.0) / (2.0 * math.pi))
 
-    def quotient_parameters(self, params: Parameters) -> Array:
+    def quotient_parameters(self, params: Parameters) -> Float64Array:
         q = super().quotient_parameters(params)
         q[kinds.FACING_REFLECTANCE] = number(params, "reflectance")
         return q
 
-    def brdf(self, params: Parameters, wi: Array, wo: Array) -> Array:
+    def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         d = directions(wi, wo)
         cos_i, cos_o = np.where(d.above, d.cos_i, 1.0), np.where(d.above, d.cos_o, 1.0)
         lobe = cosine_power(d.cos_h, d.sin2_h, number(params, "exponent"))

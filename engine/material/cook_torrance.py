@@ -9,7 +9,7 @@ import numpy as np
 from engine.material import kinds
 from engine.material.fresnel import conductor_fresnel
 from engine.material.microfacet import SMALLEST_ALPHA, beckmann, directions, v_groove
-from engine.material.model import THETA_D, THETA_H, Array, Model, Parameters, channels, grey, number
+from engine.material.model import THETA_D, THETA_H, Float64Array, Model, Parameters, channels, grey, number
 from engine.material.parameters import ETA, EXTINCTION, SCALE, Parameter
 
 
@@ -43,15 +43,15 @@ class CookTorrance(Model):
         SCALE,
     )
 
-    def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
+    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         if self.factor(factor_name) is THETA_H:
             return grey(0.25 * math.pi * beckmann(np.cos(gamma), np.sin(gamma) ** 2, number(params, "sigma")))
         return conductor_fresnel(np.cos(gamma)[:, None], channels(params, "eta"), channels(params, "k"))
 
-    def scale(self, params: Parameters) -> Array:
+    def scale(self, params: Parameters) -> Float64Array:
         return channels(params, "scale") / math.pi
 
-    def brdf(self, params: Parameters, wi: Array, wo: Array) -> Array:
+    def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         d = directions(wi, wo)
         cos_i, cos_o = np.where(d.above, d.cos_i, 1.0), np.where(d.above, d.cos_o, 1.0)
         density = beckmann(d.cos_h, d.sin2_h, number(params, "sigma"))

@@ -8,7 +8,7 @@ import numpy as np
 
 from engine.material import kinds
 from engine.material.microfacet import cosine_power, directions
-from engine.material.model import THETA_H, THETA_I, THETA_O, Array, Factor, Model, Parameters, channels, grey, number
+from engine.material.model import THETA_H, THETA_I, THETA_O, Float64Array, Factor, Model, Parameters, channels, grey, number
 from engine.material.parameters import TINT, Parameter
 
 Q = Factor("theta_h", THETA_H.gamma, "Q, half θₕ", "Where light and eye mirror each other, and how far around.")
@@ -72,27 +72,27 @@ class Homomorphic(Model):
         TINT,
     )
 
-    def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
+    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         if factor_name == Q.name:
             return grey(_highlight(np.cos(gamma), np.sin(gamma) ** 2, params))
         self.factor(factor_name)
         return grey(_slant(np.cos(gamma), params))
 
-    def scale(self, params: Parameters) -> Array:
+    def scale(self, params: Parameters) -> Float64Array:
         return channels(params, "scale")
 
-    def brdf(self, params: Parameters, wi: Array, wo: Array) -> Array:
+    def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         d = directions(wi, wo)
         product = _slant(d.cos_i, params) * _highlight(d.cos_h, d.sin2_h, params) * _slant(d.cos_o, params)
         return channels(params, "scale") * np.where(d.above, product / math.pi, 0.0)[:, None]
 
 
-def _slant(cosine: Array, params: Parameters) -> Array:
+def _slant(cosine: Float64Array, params: Parameters) -> Float64Array:
     facing = number(params, "facing")
     return np.asarray(facing + (1.0 - facing) * np.clip(1.0 - cosine, 0.0, 1.0) ** number(params, "rise"))
 
 
-def _highlight(cosine: Array, sin2: Array, params: Parameters) -> Array:
+def _highlight(cosine: Float64Array, sin2: Float64Array, params: Parameters) -> Float64Array:
     matt = number(params, "matt")
     return np.asarray(matt + (1.0 - matt) * cosine_power(cosine, sin2, number(params, "exponent")))
 

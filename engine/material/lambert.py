@@ -8,7 +8,7 @@ import numpy as np
 
 from engine.material import kinds
 from engine.material.microfacet import directions
-from engine.material.model import THETA_I, THETA_O, Array, Model, Parameters, channels, ones
+from engine.material.model import THETA_I, THETA_O, Float64Array, Model, Parameters, channels, ones
 from engine.material.parameters import Parameter
 
 
@@ -33,14 +33,14 @@ class Lambert(Model):
         ),
     )
 
-    def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
+    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         self.factor(factor_name)
         return ones(gamma)
 
-    def scale(self, params: Parameters) -> Array:
+    def scale(self, params: Parameters) -> Float64Array:
         return channels(params, "albedo")
 
-    def brdf(self, params: Parameters, wi: Array, wo: Array) -> Array:
+    def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         above = directions(wi, wo).above
         return np.where(above[:, None], channels(params, "albedo") / math.pi, 0.0)
 

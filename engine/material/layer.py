@@ -22,7 +22,7 @@ from engine.material.maps import LayerMaps
 from engine.material.model import Model, channels, find_parameter
 from engine.material.parameters import FRESNEL, Parameter, Value
 
-Array = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 
 def object_of(key: str) -> str:
@@ -43,7 +43,7 @@ class GeneratedCurve:
     factor: str
     parameters: tuple[tuple[str, Value], ...]
 
-    def __call__(self, gamma: Array) -> Array:
+    def __call__(self, gamma: Float64Array) -> Float64Array:
         return self.model.generate(self.factor, dict(self.parameters), gamma)
 
 
@@ -51,9 +51,9 @@ class GeneratedCurve:
 class FinalCurve:
     """The curve the picture is made with: edited, and never below 0, because light is not taken away."""
 
-    edited: Callable[[Array], Array]
+    edited: Callable[[Float64Array], Float64Array]
 
-    def __call__(self, gamma: Array) -> Array:
+    def __call__(self, gamma: Float64Array) -> Float64Array:
         return np.maximum(self.edited(gamma), 0.0)
 
     @property
@@ -100,7 +100,7 @@ class Layer:
         return self.model.parameters if self.fresnel is None else (*self.model.parameters, FRESNEL)
 
     @property
-    def fresnel(self) -> Array | None:
+    def fresnel(self) -> Float64Array | None:
         """R (3,); None for a layer without a second term."""
         values = self.values
         return channels(values, FRESNEL.name) if FRESNEL.name in values else None
@@ -122,27 +122,27 @@ class Layer:
         """The curve with its operators on top, at least 0: a callable, angles (N,) to values (N, 3)."""
         return FinalCurve(apply_operators(self.operators(factor), self.generated(factor)))
 
-    def coefficients(self, factor: str, n_bands: int) -> Array:
+    def coefficients(self, factor: str, n_bands: int) -> Float64Array:
         """Band values of the curve, (J, 3) [BenArtzi07, eq. 4.17]. Raises BandCountError."""
         from_pole = self.model.factor(factor).gamma in (kinds.THETA_I, kinds.THETA_R, kinds.THETA_H)
         return band_values(self.curve(factor), n_bands, by_solid_angle=from_pole)
 
-    def scale(self) -> Array:
+    def scale(self) -> Float64Array:
         """f_q, (3,)."""
         return self.model.scale(self.values) * self._share()
 
-    def quotient_parameters(self) -> Array:
+    def quotient_parameters(self) -> Float64Array:
         """What the quotient's kernel needs, (8,)."""
         q = self.model.quotient_parameters(self.values)
         q[kinds.RISES] = float(self.rises)
         return q
 
-    def brdf(self, wi: Array, wo: Array) -> Array:
+    def brdf(self, wi: Float64Array, wo: Float64Array) -> Float64Array:
         """The whole formula without operators, 1/sr, (N, 3), of unit directions (N, 3) in the local frame."""
         value = self.model.brdf(self.values, wi, wo) * self._share()
         return value * rise(wi, wo)[:, None] if self.rises else value
 
-    def _share(self) -> Array:
+    def _share(self) -> Float64Array:
         """What of the model's strength belongs to this layer, (3,)."""
         fresnel = self.fresnel
         if fresnel is None:

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from engine.material import kinds
-from engine.material.model import Array, Model, Parameters, channels, number
+from engine.material.model import Float64Array, Model, Parameters, channels, number
 from engine.material.parameters import Parameter
 from engine.measured.coordinates import node_angles
 from engine.measured.measurement import NOTHING, OVER_HALF, Measurement, Part
@@ -44,27 +44,27 @@ class MeasuredModel(Model):
 
         return colours_number(quotients)
 
-    def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
+    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         name = self.factor(factor_name).name
         return measurement_of(params).curve(self.curve_of.get(name, name), gamma, number(params, "smoothing"))
 
-    def samples(self, factor_name: str, params: Parameters) -> tuple[Array, Array] | None:
+    def samples(self, factor_name: str, params: Parameters) -> tuple[Float64Array, Float64Array] | None:
         measurement = measurement_of(params)
         if not measurement.is_read or number(params, "smoothing") == 0.0:
             return None
         name = self.curve_of.get(factor_name, factor_name)
         return node_angles(name in OVER_HALF), measurement.nodes(name)
 
-    def scale(self, params: Parameters) -> Array:
+    def scale(self, params: Parameters) -> Float64Array:
         return channels(params, "scale") * getattr(measurement_of(params), self.part)
 
-    def quotient_parameters(self, params: Parameters) -> Array:
+    def quotient_parameters(self, params: Parameters) -> Float64Array:
         q = super().quotient_parameters(params)
         q[kinds.TABLE], q[kinds.SMOOTHING] = measurement_of(params).number, number(params, "smoothing")
         q[kinds.CHANNEL], q[kinds.PART] = kinds.MEAN, PARTS[self.part]
         return q
 
-    def bound(self, q: Array) -> Array:
+    def bound(self, q: Float64Array) -> Float64Array:
         bound = np.array(q, float)
         if q[kinds.TABLE]:
             from engine.measured.tables import table_of
@@ -74,7 +74,7 @@ class MeasuredModel(Model):
             bound[kinds.SMOOTHING] = table.curves(float(q[kinds.SMOOTHING])).ctypes.data
         return bound
 
-    def brdf(self, params: Parameters, wi: Array, wo: Array) -> Array:
+    def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         measurement = measurement_of(params)
         if not measurement.is_read:
             above = (wi[:, 2] > kinds.GRAZING) & (wo[:, 2] > kinds.GRAZING)

@@ -23,7 +23,7 @@ from engine.errors import LoadError
 from engine.material import kinds
 from engine.material.parameters import Parameter, ParameterError, Value
 
-Array = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 Parameters = Mapping[str, Value]
 
 
@@ -81,26 +81,26 @@ class Model(ABC):
     view_factor: ClassVar[Factor | None] = None
 
     @abstractmethod
-    def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
+    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         """The generated curve of a factor (or of the view factor) at angles (N,) in [0, pi/2]: (N, 3)."""
 
     @abstractmethod
-    def scale(self, params: Parameters) -> Array:
+    def scale(self, params: Parameters) -> Float64Array:
         """f_q per channel, (3,)."""
 
     @abstractmethod
-    def brdf(self, params: Parameters, wi: Array, wo: Array) -> Array:
+    def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         """The whole formula, 1/sr, (N, 3), of unit directions (N, 3) in the local frame; 0 below the horizon."""
 
-    def quotient_parameters(self, params: Parameters) -> Array:
+    def quotient_parameters(self, params: Parameters) -> Float64Array:
         """What the compiled rho_q and angles of this model need, (8,)."""
         return np.zeros(kinds.N_QUOTIENT_PARAMETERS)
 
-    def samples(self, factor_name: str, params: Parameters) -> tuple[Array, Array] | None:
+    def samples(self, factor_name: str, params: Parameters) -> tuple[Float64Array, Float64Array] | None:
         """What a curve was fitted to, where it is worth seeing beside it: angles (N,) and values (N, 3)."""
         return None
 
-    def bound(self, q: Array) -> Array:
+    def bound(self, q: Float64Array) -> Float64Array:
         """Quotient parameters as kernels of this process take them: addresses in place of what names a table."""
         return q
 
@@ -181,7 +181,7 @@ def validate_parameters(model: Model, mapping: Mapping[str, object], where: str)
         raise LoadError(where, f"{model.name}.{error.what}", error.value, error.expected) from None
 
 
-def channels(params: Parameters, name: str) -> Array:
+def channels(params: Parameters, name: str) -> Float64Array:
     """A parameter per channel, (3,)."""
     return np.broadcast_to(np.asarray(params[name], dtype=float), (3,))
 
@@ -194,11 +194,11 @@ def number(params: Parameters, name: str) -> float:
     return float(value)
 
 
-def grey(values: Array) -> Array:
+def grey(values: Float64Array) -> Float64Array:
     """The same curve (N,) for the three channels, (N, 3)."""
     return np.repeat(np.asarray(values, dtype=float)[:, None], 3, axis=1)
 
 
-def ones(gamma: Array) -> Array:
+def ones(gamma: Float64Array) -> Float64Array:
     """The curve that is 1 everywhere, (N, 3)."""
     return np.ones((np.shape(gamma)[0], 3))

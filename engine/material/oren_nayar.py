@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from engine.material.microfacet import directions
-from engine.material.model import THETA_I, THETA_O, Array, Model, Parameters, channels, number, ones
+from engine.material.model import THETA_I, THETA_O, Float64Array, Model, Parameters, channels, number, ones
 from engine.material.parameters import Parameter
 
 
@@ -49,24 +49,24 @@ class OrenNayar(Model):
         ),
     )
 
-    def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
+    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         self.factor(factor_name)
         return ones(gamma)
 
-    def scale(self, params: Parameters) -> Array:
+    def scale(self, params: Parameters) -> Float64Array:
         return channels(params, "albedo")
 
-    def quotient_parameters(self, params: Parameters) -> Array:
+    def quotient_parameters(self, params: Parameters) -> Float64Array:
         q = super().quotient_parameters(params)
         q[:2] = _terms(number(params, "sigma"))
         return q
 
     @staticmethod
-    def quotient(q: Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
+    def quotient(q: Float64Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
         """q: A / N and B / N. cos(phi_i - phi_o) sin(alpha) tan(beta) = (i_x o_x + i_y o_y) / max(cos_i, cos_o)."""
         return iz * (q[0] + q[1] * max(ix * ox + iy * oy, 0.0) / max(iz, oz)) / math.pi
 
-    def brdf(self, params: Parameters, wi: Array, wo: Array) -> Array:
+    def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         d = directions(wi, wo)
         constant, rough = _terms(number(params, "sigma"))
         theta_i, theta_o = (np.arctan2(np.hypot(v[:, 0], v[:, 1]), np.maximum(v[:, 2], 1e-12)) for v in (wi, wo))

@@ -8,7 +8,7 @@ import numpy as np
 
 from engine.material import kinds
 from engine.material.microfacet import cosine_power, directions
-from engine.material.model import THETA_R, Array, Model, Parameters, channels, grey, number
+from engine.material.model import THETA_R, Float64Array, Model, Parameters, channels, grey, number
 from engine.material.parameters import TINT, Parameter
 
 EXPONENT = Parameter(
@@ -38,14 +38,14 @@ class Phong(Model):
     factors = (THETA_R,)
     parameters = (EXPONENT, TINT)
 
-    def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
+    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         self.factor(factor_name)
         return grey(cosine_power(np.cos(gamma), np.sin(gamma) ** 2, number(params, "exponent")))
 
-    def scale(self, params: Parameters) -> Array:
+    def scale(self, params: Parameters) -> Float64Array:
         return channels(params, "scale") * ((number(params, "exponent") + 2.0) / (2.0 * math.pi))
 
-    def brdf(self, params: Parameters, wi: Array, wo: Array) -> Array:
+    def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         d = directions(wi, wo)
         lobe = np.where(d.above, cosine_power(d.cos_r, d.sin2_r, number(params, "exponent")), 0.0)
         return self.scale(params) * lobe[:, None]

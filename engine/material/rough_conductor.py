@@ -7,7 +7,7 @@ import numpy as np
 from engine.material import kinds
 from engine.material.fresnel import conductor_fresnel
 from engine.material.microfacet import SMALLEST_ALPHA, beckmann, directions, ggx, smith_beckmann, smith_ggx
-from engine.material.model import THETA_D, THETA_H, Array, Model, Parameters, channels, grey, number
+from engine.material.model import THETA_D, THETA_H, Float64Array, Model, Parameters, channels, grey, number
 from engine.material.parameters import ETA, EXTINCTION, SCALE, Parameter
 
 
@@ -49,22 +49,22 @@ class RoughConductor(Model):
         SCALE,
     )
 
-    def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
+    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         if self.factor(factor_name) is THETA_H:
             distribution = beckmann if params["distribution"] == "beckmann" else ggx
             return grey(distribution(np.cos(gamma), np.sin(gamma) ** 2, number(params, "alpha")))
         return conductor_fresnel(np.cos(gamma)[:, None], channels(params, "eta"), channels(params, "k"))
 
-    def scale(self, params: Parameters) -> Array:
+    def scale(self, params: Parameters) -> Float64Array:
         return channels(params, "scale")
 
-    def quotient_parameters(self, params: Parameters) -> Array:
+    def quotient_parameters(self, params: Parameters) -> Float64Array:
         q = super().quotient_parameters(params)
         q[kinds.ROUGH_DISTRIBUTION] = kinds.BECKMANN if params["distribution"] == "beckmann" else kinds.GGX
         q[kinds.ROUGH_ALPHA] = max(number(params, "alpha"), SMALLEST_ALPHA)
         return q
 
-    def brdf(self, params: Parameters, wi: Array, wo: Array) -> Array:
+    def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         d, alpha = directions(wi, wo), number(params, "alpha")
         is_beckmann = params["distribution"] == "beckmann"
         density, masking = (beckmann, smith_beckmann) if is_beckmann else (ggx, smith_ggx)

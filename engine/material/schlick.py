@@ -8,7 +8,7 @@ import numpy as np
 
 from engine.material.fresnel import schlick_fresnel
 from engine.material.microfacet import directions, ggx
-from engine.material.model import THETA_D, THETA_H, Array, Model, Parameters, channels, grey, number
+from engine.material.model import THETA_D, THETA_H, Float64Array, Model, Parameters, channels, grey, number
 from engine.material.parameters import SCALE, Parameter
 
 COLOUR = Parameter(
@@ -66,21 +66,21 @@ class Schlick(Model):
         SCALE,
     )
 
-    def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
+    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         if self.factor(factor_name) is THETA_H:
             return grey(ggx(np.cos(gamma), np.sin(gamma) ** 2, math.sqrt(number(params, "roughness"))))
         return schlick_fresnel(np.cos(gamma)[:, None], channels(params, "reflectance"))
 
-    def scale(self, params: Parameters) -> Array:
+    def scale(self, params: Parameters) -> Float64Array:
         return channels(params, "scale")
 
-    def quotient_parameters(self, params: Parameters) -> Array:
+    def quotient_parameters(self, params: Parameters) -> Float64Array:
         q = super().quotient_parameters(params)
         q[0], q[1] = _masking(number(params, "roughness")), number(params, "isotropy")
         return q
 
     @staticmethod
-    def quotient(q: Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
+    def quotient(q: Float64Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
         """q: k and p. G(cos) / cos is one expression."""
         k, p2 = q[0], q[1] * q[1]
         sx, sy = ix + ox, iy + oy
@@ -89,7 +89,7 @@ class Schlick(Model):
         stretch = math.sqrt(q[1] / (p2 + (1.0 - p2) * w2))
         return 0.25 * stretch * iz / ((k + (1.0 - k) * iz) * (k + (1.0 - k) * oz))
 
-    def brdf(self, params: Parameters, wi: Array, wo: Array) -> Array:
+    def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         d, r, p = directions(wi, wo), number(params, "roughness"), number(params, "isotropy")
         k = _masking(r)
         cos_i, cos_o = np.where(d.above, d.cos_i, 1.0), np.where(d.above, d.cos_o, 1.0)

@@ -8,7 +8,7 @@ import numpy as np
 
 from engine.material.fresnel import schlick_fresnel
 from engine.material.microfacet import SMALLEST_ALPHA, beckmann, directions
-from engine.material.model import THETA_H, Array, Model, Parameters, channels, grey, number
+from engine.material.model import THETA_H, Float64Array, Model, Parameters, channels, grey, number
 from engine.material.parameters import FACING, TINT, Parameter
 
 
@@ -41,20 +41,20 @@ class Ward(Model):
         TINT,
     )
 
-    def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
+    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         self.factor(factor_name)
         return grey(beckmann(np.cos(gamma), np.sin(gamma) ** 2, number(params, "alpha")))
 
-    def scale(self, params: Parameters) -> Array:
+    def scale(self, params: Parameters) -> Float64Array:
         return channels(params, "scale")
 
-    def quotient_parameters(self, params: Parameters) -> Array:
+    def quotient_parameters(self, params: Parameters) -> Float64Array:
         q = super().quotient_parameters(params)
         q[0] = number(params, "reflectance")
         return q
 
     @staticmethod
-    def quotient(q: Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
+    def quotient(q: Float64Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
         """q: facing reflectance. With s = i + o: 4 cos^2 theta_d = s.s."""
         sx, sy, sz = ix + ox, iy + oy, iz + oz
         length2 = sx * sx + sy * sy + sz * sz
@@ -62,7 +62,7 @@ class Ward(Model):
         away2 = away * away
         return (q[0] + (1.0 - q[0]) * away2 * away2 * away) * iz / length2
 
-    def brdf(self, params: Parameters, wi: Array, wo: Array) -> Array:
+    def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         d = directions(wi, wo)
         fresnel = schlick_fresnel(d.cos_d, number(params, "reflectance"))
         lobe = beckmann(d.cos_h, d.sin2_h, number(params, "alpha")) * fresnel / (4.0 * d.cos_d**2)

@@ -8,7 +8,7 @@ import numpy as np
 
 from engine.material.fresnel import schlick_fresnel
 from engine.material.microfacet import SMALLEST_ALPHA, directions
-from engine.material.model import SLOPE_U, SLOPE_V, Array, Model, Parameters, channels, grey, number
+from engine.material.model import SLOPE_U, SLOPE_V, Float64Array, Model, Parameters, channels, grey, number
 from engine.material.parameters import FACING, TINT, Parameter
 
 
@@ -54,20 +54,20 @@ class WardAnisotropic(Model):
         TINT,
     )
 
-    def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
+    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         alpha = number(params, "alpha_u" if self.factor(factor_name) is SLOPE_U else "alpha_v")
         return grey(_gaussian(np.sin(gamma) ** 2 / np.maximum(np.cos(gamma) ** 2, 1e-30), alpha))
 
-    def scale(self, params: Parameters) -> Array:
+    def scale(self, params: Parameters) -> Float64Array:
         return channels(params, "scale") / (math.pi * number(params, "alpha_u") * number(params, "alpha_v"))
 
-    def quotient_parameters(self, params: Parameters) -> Array:
+    def quotient_parameters(self, params: Parameters) -> Float64Array:
         q = super().quotient_parameters(params)
         q[0] = number(params, "reflectance")
         return q
 
     @staticmethod
-    def quotient(q: Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
+    def quotient(q: Float64Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
         """q: facing reflectance. With s = i + o: 4 cos^2 theta_d = s.s, cos^2 theta_h = s_z^2 / s.s."""
         sx, sy, sz = ix + ox, iy + oy, iz + oz
         length2 = sx * sx + sy * sy + sz * sz
@@ -76,7 +76,7 @@ class WardAnisotropic(Model):
         away2 = away * away
         return (q[0] + (1.0 - q[0]) * away2 * away2 * away) * iz / (length2 * cos2_h * cos2_h)
 
-    def brdf(self, params: Parameters, wi: Array, wo: Array) -> Array:
+    def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         d, alpha_u, alpha_v = directions(wi, wo), number(params, "alpha_u"), number(params, "alpha_v")
         cos2_h = np.maximum(d.cos_h**2, 1e-30)
         tan2 = d.sin2_h / cos2_h
@@ -86,7 +86,7 @@ class WardAnisotropic(Model):
         return channels(params, "scale") * np.where(d.above, lobe, 0.0)[:, None]
 
 
-def _gaussian(slope2: Array, alpha: float) -> Array:
+def _gaussian(slope2: Float64Array, alpha: float) -> Float64Array:
     """exp(-slope^2 / alpha^2), 0 below 1e-152: two of them have a product."""
     exponent = slope2 / (alpha * alpha)
     return np.where(exponent < 350.0, np.exp(-np.minimum(exponent, 350.0)), 0.0)

@@ -12,26 +12,26 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 SHAPE = (90, 90, 180)
 N_NODES = 91
 HALF_PI = np.pi / 2
 
 
-def node_position(gamma: Floats, is_half: bool) -> Floats:
+def node_position(gamma: Float64Array, is_half: bool) -> Float64Array:
     """Where angles lie among the nodes of a curve, in [0, 90]; is_half: over theta_h."""
     share = np.clip(gamma / HALF_PI, 0.0, 1.0)
     return np.asarray((np.sqrt(share) if is_half else share) * (N_NODES - 1))
 
 
-def node_angles(is_half: bool) -> Floats:
+def node_angles(is_half: bool) -> Float64Array:
     """The nodes' angles (91,)."""
     share = np.arange(N_NODES) / (N_NODES - 1)
     return np.asarray(HALF_PI * (share * share if is_half else share))
 
 
-def directions_at(theta_h: Floats, theta_d: Floats, phi_d: Floats) -> tuple[Floats, Floats]:
+def directions_at(theta_h: Float64Array, theta_d: Float64Array, phi_d: Float64Array) -> tuple[Float64Array, Float64Array]:
     """wi, wo (..., 3) of half and difference angles, which broadcast; the half vector lies over the x axis."""
     theta_h, theta_d, phi_d = np.broadcast_arrays(theta_h, theta_d, phi_d)
     x, y, z = np.sin(theta_d) * np.cos(phi_d), np.sin(theta_d) * np.sin(phi_d), np.cos(theta_d)
@@ -41,7 +41,7 @@ def directions_at(theta_h: Floats, theta_d: Floats, phi_d: Floats) -> tuple[Floa
     return wi, wo
 
 
-def half_and_difference(wi: Floats, wo: Floats) -> tuple[Floats, Floats, Floats]:
+def half_and_difference(wi: Float64Array, wo: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
     """theta_h, theta_d, phi_d in [0, pi) of unit directions (N, 3): (N,) each. Half vector of opposites: the normal."""
     total, apart = wi + wo, 0.5 * (wi - wo)
     length = np.linalg.norm(total, axis=1)
@@ -59,7 +59,7 @@ def half_and_difference(wi: Floats, wo: Floats) -> tuple[Floats, Floats, Floats]
 
 
 @lru_cache(maxsize=4)
-def grid_directions(every: int = 1) -> tuple[Floats, Floats]:
+def grid_directions(every: int = 1) -> tuple[Float64Array, Float64Array]:
     """wi, wo (90, 90, 180 / every, 3) at the grid's points, of phi_d every so many."""
     theta_h = node_angles(is_half=True)[:-1]
     theta_d, phi_d = np.radians(np.arange(SHAPE[1])), np.radians(np.arange(0, SHAPE[2], every))

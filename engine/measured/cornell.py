@@ -22,7 +22,7 @@ MAX_WAVELENGTHS = 1000
 FEWEST_SAMPLES = 50
 LARGEST = 1e9
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +32,9 @@ class Scattered:
     n_below: how many more lay below the horizon, or were negative, and are left out.
     """
 
-    wi: Floats
-    wo: Floats
-    values: Floats
+    wi: Float64Array
+    wo: Float64Array
+    values: Float64Array
     n_below: int
 
 
@@ -65,7 +65,7 @@ def scattered_samples(data: bytes, path: Path) -> Scattered:
     return Scattered(wi[good], wo[good], values, int((~good).sum()))
 
 
-def _numbers(data: bytes, path: Path) -> Floats:
+def _numbers(data: bytes, path: Path) -> Float64Array:
     """All numbers that are no comments. Raises LoadError that names the line of what is none."""
     found: list[float] = []
     for number, line in enumerate(data.decode("ascii", "replace").splitlines(), 1):
@@ -81,5 +81,5 @@ def _numbers(data: bytes, path: Path) -> Floats:
     return np.array(found)
 
 
-def _direction(theta: Floats, phi: Floats) -> Floats:
+def _direction(theta: Float64Array, phi: Float64Array) -> Float64Array:
     return np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=1)

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from engine.measured.coordinates import SHAPE, half_and_difference, node_position
 from engine.measured.measurement import Measurement, Part
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 
-def evaluate_table(table: NDArray[np.float32], wi: Floats, wo: Floats) -> Floats:
+def evaluate_table(table: NDArray[np.float32], wi: Float64Array, wo: Float64Array) -> Float64Array:
     """Reflection (N, 3), 1/sr, of a table (90, 90, 180, 3) between its samples, for unit directions (N, 3).
 
     Linear in the square root of theta_h, as the grid is spaced, in theta_d and in phi_d, which wraps round.
@@ -31,8 +31,8 @@ def evaluate_table(table: NDArray[np.float32], wi: Floats, wo: Floats) -> Floats
 
 
 def evaluate_part(
-    table: NDArray[np.float32], measurement: Measurement, part: Part, smoothing: float, wi: Floats, wo: Floats
-) -> Floats:
+    table: NDArray[np.float32], measurement: Measurement, part: Part, smoothing: float, wi: Float64Array, wo: Float64Array
+) -> Float64Array:
     """The diffuse or the specular part of a measurement (N, 3), which sum up to it, exactly; or the whole. 0 below the
     horizon."""
     above = (wi[:, 2] > 0.0) & (wo[:, 2] > 0.0)

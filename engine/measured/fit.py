@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from engine.measured.coordinates import HALF_PI, N_NODES, grid_directions
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 METHOD = "alternating constrained least squares of relative errors, diffuse from the low quantile away from highlights"
 # Samples of phi_d that take part: every fourth.
@@ -50,14 +50,14 @@ class Factors:
     P(theta_o) [McCool01].
     """
 
-    diffuse: Floats
-    slant: Floats
-    specular: Floats
-    theta_d: Floats
-    theta_h: Floats
-    whole: Floats
-    slant_p: Floats
-    half_q: Floats
+    diffuse: Float64Array
+    slant: Float64Array
+    specular: Float64Array
+    theta_d: Float64Array
+    theta_h: Float64Array
+    whole: Float64Array
+    slant_p: Float64Array
+    half_q: Float64Array
     error: float
     error_whole: float
 
@@ -82,7 +82,7 @@ def fit_factors(table: NDArray[np.float32], measured: NDArray[np.bool_]) -> Iter
     yield replace(factors, error=errors[0], error_whole=errors[1])
 
 
-def factors_of(channels: Sequence[tuple[Floats | float, ...]]) -> Factors:
+def factors_of(channels: Sequence[tuple[Float64Array | float, ...]]) -> Factors:
     """The factors of three colours, d, g, s, G, H and w, P, Q each, as one; their errors are not known."""
     diffuse, slant, specular, over_d, over_h, whole, p, q = (
         np.stack(parts, axis=-1) for parts in zip(*channels, strict=True)
@@ -90,7 +90,7 @@ def factors_of(channels: Sequence[tuple[Floats | float, ...]]) -> Factors:
     return Factors(diffuse, slant, specular, over_d, over_h, whole, p, q, 0.0, 0.0)
 
 
-def _fit_channel(samples: Floats, weights: Floats, slants: list[Floats]) -> tuple[Floats | float, ...]:
+def _fit_channel(samples: Float64Array, weights: Float64Array, slants: list[Float64Array]) -> tuple[Float64Array | float, ...]:
     """d, g (91,), s, G (91,), H (91,), and w, P (91,), Q (91,) of one colour."""
     strength, slant = _diffuse(samples, weights, slants)
     matt = strength * _at_slants(slant, slants[0]) * _at_slants(slant, slants[1])
@@ -101,7 +101,7 @@ def _fit_channel(samples: Floats, weights: Floats, slants: list[Floats]) -> tupl
     return max(strength, LEAST_STRENGTH), slant, shine, _scaled(over_d), _scaled(over_h), *cloth
 
 
-def _fit_cloth(samples: Floats, weights: Floats, slants: list[Floats]) -> tuple[float, Floats, Floats]:
+def _fit_cloth(samples: Float64Array, weights: Float64Array, slants: list[Float64Array]) -> tuple[float, Float64Array, Float64Array]:
     """w, P and Q of the product w P(theta_i) Q(theta_h) P(theta_o): alternating means of logarithms, which are their
     least squares, for every sample stands at one node of each curve."""
     log = np.log(samples + DARK)
@@ -119,18 +119,18 @@ def _fit_cloth(samples: Floats, weights: Floats, slants: list[Floats]) -> tuple[
     return float(slant.max() ** 2 * half.max()), _scaled(slant), _scaled(half)
 
 
-def _sums(rings: NDArray[np.integer], values: Floats) -> Floats:
+def _sums(rings: NDArray[np.integer], values: Float64Array) -> Float64Array:
     """Sums over the rings of light and of view."""
     return np.bincount(rings, np.tile(values.ravel(), 2), _SLANTS).astype(float)
 
 
-def _scaled(curve: Floats) -> Floats:
+def _scaled(curve: Float64Array) -> Float64Array:
     """With a maximum of 1, and nowhere 0."""
     peak = curve.max()
     return np.maximum(curve / peak, LEAST) if peak > 0.0 else np.ones_like(curve)
 
 
-def _diffuse(samples: Floats, weights: Floats, slants: list[Floats]) -> tuple[float, Floats]:
+def _diffuse(samples: Float64Array, weights: Float64Array, slants: list[Float64Array]) -> tuple[float, Float64Array]:
     """d and g (91,) with maximum 1 of the product d g(theta_i) g(theta_o) under the samples."""
     theta_h = HALF_PI * (np.arange(samples.shape[0]) / N_NODES_LESS) ** 2
     there = (weights > 0.0) & (theta_h >= _AWAY)[:, None, None]
@@ -153,7 +153,7 @@ def _diffuse(samples: Floats, weights: Floats, slants: list[Floats]) -> tuple[fl
     return peak * peak, np.maximum(nodes / peak, LEAST)
 
 
-def _specular(above: Floats, matt: Floats, weights: Floats) -> tuple[Floats, Floats]:
+def _specular(above: Float64Array, matt: Float64Array, weights: Float64Array) -> tuple[Float64Array, Float64Array]:
     """H (90,) over theta_h and G (90,) over theta_d of the product that lies on the matt part."""
     over_d = np.ones(above.shape[1])
     total = weights.sum(axis=(1, 2))
@@ -166,7 +166,7 @@ def _specular(above: Floats, matt: Floats, weights: Floats) -> tuple[Floats, Flo
     return over_h, over_d
 
 
-def _solved(products: Floats, squares: Floats) -> Floats:
+def _solved(products: Float64Array, squares: Float64Array) -> Float64Array:
     """The least squares value of each node; of nodes that no sample has, that of the nearest one."""
     known = squares > 1e-12 * squares.max(initial=0.0)
     if not known.any():
@@ -175,7 +175,7 @@ def _solved(products: Floats, squares: Floats) -> Floats:
     return np.asarray(np.interp(at, at[known], products[known] / squares[known]))
 
 
-def _quantiles(values: Floats, group: NDArray[np.integer]) -> Floats:
+def _quantiles(values: Float64Array, group: NDArray[np.integer]) -> Float64Array:
     """The low quantile of each group (n^2,), NaN for those without values."""
     order = np.lexsort((values, group))
     counts = np.bincount(group, minlength=_SLANTS * _SLANTS)
@@ -185,12 +185,12 @@ def _quantiles(values: Floats, group: NDArray[np.integer]) -> Floats:
     return np.where(counts > 0, found, np.nan)
 
 
-def _at_slants(curve: Floats, theta: Floats) -> Floats:
+def _at_slants(curve: Float64Array, theta: Float64Array) -> Float64Array:
     return np.asarray(np.interp(theta * (N_NODES_LESS / HALF_PI), np.arange(N_NODES), curve))
 
 
 def _log_errors(
-    table: NDArray[np.float32], measured: NDArray[np.bool_], factors: Factors, slants: list[Floats]
+    table: NDArray[np.float32], measured: NDArray[np.bool_], factors: Factors, slants: list[Float64Array]
 ) -> tuple[float, float]:
     """RMS of ln((rho + DARK) / (fit + DARK)) over the samples that were measured: of both parts, and of the whole."""
     there = measured[:, :, ::EVERY]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from engine.measured.coordinates import N_NODES, node_position
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 Part = Literal["diffuse", "specular", "whole"]
 RGB = tuple[float, float, float]
 
@@ -60,13 +60,13 @@ class Measurement:
     def is_read(self) -> bool:
         return self.number != 0
 
-    def nodes(self, name: str, smoothing: float = 0.0) -> Floats:
+    def nodes(self, name: str, smoothing: float = 0.0) -> Float64Array:
         """A factor at its nodes (91, 3), smoothed where that is above 0, at most 1."""
         if not self.curves:
             return np.ones((N_NODES, 3))
         return smoothed(self.curves[CURVES.index(name)], smoothing)
 
-    def curve(self, name: str, gamma: Floats, smoothing: float = 0.0) -> Floats:
+    def curve(self, name: str, gamma: Float64Array, smoothing: float = 0.0) -> Float64Array:
         """A factor at angles (N,): (N, 3)."""
         values = self.nodes(name, smoothing)
         position = node_position(np.asarray(gamma, float), name in OVER_HALF)
@@ -78,7 +78,7 @@ NOTHING = Measurement("")
 
 
 @lru_cache(maxsize=64)
-def smoothed(curve: bytes, smoothing: float) -> Floats:
+def smoothed(curve: bytes, smoothing: float) -> Float64Array:
     """The nodes of a curve (91, 3), of smoothing > 0 their geometric mean under a bell: ratios are what noise has."""
     values = np.frombuffer(curve, np.float32).reshape(N_NODES, 3).astype(float)
     if smoothing > 0.0:

@@ -26,7 +26,7 @@ from engine.measured.cornell import Scattered
 from engine.measured.fill import Filled
 from engine.measured.fit import DARK, LEAST, LEAST_STRENGTH, Factors, factors_of
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 METHOD = "damped least squares of logarithms on scattered samples, smooth positive curves of 46 and 10 nodes"
 _STEPS = 20
@@ -58,11 +58,11 @@ def fit_scattered(samples: Scattered) -> Iterator[float | tuple[Filled, Factors]
 class _Angles:
     """theta_i, theta_o, theta_d, theta_h and phi_d (N,) of pairs of directions."""
 
-    def __init__(self, wi: Floats, wo: Floats) -> None:
+    def __init__(self, wi: Float64Array, wo: Float64Array) -> None:
         self.light, self.view = (np.arccos(np.clip(v[:, 2], 0.0, 1.0)) for v in (wi, wo))
         self.half, self.difference, self.azimuth = half_and_difference(wi, wo)
 
-    def hats(self, which: str) -> Floats:
+    def hats(self, which: str) -> Float64Array:
         """Shares (N, n) of the nodes of a curve over one of the angles."""
         values, is_half = getattr(self, which), which == "half"
         n = _N_FINE if is_half else _N_COARSE
@@ -70,7 +70,7 @@ class _Angles:
         return np.maximum(1.0 - np.abs(position[:, None] - np.arange(n)), 0.0)
 
 
-def _fit_channel(values: Floats, angles: _Angles) -> tuple[Floats | float, ...]:
+def _fit_channel(values: Float64Array, angles: _Angles) -> tuple[Float64Array | float, ...]:
     """d, g, s, G, H and w, P, Q of one colour."""
     light, view, difference, half = (angles.hats(name) for name in ("light", "view", "difference", "half"))
     away = values[angles.half > _AWAY]
@@ -85,7 +85,7 @@ def _fit_channel(values: Floats, angles: _Angles) -> tuple[Floats | float, ...]:
     return strengths[0], _scaled(slant), strengths[1], _scaled(over_d), _scaled(over_h), *_fit_cloth(values, angles)
 
 
-def _solve(first: Floats, values: Floats, slants: Floats, highlight: Floats) -> Floats:
+def _solve(first: Float64Array, values: Float64Array, slants: Float64Array, highlight: Float64Array) -> Float64Array:
     """Logarithms of the nodes of g, G and H, from a first guess: Gauss and Newton's steps, damped."""
     logs, n = first, len(first)
     coarse, fine = _bending(_N_COARSE), _bending(_N_FINE)
@@ -104,7 +104,7 @@ def _solve(first: Floats, values: Floats, slants: Floats, highlight: Floats) -> 
     return logs
 
 
-def _bending(n: int) -> Floats:
+def _bending(n: int) -> Float64Array:
     """What tells how much a curve of n nodes bends, and of one over theta_h how level its middle is."""
     if n == _N_COARSE:
         return np.asarray(_SMOOTH * np.diff(np.eye(n), n=2, axis=0))
@@ -112,7 +112,7 @@ def _bending(n: int) -> Floats:
     return np.concatenate([_SMOOTH_FINE * np.diff(np.eye(n), n=2, axis=0), level])
 
 
-def _fit_cloth(values: Floats, angles: _Angles) -> tuple[float, Floats, Floats]:
+def _fit_cloth(values: Float64Array, angles: _Angles) -> tuple[float, Float64Array, Float64Array]:
     """w, P, Q (91,) of w P(theta_i) Q(theta_h) P(theta_o): least squares of logarithms."""
     both, half = angles.hats("light") + angles.hats("view"), angles.hats("half")
     rows = np.concatenate([both, half], axis=1)
@@ -124,40 +124,40 @@ def _fit_cloth(values: Floats, angles: _Angles) -> tuple[float, Floats, Floats]:
     return float(p.max() ** 2 * q.max()), _scaled(p), _scaled(q)
 
 
-def _first_guess(hats: Floats, values: Floats) -> Floats:
+def _first_guess(hats: Float64Array, values: Float64Array) -> Float64Array:
     """The mean logarithm at each node; between others where there is no sample."""
     total, at = hats.sum(axis=0), np.arange(hats.shape[1])
     known = total > 1e-3
     return np.asarray(np.interp(at, at[known], (hats.T @ np.log(values))[known] / total[known]))
 
 
-def _nodes(logs: Floats) -> Floats:
+def _nodes(logs: Float64Array) -> Float64Array:
     """A curve at the 91 nodes of a measurement's, from its logarithms at fewer of the same spacing."""
     return np.asarray(np.exp(np.interp(np.linspace(0.0, len(logs) - 1.0, N_NODES), np.arange(len(logs)), logs)))
 
 
-def _scaled(curve: Floats) -> Floats:
+def _scaled(curve: Float64Array) -> Float64Array:
     return np.maximum(curve / curve.max(), LEAST)
 
 
-def _at(curve: Floats, angle: Floats, is_half: bool = False) -> Floats:
+def _at(curve: Float64Array, angle: Float64Array, is_half: bool = False) -> Float64Array:
     """A curve (91, 3) at angles (N,)."""
     position = node_position(angle, is_half)
     return np.stack([np.interp(position, np.arange(N_NODES), curve[:, c]) for c in range(3)], axis=1)
 
 
-def _product(factors: Factors, angles: _Angles) -> Floats:
+def _product(factors: Factors, angles: _Angles) -> Float64Array:
     matt = factors.diffuse * _at(factors.slant, angles.light) * _at(factors.slant, angles.view)
     shine = _at(factors.theta_d, angles.difference) * _at(factors.theta_h, angles.half, True)
     return np.asarray(matt + factors.specular * shine)
 
 
-def _cloth(factors: Factors, angles: _Angles) -> Floats:
+def _cloth(factors: Factors, angles: _Angles) -> Float64Array:
     slants = _at(factors.slant_p, angles.light) * _at(factors.slant_p, angles.view)
     return np.asarray(factors.whole * slants * _at(factors.half_q, angles.half, True))
 
 
-def _log_rms(values: Floats, fit: Floats) -> float:
+def _log_rms(values: Float64Array, fit: Float64Array) -> float:
     apart = np.log((values + DARK) / (fit + DARK))
     return float(np.sqrt((apart * apart).mean()))
 
@@ -186,7 +186,7 @@ def _table(samples: Scattered, factors: Factors, angles: _Angles) -> Filled:
     return Filled(table, measured, _EVERY * int(above.sum()) - int(measured.sum()), samples.n_below)
 
 
-def _places(angles: _Angles, mirrored: bool = False) -> Floats:
+def _places(angles: _Angles, mirrored: bool = False) -> Float64Array:
     """Where pairs lie, so that near is alike: phi_d says nothing at the poles of theta_h and theta_d."""
     turn = 2.0 * (np.pi - angles.azimuth if mirrored else angles.azimuth)
     reach = 0.2 * np.sin(angles.difference) * np.minimum(angles.half / np.radians(30.0), 1.0)
@@ -194,7 +194,7 @@ def _places(angles: _Angles, mirrored: bool = False) -> Floats:
     return np.stack([half, angles.difference / HALF_PI, reach * np.cos(turn), reach * np.sin(turn)], axis=1)
 
 
-def _between(coarse: Floats) -> Floats:
+def _between(coarse: Float64Array) -> Float64Array:
     """All of phi_d from one in six, by straight lines that wrap round."""
     following = np.roll(coarse, -1, axis=2)
     steps = [coarse + (k / _EVERY) * (following - coarse) for k in range(_EVERY)]

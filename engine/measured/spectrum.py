@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 # Every 10 nm from 400 to 700: the observer's x, y, z, and the illuminant's power [CIE04].
 _OBSERVER = np.array([
@@ -33,7 +33,7 @@ _REC_709 = np.array([
 ])  # fmt: skip
 
 
-def rgb_weights(wavelengths: Floats) -> Floats:
+def rgb_weights(wavelengths: Float64Array) -> Float64Array:
     """Weights (n, 3) by which reflectances at ascending wavelengths (n,), nm, sum up to linear Rec. 709."""
     light = np.interp(wavelengths, _TABULATED, _D65, 0.0, 0.0)
     seen = np.stack([np.interp(wavelengths, _TABULATED, axis, 0.0, 0.0) for axis in _OBSERVER.T], axis=1)

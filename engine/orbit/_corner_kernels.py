@@ -13,7 +13,7 @@ from engine.fast_math import FAST
 from engine.orbit._incident_kernels import Kept, child_at
 from engine.orbit._slice_kernels import Cell, Tables, add_corners, between, cell_at, corners_at, reflect, unpack
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 Words = NDArray[np.uint64]
 _MOST_CELLS = 24
 
@@ -23,8 +23,8 @@ class Suns(NamedTuple):
     `Kept.sun_bits`; `Hemisphere.children`; and by which share of all that is reflected a sun may differ among slices
     and still be looked up in them."""
 
-    direction: Floats
-    power: Floats
+    direction: Float32Array
+    power: Float32Array
     bits: NDArray[np.uint8]
     children: NDArray[np.int16]
     little: float
@@ -33,8 +33,8 @@ class Suns(NamedTuple):
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def shade_corners(
     start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64],
-    mirrored: Floats, n_most: int, frame: Floats, slots: NDArray[np.int32], kept: Kept, suns: Suns, t: Tables,
-    radiance: Floats, sharp: Words,
+    mirrored: Float32Array, n_most: int, frame: Float32Array, slots: NDArray[np.int32], kept: Kept, suns: Suns, t: Tables,
+    radiance: Float32Array, sharp: Words,
 ) -> None:  # fmt: skip
     """Fill radiance (3 N, 3): what points send of their first n_most coefficients to where they show in the mirror the
     directions (N, 3) of the world, and of the suns that they see by slices that differ little; and sharp (3 N, 2): bits
@@ -80,7 +80,7 @@ def shade_corners(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _suns_seen(suns: Suns, p: int, frame: Floats, seen: NDArray[np.int64], place: NDArray[np.int64]) -> int:
+def _suns_seen(suns: Suns, p: int, frame: Float32Array, seen: NDArray[np.int64], place: NDArray[np.int64]) -> int:
     """How many suns a point sees; their numbers and the upper triangles of its frame in which they stand."""
     n = 0
     for s in range(len(suns.power)):
@@ -96,8 +96,8 @@ def _suns_seen(suns: Suns, p: int, frame: Floats, seen: NDArray[np.int64], place
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _add_suns(
-    cell: Cell, suns: Suns, seen: NDArray[np.int64], place: NDArray[np.int64], t: Tables, spread: Floats,
-    corners: Floats, differ: Words,
+    cell: Cell, suns: Suns, seen: NDArray[np.int64], place: NDArray[np.int64], t: Tables, spread: Float32Array,
+    corners: Float32Array, differ: Words,
 ) -> None:  # fmt: skip
     """Add to corners (4, 4) the suns that are seen, by their places, of which the largest of four slices is above their
     mean by less than a little of all that is reflected; the others become bits of differ (2,)."""

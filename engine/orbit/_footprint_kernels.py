@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from engine.fast_math import FAST
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 Wides = NDArray[np.float32]
 
 
@@ -19,17 +19,17 @@ class Charts(NamedTuple):
     """How an object's triangles (K,) lie on images: a corner (K, 3), its texture coordinates (K, 2), the normal (K, 3),
     of any length, and over the triangle's plane the gradients of u and v (K, 2, 3); first: the first one's number."""
 
-    corner: Floats
-    uv: Floats
-    normal: Floats
-    gradients: Floats
+    corner: Float64Array
+    uv: Float64Array
+    normal: Float64Array
+    gradients: Float64Array
     first: int
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def footprints(
     start: int, stop: int, which: NDArray[np.int64], part: NDArray[np.int32], source: NDArray[np.int32], wo: Wides,
-    share: Wides, charts: Charts, eye: Floats, axes: Floats, uv: Floats, left: Floats, up: Floats,
+    share: Wides, charts: Charts, eye: Float64Array, axes: Float64Array, uv: Float64Array, left: Float64Array, up: Float64Array,
 ) -> None:  # fmt: skip
     """Fill rows [start, stop) of uv, left and up (N, 2): texture coordinates of samples (N,), and by how much they
     change over the share (R,) of a pixel, to the left and upwards, as of rays that meet the plane of the sample's own
@@ -74,7 +74,7 @@ def footprints(
 def places(
     start: int, stop: int, which: NDArray[np.int64], part: NDArray[np.int32], corners: NDArray[np.int32],
     weights: NDArray[np.float32], points: NDArray[np.float32], within: NDArray[np.float32], source: NDArray[np.int32],
-    triangle: NDArray[np.int64], u: Floats, v: Floats, normals: Floats,
+    triangle: NDArray[np.int64], u: Float64Array, v: Float64Array, normals: Float64Array,
 ) -> None:  # fmt: skip
     """Fill rows [start, stop) of triangle, u and v (N,): where samples (N,) lie on the scene's triangles; and normals
     (N, 3), unit, between those of the points (S, 3) at their corners, by weights (R, 3). part (R,): the triangle

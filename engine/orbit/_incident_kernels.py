@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from engine.fast_math import FAST
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 
 N_ROOTS = 20
@@ -28,12 +28,12 @@ class Hemisphere(NamedTuple):
 
     number: NDArray[np.int32]
     place: NDArray[np.int32]
-    direction: Floats
-    solid_angle: Floats
-    cosine: Floats
-    coarse_direction: Floats
-    coarse_solid_angle: Floats
-    coarse_cosine: Floats
+    direction: Float32Array
+    solid_angle: Float32Array
+    cosine: Float32Array
+    coarse_direction: Float32Array
+    coarse_solid_angle: Float32Array
+    coarse_cosine: Float32Array
     children: NDArray[np.int16]
 
 
@@ -41,15 +41,15 @@ class Light(NamedTuple):
     """What shines: sky map (side, side, 4) and a coarse one, as `sky.Sky`, turned by the angle of this cosine and sine;
     suns' direction and power (M, 3), brightest first; patches' centre, normal and flux (L, 3): radiance × area."""
 
-    sky: Floats
-    coarse_sky: Floats
+    sky: Float32Array
+    coarse_sky: Float32Array
     cosine: float
     sine: float
-    sun_direction: Floats
-    sun_power: Floats
-    centre: Floats
-    normal: Floats
-    flux: Floats
+    sun_direction: Float32Array
+    sun_power: Float32Array
+    centre: Float32Array
+    normal: Float32Array
+    flux: Float32Array
 
 
 class Places(NamedTuple):
@@ -57,8 +57,8 @@ class Places(NamedTuple):
     the row of what is kept for gloss, −1 for irradiance alone; and suns (S,): bits of the brightest, each asked by a
     ray of its own, −1 where none was."""
 
-    position: Floats
-    frame: Floats
+    position: Float32Array
+    frame: Float32Array
     bits: Bytes
     patch_bits: Bytes
     slot: NDArray[np.int32]
@@ -70,13 +70,13 @@ class Kept(NamedTuple):
     number (G, n) and value (G, n, 3), bfloat16, largest first, the suns by place (G, 40), −1 for none, and power
     (G, 40, 3), and leaning (G, 2, 3): Σ power × x and Σ power × z of all light's directions in the point's frame."""
 
-    irradiance: Floats
+    irradiance: Float32Array
     sun_bits: Bytes
     number: NDArray[np.int16]
     value: NDArray[np.uint16]
     sun_place: NDArray[np.int16]
-    sun_power: Floats
-    leaning: Floats
+    sun_power: Float32Array
+    leaning: Float32Array
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
@@ -91,7 +91,7 @@ def child_at(x: float, y: float, z: float, children: NDArray[np.int16]) -> int:
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _look_up(
-    sky: Floats, direction: Floats, frame: Floats, cosine: float, sine: float
+    sky: Float32Array, direction: Float32Array, frame: Float32Array, cosine: float, sine: float
 ) -> tuple[np.float32, np.float32, np.float32]:
     """Radiance from a direction (3,) of a frame, under a sky that was turned."""
     a, b, c = direction[0], direction[1], direction[2]
@@ -112,7 +112,7 @@ def _look_up(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def add_sky(p: int, at: Places, half: Hemisphere, light: Light, powers: Floats, moments: Floats) -> None:
+def add_sky(p: int, at: Places, half: Hemisphere, light: Light, powers: Float32Array, moments: Float32Array) -> None:
     """Fill powers (5120, 3), radiance × solid angle of each triangle that point p sees, and add to moments (3, 3) their
     sums times x, y, which makes irradiance, and z."""
     powers[:] = 0.0
@@ -129,7 +129,7 @@ def add_sky(p: int, at: Places, half: Hemisphere, light: Light, powers: Floats, 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
 def _add_moments(
-    moments: Floats, red: np.float32, green: np.float32, blue: np.float32, direction: Floats, cosine: np.float32
+    moments: Float32Array, red: np.float32, green: np.float32, blue: np.float32, direction: Float32Array, cosine: np.float32
 ) -> None:
     x, z = direction[0], direction[2]
     moments[0, 0] += red * x
@@ -145,8 +145,8 @@ def _add_moments(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _add_coarse_sky(
-    p: int, coarse_bits: NDArray[np.uint64], at: Places, half: Hemisphere, light: Light, powers: Floats,
-    moments: Floats,
+    p: int, coarse_bits: NDArray[np.uint64], at: Places, half: Hemisphere, light: Light, powers: Float32Array,
+    moments: Float32Array,
 ) -> None:  # fmt: skip
     """The same by triangles of level 2: fills the first 320 of powers with a sixteenth of what each of them has."""
     powers[:320] = 0.0
@@ -173,7 +173,7 @@ def _count(word: np.uint64) -> int:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _nearest(places: NDArray[np.int16], directions: Floats, x: float, y: float, z: float) -> int:
+def _nearest(places: NDArray[np.int16], directions: Float32Array, x: float, y: float, z: float) -> int:
     """Which of the places looks most towards a direction."""
     best, found = -math.inf, 0
     for j in range(len(places)):
@@ -226,7 +226,7 @@ def _add_suns(p: int, at: Places, half: Hemisphere, light: Light, kept: Kept) ->
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def add_patches(
-    p: int, at: Places, half: Hemisphere, light: Light, is_coarse: bool, powers: Floats, moments: Floats
+    p: int, at: Places, half: Hemisphere, light: Light, is_coarse: bool, powers: Float32Array, moments: Float32Array
 ) -> None:
     """Add what a point sees of patches, each put whole into the triangle that holds its centre's direction."""
     position, frame = at.position[p], at.frame[p]
@@ -257,7 +257,7 @@ def add_patches(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def compress(
-    powers: Floats, place: NDArray[np.int32], wavelets: Floats, sizes: Floats, number: NDArray[np.int16],
+    powers: Float32Array, place: NDArray[np.int32], wavelets: Float32Array, sizes: Float32Array, number: NDArray[np.int16],
     value: NDArray[np.uint16],
 ) -> None:  # fmt: skip
     """Wavelets of powers (20·4^L, 3), the n largest by size, the 20 means before all: number (n,), value (n, 3).
@@ -291,7 +291,7 @@ def compress(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _transform(means: Floats, place: NDArray[np.int32], wavelets: Floats, sizes: Floats) -> None:
+def _transform(means: Float32Array, place: NDArray[np.int32], wavelets: Float32Array, sizes: Float32Array) -> None:
     """`engine.sphere.haar.forward`, and each coefficient's size by the measure of its triangle.
 
     In place: parent t of a level reads its four children and leaves their mean in row t. Below the surface, which no

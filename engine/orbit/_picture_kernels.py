@@ -10,35 +10,35 @@ from numpy.typing import NDArray
 
 from engine.fast_math import FAST
 
-Floats = NDArray[np.float32]
-Indices = NDArray[np.int32]
+Float32Array = NDArray[np.float32]
+Int32Array = NDArray[np.int32]
 
 
 class PointTriangles(NamedTuple):
     """The triangles between shading points: points on either side (T, 2, 3), normal (T, 3), object (T,), and of which
     of the scene's triangles each is a part (T,); radiance (M, 3) of the objects where they shine."""
 
-    triangles: Indices
-    normal: Floats
-    i_object: Indices
-    emission: Floats
+    triangles: Int32Array
+    normal: Float32Array
+    i_object: Int32Array
+    emission: Float32Array
 
 
 class Samples(NamedTuple):
     """What rays (R,) meet: corners (R, 3), −1 where nothing is reflected, and their weights (R, 3); wo (R, 3), back
     along the ray; emitted (R, 3); i_object (R,), −1 for none; behind (R,): seen where an object has no points."""
 
-    corners: Indices
-    weights: Floats
-    wo: Floats
-    emitted: Floats
-    i_object: Indices
+    corners: Int32Array
+    weights: Float32Array
+    wo: Float32Array
+    emitted: Float32Array
+    i_object: Int32Array
     behind: NDArray[np.bool_]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def fill_rays(
-    start: int, stop: int, places: NDArray[np.float64], width: int, axes: NDArray[np.float64], directions: Floats
+    start: int, stop: int, places: NDArray[np.float64], width: int, axes: NDArray[np.float64], directions: Float32Array
 ) -> None:
     """Unit directions [start, stop): axes (3, 3) are those of the picture's plane: its upper left corner, one pixel to
     the right, one down. places (R, 2): columns and rows, or none (0, 2) for the centres of all pixels in turn."""
@@ -56,7 +56,7 @@ def fill_rays(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def resolve(
-    start: int, triangle: Indices, u: Floats, v: Floats, directions: Floats, surface: PointTriangles, out: Samples
+    start: int, triangle: Int32Array, u: Float32Array, v: Float32Array, directions: Float32Array, surface: PointTriangles, out: Samples
 ) -> None:
     """Fill samples from `start` on with the hits (n,) of rays with those directions (n, 3)."""
     for k in range(len(triangle)):
@@ -84,7 +84,7 @@ def resolve(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def mark(start: int, stop: int, corners: Indices, seen: NDArray[np.bool_]) -> None:
+def mark(start: int, stop: int, corners: Int32Array, seen: NDArray[np.bool_]) -> None:
     """Set seen (S,) at the points that are corners of samples."""
     for j in range(start, stop):
         if corners[j, 0] >= 0:
@@ -94,8 +94,8 @@ def mark(start: int, stop: int, corners: Indices, seen: NDArray[np.bool_]) -> No
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def add_between(
-    start: int, stop: int, samples: NDArray[np.int64], corners: Indices, weights: Floats, values: Floats,
-    factor: Floats, radiance: Floats,
+    start: int, stop: int, samples: NDArray[np.int64], corners: Int32Array, weights: Float32Array, values: Float32Array,
+    factor: Float32Array, radiance: Float32Array,
 ) -> None:  # fmt: skip
     """Add values (S, 3), interpolated between each sample's corners, times factor (N or 1, 3) to radiance (R, 3)."""
     several = len(factor) > 1
@@ -110,7 +110,7 @@ def add_between(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def add_at(
-    start: int, stop: int, samples: NDArray[np.int64], values: Floats, factor: Floats, radiance: Floats
+    start: int, stop: int, samples: NDArray[np.int64], values: Float32Array, factor: Float32Array, radiance: Float32Array
 ) -> None:  # fmt: skip
     """Add values (N, 3) times factor (N or 1, 3) to radiance (R, 3) of samples (N,)."""
     several = len(factor) > 1
@@ -122,7 +122,7 @@ def add_at(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def by_object(
-    i_object: Indices, reflects: NDArray[np.bool_], n_objects: int
+    i_object: Int32Array, reflects: NDArray[np.bool_], n_objects: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Those samples (R,) that reflect, by object and in their order, and where each object's begin (M + 1,)."""
     bounds = np.zeros(n_objects + 1, np.int64)
@@ -140,7 +140,7 @@ def by_object(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def by_point(
-    samples: NDArray[np.int64], corners: Indices, n_points: int
+    samples: NDArray[np.int64], corners: Int32Array, n_points: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """The points that samples (N,) ask, where each one's members begin, and the members: 3 × number of sample + corner,
     numbered within `samples`."""
@@ -163,7 +163,7 @@ def by_point(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def silhouettes(i_object: Indices, edges: NDArray[np.bool_]) -> None:
+def silhouettes(i_object: Int32Array, edges: NDArray[np.bool_]) -> None:
     """Set edges (H, W) where one of four neighbours shows another object (H, W)."""
     height, width = i_object.shape
     for row in range(height):
@@ -179,7 +179,7 @@ def silhouettes(i_object: Indices, edges: NDArray[np.bool_]) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def add_background(
-    start: int, stop: int, i_object: Indices, wo: Floats, image: Floats, turn: float, scale: float, radiance: Floats
+    start: int, stop: int, i_object: Int32Array, wo: Float32Array, image: Float32Array, turn: float, scale: float, radiance: Float32Array
 ) -> None:
     """Add the environment's radiance to samples that meet nothing, as `Environment.evaluate` does."""
     height, width = image.shape[0], image.shape[1]
@@ -201,7 +201,7 @@ def add_background(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def gather(ends: Indices, sent: Floats, found: Floats) -> None:
+def gather(ends: Int32Array, sent: Float32Array, found: Float32Array) -> None:
     """Fill found (G, 3): the mean over each row of ends (G, R) of what is sent (S, 3) there; −1 sends nothing."""
     for g in range(ends.shape[0]):
         red = green = blue = np.float32(0.0)
@@ -215,7 +215,7 @@ def gather(ends: Indices, sent: Floats, found: Floats) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def spread(beside: Indices, share: Floats, gathered: Floats, found: Floats) -> None:
+def spread(beside: Int32Array, share: Float32Array, gathered: Float32Array, found: Float32Array) -> None:
     """Fill found (S, 3): gathered (G, 3) at the places beside (S, K), by their share (S, K)."""
     found[:] = 0.0
     for p in range(beside.shape[0]):

@@ -13,8 +13,8 @@ from engine import lanes
 from engine.fast_math import FAST
 from engine.orbit._incident_kernels import Kept
 
-Floats = NDArray[np.float32]
-Halves = NDArray[np.uint16]
+Float32Array = NDArray[np.float32]
+UInt16Array = NDArray[np.uint16]
 NEAREST = np.float32(1e-30)  # squared distance of an eye that has a direction
 _TURN = 2.0 * math.pi / 5.0
 _3 = np.uint64(3)
@@ -27,8 +27,8 @@ class Tables(NamedTuple):
     upper triangles (10, 2560) of the last level, of columns over 36 degrees, or (2, ...) of columns over half a turn;
     polar angles, the last the steepest, columns; serial: another of other tables."""
 
-    table: Halves
-    values: Halves
+    table: UInt16Array
+    values: UInt16Array
     images: NDArray[np.int32]
     places: NDArray[np.int32]
     n_polar: int
@@ -62,17 +62,17 @@ class Shades(NamedTuple):
     asked last, and the key (G,) of those slices, −1 for none."""
 
     key: NDArray[np.int64]
-    corners: Floats
+    corners: Float32Array
 
 
-def packed(values: Floats) -> Halves:
+def packed(values: Float32Array) -> UInt16Array:
     """float32 as bfloat16, rounded."""
     return ((np.ascontiguousarray(values, np.float32).view(np.uint32) + np.uint32(0x8000)) >> np.uint32(16)).astype(
         np.uint16
     )
 
 
-def unpacked(values: Halves) -> Floats:
+def unpacked(values: UInt16Array) -> Float32Array:
     """bfloat16 as float32."""
     return (values.astype(np.uint32) << np.uint32(16)).view(np.float32)
 
@@ -101,7 +101,7 @@ def cell_at(x: float, y: float, z: float, t: Tables) -> Cell:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def unpack(value: Halves, n: int, words: NDArray[np.uint32]) -> None:
+def unpack(value: UInt16Array, n: int, words: NDArray[np.uint32]) -> None:
     """The first n bfloat16 values (n, 3) as the bits of float32 (3 n + 1,)."""
     for k in range(n):
         for i in range(3):
@@ -109,7 +109,7 @@ def unpack(value: Halves, n: int, words: NDArray[np.uint32]) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def reflect(cell: Cell, number: NDArray[np.int16], value: Floats, n: int, t: Tables, out: Floats) -> None:
+def reflect(cell: Cell, number: NDArray[np.int16], value: Float32Array, n: int, t: Tables, out: Float32Array) -> None:
     """Σ coefficients × those of the cell's four slices, into out (4, 4)."""
     images, across = t.images[cell.symmetry], np.uint64(len(t.table) // (t.n_polar * t.n_columns))
     down = np.uint64(t.n_columns) * across
@@ -140,7 +140,7 @@ def corners_at(cell: Cell, place: int, t: Tables) -> Corners:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def between(cell: Cell, corners: Floats, i: int) -> float:
+def between(cell: Cell, corners: Float32Array, i: int) -> float:
     """Channel i of what stands at a cell's corners (4, 4), at its place."""
     upper = corners[0, i] + cell.across * (corners[1, i] - corners[0, i])
     lower = corners[2, i] + cell.across * (corners[3, i] - corners[2, i])
@@ -159,7 +159,7 @@ def reflected_between(cell: Cell, place: int, t: Tables):  # type: ignore[no-unt
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
-def add_corners(at: Corners, red: float, green: float, blue: float, t: Tables, corners: Floats) -> None:
+def add_corners(at: Corners, red: float, green: float, blue: float, t: Tables, corners: Float32Array) -> None:
     """Add what a cell's slices reflect of power in an upper triangle, where these stand, to corners (4, 4)."""
     light = lanes.of(red, green, blue)
     lanes.store(corners, 0, lanes.plus_product(lanes.floats(corners, 0), light, lanes.halves(t.values, at.first)))
@@ -169,7 +169,7 @@ def add_corners(at: Corners, red: float, green: float, blue: float, t: Tables, c
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _add_suns(cell: Cell, place: NDArray[np.int16], power: Floats, t: Tables, corners: Floats) -> None:
+def _add_suns(cell: Cell, place: NDArray[np.int16], power: Float32Array, t: Tables, corners: Float32Array) -> None:
     """Add what the cell's four slices reflect of suns, by their triangles, to corners (4, 4)."""
     for s in range(len(place)):
         if place[s] < 0:
@@ -179,8 +179,8 @@ def _add_suns(cell: Cell, place: NDArray[np.int16], power: Floats, t: Tables, co
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def shade_points(
-    start: int, stop: int, points: NDArray[np.int64], eye: Floats, n_most: int, position: Floats, frame: Floats,
-    slots: NDArray[np.int32], kept: Kept, t: Tables, shades: Shades, radiance: Floats,
+    start: int, stop: int, points: NDArray[np.int64], eye: Float32Array, n_most: int, position: Float32Array, frame: Float32Array,
+    slots: NDArray[np.int32], kept: Kept, t: Tables, shades: Shades, radiance: Float32Array,
 ) -> None:  # fmt: skip
     """Add to rows `points[start:stop]` of radiance (S, 3) what each sends to the eye by its first n_most coefficients
     and the suns, these by their triangles. Where the eye is still in the cell in which it was, it asks for no sums."""

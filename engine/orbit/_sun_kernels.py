@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from engine.fast_math import FAST
 from engine.orbit._corner_kernels import Suns
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 
 
 class Asked(NamedTuple):
@@ -20,14 +20,14 @@ class Asked(NamedTuple):
     tangent, bitangent, normal."""
 
     sample: NDArray[np.int32]
-    power: Floats
+    power: Float32Array
     wi: NDArray[np.float64]
     wo: NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def ask_suns(
-    which: NDArray[np.int64], corners: NDArray[np.int32], weights: Floats, wo: Floats, frame: Floats, suns: Suns,
+    which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, wo: Float32Array, frame: Float32Array, suns: Suns,
     sharp: NDArray[np.uint64], least_cosine: float, asked: Asked,
 ) -> int:  # fmt: skip
     """Fill what is asked of the suns that are sharp at corners (3 N, 2) of samples (N,), as `shade_corners` finds them,
@@ -68,7 +68,7 @@ def ask_suns(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _interpolate_frame(corners: NDArray[np.int32], weights: Floats, frame: Floats, out: NDArray[np.float64]) -> None:
+def _interpolate_frame(corners: NDArray[np.int32], weights: Float32Array, frame: Float32Array, out: NDArray[np.float64]) -> None:
     """The frame between three points into out (3, 3), orthonormal again."""
     for i in range(2):
         for k in range(3):
@@ -90,7 +90,7 @@ def _interpolate_frame(corners: NDArray[np.int32], weights: Floats, frame: Float
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _look_along(frame: NDArray[np.float64], wo: Floats, least_cosine: float, out: NDArray[np.float64]) -> None:
+def _look_along(frame: NDArray[np.float64], wo: Float32Array, least_cosine: float, out: NDArray[np.float64]) -> None:
     """wo (3,) in tangent, bitangent, normal of a frame, no less than so much above the surface, unit, into out (3,)."""
     x = frame[0, 0] * wo[0] + frame[0, 1] * wo[1] + frame[0, 2] * wo[2]
     y = frame[1, 0] * wo[0] + frame[1, 1] * wo[1] + frame[1, 2] * wo[2]
@@ -101,7 +101,7 @@ def _look_along(frame: NDArray[np.float64], wo: Floats, least_cosine: float, out
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def add_asked(n: int, asked: Asked, value: NDArray[np.float64], radiance: Floats) -> None:
+def add_asked(n: int, asked: Asked, value: NDArray[np.float64], radiance: Float32Array) -> None:
     """Add what the first n that were asked reflect, by their value (n, 3), to radiance (N, 3)."""
     for m in range(n):
         for i in range(3):
@@ -110,8 +110,8 @@ def add_asked(n: int, asked: Asked, value: NDArray[np.float64], radiance: Floats
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def suns_in_question(
-    samples: NDArray[np.int64], corners: NDArray[np.int32], weights: Floats, frame: Floats, suns: Suns, n_suns: int,
-    everywhere: bool, row: NDArray[np.int32], sun: NDArray[np.int32], share: Floats, cosine: Floats,
+    samples: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, frame: Float32Array, suns: Suns, n_suns: int,
+    everywhere: bool, row: NDArray[np.int32], sun: NDArray[np.int32], share: Float32Array, cosine: Float32Array,
 ) -> int:  # fmt: skip
     """Which of the first n_suns, at most 8, may stand over samples (N,) otherwise than their points know: those of
     which some of the three see one and others do not, or, everywhere, all above. Fills row, ascending, and sun

@@ -13,7 +13,7 @@ from engine.fast_math import FAST
 from engine.orbit._incident_kernels import Kept, child_at
 from engine.orbit._slice_kernels import Tables, cell_at, reflected_between
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -52,7 +52,7 @@ def _powers(number: NDArray[np.int16], value: NDArray[np.uint16], level: int, wo
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def irradiance(
     start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64],
-    normals: Floats, frame: Floats, slots: NDArray[np.int32], kept: Kept, level: int, directions: Floats, out: Floats,
+    normals: Float32Array, frame: Float32Array, slots: NDArray[np.int32], kept: Kept, level: int, directions: Float32Array, out: Float32Array,
 ) -> None:  # fmt: skip
     """Fill out (3 N, 3): the irradiance, suns apart, by the light of each corner's point on a surface of normal (N, 3).
 
@@ -98,8 +98,8 @@ def irradiance(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def leaning_irradiance(
-    start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Floats, leans: Floats,
-    frame: Floats, slots: NDArray[np.int32], kept: Kept, out: Floats,
+    start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, leans: Float32Array,
+    frame: Float32Array, slots: NDArray[np.int32], kept: Kept, out: Float32Array,
 ) -> None:  # fmt: skip
     """Fill out (N, 3): the irradiance of surfaces at samples (N,) whose unit normals lean by (N, 3) across them.
 
@@ -125,9 +125,9 @@ def leaning_irradiance(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def shade_broad(
-    start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64], wo: Floats,
-    turned: Floats, frame: Floats, slots: NDArray[np.int32], kept: Kept, level: int, directions: Floats,
-    children: NDArray[np.int16], t: Tables, out: Floats,
+    start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64], wo: Float32Array,
+    turned: Float32Array, frame: Float32Array, slots: NDArray[np.int32], kept: Kept, level: int, directions: Float32Array,
+    children: NDArray[np.int16], t: Tables, out: Float32Array,
 ) -> None:  # fmt: skip
     """As `irradiance`, radiance along wo (N, 3) that slices in turned frames (N, 3, 3) reflect, by each triangle."""
     words = np.empty((len(directions), 3), np.uint32)
@@ -170,7 +170,7 @@ def shade_broad(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _shares(
-    bits: NDArray[np.uint8], corners: NDArray[np.int32], weights: Floats, of_bits: Floats, share: Floats
+    bits: NDArray[np.uint8], corners: NDArray[np.int32], weights: Float32Array, of_bits: Float32Array, share: Float32Array
 ) -> None:
     """Fill share (8 B,): how much a sample sees of each sun between its points. of_bits: `of_bytes`."""
     for byte in range(len(share) // 8):
@@ -180,15 +180,15 @@ def _shares(
             share[8 * byte + bit] = weights[0] * first[bit] + weights[1] * second[bit] + weights[2] * third[bit]
 
 
-def of_bytes() -> Floats:
+def of_bytes() -> Float32Array:
     """The bits of each byte as numbers, the lowest first (256, 8)."""
     return np.unpackbits(np.arange(256, dtype=np.uint8)[:, None], axis=1, bitorder="little").astype(np.float32)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def sun_irradiance(
-    start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Floats, turned: Floats,
-    frame: Floats, sun_bits: NDArray[np.uint8], sun_direction: Floats, sun_power: Floats, of_bits: Floats, out: Floats,
+    start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, turned: Float32Array,
+    frame: Float32Array, sun_bits: NDArray[np.uint8], sun_direction: Float32Array, sun_power: Float32Array, of_bits: Float32Array, out: Float32Array,
 ) -> None:  # fmt: skip
     """Fill out (N, 3): by how much more suns, as samples (N,) see them, light turned surfaces than those before.
 
@@ -216,9 +216,9 @@ def sun_irradiance(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def suns(
-    start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Floats, wo: Floats,
-    turned: Floats, sun_bits: NDArray[np.uint8], sun_direction: Floats, sun_power: Floats,
-    children: NDArray[np.int16], of_bits: Floats, t: Tables, out: Floats,
+    start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, wo: Float32Array,
+    turned: Float32Array, sun_bits: NDArray[np.uint8], sun_direction: Float32Array, sun_power: Float32Array,
+    children: NDArray[np.int16], of_bits: Float32Array, t: Tables, out: Float32Array,
 ) -> None:  # fmt: skip
     """Fill out (N, 3): what slices reflect of suns, as samples (N,) see them, on turned surfaces; the suns as
     `sun_irradiance` takes them."""

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from engine.fast_math import FAST
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 Flags = NDArray[np.bool_]
-Indices = NDArray[np.int32]
+Int32Array = NDArray[np.int32]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _begin_ray(point: Floats, direction: Floats, frame: Floats, origin: Floats, way: Floats) -> None:
+def _begin_ray(point: Float32Array, direction: Float32Array, frame: Float32Array, origin: Float32Array, way: Float32Array) -> None:
     """A ray from a point along a direction of its frame. Number by number: for rows the compiler makes the words of an
     error, which takes longer than all else."""
     for i in range(3):
@@ -23,8 +23,8 @@ def _begin_ray(point: Floats, direction: Floats, frame: Floats, origin: Floats, 
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def first_rays(points: NDArray[np.int64], lifted: Floats, frames: Floats, directions: Floats, origins: Floats,
-               ways: Floats) -> None:  # fmt: skip
+def first_rays(points: NDArray[np.int64], lifted: Float32Array, frames: Float32Array, directions: Float32Array, origins: Float32Array,
+               ways: Float32Array) -> None:  # fmt: skip
     """Rays (N · U / 4, 3) of points (N,) through the middle child of each parent: direction 4 j + 3 of (U, 3)."""
     at = 0
     for p in points:
@@ -34,7 +34,7 @@ def first_rays(points: NDArray[np.int64], lifted: Floats, frames: Floats, direct
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def differing(free: Flags, around: Indices, found: Flags) -> int:
+def differing(free: Flags, around: Int32Array, found: Flags) -> int:
     """Set found (N, T) where a triangle's flag (N, T) differs from one around it (T, A), −1 for none; their number."""
     total = 0
     for n in range(free.shape[0]):
@@ -50,8 +50,8 @@ def differing(free: Flags, around: Indices, found: Flags) -> int:
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def more_rays(
-    points: NDArray[np.int64], asked: Flags, lifted: Floats, frames: Floats, directions: Floats, n_children: int,
-    origins: Floats, ways: Floats,
+    points: NDArray[np.int64], asked: Flags, lifted: Float32Array, frames: Float32Array, directions: Float32Array, n_children: int,
+    origins: Float32Array, ways: Float32Array,
 ) -> None:  # fmt: skip
     """Rays through the first n_children of the four of each triangle that is asked (N, T); directions (4 T, 3)."""
     at = 0

@@ -31,9 +31,9 @@ from scipy.spatial import cKDTree
 from engine.indirect.rays import cosine_tables
 from engine.orbit import _picture_kernels as kernels
 from engine.orbit.picture import PointMesh
-from engine.orbit.shading_points import Indices, ShadingPoints
+from engine.orbit.shading_points import Int32Array, ShadingPoints
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 Rows = NDArray[np.int64]
 N_GATHERING = 3072
 N_MORE, _ROUNDS = 1024, 2  # where none is close
@@ -65,7 +65,7 @@ class Gathering:
 
     points: Rows
     ends: NDArray[np.int32]
-    reach: Floats
+    reach: Float32Array
     behind: Rows
 
     def with_more(self, other: Gathering) -> Gathering:
@@ -74,7 +74,7 @@ class Gathering:
         points, ends, reach = map(np.concatenate, both)
         return Gathering(points, ends, reach, self.behind + other.behind)
 
-    def gathered(self, sent: Floats) -> Floats:
+    def gathered(self, sent: Float32Array) -> Float32Array:
         """Of what all points send (S, 3), (G, 3)."""
         found = np.empty((len(self.ends), 3), np.float32)
         kernels.gather(self.ends, np.ascontiguousarray(sent), found)
@@ -87,10 +87,10 @@ class Around:
     irradiance is off that is taken from the best of them, error (N,), infinite where none is in sight."""
 
     beside: NDArray[np.int32]
-    share: Floats
-    error: Floats
+    share: Float32Array
+    error: Float32Array
 
-    def between(self, gathered: Floats) -> Floats:
+    def between(self, gathered: Float32Array) -> Float32Array:
         """What is gathered (G, 3) at the points, (N, 3)."""
         found = np.empty((len(self.beside), 3), np.float32)
         kernels.spread(self.beside, self.share, gathered, found)
@@ -113,7 +113,7 @@ class Exchange:
         often = self.gathering.behind > _BEHIND * max(self.gathering.ends.size, 1)
         return frozenset(np.flatnonzero(often).tolist())
 
-    def gathered(self, sent: Floats, found: Floats) -> None:
+    def gathered(self, sent: Float32Array, found: Float32Array) -> None:
         """Write to found (S, 3) at the points what they gather of what all send (S, 3)."""
         found[self.rows] = self.around.between(self.gathering.gathered(sent))
 
@@ -125,7 +125,7 @@ class Bounces:
     between: Exchange
     to_backs: tuple[Exchange, ...] = ()
 
-    def indirect(self, direct: Floats, albedo: Floats, n_bounces: int) -> tuple[Floats, Floats]:
+    def indirect(self, direct: Float32Array, albedo: Float32Array, n_bounces: int) -> tuple[Float32Array, Float32Array]:
         """Irradiance (S, 3) after the first bounce and up to n_bounces, from that of the lights (S, 3); and of the
         lights and up to one bounce less, which is what others show in a mirror.
 
@@ -141,7 +141,7 @@ class Bounces:
 
 
 def bouncing(
-    points: ShadingPoints, mesh: PointMesh, late: Indices | None = None, i_object: int = -1, rows: Rows | None = None
+    points: ShadingPoints, mesh: PointMesh, late: Int32Array | None = None, i_object: int = -1, rows: Rows | None = None
 ) -> Generator[None, None, Exchange]:
     """Send the rays of some points, rows (N,), in pieces; None: of all.
 
@@ -162,7 +162,7 @@ def bouncing(
 
 
 def refining(
-    exchange: Exchange, points: ShadingPoints, mesh: PointMesh, shone: Floats, late: Indices
+    exchange: Exchange, points: ShadingPoints, mesh: PointMesh, shone: Float32Array, late: Int32Array
 ) -> Generator[None, None, Exchange]:
     """More rays, where those that gather around a point do not agree; shone (S, 3): irradiance of three lights that
     stand for all that may shine there; late: see `bouncing`."""
@@ -188,9 +188,9 @@ class _Space:
     (6,) on and as wide as span, and is_open (N,) which of them are not buried; size: of the scene."""
 
     size: float
-    where: Floats
+    where: Float32Array
     rows: Rows
-    low: Floats
+    low: Float32Array
     span: float
     is_open: NDArray[np.bool_]
 
@@ -204,7 +204,7 @@ class _Space:
         return cls(size, where, rows, own.min(axis=0, initial=np.inf), span, is_open)
 
 
-def _unlike(exchange: Exchange, shone: Floats) -> Floats:
+def _unlike(exchange: Exchange, shone: Float32Array) -> Float32Array:
     """By which share (N,) those that gather around each point differ in light that was reflected once and twice, by
     half each time."""
     gathering, around, sent = exchange.gathering, exchange.around, np.zeros_like(shone)
@@ -218,7 +218,7 @@ def _unlike(exchange: Exchange, shone: Floats) -> Floats:
 
 
 def _sent(
-    points: ShadingPoints, mesh: PointMesh, chosen: Rows, space: _Space, late: Indices, i_object: int = -1
+    points: ShadingPoints, mesh: PointMesh, chosen: Rows, space: _Space, late: Int32Array, i_object: int = -1
 ) -> Generator[None, None, Gathering]:
     """Rays of some points (G,), that end at late ones (S,) of their own object alone."""
     ends, tables = np.empty((len(chosen), N_RAYS), np.int32), cosine_tables(N_RAYS)

@@ -24,7 +24,7 @@ from engine.orbit.turned import TurnedSamples, leaning_irradiance, turned_irradi
 from engine.render.still import StillProgress
 from engine.scene.load import Scene
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 Quality = Literal["moving", "rest", "still"]
 
 N_MOVING = 64  # coefficients of a point, while something moves
@@ -36,13 +36,13 @@ _LITTLE = {"rest": 0.005, "still": 0.001}
 def reflected_light(
     seen: Seen, lit: LitPoints, reflections: Reflections, scene: Scene, sky: Sky, lamps: Lamps | None, n_bounces: int,
     quality: Quality, n_moving: int,
-) -> Generator[StillProgress, None, Floats]:  # fmt: skip
+) -> Generator[StillProgress, None, Float32Array]:  # fmt: skip
     """Radiance (R, 3) that samples reflect to the eye, found term by term; see `Orbit.draw`."""
     radiance = np.zeros((len(seen.pixel), 3), np.float32)
-    everywhere, mapped = np.ones((1, 3), np.float32), dict[int, dict[int, Floats]]()
+    everywhere, mapped = np.ones((1, 3), np.float32), dict[int, dict[int, Float32Array]]()
     turned: dict[int, TurnedSamples] = {}
 
-    def reflected_by_bumps(which: NDArray[np.int64], term: Term) -> Floats:
+    def reflected_by_bumps(which: NDArray[np.int64], term: Term) -> Float32Array:
         """What a term sends of direct light where bumps turn normals, without its maps, (N, 3)."""
         if quality == "moving":
             light = leaning_irradiance(seen, which, lit.incident, scene, term.i_object)

@@ -28,7 +28,7 @@ from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic, locate, triangle_first_moments
 from engine.threads import on_threads
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 _BATCH = 64
 _COARSE_LEVEL = 2
 _CHILDREN_SIDE = 384  # a quarter of a degree
@@ -43,7 +43,7 @@ class Incident:
     kept: kernels.Kept
 
     @property
-    def irradiance(self) -> Floats:
+    def irradiance(self) -> Float32Array:
         """(S, 3) float32, W/m² where the light has W/m²/sr: Σ power × cosine, suns and all."""
         return self.kept.irradiance
 
@@ -51,7 +51,7 @@ class Incident:
     def n_bytes(self) -> int:
         return self.slot.nbytes + sum(array.nbytes for array in self.kept)
 
-    def coefficients(self, p: int) -> tuple[NDArray[np.int16], Floats]:
+    def coefficients(self, p: int) -> tuple[NDArray[np.int16], Float32Array]:
         """Numbers (n,) and values (n, 3) that point p keeps."""
         words = self.kept.value[self.slot[p]].astype(np.uint32) << 16
         return self.kept.number[self.slot[p]], words.view(np.float32)
@@ -114,7 +114,7 @@ def light(
 
 def evenly_lit(
     points: ShadingPoints, bits: Bits, patches: EmitterPatches | None, patch_bits: Bits
-) -> Floats:  # fmt: skip
+) -> Float32Array:  # fmt: skip
     """Irradiance (S, 3) under three lights that hang on geometry alone: an even sky, all patches alike, and none."""
     found, none = np.zeros((len(points), 3), np.float32), np.zeros((0, 3), np.float32)
     white, black = np.ones((8, 8, 4), np.float32), np.zeros((8, 8, 4), np.float32)
@@ -179,7 +179,7 @@ def hemisphere() -> kernels.Hemisphere:
     )  # fmt: skip
 
 
-def _upper_triangles(level: int) -> tuple[Floats, Floats, Floats]:
+def _upper_triangles(level: int) -> tuple[Float32Array, Float32Array, Float32Array]:
     """Directions (U, 3), solid angles (U,) and mean cosines (U,) of a level's triangles above the surface."""
     sphere = geodesic(level)
     above = sphere.centres[:, 1] > 0.0

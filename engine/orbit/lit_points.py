@@ -21,7 +21,7 @@ from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
 from engine.steps import Stepped, finish
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 STALE, COARSELY, EXACTLY = 0, 1, 2
 
 
@@ -170,7 +170,7 @@ class LitPoints:
         self._between = yield from refining(self.bounces.between, self.points, self.mesh, shone, self.late)
         return replace(self.bounces, between=self._between)
 
-    def bounce(self, albedos: Floats, n_bounces: int) -> None:
+    def bounce(self, albedos: Float32Array, n_bounces: int) -> None:
         """Find the indirect light; albedos (M, 3)."""
         assert self.bounces is not None
         self.is_bounced = self.is_lit
@@ -178,7 +178,7 @@ class LitPoints:
         self.indirect, before = self.bounces.indirect(self._direct(), albedo, n_bounces)
         self.sent_on = (before * albedo / np.float32(np.pi)).astype(np.float32)
 
-    def _direct(self) -> Floats:
+    def _direct(self) -> Float32Array:
         """Irradiance (S, 3) of the lights. Points that are not traced yet get the share of it that shadows leave, on
         the average, to those of their object that are; to all others where none of it is."""
         if self.traced.all():
@@ -192,7 +192,7 @@ class LitPoints:
     def sent_evenly(
         self, which: NDArray[np.int64], reflectance: Sequence[float] | None, albedo: NDArray[np.floating] | None,
         n_bounces: int,
-    ) -> Floats:  # fmt: skip
+    ) -> Float32Array:  # fmt: skip
         """What points (N,) send the same everywhere, (N, 3): of the lights by their reflectance (3,), and of further
         bounces by their albedo (3,), None for what shows these in a mirror."""
         sent = np.zeros((len(which), 3), np.float32)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
 
-Vectors = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 _PATHS = 8192  # from far away, and as many from emitters
 _LENGTH = 5  # surfaces that a path meets
 # Of the paths that meet an object, those through a crack between two triangles are fewer than this share.
@@ -60,7 +60,7 @@ def lit_sides(scene: Scene, caster: RayCaster) -> Sides:
     return Sides(reached, reached[:, 1] & (sent[:, 1] >= _LEAST) & (sent[:, 1] >= _RELAYED * sent.sum()))
 
 
-def _from_afar(scene: Scene, chance: np.random.Generator) -> tuple[Vectors, Vectors]:
+def _from_afar(scene: Scene, chance: np.random.Generator) -> tuple[Float64Array, Float64Array]:
     """Parallel to every direction, through all of a ball around the scene."""
     corners = scene.vertices[scene.triangles].reshape(-1, 3).astype(np.float64)
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -71,7 +71,7 @@ def _from_afar(scene: Scene, chance: np.random.Generator) -> tuple[Vectors, Vect
     return centre - 1.01 * radius * towards + away * across, towards
 
 
-def _from_emitters(scene: Scene, caster: RayCaster, chance: np.random.Generator) -> tuple[Vectors, Vectors]:
+def _from_emitters(scene: Scene, caster: RayCaster, chance: np.random.Generator) -> tuple[Float64Array, Float64Array]:
     """From all over the fronts of what may shine, by area."""
     mine = np.flatnonzero(scene.emitters[scene.object_of_triangle])
     corners = scene.vertices[scene.triangles[mine]].astype(np.float64)
@@ -82,10 +82,10 @@ def _from_emitters(scene: Scene, caster: RayCaster, chance: np.random.Generator)
     return caster.offset_origins(place, normals).astype(np.float64), _diffusely(normals, chance)
 
 
-def _diffusely(normals: Vectors, chance: np.random.Generator) -> Vectors:
+def _diffusely(normals: Float64Array, chance: np.random.Generator) -> Float64Array:
     """Directions (N, 3) by the cosine to normals (N, 3): a unit sphere stands on the surface."""
     return _unit(normals + 0.999 * _unit(chance.normal(size=normals.shape)))
 
 
-def _unit(vectors: Vectors) -> Vectors:
+def _unit(vectors: Float64Array) -> Float64Array:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))

@@ -44,7 +44,7 @@ from engine.stored_arrays import ArrayReader, Arrays
 from engine.threads import n_threads
 from engine.transport.pipeline import SkyState
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 Steps = Iterator[StillProgress]
 
 N_POINTS = 40_000  # besides the meshes' own vertices
@@ -286,7 +286,7 @@ class Orbit:
     def draw(
         self, camera: CameraDescription, resolution: tuple[int, int], quality: Quality = "rest",
         n_moving: int = N_MOVING,
-    ) -> Floats:  # fmt: skip
+    ) -> Float32Array:  # fmt: skip
         """Radiance (H, W, 3) as it is known by now; resolution (width, height).
 
         quality: "moving", as quick as it gets, by n_moving coefficients a point; "rest", every pixel on its own;
@@ -297,7 +297,7 @@ class Orbit:
     def drawing(
         self, camera: CameraDescription, resolution: tuple[int, int], quality: Quality = "rest",
         n_moving: int = N_MOVING, has_soft_edges: bool = False,
-    ) -> Generator[StillProgress, None, Floats]:  # fmt: skip
+    ) -> Generator[StillProgress, None, Float32Array]:  # fmt: skip
         """The same, piece by piece; has_soft_edges: also while something moves, for a fifth of its time more."""
         lit = self._lit
         if lit is None:

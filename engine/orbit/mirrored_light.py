@@ -20,7 +20,7 @@ from engine.scene.hits import LEAST_COSINE
 from engine.scene.load import Scene
 from engine.threads import on_threads
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 N_RAYS = {"rest": 4, "still": 32}
 _AT_ONCE = 65536  # rays
 _BRIGHTEST = 1e4  # of what a ray brings, by what the surface that it meets sends
@@ -28,8 +28,8 @@ _BRIGHTEST = 1e4  # of what a ray brings, by what the surface that it meets send
 
 def mirrored_light(
     seen: Seen, which: Rows, lit: LitPoints, scene: Scene, i_object: int, layers: Sequence[Layer], quality: str,
-    normals: Floats | None = None,
-) -> Floats:  # fmt: skip
+    normals: Float32Array | None = None,
+) -> Float32Array:  # fmt: skip
     """Radiance (N, 3) that layers of an object send to the eye from samples (N,) of what other surfaces send on.
 
     normals (N, 3): as bumps turn them; None for those between points.

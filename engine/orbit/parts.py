@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from engine.texture.told import ToldMaps, Words
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 Range = tuple[int, int]
 
 # Of a row of `LightPart.rows`: before the coefficients stand how many there are, two moments, and the suns.
@@ -49,7 +49,7 @@ class LightPart:
     (40 × 3), 0, and the coefficients, two words each: number and red, green and blue, 16 bits each, the lower first."""
 
     which: NDArray[np.int32]
-    irradiance: Floats
+    irradiance: Float32Array
     place: NDArray[np.int32]
     rows: Words
 
@@ -58,14 +58,14 @@ class LightPart:
 class BouncedPart:
     """indirect (S, 4): irradiance of light that was reflected before, of all points."""
 
-    indirect: Floats
+    indirect: Float32Array
 
 
 @dataclass(frozen=True, eq=False)
 class SkyPart:
     """What stands behind all: image (H, W, 3), None for the one before, times scale, turned by radians."""
 
-    image: Floats | None
+    image: Float32Array | None
     turn: float
     scale: float
 
@@ -116,7 +116,7 @@ class TermsPart:
     tables: Mapping[int, TablePart]
     images: Words | None
     strokes: Words
-    emission: Floats
+    emission: Float32Array
 
 
 Part = MeshPart | LightPart | BouncedPart | SkyPart | TermsPart

@@ -22,7 +22,7 @@ from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.threads import even_parts, on_threads
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 Rows = NDArray[np.int64]
 _RAYS = 16384  # at a time
 _FEW_EDGE_RAYS = 4  # a pixel, up to which edges are silhouettes alone
@@ -106,7 +106,7 @@ class PointMesh:
         """Take over what objects emit."""
         self._scene, self._surface, self._last = scene, self._surface._replace(emission=scene.emission), None
 
-    def trace(self, origins: Floats, directions: Floats) -> tuple[kernels.Samples, Floats]:
+    def trace(self, origins: Float32Array, directions: Float32Array) -> tuple[kernels.Samples, Float32Array]:
         """What a few rays (R, 3) from anywhere meet, and how far away (R,)."""
         out, hits = _room(len(origins)), self._caster.intersect(origins, directions)
         kernels.resolve(0, hits.triangle, hits.u, hits.v, directions, self._surface, out)
@@ -143,27 +143,27 @@ class Seen:
     it; charts: how objects' triangles lie on images, shared by all pictures."""
 
     resolution: tuple[int, int]
-    eye: Floats
+    eye: Float32Array
     axes: NDArray[np.float64]
     samples: kernels.Samples
     pixel: Rows
-    share: Floats
+    share: Float32Array
     order: Rows
     bounds: Rows
     found: tuple[NDArray, ...]
     points: ShadingPoints
     charts: dict[int, Charts]
     footprints: dict[int, tuple[NDArray[np.float64], ...]] = field(default_factory=dict)
-    sampled: dict[object, Floats] = field(default_factory=dict)
-    leans: dict[object, Floats] = field(default_factory=dict)
+    sampled: dict[object, Float32Array] = field(default_factory=dict)
+    leans: dict[object, Float32Array] = field(default_factory=dict)
 
     @cached_property
-    def shares(self) -> Floats:
+    def shares(self) -> Float32Array:
         """(R, 3): how near samples are to the corners of their triangle; weights differ where not all are in sight."""
         _, u, v = self.found
         return np.stack([1.0 - u - v, u, v], axis=1)
 
-    def places(self, which: Rows) -> Floats:
+    def places(self, which: Rows) -> Float32Array:
         """Where samples (N,) lie, (N, 3)."""
         corners = self.points.corners[self.found[0][which]]
         return np.asarray(np.einsum("nk,nki->ni", self.shares[which], corners), np.float32)
@@ -183,14 +183,14 @@ class Seen:
         kernels.mark(0, len(self.pixel), self.samples.corners, seen)
         return seen
 
-    def normals(self, which: Rows) -> Floats:
+    def normals(self, which: Rows) -> Float32Array:
         """Those of points, unit, between the corners of samples (N,): (N, 3)."""
         corners, weights = self.samples.corners[which], self.samples.weights[which]
         between = np.einsum("nk,nki->ni", weights, self.points.normal[corners])
         length = np.linalg.norm(between, axis=1, keepdims=True)
         return np.asarray(between / np.maximum(length, 1e-30), np.float32)
 
-    def frames(self, which: Rows, scene: Scene, i_object: int, normals: Floats | None = None) -> NDArray[np.float64]:
+    def frames(self, which: Rows, scene: Scene, i_object: int, normals: Float32Array | None = None) -> NDArray[np.float64]:
         """Of samples (N,) of an object, (N, 3, 3): rows tangent, bitangent, normal; normals (N, 3): others than those
         between points."""
         own = (self.normals(which) if normals is None else normals).astype(np.float64)
@@ -203,7 +203,7 @@ class Seen:
         return Intersections(self.points.source[triangle], u, v, np.zeros(len(u), np.float32))
 
 
-def interpolated(seen: Seen, which: Rows, values: Floats, factor: Floats, radiance: Floats) -> None:
+def interpolated(seen: Seen, which: Rows, values: Float32Array, factor: Float32Array, radiance: Float32Array) -> None:
     """Add values (S, 3) of shading points between the corners of samples (N,), times factor (N or 1, 3), to
     `radiance`."""
     samples = seen.samples
@@ -214,7 +214,7 @@ def interpolated(seen: Seen, which: Rows, values: Floats, factor: Floats, radian
     on_threads(part, *even_parts(len(which)))
 
 
-def added(which: Rows, values: Floats, factor: Floats, radiance: Floats) -> None:
+def added(which: Rows, values: Float32Array, factor: Float32Array, radiance: Float32Array) -> None:
     """Add values (N, 3) of samples (N,), times factor (N or 1, 3), to `radiance`."""
 
     def part(start: int, stop: int) -> None:
@@ -224,8 +224,8 @@ def added(which: Rows, values: Floats, factor: Floats, radiance: Floats) -> None
 
 
 def picture(
-    seen: Seen, radiance: Floats, environment: Environment | None, rotation: float, scale: float = 1.0
-) -> Floats:
+    seen: Seen, radiance: Float32Array, environment: Environment | None, rotation: float, scale: float = 1.0
+) -> Float32Array:
     """The picture (H, W, 3) of samples' reflected radiance (R, 3), which is written over: what shines and the sky
     behind it all are added."""
     radiance += seen.samples.emitted

@@ -24,7 +24,7 @@ from engine.render.integrator import evaluate_layers
 from engine.scene.hits import LEAST_COSINE
 from engine.threads import even_parts, on_threads
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 _PIXELS = 1024  # at a time
 MOST_COEFFICIENTS = 5120
 
@@ -37,7 +37,7 @@ def no_shades(incident: Incident) -> kernels.Shades:
 
 def shaded(
     seen: Seen, points: NDArray[np.int64], incident: Incident, tables: kernels.Tables, n: int,
-    shades: kernels.Shades, colours: Floats,
+    shades: kernels.Shades, colours: Float32Array,
 ) -> None:  # fmt: skip
     """Add to colours (S, 3) of points (N,) what they send to the eye, by n coefficients and by suns. shades: what they
     sent before, to be forgotten where light changes."""
@@ -54,7 +54,7 @@ def shaded(
 def reflected(
     seen: Seen, which: Rows, incident: Incident, sky: Sky, layers: Sequence[Layer], tables: kernels.Tables,
     little: float,
-) -> Floats:  # fmt: skip
+) -> Float32Array:  # fmt: skip
     """Radiance (N, 3) that samples (N,) of one object reflect to the eye at rest.
 
     tables: the layers' slices, in which suns are looked up that differ less between them than this little share of all
@@ -71,7 +71,7 @@ def reflected(
     return radiance
 
 
-def reflected_quickly(seen: Seen, which: Rows, incident: Incident, sky: Sky, tables: kernels.Tables, n: int) -> Floats:
+def reflected_quickly(seen: Seen, which: Rows, incident: Incident, sky: Sky, tables: kernels.Tables, n: int) -> Float32Array:
     """The same while something moves: by n coefficients, and of all suns by slices."""
     ways, no_bits = mirrored(seen.samples.wo[which], seen.normals(which)), np.zeros((0, 2), np.uint64)
     return at_corners(seen, which, ways, incident, suns_of(sky, incident, np.inf), tables, no_bits, n)
@@ -84,16 +84,16 @@ def suns_of(sky: Sky, incident: Incident, little: float) -> corner_kernels.Suns:
     )  # fmt: skip
 
 
-def mirrored(wo: Floats, normals: Floats) -> Floats:
+def mirrored(wo: Float32Array, normals: Float32Array) -> Float32Array:
     """What surfaces of normals (N, 3) show in the mirror to eyes in the directions wo (N, 3)."""
     along = np.einsum("ni,ni->n", normals, wo)
     return np.asarray(2.0 * along[:, None] * normals - wo, np.float32)
 
 
 def at_corners(
-    seen: Seen, which: Rows, ways: Floats, incident: Incident, suns: corner_kernels.Suns, tables: kernels.Tables,
+    seen: Seen, which: Rows, ways: Float32Array, incident: Incident, suns: corner_kernels.Suns, tables: kernels.Tables,
     sharp: NDArray[np.uint64], n_most: int = MOST_COEFFICIENTS,
-) -> Floats:  # fmt: skip
+) -> Float32Array:  # fmt: skip
     """What samples (N,) send that show in the mirror the directions `ways` (N, 3), between the points around them,
     (N, 3); see `shade_corners`.
 
@@ -116,7 +116,7 @@ def at_corners(
 
 def _add_sharp(
     seen: Seen, which: Rows, suns: corner_kernels.Suns, sharp: NDArray[np.uint64], layers: Sequence[Layer],
-    radiance: Floats,
+    radiance: Float32Array,
 ) -> None:  # fmt: skip
     """Add what layers reflect of sharp suns to radiance (N, 3)."""
     samples, frames = seen.samples, seen.points.frames

@@ -18,13 +18,13 @@ from engine.scene.surface_uvs import corner_uvs
 from engine.texture.pyramid import MOST_PROBES, Pyramid
 from engine.threads import even_parts, on_threads
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 MOVING_PROBES = 2
 
 
 def factors(
     seen: Seen, which: Rows, scene: Scene, i_object: int, layers: Sequence[Layer], quality: str
-) -> dict[int, Floats]:
+) -> dict[int, Float32Array]:
     """By what maps multiply an object's visible layers that have any, by their number: (N, 3) at samples (N,).
 
     While something moves, a pixel seen at a slant is covered by fewer look-ups, each in one level of the image.
@@ -43,14 +43,14 @@ class _Places:
         self._seen, self._which, self._scene, self._i_object = seen, which, scene, i_object
         self._is_quick, self._most_probes = is_quick, MOVING_PROBES if is_quick else MOST_PROBES
 
-    def look_up(self, images: Images) -> tuple[Floats, Floats]:
+    def look_up(self, images: Images) -> tuple[Float32Array, Float32Array]:
         """Texture (N, 3) and weight (N,)."""
         colours, shares = sampled(images, self._scene.textures, len(self._which), self._sample)
         if images.strokes:
             shares = painted(self._scene, self._seen.in_scene(self._which), images.strokes, shares)
         return colours, shares
 
-    def _sample(self, image: Pyramid, scale: tuple[float, float]) -> Floats:
+    def _sample(self, image: Pyramid, scale: tuple[float, float]) -> Float32Array:
         known = self._seen.sampled
         key = self._i_object, image, scale
         if key not in known:

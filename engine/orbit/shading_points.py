@@ -21,11 +21,11 @@ from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
 from engine.steps import finish
 
-Floats = NDArray[np.float32]
-Vectors = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+Float64Array = NDArray[np.float64]
 # Corners and normals (T, 3, 3), where they lie within the scene's triangle (T, 3, 2), and which (T,) that is.
-Parts = tuple[Vectors, Vectors, Vectors, NDArray[np.intp]]
-Indices = NDArray[np.int32]
+Parts = tuple[Float64Array, Float64Array, Float64Array, NDArray[np.intp]]
+Int32Array = NDArray[np.int32]
 
 # What is finer than a 32nd of the distance to a caster, near visibility's own 1.4 degrees, shows nothing more.
 _HALVINGS = 5
@@ -54,15 +54,15 @@ class ShadingPoints:
     see `engine.orbit.buried`; None where nobody has looked.
     """
 
-    position: Floats
-    lifted: Floats
-    normal: Floats
-    tangent: Floats
-    i_object: Indices
-    triangles: Indices
-    source: Indices
+    position: Float32Array
+    lifted: Float32Array
+    normal: Float32Array
+    tangent: Float32Array
+    i_object: Int32Array
+    triangles: Int32Array
+    source: Int32Array
     corners: NDArray[np.float64]
-    within: Floats
+    within: Float32Array
     sides: NDArray[np.bool_]
     relays: NDArray[np.bool_]
     buried: NDArray[np.bool_] | None = None
@@ -71,7 +71,7 @@ class ShadingPoints:
         return len(self.position)
 
     @cached_property
-    def frames(self) -> Floats:
+    def frames(self) -> Float32Array:
         """(S, 3, 3): rows tangent, normal, and across; world direction · row is its x, y, z on the geodesic sphere.
 
         The sphere's +Y is the normal: a triangle of it then is either above the surface or below.
@@ -79,7 +79,7 @@ class ShadingPoints:
         return np.stack([self.tangent, self.normal, np.cross(self.tangent, self.normal)], axis=1)
 
     @cached_property
-    def shown(self) -> Indices:
+    def shown(self) -> Int32Array:
         """`triangles` for pictures: where some corners are buried the nearest of the others stands in for each.
 
         A floor goes on beneath the walls; its points there are black, and would draw a dark line along each wall.
@@ -169,7 +169,7 @@ def with_backs(points: ShadingPoints, behind: NDArray[np.bool_]) -> ShadingPoint
     )  # fmt: skip
 
 
-def _inwards(corners: Vectors, numbers: NDArray[np.intp], n_points: int) -> Vectors:
+def _inwards(corners: Float64Array, numbers: NDArray[np.intp], n_points: int) -> Float64Array:
     """From points (S, 3) a tenth of the way to the middles of the triangles around them, whose corners (T, 3, 3) have
     these numbers (T, 3): off an edge, where two walls meet and a ray may miss both, and nowhere where it goes on."""
     steps, at = corners.mean(axis=1, keepdims=True) - corners, numbers.ravel()
@@ -252,7 +252,7 @@ def _joined_at_edges(parts: Parts) -> Parts:
     return halved
 
 
-def _hang(corners: Vectors, among: Vectors, there: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _hang(corners: Float64Array, among: Float64Array, there: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Which edges (T, 3) have one of these places between their ends; one without length has nothing between them."""
     ends, middles = _places(corners, among), _places(_middles(corners), among)
     return np.isin(middles, there) & (middles != ends) & (middles != np.roll(ends, -1, axis=1))
@@ -265,7 +265,7 @@ def _halves(corners: NDArray) -> NDArray:
     return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
 
 
-def _places(places: Vectors, among: Vectors) -> NDArray[np.int64]:
+def _places(places: Float64Array, among: Float64Array) -> NDArray[np.int64]:
     """Numbers of places (..., 3), the same for the same place; among: (..., 3) in whose box they lie."""
     low = among.min(axis=(0, 1))
     size = float((among.max(axis=(0, 1)) - low).max()) or 1.0
@@ -274,7 +274,7 @@ def _places(places: Vectors, among: Vectors) -> NDArray[np.int64]:
 
 
 def _errors(
-    casters: cKDTree, corners: Vectors, normals: Vectors, lit: NDArray[np.bool_]
+    casters: cKDTree, corners: Float64Array, normals: Float64Array, lit: NDArray[np.bool_]
 ) -> Generator[None, None, NDArray[np.float64]]:
     """What parts (T, 3, 3) are off by if they are not cut: area × longest edge / distance to casters, at most the area,
     and that where they bend; 0 for what is fine enough. Of casters on the sides that light reaches, lit (T, 2), the
@@ -294,7 +294,7 @@ def _errors(
 
 
 def _nearness(
-    casters: cKDTree, places: Vectors, normals: Vectors, lengths: NDArray[np.float64]
+    casters: cKDTree, places: Float64Array, normals: Float64Array, lengths: NDArray[np.float64]
 ) -> Generator[None, None, NDArray[np.float64]]:
     """Lengths (N,) over the distance to what may shade places (N, 3): 1, ½, ¼, ... or 0.
 
@@ -313,7 +313,7 @@ def _nearness(
     return found
 
 
-def _samples(scene: Scene) -> Vectors:
+def _samples(scene: Scene) -> Float64Array:
     """Places all over the surfaces, in a fixed order of chance."""
     random = np.random.default_rng(1)
     corners = scene.vertices[scene.triangles].astype(np.float64)
@@ -324,7 +324,7 @@ def _samples(scene: Scene) -> Vectors:
     return np.einsum("nk,nki->ni", weights, corners[np.concatenate([by_area, by_object])])
 
 
-def _close_together(positions: Vectors, i_object: NDArray[np.integer]) -> NDArray[np.intp]:
+def _close_together(positions: Float64Array, i_object: NDArray[np.integer]) -> NDArray[np.intp]:
     """An order in which what belongs to an object stands together, along a Z-curve through space."""
     low = positions.min(axis=0, initial=np.inf)
     size = float((positions.max(axis=0, initial=-np.inf) - low).max(initial=0.0)) if len(positions) else 1.0
@@ -336,7 +336,7 @@ def _close_together(positions: Vectors, i_object: NDArray[np.integer]) -> NDArra
     return np.lexsort((code, i_object))
 
 
-def _middles(corners: Vectors) -> Vectors:
+def _middles(corners: Float64Array) -> Float64Array:
     return (corners + np.roll(corners, -1, axis=1)) / 2.0
 
 

@@ -18,7 +18,7 @@ from engine.orbit._picture_kernels import Samples
 from engine.orbit.shading_points import ShadingPoints
 from engine.scene.raycaster import RayCaster
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 _FLAT = 0.9999  # cosine between normals
 _SHORT = 1e-4  # a ray to a place ends this share before it
 _NEAREST = 16  # points, of which the first in sight is taken
@@ -31,7 +31,7 @@ class Sight:
         """caster: of the triangles between the points."""
         self._points, self._caster = points, caster
 
-    def sees(self, origins: Floats, places: Floats) -> NDArray[np.bool_]:
+    def sees(self, origins: Float32Array, places: Float32Array) -> NDArray[np.bool_]:
         """Whether nothing stands between two places (R, 3); a place sees itself."""
         ways = places - origins
         apart = ways.any(axis=1)
@@ -96,7 +96,7 @@ class Sight:
         size = float(np.ptp(points.position, axis=0).max()) if len(points) else 1.0
         return cKDTree(np.concatenate([points.position, size * points.normal], axis=1)), size
 
-    def _nearest(self, origins: Floats, places: NDArray[np.float64], normals: Floats) -> NDArray[np.int64]:
+    def _nearest(self, origins: Float32Array, places: NDArray[np.float64], normals: Float32Array) -> NDArray[np.int64]:
         """The nearest points (N,) that face the same way and are in sight of places, or at least not buried."""
         tree, size = self._tree
         k = min(_NEAREST, len(self._points))

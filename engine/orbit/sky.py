@@ -34,7 +34,7 @@ _SUN = 4.0
 N_PLACES = 16
 _CUTS = 4  # times that a sun is cut in four to find them
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,12 +47,12 @@ class Sky:
     by side.
     """
 
-    map: Floats
-    coarse_map: Floats
+    map: Float32Array
+    coarse_map: Float32Array
     turn: float
-    sun_direction: Floats
-    sun_power: Floats
-    sun_places: Floats
+    sun_direction: Float32Array
+    sun_power: Float32Array
+    sun_places: Float32Array
 
 
 def make_sky(environment: Environment | None, rotation: float, scale: float = 1.0) -> Sky:
@@ -64,7 +64,7 @@ def make_sky(environment: Environment | None, rotation: float, scale: float = 1.
     return Sky(averaged, coarse, turn, _turned(directions, turn), power, _turned(places, turn))
 
 
-def _turned(directions: Floats, turn: float) -> Floats:
+def _turned(directions: Float32Array, turn: float) -> Float32Array:
     """Directions (..., 3), counter-clockwise about +Y as seen from above."""
     x, y, z = np.moveaxis(directions, -1, 0)
     turned = np.stack([math.cos(turn) * x + math.sin(turn) * z, y, math.cos(turn) * z - math.sin(turn) * x], axis=-1)
@@ -72,7 +72,7 @@ def _turned(directions: Floats, turn: float) -> Floats:
 
 
 @lru_cache(maxsize=2)
-def _unturned(environment: Environment | None) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+def _unturned(environment: Environment | None) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array, Float32Array]:
     """Map, coarse map, and the suns' directions, powers and places of an environment as it is."""
     fine = geodesic(_FINE)
     powers = np.zeros((fine.n_triangles, 3))
@@ -103,7 +103,7 @@ def _suns(powers: NDArray[np.float64]) -> NDArray[np.intp]:
     return np.asarray(candidates[luminance[candidates] > _SUN * luminance.mean()])
 
 
-def _places(environment: Environment, suns: NDArray[np.intp]) -> Floats:
+def _places(environment: Environment, suns: NDArray[np.intp]) -> Float32Array:
     """Directions (K, 16, 3) of as much power each in suns (K,), triangles one level coarser than the finest: of their
     parts, in the order in which they are cut, those in which every sixteenth of the power has its middle."""
     sphere = geodesic(_FINE - 1)

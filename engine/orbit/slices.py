@@ -27,7 +27,7 @@ from engine.sphere.haar import forward, levels_of_coefficients
 from engine.sphere.symmetry import N_TURNS, SECTOR, images_of_triangles, images_of_wavelets
 from engine.threads import n_threads, on_threads
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 
 # Angles to the normal and azimuths: of an isotropic reflection, and of one with a grain.
 N_POLAR, N_AZIMUTHS, N_GRAINED = 24, 9, 41
@@ -61,7 +61,7 @@ class Slices:
         return self.flat[:-1].reshape(N_POLAR, self.n_columns, -1, 3)
 
     @property
-    def values(self) -> Floats:
+    def values(self) -> Float32Array:
         """packed as float32."""
         return kernels.unpacked(self.packed)
 
@@ -252,7 +252,7 @@ def _place_images(level: int) -> NDArray[np.int32]:
     return np.searchsorted(_above(level), triangles).astype(np.int32)
 
 
-def _reflected(layer: Layer, wo: NDArray[np.float64], finer: int) -> Floats:
+def _reflected(layer: Layer, wo: NDArray[np.float64], finer: int) -> Float32Array:
     """The mean of ρ cos θ (U, 3) over each upper triangle, for one outgoing direction (3,)."""
     [values] = _in_middles(layer, wo[None], LEVEL)
     if finer == 0:

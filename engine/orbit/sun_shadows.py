@@ -20,7 +20,7 @@ from engine.orbit.reflected import suns_of
 from engine.orbit.sky import N_PLACES, Sky
 from engine.scene.raycaster import RayCaster
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 _AT_ONCE = 16384  # samples
 _AT_REST, _FEW = 2, 4  # rays to a sun, the latter in stills at first
 
@@ -59,7 +59,7 @@ def sun_shadows(
 
 
 def _free(
-    caster: RayCaster, origins: Floats, places: Floats, first: NDArray[np.int64], n: int
+    caster: RayCaster, origins: Float32Array, places: Float32Array, first: NDArray[np.int64], n: int
 ) -> NDArray[np.floating]:  # fmt: skip
     """Which share (R,) of n of the places (R, 16, 3) of suns is seen from origins (R, 3), from `first` (R,) on."""
     chosen = (first[:, None] + np.arange(n) * (N_PLACES // n)) % N_PLACES

@@ -18,7 +18,7 @@ from engine.orbit._slice_kernels import Tables
 from engine.orbit.parts import (
     N_HEAD,
     BouncedPart,
-    Floats,
+    Float32Array,
     LightPart,
     MeshPart,
     Part,
@@ -56,7 +56,7 @@ class Telling:
         self._incident: Incident | None = None
         self._bumps: tuple[Bumps, ...] = ()
         self._n = 0
-        self._indirect: Floats | None = None
+        self._indirect: Float32Array | None = None
         self._sky: tuple[object, ...] = ()
         self._image: object = self
         self._terms: tuple[object, ...] = ()
@@ -170,7 +170,7 @@ def _three(vector: NDArray[np.floating]) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _shares(within: Floats) -> Floats:
+def _shares(within: Float32Array) -> Float32Array:
     """Of a triangle's three corners, (..., 3), at u and v (..., 2)."""
     return np.stack([1.0 - within[..., 0] - within[..., 1], within[..., 0], within[..., 1]], axis=-1)
 
@@ -201,7 +201,7 @@ def _light(incident: Incident, which: NDArray[np.integer], n: int) -> LightPart:
     return LightPart(which.astype(np.int32), _four(kept.irradiance[which]), place, rows)
 
 
-def _four(colours: Floats) -> Floats:
+def _four(colours: Float32Array) -> Float32Array:
     """Colours (N, 3) as (N, 4)."""
     return np.concatenate([colours, np.zeros((len(colours), 1), np.float32)], axis=1)
 

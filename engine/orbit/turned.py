@@ -28,9 +28,9 @@ from engine.scene.load import Scene
 from engine.sphere.geodesic import geodesic, triangle_first_moments
 from engine.threads import even_parts, on_threads
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 Rows = NDArray[np.int64]
-Vectors = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 # A slice whose peak is so many times its mean is a highlight.
 _HIGHLIGHT = 4.0
 # Coefficients of a highlight from elsewhere: more show detail that is not there (*rings*: 96 are 3.7 % off, 320 4.8 %).
@@ -43,8 +43,8 @@ class TurnedSamples:
     """Samples (N,) of one object, and their frames (N, 3, 3) as `ShadingPoints.frames`, turned."""
 
     which: Rows
-    frames: Floats
-    wo: Floats
+    frames: Float32Array
+    wo: Float32Array
 
 
 def turned_samples(seen: Seen, which: Rows, scene: Scene, i_object: int) -> TurnedSamples:
@@ -65,7 +65,7 @@ def turned_samples(seen: Seen, which: Rows, scene: Scene, i_object: int) -> Turn
     return TurnedSamples(which, frames, np.ascontiguousarray(samples.wo[which]))
 
 
-def leaning_irradiance(seen: Seen, which: Rows, incident: Incident, scene: Scene, i_object: int) -> Floats:
+def leaning_irradiance(seen: Seen, which: Rows, incident: Incident, scene: Scene, i_object: int) -> Float32Array:
     """Irradiance (N, 3) of samples (N,) of an object under its bumps, while something moves: by the three sums that
     points keep of all their light."""
     out, leans = np.empty((len(which), 3), np.float32), _quick_leans(seen, which, scene, i_object)
@@ -80,7 +80,7 @@ def leaning_irradiance(seen: Seen, which: Rows, incident: Incident, scene: Scene
     return out
 
 
-def _quick_leans(seen: Seen, which: Rows, scene: Scene, i_object: int) -> Floats:
+def _quick_leans(seen: Seen, which: Rows, scene: Scene, i_object: int) -> Float32Array:
     """By how much bumps lean normals (N, 3), without much care for what a pixel covers; found once."""
     key = i_object, scene.description.objects[i_object].bumps
     if key not in seen.leans:
@@ -98,7 +98,7 @@ def _quick_leans(seen: Seen, which: Rows, scene: Scene, i_object: int) -> Floats
     return seen.leans[key]
 
 
-def _places(seen: Seen, which: Rows) -> tuple[Rows, Vectors, Vectors, Vectors]:
+def _places(seen: Seen, which: Rows) -> tuple[Rows, Float64Array, Float64Array, Float64Array]:
     """Triangle, u and v of samples (N,) in the scene, and the normals (N, 3) of points between these."""
     n, samples, points = len(which), seen.samples, seen.points
     out = np.empty(n, np.int64), np.empty(n), np.empty(n), np.empty((n, 3))
@@ -108,11 +108,11 @@ def _places(seen: Seen, which: Rows) -> tuple[Rows, Vectors, Vectors, Vectors]:
     return out
 
 
-def turned_irradiance(seen: Seen, samples: TurnedSamples, incident: Incident, sky: Sky) -> Floats:
+def turned_irradiance(seen: Seen, samples: TurnedSamples, incident: Incident, sky: Sky) -> Float32Array:
     """Irradiance (N, 3) of turned surfaces at rest."""
     normals, met = np.ascontiguousarray(samples.frames[:, 1]), seen.samples
 
-    def fill(start: int, stop: int, points: Rows, first: Rows, members: Rows, out: Floats) -> None:
+    def fill(start: int, stop: int, points: Rows, first: Rows, members: Rows, out: Float32Array) -> None:
         kernels.irradiance(
             start, stop, points, first, members, normals, seen.points.frames, incident.slot, incident.kept, _MATT_LEVEL,
             _directions(_MATT_LEVEL), out,
@@ -132,7 +132,7 @@ def turned_irradiance(seen: Seen, samples: TurnedSamples, incident: Incident, sk
 
 def turned_reflection(
     seen: Seen, samples: TurnedSamples, incident: Incident, sky: Sky, tables: _slice_kernels.Tables, still: bool
-) -> Floats:
+) -> Float32Array:
     """Radiance (N, 3) that turned surfaces with gloss send to the eye."""
     lit = _suns(seen, samples, incident, sky, tables)
     if not still and _is_highlight(tables):
@@ -142,7 +142,7 @@ def turned_reflection(
         )
     level = _STILL_LEVEL if still else _BROAD_LEVEL
 
-    def fill(start: int, stop: int, points: Rows, first: Rows, members: Rows, out: Floats) -> None:
+    def fill(start: int, stop: int, points: Rows, first: Rows, members: Rows, out: Float32Array) -> None:
         kernels.shade_broad(
             start, stop, points, first, members, samples.wo, samples.frames, seen.points.frames, incident.slot,
             incident.kept, level, _directions(level), hemisphere().children, tables, out,
@@ -151,10 +151,10 @@ def turned_reflection(
     return lit + _by_points(seen, samples, fill)
 
 
-_Fill = Callable[[int, int, Rows, Rows, Rows, Floats], None]
+_Fill = Callable[[int, int, Rows, Rows, Rows, Float32Array], None]
 
 
-def _by_points(seen: Seen, samples: TurnedSamples, fill: _Fill) -> Floats:
+def _by_points(seen: Seen, samples: TurnedSamples, fill: _Fill) -> Float32Array:
     """What is found at samples' corners, (N, 3), point by point."""
     asked, first, members = _picture_kernels.by_point(samples.which, seen.samples.corners, len(seen.points))
     at_corners = np.empty((3 * len(samples.which), 3), np.float32)
@@ -165,7 +165,7 @@ def _by_points(seen: Seen, samples: TurnedSamples, fill: _Fill) -> Floats:
 
 def _suns(
     seen: Seen, samples: TurnedSamples, incident: Incident, sky: Sky, tables: _slice_kernels.Tables
-) -> Floats:  # fmt: skip
+) -> Float32Array:  # fmt: skip
     out, met = np.zeros((len(samples.which), 3), np.float32), seen.samples
 
     def part(start: int, stop: int) -> None:
@@ -179,7 +179,7 @@ def _suns(
     return out
 
 
-def _in_rows(sky: Sky) -> tuple[Floats, Floats]:
+def _in_rows(sky: Sky) -> tuple[Float32Array, Float32Array]:
     """Direction and power (3, M) of a sky's suns, and of some without power, up to a multiple of 8."""
     n_more = -len(sky.sun_power) % 8
     more = np.zeros((n_more, 3), np.float32)
@@ -196,7 +196,7 @@ def _is_highlight(tables: _slice_kernels.Tables) -> bool:
     return bool(upright.max() > _HIGHLIGHT * upright.mean())
 
 
-def _directions(level: int) -> Floats:
+def _directions(level: int) -> Float32Array:
     """Of a level's triangles, as long as their mean cosines ask for, (20·4^level, 3)."""
     sphere = geodesic(level)
     moments = triangle_first_moments(sphere.vertices[sphere.triangles]) / sphere.solid_angles[:, None]

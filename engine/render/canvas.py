@@ -18,7 +18,7 @@ from engine.scene.surface_uvs import corner_uvs, positions_at, uvs_at
 from engine.texture.pyramid import Pyramid
 from engine.texture.strokes import PaintedPoints
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 _N_MEAN_SAMPLES = 1 << 15
 
 
@@ -36,7 +36,7 @@ class SeenMaps:
 class SpreadPoints:
     """Points evenly spread over a surface: texture (N, 3) and weight (N,) without strokes, position and normal."""
 
-    texture: Floats
+    texture: Float64Array
     weight: NDArray[np.float32]
     position: NDArray[np.float32]
     normal: NDArray[np.float32]
@@ -52,7 +52,7 @@ class Canvas:
     """One layer's images on one object, and what its strokes make of them."""
 
     def __init__(
-        self, unpainted: SeenMaps, hits: PrimaryHits, i_object: int, spread: SpreadPoints, origin: Floats
+        self, unpainted: SeenMaps, hits: PrimaryHits, i_object: int, spread: SpreadPoints, origin: Float64Array
     ) -> None:
         """origin (3,): of the scene, see `Scene`."""
         self._unpainted, self._hits, self._i_object, self._spread = unpainted, hits, i_object, spread
@@ -110,7 +110,7 @@ def mean_maps(scene: Scene, i_object: int, images: Images, texture: Pyramid | No
     )
 
 
-def _even_barycentrics(n: int) -> tuple[Floats, Floats]:
+def _even_barycentrics(n: int) -> tuple[Float64Array, Float64Array]:
     """n points spread evenly over a triangle, their u and v: multiples of powers of a root, modulo 1 [Roberts18]."""
     root = 1.32471795724474602596  # x³ = x + 1
     a, b = ((np.arange(n) * step + 0.5) % 1.0 for step in (1.0 / root, 1.0 / root**2))

@@ -67,8 +67,8 @@ _SEED = 12
 _ROWS_AT_ONCE = 32
 WHAT = "estimating the error"
 
-Floats = NDArray[np.float64]
-Steps = Generator[StillProgress, None, Floats]
+Float64Array = NDArray[np.float64]
+Steps = Generator[StillProgress, None, Float64Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ class Judged:
 
     estimate: ErrorEstimate
     pixel: NDArray[np.int32]
-    squares: Floats
+    squares: Float64Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,12 +86,12 @@ class _Truth:
     """Looks at the light of some rows (n,) with weights (n,): direct (R, n, 3), reflected before (2, n, 3)."""
 
     rows: NDArray[np.int32]
-    weights: Floats
-    direct: Floats
-    reflected: Floats
+    weights: Float64Array
+    direct: Float64Array
+    reflected: Float64Array
 
     @property
-    def whole(self) -> Floats:
+    def whole(self) -> Float64Array:
         """Two looks at all of it (2, n, 3), neither of which has anything of the other's chance."""
         halves = np.array_split(self.direct, 2)
         return np.stack([half.mean(axis=0) for half in halves]) + self.reflected
@@ -178,7 +178,7 @@ def judge_drawn(
     return tuple(found)
 
 
-def _mostly(placement: Placement, rows: NDArray[np.int32], squares: Floats) -> str:
+def _mostly(placement: Placement, rows: NDArray[np.int32], squares: Float64Array) -> str:
     """The object that has more than half of what weighted squares (n,) at some rows sum up to; "" where none has."""
     of_object = np.bincount(placement.hits.objects[rows], squares)
     most = int(of_object.argmax())
@@ -199,7 +199,7 @@ def _nothing(direct: float | None, indirect: float | None) -> Judged:
     return Judged(ErrorEstimate(direct, indirect, 0.0), np.zeros(0, np.int32), np.zeros(0))
 
 
-def _at_pixels(picture: NDArray[np.floating], pixel: NDArray[np.integer], resolution: tuple[int, int]) -> Floats:
+def _at_pixels(picture: NDArray[np.floating], pixel: NDArray[np.integer], resolution: tuple[int, int]) -> Float64Array:
     """What a picture (h, w, 3) shows at the centres of pixels (n,) of this resolution (width, height): (n, 3), between
     its own pixels as it is shown."""
     if (picture.shape[1], picture.shape[0]) == resolution:
@@ -217,7 +217,7 @@ def _at_pixels(picture: NDArray[np.floating], pixel: NDArray[np.integer], resolu
 
 def _look(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality, n_bounces: int,
-    rows: NDArray[np.int32], weights: Floats, n_paths: int | None, seed: int,
+    rows: NDArray[np.int32], weights: Float64Array, n_paths: int | None, seed: int,
 ) -> Generator[StillProgress, None, _Truth]:  # fmt: skip
     """The light of these rows, as it is."""
     n_looks = N_LOOKS if len(rows) <= N_POINTS else MAP_LOOKS
@@ -241,7 +241,7 @@ def _scale(truth: _Truth, top: float) -> tuple[float, float]:
 def _sample(
     hits: PrimaryHits, radiance: NDArray[np.floating], generator: np.random.Generator, n: int,
     among: NDArray[np.bool_] | None = None,
-) -> tuple[NDArray[np.int32], Floats]:  # fmt: skip
+) -> tuple[NDArray[np.int32], Float64Array]:  # fmt: skip
     """Rows of n points, ascending, and their weights (n,): means of what they have, times these, are the picture's,
     in which each counts by its share of a pixel. among: which points (P,) count, None for all.
 
@@ -259,7 +259,7 @@ def _sample(
     return rows, weights / weights.sum()
 
 
-def _contrast(hits: PrimaryHits, radiance: NDArray[np.floating]) -> Floats:
+def _contrast(hits: PrimaryHits, radiance: NDArray[np.floating]) -> Float64Array:
     """How much each point (P,) differs from its neighbours above and below, or left and right, on its own object: edges
     of shadows, where few points have much of the error. 0 beside pixels' centres."""
     width, height = hits.resolution
@@ -334,7 +334,7 @@ def _with_random_rays(targets: Targets, cut: TriangleLights | None, generator: n
     return replace(targets, positions=places.astype(np.float32))
 
 
-def _within(triangles: NDArray[np.floating], generator: np.random.Generator) -> Floats:
+def _within(triangles: NDArray[np.floating], generator: np.random.Generator) -> Float64Array:
     """A random point (M, 3) of each triangle (M, 3, 3)."""
     u, v = generator.random((2, len(triangles)))
     inner = np.minimum(u, v)
@@ -348,7 +348,7 @@ def _finer(bands: tuple[int, int]) -> tuple[int, int]:
     return min(FINER_BANDS * bands[0], most_a), 1 if bands[1] == 1 else min(2 * bands[1], most_b)
 
 
-def _squares(shown: Floats, looks: Floats, top: float) -> Floats:
+def _squares(shown: Float64Array, looks: Float64Array, top: float) -> Float64Array:
     """(v - t)^2 (n,), means over the colours, of light (n, 3) by R independent looks at the truth (R, n, 3): the mean
     of (v - a) (v - b) over all pairs of them."""
     off = np.minimum(shown, top) - np.minimum(looks, top)
@@ -356,18 +356,18 @@ def _squares(shown: Floats, looks: Floats, top: float) -> Floats:
     return np.asarray(pairs.mean(axis=1))
 
 
-def _relative_squares(squares: Floats, mean: float) -> Floats:
+def _relative_squares(squares: Float64Array, mean: float) -> Float64Array:
     return squares / mean**2 if mean > 0.0 else np.zeros_like(squares)
 
 
-def _relative(squares: Floats, mean: float) -> float:
+def _relative(squares: Float64Array, mean: float) -> float:
     """The relative RMS error by weighted squares (n,). Chance can make their sum next to nothing, or less: half of what
     it may be by chance is taken for an error in any case."""
     square = max(float(squares.sum()), 0.5 * float(np.linalg.norm(squares)))
     return math.sqrt(square) / mean if mean > 0.0 else 0.0
 
 
-def _at_least(known: float, weights: Floats, squares: Floats) -> float:
+def _at_least(known: float, weights: Float64Array, squares: Float64Array) -> float:
     """The relative RMS error by relative squares (n,) with weights (n,) that sum up to 1, `known` being the least that
     it can be: the root of what their mean is more than its own standard error, where that is more."""
     square = float(weights @ squares)

@@ -16,7 +16,7 @@ from engine.light.environment import LUMINANCE, downsampled
 from engine.scene.load import Scene
 from engine.transport.pipeline import SkyState
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 # Rows of the sky's table: finer than a coarse image, whose texels blend, and coarser than one with millions of them.
 _FEWEST_ROWS, _MOST_ROWS = 64, 1024
@@ -29,16 +29,16 @@ class LightSamples:
     The density is 0 where a light cannot be seen from the point; such samples count for nothing.
     """
 
-    wi: Floats
-    distance: Floats | None
-    pdf: Floats
-    radiance: Floats
+    wi: Float64Array
+    distance: Float64Array | None
+    pdf: Float64Array
+    radiance: Float64Array
 
 
 class PathLight(Protocol):
     """What a path tracer can draw directions to."""
 
-    def sample(self, points: Floats, u: Floats) -> LightSamples:
+    def sample(self, points: Float64Array, u: Float64Array) -> LightSamples:
         """One sample for each of the points (N, 3), by random numbers u (N, 3) in [0, 1)."""
 
 
@@ -64,7 +64,7 @@ class SkyLight:
         """Whether there is any light in it."""
         return len(self._table) > 0
 
-    def sample(self, points: Floats, u: Floats) -> LightSamples:
+    def sample(self, points: Float64Array, u: Float64Array) -> LightSamples:
         cell = np.minimum(np.searchsorted(self._table, u[:, 0], side="right"), self._table.size - 1)
         row, column = np.divmod(cell, self._shape[1])
         cosine = self._row_tops[row] + u[:, 1] * (self._row_tops[row + 1] - self._row_tops[row])
@@ -73,7 +73,7 @@ class SkyLight:
         wi = np.stack([sine * np.sin(phi), cosine, -sine * np.cos(phi)], axis=1)
         return LightSamples(wi, None, self._density[row, column], self.radiance(wi))
 
-    def pdf(self, wi: Floats) -> Floats:
+    def pdf(self, wi: Float64Array) -> Float64Array:
         """The density (N,) with which `sample` draws directions (N, 3)."""
         height, width = self._shape
         row = np.arctan2(np.hypot(wi[:, 0], wi[:, 2]), wi[:, 1]) * (height / math.pi)
@@ -81,7 +81,7 @@ class SkyLight:
         column = np.floor((phi / (2.0 * math.pi) + 0.5) * width).astype(np.int64) % width
         return self._density[np.clip(row.astype(np.int64), 0, height - 1), column]
 
-    def radiance(self, wi: Floats) -> Floats:
+    def radiance(self, wi: Float64Array) -> Float64Array:
         """What arrives from directions (N, 3)."""
         return self._environment.evaluate(wi, self._rotation).astype(np.float64) * self._scale
 
@@ -110,7 +110,7 @@ class EmitterLight:
         """Whether there is any emitter."""
         return len(self._table) > 0
 
-    def sample(self, points: Floats, u: Floats) -> LightSamples:
+    def sample(self, points: Float64Array, u: Float64Array) -> LightSamples:
         which = np.minimum(np.searchsorted(self._table, u[:, 0], side="right"), len(self._table) - 1)
         root = np.sqrt(u[:, 1])  # even over a triangle
         weights = np.stack([root * (1.0 - u[:, 2]), root * u[:, 2]], axis=1)
@@ -121,18 +121,18 @@ class EmitterLight:
         pdf = _by_solid_angle(self._by_area[self._triangle[which]], distance, facing)
         return LightSamples(wi, distance, pdf, self._radiance[which])
 
-    def pdf(self, triangle: NDArray[np.integer], wi: Floats, distance: Floats) -> Floats:
+    def pdf(self, triangle: NDArray[np.integer], wi: Float64Array, distance: Float64Array) -> Float64Array:
         """The density (N,) with which `sample` draws wi (N, 3), where that hits a triangle (N,) of the scene."""
         facing = -np.einsum("ni,ni->n", wi, self._normals[triangle].astype(np.float64))
         return _by_solid_angle(self._by_area[triangle], distance, facing)
 
 
-def _by_solid_angle(by_area: Floats, distance: Floats, facing: Floats) -> Floats:
+def _by_solid_angle(by_area: Float64Array, distance: Float64Array, facing: Float64Array) -> Float64Array:
     """A density per square metre as one per steradian; 0 from behind."""
     return np.where(facing > 1e-9, by_area * distance * distance / np.maximum(facing, 1e-9), 0.0)
 
 
-def _brightness(sky: SkyState) -> Floats:
+def _brightness(sky: SkyState) -> Float64Array:
     """Luminance on a regular (H, W) lat-long grid, blurred by a cell: what is interpolated reaches over texels."""
     assert sky.environment is not None
     small = downsampled(sky.environment, _MOST_ROWS)

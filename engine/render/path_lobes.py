@@ -18,7 +18,7 @@ from engine.material.layer import Layer
 from engine.render import _kernels as kernels
 from engine.render.integrator import HALF_PI, evaluate_layer, evaluate_layers
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 N_NUMBERS = 4  # random numbers that a direction takes
 # Fine about the pole, where lobes down to a roughness of 1e-4 live.
@@ -37,11 +37,11 @@ class Lobe:
     """
 
     mirror: bool
-    edges: Floats
-    cumulated: Floats
-    density: Floats
+    edges: Float64Array
+    cumulated: Float64Array
+    density: Float64Array
 
-    def sample(self, u: Floats, wo: Floats) -> Floats:
+    def sample(self, u: Float64Array, wo: Float64Array) -> Float64Array:
         """Directions (N, 3), also below the horizon, for wo (N, 3) and random numbers u (N, 3)."""
         cell = np.minimum(np.searchsorted(self.cumulated, u[:, 0], side="right"), self.cumulated.size - 1)
         ring, part = np.divmod(cell, self.density.shape[1])
@@ -54,7 +54,7 @@ class Lobe:
             return _about_mirrored(drawn, wo)
         return 2.0 * np.einsum("ni,ni->n", wo, drawn)[:, None] * drawn - wo
 
-    def pdf(self, wi: Floats, wo: Floats) -> Floats:
+    def pdf(self, wi: Float64Array, wo: Float64Array) -> Float64Array:
         """Density (N,) per steradian of wi (N, 3) above the horizon."""
         if self.mirror:
             mirrored = wo * np.array([-1.0, -1.0, 1.0])
@@ -64,7 +64,7 @@ class Lobe:
         half = total / length[:, None]
         return self._density_at(half[:, 2], half[:, 0] ** 2 + half[:, 1] ** 2, half) / (2.0 * length)
 
-    def _density_at(self, cosine: Floats, sine2: Floats, vector: Floats) -> Floats:
+    def _density_at(self, cosine: Float64Array, sine2: Float64Array, vector: Float64Array) -> Float64Array:
         """The table at an angle given by cosine and squared sine (N,), and the azimuth of vectors (N, 3)."""
         away = sine2 / (1.0 + np.maximum(cosine, 0.0))
         ring = np.clip(np.searchsorted(self.edges, away, side="right") - 1, 0, len(self.density) - 1)
@@ -102,7 +102,7 @@ def make_lobe(layer: Layer) -> Lobe | None:
     return Lobe(mirror, edges, np.cumsum(shares.ravel() / total), values / total)
 
 
-def _profile(layer: Layer, mirror: bool, vectors: Floats) -> Floats:
+def _profile(layer: Layer, mirror: bool, vectors: Float64Array) -> Float64Array:
     """How much of the layer's light leaves by each half vector, or by each vector about the mirrored one, (N,)."""
     if mirror:
         angles = np.arctan2(np.hypot(vectors[:, 0], vectors[:, 1]), vectors[:, 2])
@@ -140,7 +140,7 @@ class Scattering:
     def reflects(self) -> bool:
         return bool(self.layers)
 
-    def evaluate(self, wi: Floats, wo: Floats, factors: NDArray[np.floating] | None = None) -> tuple[Floats, Floats]:
+    def evaluate(self, wi: Float64Array, wo: Float64Array, factors: NDArray[np.floating] | None = None) -> tuple[Float64Array, Float64Array]:
         """ρ cosθ (N, 3) of local directions and the density (N,) of drawing wi; both 0 below the horizon.
 
         factors (N, K, 3): what multiplies the first K layers; directions are drawn as without them.
@@ -154,7 +154,7 @@ class Scattering:
             pdf[above] += share * lobe.pdf(wi, wo)
         return value, pdf
 
-    def sample(self, u: Floats, wo: Floats) -> Floats:
+    def sample(self, u: Float64Array, wo: Float64Array) -> Float64Array:
         """Local directions (N, 3), some below the horizon, by random numbers u (N, 4)."""
         wi = _cosine(u[:, 1:])
         which = np.minimum(np.searchsorted(np.cumsum(self._shares), u[:, 0], side="right"), len(self._lobes))
@@ -176,13 +176,13 @@ def _strength(layer: Layer, lobe: Lobe | None) -> float:
     return float(np.minimum(weight, 1e6).sum() / len(u[0]))
 
 
-def _cosine(u: Floats) -> Floats:
+def _cosine(u: Float64Array) -> Float64Array:
     """Directions (N, 3) about +z with density cosθ / π."""
     radius, phi = np.sqrt(u[:, 0]), 2.0 * math.pi * u[:, 1]
     return np.stack([radius * np.cos(phi), radius * np.sin(phi), np.sqrt(1.0 - u[:, 0])], axis=1)
 
 
-def _about_mirrored(drawn: Floats, wo: Floats) -> Floats:
+def _about_mirrored(drawn: Float64Array, wo: Float64Array) -> Float64Array:
     """Vectors (N, 3) about +z turned to be about the mirrored wo, which lies above the horizon [Duff17]."""
     x, y, z = -wo[:, 0], -wo[:, 1], wo[:, 2]
     a = -1.0 / (1.0 + z)
@@ -192,11 +192,11 @@ def _about_mirrored(drawn: Floats, wo: Floats) -> Floats:
     return drawn[:, :1] * first + drawn[:, 1:2] * second + drawn[:, 2:] * np.stack([x, y, z], axis=1)
 
 
-def _reflected(place: Floats, quarter: Floats, n_parts: int) -> Floats:
+def _reflected(place: Float64Array, quarter: Float64Array, n_parts: int) -> Float64Array:
     """The place of an angle in its quarter, [0, 1): every second quarter runs backwards."""
     share = place / n_parts
     return np.where(quarter % 2.0 == 1.0, 1.0 - share, share)
 
 
-def _squared(vectors: Floats) -> Floats:
+def _squared(vectors: Float64Array) -> Float64Array:
     return np.einsum("ni,ni->n", vectors, vectors)

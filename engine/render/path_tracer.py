@@ -32,7 +32,7 @@ from engine.scene.raycaster import RayCaster
 from engine.threads import n_threads, pool
 from engine.transport.pipeline import Placement, SkyState
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 Rows = NDArray[np.integer]
 
 MOST_SAMPLES = 1 << 20
@@ -52,7 +52,7 @@ _N_NUMBERS = _ROULETTE + 1
 class PathEstimate:
     """Radiance (P, 3) float64 towards the eye and its noise: the relative RMS error; None of a single pass."""
 
-    radiance: Floats
+    radiance: Float64Array
     noise: float | None
 
 
@@ -62,15 +62,15 @@ class _Vertices:
     frames; objects (N,); factors (N, K, 3) of the layers' textures and weight maps."""
 
     objects: Rows
-    position: Floats
-    lift: Floats
-    geometric_normal: Floats
-    horizon: Floats
-    frame: Floats
-    wo: Floats
+    position: Float64Array
+    lift: Float64Array
+    geometric_normal: Float64Array
+    horizon: Float64Array
+    frame: Float64Array
+    wo: Float64Array
     factors: NDArray[np.float32]
 
-    def origins(self, wi: Floats) -> NDArray[np.float32]:
+    def origins(self, wi: Float64Array) -> NDArray[np.float32]:
         """Where rays along wi (N, 3) start: on the side of the surface that they leave to."""
         side = np.where(np.einsum("ni,ni->n", wi, self.geometric_normal) >= 0.0, 1.0, -1.0)
         return (self.position + side[:, None] * self.lift).astype(np.float32)
@@ -78,10 +78,10 @@ class _Vertices:
     def of(self, rows: Rows) -> "_Vertices":
         return _Vertices(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
-    def to_local(self, vectors: Floats) -> Floats:
+    def to_local(self, vectors: Float64Array) -> Float64Array:
         return np.einsum("nij,nj->ni", self.frame, vectors)
 
-    def to_world(self, vectors: Floats) -> Floats:
+    def to_world(self, vectors: Float64Array) -> Float64Array:
         return np.einsum("nij,ni->nj", self.frame, vectors)
 
 
@@ -103,7 +103,7 @@ class PathTracer:
         self.maps = MapFactors(scene, layers_of)
         self._reflecting = np.array([*able, False])  # the last one: -1, the background
 
-    def follow(self, start: _Vertices, numbers: Floats) -> Floats:
+    def follow(self, start: _Vertices, numbers: Float64Array) -> Float64Array:
         """Radiance that one path each brings to the first vertices, by random numbers (N, bounces, 11): (N, 2, 3), of
         light that is reflected there for the first time, and of all."""
         radiance = np.zeros((len(start.objects), 3))
@@ -126,7 +126,7 @@ class PathTracer:
             once = radiance.copy() if bounce == 1 else once
         return np.minimum(np.stack([once, radiance], axis=1), _BRIGHTEST)
 
-    def _from_light(self, vertices: _Vertices, wo: Floats, drawn: LightSamples) -> Floats:
+    def _from_light(self, vertices: _Vertices, wo: Float64Array, drawn: LightSamples) -> Float64Array:
         """What samples (N,) of a light bring, (N, 3), without the path's weight."""
         found = np.zeros((len(drawn.pdf), 3))
         useful = np.flatnonzero(drawn.pdf > 0.0)
@@ -142,8 +142,8 @@ class PathTracer:
         return found
 
     def _go_on(
-        self, radiance: Floats, path: Rows, vertices: _Vertices, wo: Floats, weight: Floats, u: Floats, on: bool
-    ) -> tuple[Rows, _Vertices, Floats]:
+        self, radiance: Float64Array, path: Rows, vertices: _Vertices, wo: Float64Array, weight: Float64Array, u: Float64Array, on: bool
+    ) -> tuple[Rows, _Vertices, Float64Array]:
         """Draw directions, add the light they find to the radiance, and give what is left where they hit something."""
         local = self._sample(vertices.objects, u[:, :N_NUMBERS], wo)
         value, pdf = self._evaluate(vertices, local, wo)
@@ -167,7 +167,7 @@ class PathTracer:
         frames = shading_frames(self._scene, self._caster, found, ids, rows, -directions[rows])
         return path[rows], _vertices(ids[rows], frames, self.maps.of_hits(found, ids, rows)), weight[rows]
 
-    def _evaluate(self, vertices: _Vertices, wi: Floats, wo: Floats) -> tuple[Floats, Floats]:
+    def _evaluate(self, vertices: _Vertices, wi: Float64Array, wo: Float64Array) -> tuple[Float64Array, Float64Array]:
         value, pdf = np.zeros((len(wi), 3)), np.zeros(len(wi))
         for i in np.unique(vertices.objects):
             rows = np.flatnonzero(vertices.objects == i)
@@ -175,7 +175,7 @@ class PathTracer:
         value[np.einsum("ni,ni->n", wi, vertices.horizon) <= 0.0] = 0.0
         return value, pdf
 
-    def _sample(self, objects: Rows, u: Floats, wo: Floats) -> Floats:
+    def _sample(self, objects: Rows, u: Float64Array, wo: Float64Array) -> Float64Array:
         wi = np.empty((len(wo), 3))
         for i in np.unique(objects):
             rows = np.flatnonzero(objects == i)
@@ -211,7 +211,7 @@ def trace_halves(
     n_samples: int,
     seed: int,
     rows: Rows,
-) -> Generator[StillProgress, None, Floats]:
+) -> Generator[StillProgress, None, Float64Array]:
     """The same by each half of the samples, at least two, which know nothing of one another: (2, p, 2, 3), of light
     that was reflected once, and of all."""
     sums, counts = yield from _trace(placement, layers_of, sky, n_bounces, n_samples, seed, rows)
@@ -226,7 +226,7 @@ def _trace(
     n_samples: int,
     seed: int,
     rows: Rows | None,
-) -> Generator[StillProgress, None, tuple[Floats, NDArray[np.integer]]]:
+) -> Generator[StillProgress, None, tuple[Float64Array, NDArray[np.integer]]]:
     """Sums (2, p, 2, 3) over both halves of the samples, as `trace_halves` has them, and how many there are (2,)."""
     if not 1 <= n_bounces <= MOST_BOUNCES:
         raise ValueError(f"n_bounces = {n_bounces}, expected 1 to {MOST_BOUNCES}")
@@ -266,7 +266,7 @@ def render_paths(
     return compose(placement, estimate.radiance, sky)
 
 
-def noise_of_halves(halves: Floats, counts: NDArray[np.integer]) -> float:
+def noise_of_halves(halves: Float64Array, counts: NDArray[np.integer]) -> float:
     """The relative RMS error of the mean of all samples, from the sums (2, P, 3) over two halves of counts (2,).
 
     Of n = n_1 + n_2 samples, E (A - B)^2 = sigma^2 n / (n_1 n_2) for the halves' means A and B, and the mean of all
@@ -280,7 +280,7 @@ def noise_of_halves(halves: Floats, counts: NDArray[np.integer]) -> float:
     return float(np.sqrt(np.mean(difference**2) * counts[0] * counts[1])) / n
 
 
-def _progress(halves: Floats, counts: NDArray[np.integer], n_samples: int) -> StillProgress:
+def _progress(halves: Float64Array, counts: NDArray[np.integer], n_samples: int) -> StillProgress:
     noise = noise_of_halves(halves, counts) if counts.all() else None
     text = f"{counts.sum()} of {n_samples} samples a pixel" + (f", noise {noise:.2%}" if noise is not None else "")
     return StillProgress(float(counts.sum()) / n_samples, text, noise)
@@ -295,19 +295,19 @@ def _pass_sizes(n_samples: int) -> list[int]:
 def _pass_work(
     hits: PrimaryHits, factors: NDArray[np.float32], rows: Rows, tracer: PathTracer, points: NDArray[np.uint32],
     seed: tuple[int, int],
-) -> Callable[[tuple[int, Rows]], Floats]:  # fmt: skip
+) -> Callable[[tuple[int, Rows]], Float64Array]:  # fmt: skip
     """The sum over one pass's samples, (p, 2, 3), of a numbered block of the rows."""
     objects = hits.objects.astype(np.int64)
     n = len(points)
 
-    def work(block: tuple[int, Rows]) -> Floats:
+    def work(block: tuple[int, Rows]) -> Float64Array:
         i_block, places = block
         own = np.repeat(rows[places], n)
         names = ("position", "offset_position", "horizon", "normal", "geometric_normal", "tangent", "wo")
         start = _vertices(objects[own], {name: getattr(hits, name)[own] for name in names}, factors[own])
         generator = np.random.default_rng((*seed, 1 + i_block))
         shifts = generator.integers(1 << 32, size=(len(places), 1, *points.shape[1:]), dtype=np.uint32)
-        numbers: Floats = ((points ^ shifts) * np.float64(2.0**-32)).reshape(-1, *points.shape[1:])
+        numbers: Float64Array = ((points ^ shifts) * np.float64(2.0**-32)).reshape(-1, *points.shape[1:])
         return tracer.follow(start, numbers).reshape(len(places), n, 2, 3).sum(axis=1)
 
     return work
@@ -337,7 +337,7 @@ def _sobol_points(n: int, n_bounces: int, seed: tuple[int, int]) -> NDArray[np.u
     return (points * 2.0**32).astype(np.uint32).reshape(n, n_bounces, _N_NUMBERS)
 
 
-def _survivors(weight: Floats, u: Floats) -> Rows:
+def _survivors(weight: Float64Array, u: Float64Array) -> Rows:
     """Which paths (N,) go on by Russian roulette with numbers u (N,); weights (N, 3) of those are raised in place."""
     chance = np.clip(weight @ LUMINANCE, 0.05, 1.0)
     kept = np.flatnonzero(u < chance)

@@ -20,7 +20,7 @@ from engine.texture.pyramid import Pyramid
 from engine.texture.store import TextureStore, sampled
 from engine.texture.strokes import PaintedPoints
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 _MOST_KEPT = 4
 
 __all__ = ["MapSampler", "SeenMaps", "look_up", "mean_factor", "mean_maps", "painted", "sampled", "uvs_at"]
@@ -32,7 +32,7 @@ class MapSampler:
 
     def __init__(self, scene: Scene, caster: RayCaster, hits: PrimaryHits) -> None:
         self._scene, self._caster, self._hits = scene, caster, hits
-        self._footprints: dict[int, tuple[Floats, Floats, Floats]] = {}
+        self._footprints: dict[int, tuple[Float64Array, Float64Array, Float64Array]] = {}
         self._sampled: dict[tuple[object, ...], NDArray[np.float32]] = {}
 
     def see(self, i_object: int, images: Images) -> SeenMaps:
@@ -70,7 +70,7 @@ class MapSampler:
         return self._sampled[key]
 
 
-def look_up(images: Images, store: TextureStore, uv: Floats) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def look_up(images: Images, store: TextureStore, uv: Float64Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Texture (N, 3) and weight (N,) at coordinates (N, 2), between texels and without any filter, nor strokes."""
     return sampled(images, store, len(uv), lambda image, repeats: image.at(uv * np.array(repeats)))
 
@@ -83,7 +83,7 @@ def painted(scene: Scene, found: Intersections, strokes: Strokes, weight: NDArra
     return PaintedPoints(weight, places, scene.geometric_normals[found.triangle]).weights(strokes.about(scene.origin))
 
 
-def mean_factor(scene: Scene, i_object: int, maps: LayerMaps) -> Floats:
+def mean_factor(scene: Scene, i_object: int, maps: LayerMaps) -> Float64Array:
     """By what a layer's images multiply it on average over its object, (3,). Raises LoadError."""
     if maps.is_plain:
         return np.ones(3)
@@ -94,7 +94,7 @@ def mean_factor(scene: Scene, i_object: int, maps: LayerMaps) -> Floats:
 
 def _footprints(
     scene: Scene, caster: RayCaster, hits: PrimaryHits, rows: NDArray[np.integer]
-) -> tuple[Floats, Floats, Floats]:
+) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Where some hits lie on images, and how far their pixels reach, see `pixel_footprints`."""
     eyes = np.tile(scene.eye.astype(np.float32), (len(rows), 1))
     found = caster.intersect(eyes, -hits.wo[rows])

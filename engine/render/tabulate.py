@@ -13,7 +13,7 @@ from engine.measured.coordinates import SHAPE, grid_directions
 from engine.measured.merl import LARGEST, MISSING, SCALE
 from engine.render.integrator import evaluate_layers
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 # Cosines below which light and eye count as below the horizon.
 HORIZON = 1e-6
@@ -56,7 +56,7 @@ def is_anisotropic(layer: Layer) -> bool:
     return any(factor.gamma in kinds.HALF_AZIMUTHS for factor in layer.model.factors)
 
 
-def _turned(directions: Floats, angle: float) -> Floats:
+def _turned(directions: Float64Array, angle: float) -> Float64Array:
     if angle == 0.0:
         return directions
     x, y = np.cos(angle), np.sin(angle)

@@ -6,8 +6,8 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+Float64Array = NDArray[np.float64]
+Int64Array = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 # A turn is none when the parallelogram of its edges is so small beside their squares.
@@ -16,7 +16,7 @@ _CLOSE = 10
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _turn(points: Floats, a: int, b: int, c: int) -> float:
+def _turn(points: Float64Array, a: int, b: int, c: int) -> float:
     """Twice the signed area of a triangle: positive where a, b, c run counter-clockwise, exactly 0 where they stand on
     a line but for rounding."""
     ux, uy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
@@ -26,12 +26,12 @@ def _turn(points: Floats, a: int, b: int, c: int) -> float:
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _same(points: Floats, a: int, b: int) -> bool:
+def _same(points: Float64Array, a: int, b: int) -> bool:
     return points[a, 0] == points[b, 0] and points[a, 1] == points[b, 1]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _enters(points: Floats, corner: int, right: int, left: int, before: int, after: int) -> bool:
+def _enters(points: Float64Array, corner: int, right: int, left: int, before: int, after: int) -> bool:
     """Whether an edge to one of two points leaves a corner strictly inside its angle from `right` to `left`, < 180°."""
     for end in (before, after):
         if _turn(points, right, corner, end) < 0.0 and _turn(points, left, corner, end) > 0.0:
@@ -40,7 +40,7 @@ def _enters(points: Floats, corner: int, right: int, left: int, before: int, aft
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _blocks(points: Floats, previous: Integers, following: Integers, a: int, b: int, c: int, j: int) -> bool:
+def _blocks(points: Float64Array, previous: Int64Array, following: Int64Array, a: int, b: int, c: int, j: int) -> bool:
     """Whether corner j, which does not turn left, forbids to cut the triangle a, b, c off: it lies in it or on its
     outline. Where it coincides with a corner, as where an outline touches itself or leads to a hole and back, it does
     if one of its edges enters the triangle."""
@@ -58,7 +58,7 @@ def _blocks(points: Floats, previous: Integers, following: Integers, a: int, b: 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _blocker(
-    points: Floats, previous: Integers, following: Integers, order: Integers, across: Floats, upward: Floats,
+    points: Float64Array, previous: Int64Array, following: Int64Array, order: Int64Array, across: Float64Array, upward: Float64Array,
     is_blunt: Flags, b: int,
 ) -> tuple[int, int]:  # fmt: skip
     """The first corner from the left that forbids to cut b off, -1 where none does; and the steps that this took: one a
@@ -84,7 +84,7 @@ def _blocker(
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _is_needless(points: Floats, a: int, b: int, c: int) -> bool:
+def _is_needless(points: Float64Array, a: int, b: int, c: int) -> bool:
     """Whether b adds nothing to an outline: it stands on a neighbour, or is the tip of a spike without width."""
     if _same(points, a, b) or _same(points, b, c):
         return True
@@ -95,7 +95,7 @@ def _is_needless(points: Floats, a: int, b: int, c: int) -> bool:
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _least_bad(points: Floats, previous: Integers, following: Integers, start: int, n_left: int) -> int:
+def _least_bad(points: Float64Array, previous: Int64Array, following: Int64Array, start: int, n_left: int) -> int:
     """What to cut where no ear is left, which happens to outlines that cross themselves: a corner that turns left, else
     any."""
     b = start
@@ -107,7 +107,7 @@ def _least_bad(points: Floats, previous: Integers, following: Integers, start: i
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _cut(points: Floats, most_steps: int, triangles: Integers) -> tuple[int, int]:
+def _cut(points: Float64Array, most_steps: int, triangles: Int64Array) -> tuple[int, int]:
     """Triangles of one polygon (n, 2) as numbers of its corners: how many, and the steps that it took, more than
     `most_steps` where it was given up.
 
@@ -181,7 +181,7 @@ def _cut(points: Floats, most_steps: int, triangles: Integers) -> tuple[int, int
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def cut_ears(
-    points: Floats, starts: Integers, lengths: Integers, most_steps: int, triangles: Integers, owners: Integers
+    points: Float64Array, starts: Int64Array, lengths: Int64Array, most_steps: int, triangles: Int64Array, owners: Int64Array
 ) -> tuple[int, int]:
     """Triangles of polygons, counter-clockwise, whose corners stand one after the other in points (C, 2).
 

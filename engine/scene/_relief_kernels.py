@@ -8,15 +8,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 _TINY = 1e-30
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def fill_leans(
-    triangle: NDArray[np.int64], u: Floats, v: Floats, slopes: NDArray[np.float32], gradients: Floats,
-    tangents: Floats, hands: Floats, scale: float, repeats: Floats, faces: NDArray[np.float32], wo: Floats,
-    normals: Floats, out: Floats,
+    triangle: NDArray[np.int64], u: Float64Array, v: Float64Array, slopes: NDArray[np.float32], gradients: Float64Array,
+    tangents: Float64Array, hands: Float64Array, scale: float, repeats: Float64Array, faces: NDArray[np.float32], wo: Float64Array,
+    normals: Float64Array, out: Float64Array,
 ) -> None:  # fmt: skip
     """Fill out (P, 3): −scale × slopes (P, 2) of points of an object's triangles (P,) along the gradients of u and v
     (t, 2, 3), or, where there are tangents at corners (t, 3, 3), along these and their bitangents, on the side of hands
@@ -45,7 +45,7 @@ def fill_leans(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _tangents_between(corners: Floats, first: float, second: float, third: float, normal: Floats, out: Floats) -> None:
+def _tangents_between(corners: Float64Array, first: float, second: float, third: float, normal: Float64Array, out: Float64Array) -> None:
     """The tangent between those of three corners, across a normal, unit."""
     along = 0.0
     for i in range(3):

@@ -19,10 +19,10 @@ _U, _V = np.array([2, 0, 0, 2, 0, 0]), np.array([1, 2, 1, 1, 2, 1])
 _U_TURNED = np.array([True, False, False, False, False, True])
 _V_TURNED = np.array([False, True, False, False, False, False])
 
-Floats = npt.NDArray[np.float64]
+Float64Array = npt.NDArray[np.float64]
 
 
-def box_frame(mesh: Mesh, transform: Floats, origin: Floats) -> Floats:
+def box_frame(mesh: Mesh, transform: Float64Array, origin: Float64Array) -> Float64Array:
     """From the scene's frame to that of a mesh's box, (3, 4): its lowest corner at 0, its longest edge 1.
 
     transform (4, 4) places the mesh in the world; the scene's frame is the world less `origin`.
@@ -34,7 +34,7 @@ def box_frame(mesh: Mesh, transform: Floats, origin: Floats) -> Floats:
     return np.concatenate([linear, shift[:, None]], axis=1) / edge
 
 
-def box_uvs(corners: npt.NDArray[np.floating], frames: Floats) -> Floats:
+def box_uvs(corners: npt.NDArray[np.floating], frames: Float64Array) -> Float64Array:
     """Texture coordinates (N, 3, 2) of triangles' corners (N, 3, 3) in the scene's frame, by the frames (N, 3, 4) of
     their boxes."""
     placed = np.einsum("nij,nkj->nki", frames[:, :, :3], corners.astype(np.float64)) + frames[:, None, :, 3]

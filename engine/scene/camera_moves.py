@@ -27,7 +27,7 @@ LEAST_DISTANCE, LEAST_SHARE = 1e-7, 1e-8
 # Of the picture, what a framed box covers at most.
 FRAMED_SHARE = 0.9
 Side = Literal["front", "back", "right", "left", "top", "bottom"]
-Vector = npt.NDArray[np.float64]
+Float64Array = npt.NDArray[np.float64]
 Y = np.array([0.0, 1.0, 0.0])
 SIDES: dict[Side, tuple[tuple[float, float, float], float]] = {
     "front": ((0.0, 0.0, 1.0), 0.0), "back": ((0.0, 0.0, -1.0), 0.0), "right": ((1.0, 0.0, 0.0), 0.0),
@@ -111,7 +111,7 @@ def seen_from_side(camera: Camera, side: Side) -> Camera:
     return _turned_to(camera, np.array(level), elevation, Y)
 
 
-def point_at(camera: Camera, resolution: tuple[int, int], column: float, row: float, depth: float) -> Vector:
+def point_at(camera: Camera, resolution: tuple[int, int], column: float, row: float, depth: float) -> Float64Array:
     """What stands at a place of the picture, pixels, so many metres before the camera."""
     ray = pixel_directions(camera, resolution, column, row).astype(np.float64)
     return np.asarray(np.array(camera.position) + depth / float(ray @ camera_frame(camera)[2]) * ray)
@@ -122,13 +122,13 @@ def depth_of(camera: Camera, point: npt.ArrayLike) -> float:
     return float(np.subtract(point, camera.position) @ camera_frame(camera)[2])
 
 
-def _axis(camera: Camera) -> Vector:
+def _axis(camera: Camera) -> Float64Array:
     """What it turns about."""
     up = unit(np.array(camera.up))
     return Y if is_level(camera) and up[1] >= NEAR_Y else up
 
 
-def _level_and_elevation(camera: Camera, axis: Vector) -> tuple[Vector, float]:
+def _level_and_elevation(camera: Camera, axis: Float64Array) -> tuple[Float64Array, float]:
     """Where the camera stands seen from its target: the direction along the ground of an axis, and the angle above."""
     outwards = -camera_frame(camera)[2]
     height = float(np.clip(outwards @ axis, -1.0, 1.0))
@@ -139,7 +139,7 @@ def _level_and_elevation(camera: Camera, axis: Vector) -> tuple[Vector, float]:
     return unit(level), math.asin(height)
 
 
-def _turned_to(camera: Camera, level: Vector, elevation: float, axis: Vector) -> Camera:
+def _turned_to(camera: Camera, level: Float64Array, elevation: float, axis: Float64Array) -> Camera:
     """At the same distance from its target in that direction."""
     elevation = min(max(elevation, -MOST_ELEVATION), MOST_ELEVATION)
     outwards = math.cos(elevation) * level + math.sin(elevation) * axis
@@ -148,7 +148,7 @@ def _turned_to(camera: Camera, level: Vector, elevation: float, axis: Vector) ->
     return _placed(camera, target + away * outwards, target, tuple(axis))
 
 
-def _placed(camera: Camera, position: Vector, target: Vector, up: tuple[float, ...]) -> Camera:
+def _placed(camera: Camera, position: Float64Array, target: Float64Array, up: tuple[float, ...]) -> Camera:
     """There, no nearer to its target than can be told apart; the same camera where that is out of range."""
     offset, least = position - target, _least_distance(target)
     if not np.linalg.norm(offset) >= least:
@@ -163,5 +163,5 @@ def _point(vector: npt.ArrayLike) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _least_distance(target: Vector) -> float:
+def _least_distance(target: Float64Array) -> float:
     return max(LEAST_DISTANCE, LEAST_SHARE * float(np.abs(target).max()))

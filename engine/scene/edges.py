@@ -20,8 +20,8 @@ from engine.scene import _edge_kernels as kernels
 if TYPE_CHECKING:
     from engine.scene.hits import PrimaryHits
 
-Floats = npt.NDArray[np.float32]
-Integers = npt.NDArray[np.int32]
+Float32Array = npt.NDArray[np.float32]
+Int32Array = npt.NDArray[np.int32]
 
 # Radians by which normals of one point may differ, divided by the rays.
 _TURN = 1.2
@@ -39,7 +39,7 @@ _PATTERNS = {
 }  # fmt: skip
 
 
-def ray_offsets(n_rays: int) -> Floats:
+def ray_offsets(n_rays: int) -> Float32Array:
     """Where the rays of an edge pixel pass, (n, 2) columns and rows from its centre, in pixels; no two of them in one
     column or row, none at the centre. The patterns are those of Direct3D's multisampling, of 16 its middle moved."""
     sixteenths = np.asarray(_PATTERNS[n_rays], np.float32)
@@ -50,17 +50,17 @@ class Surface(NamedTuple):
     """What rays meet: the object that reflects there or −1, ids of any shape, its position and normal, of that shape
     times 3."""
 
-    ids: Integers
-    position: Floats
-    normal: Floats
+    ids: Int32Array
+    position: Float32Array
+    normal: Float32Array
 
 
 class Groups(NamedTuple):
     """Of edge pixels (F,) and their centre and rays (F, 1 + n): which of these has the point that each of them shares,
     −1 where nothing reflects, and the share of the pixel that each stands for, 0 but for those."""
 
-    leader: Integers
-    share: Floats
+    leader: Int32Array
+    share: Float32Array
 
 
 def turn_of(n_rays: int) -> float:
@@ -68,7 +68,7 @@ def turn_of(n_rays: int) -> float:
     return _TURN / n_rays
 
 
-def edge_pixels(seen: Integers, centres: Surface, turn: float, resolution: tuple[int, int]) -> npt.NDArray[np.bool_]:
+def edge_pixels(seen: Int32Array, centres: Surface, turn: float, resolution: tuple[int, int]) -> npt.NDArray[np.bool_]:
     """Which pixels (N,) of a picture of resolution (width, height) one of their neighbours differs from; seen (N,): the
     object at each centre, −1 for none; centres: what reflects there."""
     width, height = resolution
@@ -78,7 +78,7 @@ def edge_pixels(seen: Integers, centres: Surface, turn: float, resolution: tuple
     return edge.ravel()
 
 
-def grouped(samples: Surface, offsets: Floats, turn: float, n_centres: int) -> Groups:
+def grouped(samples: Surface, offsets: Float32Array, turn: float, n_centres: int) -> Groups:
     """Who shares a point: of samples (F, 1 + n), the centre first, the rays passing at offsets (n, 2).
 
     Where these would be too many beside the n_centres points of a picture, the angle is widened, to where the objects
@@ -98,7 +98,7 @@ def grouped(samples: Surface, offsets: Floats, turn: float, n_centres: int) -> G
     return Groups(leader, share)
 
 
-def nearest_centres(hits: PrimaryHits, normals: Floats, least_alike: Floats) -> tuple[Integers, Integers]:
+def nearest_centres(hits: PrimaryHits, normals: Float32Array, least_alike: Float32Array) -> tuple[Int32Array, Int32Array]:
     """The rows (X,) of all points beside their pixels' centres, and for each the nearest row at the centre of its own
     pixel or one around it that is on the same surface, −1 where there is none.
 

@@ -11,16 +11,16 @@ import numpy.typing as npt
 
 from engine.scene.load import Scene
 
-Floats = npt.NDArray[np.float64]
+Float64Array = npt.NDArray[np.float64]
 
 
-def object_axes(scene: Scene) -> Floats:
+def object_axes(scene: Scene) -> Float64Array:
     """Each object's axes in the world, unit, (M, 3, 3): rows X, Y, Z."""
     axes = np.array([np.reshape(o.transform, (4, 4))[:3, :3].T for o in scene.description.objects])
     return axes / np.linalg.norm(axes, axis=2, keepdims=True)
 
 
-def object_tangents(scene: Scene, ids: npt.NDArray[np.integer], normals: Floats) -> Floats:
+def object_tangents(scene: Scene, ids: npt.NDArray[np.integer], normals: Float64Array) -> Float64Array:
     """normalize(Y × n) with the object's Y axis in the world; its X axis, made perpendicular to n, where Y ∥ n.
 
     ids (P,) of the objects, normals (P, 3) unit.
@@ -34,7 +34,7 @@ def object_tangents(scene: Scene, ids: npt.NDArray[np.integer], normals: Floats)
     return tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
 
 
-def local_frames(tangent: npt.NDArray[np.floating], normal: npt.NDArray[np.floating]) -> Floats:
+def local_frames(tangent: npt.NDArray[np.floating], normal: npt.NDArray[np.floating]) -> Float64Array:
     """Matrices (P, 3, 3) whose rows are tangent, bitangent, normal: world to local; tangents and normals (P, 3)."""
     tangent, normal = tangent.astype(np.float64), normal.astype(np.float64)
     return np.stack([tangent, np.cross(normal, tangent), normal], axis=1)

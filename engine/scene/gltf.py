@@ -33,7 +33,7 @@ from engine.scene.mesh import (
     MAX_COORDINATE,
     MAX_MESH_BYTES,
     MAX_UV,
-    Floats,
+    Float64Array,
     Mesh,
     faceted,
     join_meshes,
@@ -251,7 +251,7 @@ def _triangles(primitive: JsonObject, corners: npt.NDArray[np.int64]) -> npt.NDA
     return triangles[(a != b) & (b != c) & (c != a)].astype(np.int32)
 
 
-def _mended(normals: Floats, vertices: Floats, triangles: npt.NDArray[np.int32], attributes: JsonObject) -> Floats:
+def _mended(normals: Float64Array, vertices: Float64Array, triangles: npt.NDArray[np.int32], attributes: JsonObject) -> Float64Array:
     """Unit normals (V, 3), those that are no numbers as the faces around have them."""
     is_usable = np.asarray(np.isfinite(normals).all(axis=1))
     around = smooth_normals(vertices, triangles)

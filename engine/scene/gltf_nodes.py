@@ -12,7 +12,7 @@ from engine.scene.glb import JsonObject
 from engine.scene.gltf_file import GltfFile
 from engine.scene.transform import check_transform
 
-Floats = npt.NDArray[np.float64]
+Float64Array = npt.NDArray[np.float64]
 
 MAX_DEPTH = 256
 _TRANSFORM = ("matrix", "translation", "rotation", "scale")
@@ -22,7 +22,7 @@ class MeshNode(NamedTuple):
     """A node that has a mesh, its matrix (4, 4) to the file's frame, and whether that flattens what it places."""
 
     node: int
-    matrix: Floats
+    matrix: Float64Array
     is_flat: bool = False
 
 
@@ -90,7 +90,7 @@ def _roots(file: GltfFile, root: JsonObject, parents: dict[int, int]) -> list[in
     return roots
 
 
-def node_matrix(node: JsonObject) -> Floats:
+def node_matrix(node: JsonObject) -> Float64Array:
     """A node's own transform: `matrix` (column-major) or translation · rotation · scale."""
     if node.values.keys().isdisjoint(_TRANSFORM):
         return np.eye(4)
@@ -99,7 +99,7 @@ def node_matrix(node: JsonObject) -> Floats:
     return matrix_of(*node_parts(node))
 
 
-def node_parts(node: JsonObject) -> tuple[Floats, Floats, Floats]:
+def node_parts(node: JsonObject) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Translation (3,), rotation (4,) as a quaternion x, y, z, w, and scale (3,)."""
     rotation = np.array(node.numbers("rotation", 4, (0.0, 0.0, 0.0, 1.0)))
     length = float(np.linalg.norm(rotation))
@@ -113,7 +113,7 @@ def node_parts(node: JsonObject) -> tuple[Floats, Floats, Floats]:
     return np.array(node.numbers("translation", 3, (0.0, 0.0, 0.0))), rotation, scale
 
 
-def matrix_of(translation: Floats, rotation: Floats, scale: Floats) -> Floats:
+def matrix_of(translation: Float64Array, rotation: Float64Array, scale: Float64Array) -> Float64Array:
     """Translation · rotation · scale (4, 4), by a quaternion of any length but 0."""
     x, y, z, w = rotation.tolist()
     s = 2.0 / (x * x + y * y + z * z + w * w)
@@ -128,7 +128,7 @@ def matrix_of(translation: Floats, rotation: Floats, scale: Floats) -> Floats:
     return matrix
 
 
-def _finite(matrix: Floats, node: JsonObject) -> Floats:
+def _finite(matrix: Float64Array, node: JsonObject) -> Float64Array:
     """The matrix if its entries are of a usable size and it is affine."""
     if not (np.abs(matrix) <= 1e9).all() or np.abs(matrix[3] - (0, 0, 0, 1)).max() > 1e-6:
         raise node.error("transform", matrix.reshape(-1).tolist(), "an affine matrix with entries up to 1e+09")
@@ -140,9 +140,9 @@ class WorldMatrices:
 
     def __init__(self, file: GltfFile) -> None:
         self._file, self._parents = file, parents_of(file)
-        self._found: dict[int, Floats] = {}
+        self._found: dict[int, Float64Array] = {}
 
-    def of(self, node: int) -> Floats:
+    def of(self, node: int) -> Float64Array:
         """(4, 4). Raises LoadError for nodes that are too deep or in a loop."""
         way = [node]
         while way[-1] not in self._found and way[-1] in self._parents:

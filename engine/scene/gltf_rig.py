@@ -22,7 +22,7 @@ from engine.scene.gltf_nodes import MAX_DEPTH, MeshNode, WorldMatrices, node_mat
 from engine.scene.mesh import Mesh, place_copies
 from engine.scene.rig import INTERPOLATIONS, PATHS, Binding, Clip, Morph, Skeleton, Track, rest_mesh
 
-Floats = npt.NDArray[np.float64]
+Float64Array = npt.NDArray[np.float64]
 Read = TypeVar("Read")
 
 MAX_TARGETS = 256
@@ -40,8 +40,8 @@ class Attached:
     as offsets (V, 3) of places and, or None, of normals."""
 
     bones: npt.NDArray[np.int32] | None
-    weights: Floats | None
-    targets: tuple[tuple[Floats, Floats | None], ...]
+    weights: Float64Array | None
+    targets: tuple[tuple[Float64Array, Float64Array | None], ...]
 
 
 class RigReader:
@@ -51,7 +51,7 @@ class RigReader:
         self._file, self._root = file, root
         self._skins = root.children("skins")
         self._is_animated = bool(root.children("animations"))
-        self._maps: dict[int, tuple[npt.NDArray[np.int32], Floats]] = {}
+        self._maps: dict[int, tuple[npt.NDArray[np.int32], Float64Array]] = {}
         self._left = MOST_NUMBERS + len(file.binary)
         self._notes: dict[str, None] = {}
 
@@ -238,11 +238,11 @@ class RigReader:
         owner, none = node if node.has("weights") else mesh, (0.0,) * count
         return self._try(owner.place, lambda: owner.numbers("weights", count, none)) or none
 
-    def _influences(self, primitive: JsonObject, n_vertices: int) -> tuple[npt.NDArray[np.int32], Floats] | None:
+    def _influences(self, primitive: JsonObject, n_vertices: int) -> tuple[npt.NDArray[np.int32], Float64Array] | None:
         """Joints (V, K) and weights (V, K), which sum to 1 or are all 0; None where the file has none."""
         attributes = primitive.child("attributes")
         joints: list[npt.NDArray[np.int32]] = []
-        weights: list[Floats] = []
+        weights: list[Float64Array] = []
         while attributes.has(f"JOINTS_{len(joints)}") and attributes.has(f"WEIGHTS_{len(joints)}"):
             k = len(joints)
             self._spend(4 * n_vertices, attributes, f"JOINTS_{k}")
@@ -262,7 +262,7 @@ class RigReader:
             total > 1e-12, shares / np.where(total > 1e-12, total, 1.0), 0.0
         )
 
-    def _targets(self, primitive: JsonObject, n_vertices: int) -> tuple[tuple[Floats, Floats | None], ...]:
+    def _targets(self, primitive: JsonObject, n_vertices: int) -> tuple[tuple[Float64Array, Float64Array | None], ...]:
         """Offsets (V, 3) of places and of normals, None without, of each morph target."""
         targets = primitive.children("targets")
         if len(targets) > MAX_TARGETS:
@@ -271,7 +271,7 @@ class RigReader:
         return tuple((_or_zero(self._offsets(each, "POSITION", n_vertices), n_vertices),
                       self._offsets(each, "NORMAL", n_vertices)) for each in targets)  # fmt: skip
 
-    def _offsets(self, target: JsonObject, key: str, n_vertices: int) -> Floats | None:
+    def _offsets(self, target: JsonObject, key: str, n_vertices: int) -> Float64Array | None:
         if not target.has(key):
             return None
         offsets = self._file.read(target, key, "VEC3", FLOATS).astype(np.float64)
@@ -299,7 +299,7 @@ class RigReader:
         bones = np.where(weights > 0.0, attached.bones, 0).astype(np.int32)
         return Binding(joints, maps, bones, weights, mesh.vertices, _or_zero(mesh.normals, len(mesh.vertices)))
 
-    def _skin(self, number: int) -> tuple[npt.NDArray[np.int32], Floats]:
+    def _skin(self, number: int) -> tuple[npt.NDArray[np.int32], Float64Array]:
         """A skin's joints (J,) and inverse bind matrices (J, 4, 4)."""
         if number not in self._maps:
             skin = self._skins[number]
@@ -344,5 +344,5 @@ def _following(mesh: Mesh, placed: list[MeshNode]) -> Binding:
     return Binding(nodes, maps, bones, np.ones(bones.shape), places, normals)
 
 
-def _or_zero(vectors: Floats | None, n_vertices: int) -> Floats:
+def _or_zero(vectors: Float64Array | None, n_vertices: int) -> Float64Array:
     return np.zeros((n_vertices, 3)) if vectors is None else vectors

@@ -24,8 +24,8 @@ from engine.scene.surface_points import SurfacePoints
 from engine.scene.surface_uvs import pixel_footprints
 from engine.steps import finish
 
-Floats = npt.NDArray[np.float32]
-Integers = npt.NDArray[np.int32]
+Float32Array = npt.NDArray[np.float32]
+Int32Array = npt.NDArray[np.int32]
 
 # Of a shading normal to the eye.
 LEAST_COSINE = 1e-3
@@ -47,28 +47,28 @@ class PrimaryHits(SurfacePoints):
     """
 
     resolution: tuple[int, int]
-    pixel: Integers
-    offset: Floats
-    share: Floats
-    object_ranges: Integers
-    normal: Floats
-    geometric_normal: Floats
+    pixel: Int32Array
+    offset: Float32Array
+    share: Float32Array
+    object_ranges: Int32Array
+    normal: Float32Array
+    geometric_normal: Float32Array
     front: npt.NDArray[np.bool_]
-    tangent: Floats
-    wo: Floats
+    tangent: Float32Array
+    wo: Float32Array
     object_image: npt.NDArray[np.int16]
-    open_image: Floats
-    emission_image: Floats
+    open_image: Float32Array
+    emission_image: Float32Array
     lamps: Lamps
-    ray_directions: Floats
+    ray_directions: Float32Array
 
     @property
-    def outward(self) -> Floats:
+    def outward(self) -> Float32Array:
         """The faces' normals (P, 3) on the side that the winding faces."""
         return np.where(self.front[:, None], self.geometric_normal, -self.geometric_normal)
 
     @cached_property
-    def objects(self) -> Integers:
+    def objects(self) -> Int32Array:
         """The object of each point (P,)."""
         counts = self.object_ranges[:, 1] - self.object_ranges[:, 0]
         return np.repeat(np.arange(len(counts), dtype=np.int32), counts)
@@ -85,7 +85,7 @@ class PrimaryHits(SurfacePoints):
         return np.asarray(~self.offset.any(axis=1))
 
     @cached_property
-    def row_image(self) -> Integers:
+    def row_image(self) -> Int32Array:
         """The row of the point at each pixel's centre (H, W), −1 for none."""
         width, height = self.resolution
         rows = np.flatnonzero(self.centred)
@@ -93,7 +93,7 @@ class PrimaryHits(SurfacePoints):
         image.ravel()[self.pixel[rows]] = rows
         return image
 
-    def at(self, rows: Integers) -> PrimaryHits:
+    def at(self, rows: Int32Array) -> PrimaryHits:
         """Some of the points alone, by ascending rows; images stay those of the whole picture."""
         vectors = "position", "offset_position", "horizon", "normal", "geometric_normal", "tangent", "wo"
         points = ("pixel", "offset", "share", "front", *vectors)
@@ -104,11 +104,11 @@ class PrimaryHits(SurfacePoints):
 class _Rays(NamedTuple):
     """What rays (R,) through pixels meet; offset (R, 2) from the pixel's centre, directions (R, 3)."""
 
-    pixel: Integers
-    offset: Floats
-    directions: Floats
+    pixel: Int32Array
+    offset: Float32Array
+    directions: Float32Array
     found: Intersections
-    ids: Integers
+    ids: Int32Array
 
     def reflecting(self, scene: Scene) -> npt.NDArray[np.intp]:
         """Which of them end where shading points may be."""
@@ -177,19 +177,19 @@ def tracing_primary(
     )
 
 
-def _shone(lamps: Lamps, size: tuple[int, int]) -> Floats:
+def _shone(lamps: Lamps, size: tuple[int, int]) -> Float32Array:
     """The picture (H, W, 3) of what shines."""
     image = np.zeros((size[0] * size[1], 3), np.float32)
     np.add.at(image, lamps.pixel, lamps.share[:, None] * lamps.radiance)
     return image.reshape(size[1], size[0], 3)
 
 
-def _met(scene: Scene, caster: RayCaster, pixel: Integers, offset: Floats, directions: Floats) -> _Rays:
+def _met(scene: Scene, caster: RayCaster, pixel: Int32Array, offset: Float32Array, directions: Float32Array) -> _Rays:
     found = caster.intersect(np.tile(scene.eye.astype(np.float32), (len(directions), 1)), directions)
     return _Rays(pixel, offset, directions, found, object_ids(scene, found))
 
 
-def _through_edges(scene: Scene, caster: RayCaster, pixels: Integers, n_rays: int, size: tuple[int, int]) -> _Rays:
+def _through_edges(scene: Scene, caster: RayCaster, pixels: Int32Array, n_rays: int, size: tuple[int, int]) -> _Rays:
     """n rays through each of the pixels (F,), one pixel's after another's."""
     pixel, offset = np.repeat(pixels, n_rays), np.tile(ray_offsets(n_rays), (len(pixels), 1))
     columns, lines = _places(pixel, offset, size[0]).T
@@ -212,13 +212,13 @@ def _points(
     }
 
 
-def _places(pixel: Integers, offset: Floats, width: int) -> npt.NDArray[np.float64]:
+def _places(pixel: Int32Array, offset: Float32Array, width: int) -> npt.NDArray[np.float64]:
     lines, columns = np.divmod(pixel, width)
     return np.asarray(np.stack([columns, lines], axis=1) + 0.5 + offset, np.float64)
 
 
 def _with_edges(
-    scene: Scene, caster: RayCaster, centred: _Points, met: Surface, around: _Rays, pixels: Integers,
+    scene: Scene, caster: RayCaster, centred: _Points, met: Surface, around: _Rays, pixels: Int32Array,
     size: tuple[int, int],
 ) -> _Points:  # fmt: skip
     """The points at the centres and, of the rays around those of edge pixels (F,), the ones that lead a group; with
@@ -264,12 +264,12 @@ def _surface_around(scene: Scene, rays: _Rays) -> Surface:
     return Surface(ids, position, normal)
 
 
-def object_ids(scene: Scene, found: Intersections) -> Integers:
+def object_ids(scene: Scene, found: Intersections) -> Int32Array:
     """The object each ray hits (R,), −1 for none."""
     return np.where(found.triangle >= 0, scene.object_of_triangle[found.triangle], -1).astype(np.int32)
 
 
-def emission_towards(scene: Scene, found: Intersections, ids: Integers, directions: Floats) -> Floats:
+def emission_towards(scene: Scene, found: Intersections, ids: Int32Array, directions: Float32Array) -> Float32Array:
     """Radiance (R, 3) of the emitters hit on their front, the side their winding faces."""
     facing = np.einsum("rk,rk->r", scene.geometric_normals[found.triangle], directions) < 0.0
     shines = (ids >= 0) & facing
@@ -277,9 +277,9 @@ def emission_towards(scene: Scene, found: Intersections, ids: Integers, directio
 
 
 def shading_frames(
-    scene: Scene, caster: RayCaster, found: Intersections, ids: Integers, rays: npt.NDArray[np.integer], wo: Floats,
+    scene: Scene, caster: RayCaster, found: Intersections, ids: Int32Array, rays: npt.NDArray[np.integer], wo: Float32Array,
     places: tuple[npt.NDArray[np.float64], tuple[int, int]] | None = None,
-) -> dict[str, Floats]:  # fmt: skip
+) -> dict[str, Float32Array]:  # fmt: skip
     """Position, normals, tangent and wo of the points (P,) that some `rays` (P,) of those found hit.
 
     ids (R,): `object_ids` of all; wo (P, 3): back along the rays. Named and turned as in `PrimaryHits`. places:
@@ -312,7 +312,7 @@ def shading_frames(
 
 
 def _turned(
-    scene: Scene, found: Intersections, rays: npt.NDArray[np.integer], normals: npt.NDArray[np.float64], wo: Floats,
+    scene: Scene, found: Intersections, rays: npt.NDArray[np.integer], normals: npt.NDArray[np.float64], wo: Float32Array,
     places: tuple[npt.NDArray[np.float64], tuple[int, int]] | None,
 ) -> npt.NDArray[np.float64]:  # fmt: skip
     """Normals (P, 3) of hits as the scene's bumps turn them."""
@@ -330,7 +330,7 @@ def _face(normals: npt.NDArray[np.float64], side: npt.NDArray[np.floating]) -> n
     return np.where(np.einsum("pk,pk->p", normals, side)[:, None] < 0.0, -normals, normals)
 
 
-def _towards(normals: npt.NDArray[np.float64], wo: Floats) -> npt.NDArray[np.float64]:
+def _towards(normals: npt.NDArray[np.float64], wo: Float32Array) -> npt.NDArray[np.float64]:
     """Unit normals, those that lean away from the eye bent until it sees their side edge on.
 
     Along silhouettes an interpolated normal may point behind a face that the eye sees. Turned round by its own sign, as

@@ -28,8 +28,8 @@ MAX_MESH_BYTES = 512 * 2**20
 MAX_COORDINATE = 1e12
 MAX_UV = 1e4  # beyond, single precision no longer tells texels apart
 
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int32]
+Float64Array = npt.NDArray[np.float64]
+Int32Array = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -42,9 +42,9 @@ class Mesh:
     the file says nothing.
     """
 
-    vertices: Floats
-    triangles: Indices
-    normals: Floats | None = None
+    vertices: Float64Array
+    triangles: Int32Array
+    normals: Float64Array | None = None
     uvs: npt.NDArray[np.float32] | None = None
     tangents: npt.NDArray[np.float32] | None = None
 
@@ -115,14 +115,14 @@ def validate_mesh(mesh: Mesh, file: Path, place: str = "") -> Mesh:
     return mesh
 
 
-def cross(a: Floats, b: Floats) -> Floats:
+def cross(a: Float64Array, b: Float64Array) -> Float64Array:
     """Cross products (..., 3), bit by bit those of NumPy, whose own function costs 0.1 ms for a single one: a scene may
     hold thousands of small meshes."""
     after, before = [1, 2, 0], [2, 0, 1]
     return a[..., after] * b[..., before] - a[..., before] * b[..., after]
 
 
-def face_normals(vertices: npt.NDArray[np.floating], triangles: Indices) -> tuple[Floats, npt.NDArray[np.bool_]]:
+def face_normals(vertices: npt.NDArray[np.floating], triangles: Int32Array) -> tuple[Float64Array, npt.NDArray[np.bool_]]:
     """Unit normals (T, 3) by winding, and which faces have an area at all (the others get a zero normal).
 
     A face counts as having none when |e1 × e2| ≤ 1e-12 · (longest edge)².
@@ -138,7 +138,7 @@ def face_normals(vertices: npt.NDArray[np.floating], triangles: Indices) -> tupl
     return normals, solid
 
 
-def smooth_normals(vertices: npt.NDArray[np.floating], triangles: Indices) -> Floats:
+def smooth_normals(vertices: npt.NDArray[np.floating], triangles: Int32Array) -> Float64Array:
     """Unit vertex normals (V, 3): face normals weighted by the angle at the vertex [ThurmerWuthrich98].
 
     Vertices without a face, or whose faces cancel, get +Y.
@@ -155,7 +155,7 @@ def smooth_normals(vertices: npt.NDArray[np.floating], triangles: Indices) -> Fl
     return normalize(total, fallback=(0.0, 1.0, 0.0))
 
 
-def normalize(vectors: Floats, fallback: tuple[float, float, float] | Floats) -> Floats:
+def normalize(vectors: Float64Array, fallback: tuple[float, float, float] | Float64Array) -> Float64Array:
     """Vectors (N, 3) at unit length; those shorter than 1e-12 of the longest become the fallback."""
     scale = np.abs(vectors).max(axis=1, keepdims=True)
     shrunk = vectors / np.where(scale > 0, scale, 1.0)  # squares neither overflow nor underflow
@@ -164,7 +164,7 @@ def normalize(vectors: Floats, fallback: tuple[float, float, float] | Floats) ->
     return np.where(_are_short(vectors)[:, None], np.asarray(fallback, np.float64), unit)
 
 
-def _are_short(vectors: Floats) -> npt.NDArray[np.bool_]:
+def _are_short(vectors: Float64Array) -> npt.NDArray[np.bool_]:
     """Which vectors (N, 3) have no length beside the longest, and so no direction."""
     scale = np.abs(vectors).max(axis=1)
     return scale <= 1e-12 * scale.max(initial=0.0)
@@ -223,7 +223,7 @@ def _wound(copies: Sequence[npt.NDArray], mirrored: npt.NDArray[np.bool_]) -> np
 
 
 def _turned_tangents(
-    tangents: npt.NDArray[np.float32], linear: Floats, mirrored: npt.NDArray[np.bool_]
+    tangents: npt.NDArray[np.float32], linear: Float64Array, mirrored: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.float32]:
     """Tangents (T, 3, 4) under each linear transform (N, 3, 3), (N, T, 3, 4); a mirror turns the hand round."""
     along = np.einsum("nij,tcj->ntci", linear, tangents[..., :3].astype(np.float64))

@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
-Indices = npt.NDArray[np.int32]
+Float64Array = npt.NDArray[np.float64]
+Int64Array = npt.NDArray[np.int64]
+Int32Array = npt.NDArray[np.int32]
 
 STEPS_A_BYTE = 400
 _FEWEST_STEPS = 10_000_000
@@ -28,7 +28,7 @@ class TooIntricateError(Exception):
         self.polygon = polygon
 
 
-def triangulate(places: Floats, lengths: Integers, n_bytes: int) -> Indices:
+def triangulate(places: Float64Array, lengths: Int64Array, n_bytes: int) -> Int32Array:
     """Triangles (T, 3) of polygons, in their order, as numbers of corners.
 
     places (C, 3): of the corners of all polygons one after the other; lengths (N,), each at least 3; n_bytes: of the
@@ -58,7 +58,7 @@ def triangulate(places: Floats, lengths: Integers, n_bytes: int) -> Indices:
     return triangles[np.argsort(np.concatenate([owner[rest], chosen[owners[:found]]]), kind="stable")]
 
 
-def _fans(lengths: Integers) -> tuple[Indices, Integers]:
+def _fans(lengths: Int64Array) -> tuple[Int32Array, Int64Array]:
     """Triangles (a, b, c), (a, c, d)… of polygons, as numbers of corners, and the polygon of each."""
     starts, n_each = np.cumsum(lengths) - lengths, lengths - 2
     owner = np.repeat(np.arange(len(lengths)), n_each)
@@ -67,7 +67,7 @@ def _fans(lengths: Integers) -> tuple[Indices, Integers]:
     return np.stack([first, first + step + 1, first + step + 2], axis=1).astype(np.int32), owner
 
 
-def _flattened(local: Floats, lengths: Integers, starts: Integers) -> tuple[Floats, npt.NDArray[np.bool_]]:
+def _flattened(local: Float64Array, lengths: Int64Array, starts: Int64Array) -> tuple[Float64Array, npt.NDArray[np.bool_]]:
     """The corners (C, 2) along the axis that a polygon's normal [Newell] is nearest to, from where it runs counter-
     clockwise, and which polygons have an area. Areas shrink by one factor a polygon, and no coordinate is rounded."""
     n = len(local)
@@ -83,7 +83,7 @@ def _flattened(local: Floats, lengths: Integers, starts: Integers) -> tuple[Floa
     return np.ascontiguousarray(flat), (size != 0.0) & np.isfinite(size)
 
 
-def _are_solid(flat: Floats, triangles: Indices) -> npt.NDArray[np.bool_]:
+def _are_solid(flat: Float64Array, triangles: Int32Array) -> npt.NDArray[np.bool_]:
     """Which triangles of corners in the plane run counter-clockwise and are no mere lines."""
     corners = flat[triangles]
     edges = corners[:, (1, 2, 0)] - corners

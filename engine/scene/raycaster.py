@@ -21,7 +21,7 @@ from embreex.rtcore_scene import EmbreeScene
 
 from engine.threads import n_threads, stands_apart
 
-Floats = npt.NDArray[np.float32]
+Float32Array = npt.NDArray[np.float32]
 
 _CHUNK = 32768
 _FARTHEST = np.float32(1e37)
@@ -38,9 +38,9 @@ class Intersections:
     """
 
     triangle: npt.NDArray[np.int32]
-    u: Floats
-    v: Floats
-    distance: Floats
+    u: Float32Array
+    v: Float32Array
+    distance: Float32Array
 
     def of(self, rays: npt.NDArray[np.integer]) -> Intersections:
         """Of some of them."""
@@ -109,21 +109,21 @@ class RayCaster:
         self._split(n, trace)
         return hits
 
-    def offset_origins(self, points: npt.NDArray, geometric_normals: npt.NDArray) -> Floats:
+    def offset_origins(self, points: npt.NDArray, geometric_normals: npt.NDArray) -> Float32Array:
         """Points (P, 3) lifted off their surface along its normal (P, 3), enough for a ray not to hit it again.
 
         The lift is 32 ε max|p| with ε = 2⁻²³ and the maximum over the scene: it follows the scene's size.
         """
         return (np.asarray(points, np.float64) + self._offset * np.asarray(geometric_normals)).astype(np.float32)
 
-    def _local(self, origins: Floats, directions: Floats, part: slice) -> tuple[Floats, Floats]:
+    def _local(self, origins: Float32Array, directions: Float32Array, part: slice) -> tuple[Float32Array, Float32Array]:
         """A slice of the rays in the tree's frame: origins moved and scaled, so that distances scale too."""
         if self._identity:
             return origins[part], directions[part]
         moved = (origins[part] - self._centre) * self._scale
         return moved.astype(np.float32), directions[part]
 
-    def _limits(self, limits: Floats | None, part: slice) -> Floats | None:
+    def _limits(self, limits: Float32Array | None, part: slice) -> Float32Array | None:
         """A private copy of a slice of the distances (the library writes into it)."""
         if limits is None:
             return None
@@ -171,7 +171,7 @@ def _checked_triangles(triangles: npt.ArrayLike, n_vertices: int) -> npt.NDArray
 
 def _checked_rays(
     origins: npt.ArrayLike, directions: npt.ArrayLike, distance: npt.ArrayLike | None
-) -> tuple[Floats, Floats, Floats | None]:
+) -> tuple[Float32Array, Float32Array, Float32Array | None]:
     """Contiguous, writable float32 arrays of matching shapes without a number that is not finite."""
     starts, along = _as_floats(origins), _as_floats(directions)
     if starts.ndim != 2 or starts.shape[1] != 3 or starts.shape != along.shape:
@@ -188,13 +188,13 @@ def _checked_rays(
     return starts, along, limits
 
 
-def _as_floats(array: npt.ArrayLike) -> Floats:
+def _as_floats(array: npt.ArrayLike) -> Float32Array:
     """The array itself if it is contiguous, writable float32, else a copy that is."""
     floats = np.ascontiguousarray(array, dtype=np.float32)
     return floats if floats.flags.writeable else floats.copy()
 
 
-def _all_finite(array: Floats) -> bool:
+def _all_finite(array: Float32Array) -> bool:
     """Whether all numbers are finite; a finite sum says so at the price of one pass without a temporary."""
     with np.errstate(over="ignore", invalid="ignore"):
         return bool(np.isfinite(array.sum())) or bool(np.isfinite(array).all())

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from engine.material.bumps import Bumps
     from engine.scene.load import Scene
 
-Floats = NDArray[np.float64]
-Footprints = tuple[Floats, Floats, Floats]
+Float64Array = NDArray[np.float64]
+Footprints = tuple[Float64Array, Float64Array, Float64Array]
 # Of the mirror direction to the surface, where `wo` is as high.
 LEAST_REFLECTED = 0.01
 _TINY = 1e-30
@@ -46,12 +46,12 @@ class _Cover:
     slopes: Pyramid
     first: int
     n_triangles: int
-    tangents: Floats
-    hands: Floats
+    tangents: Float64Array
+    hands: Float64Array
     scene: Scene
 
     @cached_property
-    def gradients(self) -> Floats:
+    def gradients(self) -> Float64Array:
         """Of u and v over each of its triangles (t, 2, 3)."""
         return gradients(self.scene, np.arange(self.first, self.first + self.n_triangles))
 
@@ -93,7 +93,7 @@ class Relief:
         """Those that are not flat."""
         return tuple(self._covers)
 
-    def ways(self, i_object: int) -> Floats:
+    def ways(self, i_object: int) -> Float64Array:
         """What leans run along, at corners of the triangles of one of `objects`, (t, 3, 6): the gradients of u and of
         v, or of a normal map the tangent, 1 or, mirrored, −1, and zeros."""
         cover = self._covers[i_object]
@@ -104,9 +104,9 @@ class Relief:
         return np.concatenate([cover.tangents, hands], axis=2)
 
     def turned(
-        self, triangle: NDArray[np.integer], u: NDArray, v: NDArray, normals: Floats, wo: NDArray[np.floating],
+        self, triangle: NDArray[np.integer], u: NDArray, v: NDArray, normals: Float64Array, wo: NDArray[np.floating],
         footprints: Footprints | None = None,
-    ) -> Floats:  # fmt: skip
+    ) -> Float64Array:  # fmt: skip
         """Normals (P, 3) at points of triangles (P,), unit and on the side of wo (P, 3), turned by the bumps.
 
         footprints: coordinates of all points on their images and how these change over a pixel; None to look images up
@@ -124,10 +124,10 @@ class Relief:
         return out
 
     def leans(
-        self, i_object: int, triangle: NDArray[np.integer], u: NDArray, v: NDArray, normals: Floats,
+        self, i_object: int, triangle: NDArray[np.integer], u: NDArray, v: NDArray, normals: Float64Array,
         wo: NDArray[np.floating], footprints: Footprints | None, most_probes: int = MOST_PROBES,
         is_quick: bool = False,
-    ) -> Floats:  # fmt: skip
+    ) -> Float64Array:  # fmt: skip
         """What is added to unit normals (p, 3) of one of `objects`, within the surface, before they are unit again."""
         cover = self._covers[i_object]
         scene, repeats = self._scene, np.array(cover.bumps.bump_repeats)
@@ -146,7 +146,7 @@ class Relief:
         return lean
 
 
-def leaning(normals: Floats, lean: Floats, wo: NDArray[np.floating]) -> Floats:
+def leaning(normals: Float64Array, lean: Float64Array, wo: NDArray[np.floating]) -> Float64Array:
     """normalize(n + lean) for unit normals (p, 3) and leans (p, 3) across them, as far as wo (p, 3) allows it.
 
     At an angle a from n, in the plane of n and the lean, in which wo = r (sin φ, cos φ), the mirror direction of wo is
@@ -163,7 +163,7 @@ def leaning(normals: Floats, lean: Floats, wo: NDArray[np.floating]) -> Floats:
     return np.where(slope[:, None] > 0.0, turned / np.linalg.norm(turned, axis=1, keepdims=True), normals)
 
 
-def gradients(scene: Scene, triangle: NDArray[np.integer]) -> Floats:
+def gradients(scene: Scene, triangle: NDArray[np.integer]) -> Float64Array:
     """The gradients of u and v over triangles (p,), (p, 2, 3) in 1/m."""
     corners = scene.vertices[scene.triangles[triangle]].astype(np.float64)
     uvs = corner_uvs(scene, triangle)
@@ -175,7 +175,7 @@ def gradients(scene: Scene, triangle: NDArray[np.integer]) -> Floats:
     return np.einsum("pca,pck->pak", uvs[:, 1:] - uvs[:, :1], of_shares)
 
 
-def corner_tangents(scene: Scene, i_object: int) -> tuple[Floats, Floats]:
+def corner_tangents(scene: Scene, i_object: int) -> tuple[Float64Array, Float64Array]:
     """The direction in which u grows at the corners of an object's triangles, (t, 3, 3), zero where nothing says, and
     whether v grows to the left of it, seen from outside, (t,): 1 or, mirrored, −1. As the file says, where it does."""
     tangents, hands = _derived_tangents(scene, i_object)
@@ -186,7 +186,7 @@ def corner_tangents(scene: Scene, i_object: int) -> tuple[Floats, Floats]:
     return tangents, hands
 
 
-def _derived_tangents(scene: Scene, i_object: int) -> tuple[Floats, Floats]:
+def _derived_tangents(scene: Scene, i_object: int) -> tuple[Float64Array, Float64Array]:
     """The same by the texture coordinates [Mikkelsen08]."""
     begin, end = scene.triangle_ranges[i_object]
     triangle = np.arange(begin, end)
@@ -205,12 +205,12 @@ def _derived_tangents(scene: Scene, i_object: int) -> tuple[Floats, Floats]:
     group = group.ravel()
     each = (weights[..., None] * along_u[:, None]).reshape(-1, 3)
     sums = [np.bincount(group, each[:, k]).astype(np.float64) for k in range(3)]
-    total: Floats = np.stack(sums, axis=1)[group]
+    total: Float64Array = np.stack(sums, axis=1)[group]
     total /= np.maximum(np.linalg.norm(total, axis=1, keepdims=True), _TINY)
     return total.reshape(-1, 3, 3), hands
 
 
-def _corner_angles(corners: Floats) -> Floats:
+def _corner_angles(corners: Float64Array) -> Float64Array:
     """The angles (t, 3) of triangles (t, 3, 3)."""
     after, before = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     cosine = np.einsum("tki,tki->tk", after, before)

@@ -22,8 +22,8 @@ import numpy.typing as npt
 
 from engine.scene.mesh import Mesh, cross, normalize, smooth_normals
 
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int32]
+Float64Array = npt.NDArray[np.float64]
+Int32Array = npt.NDArray[np.int32]
 
 PATHS = {"translation": 3, "rotation": 4, "scale": 3}  # and their numbers; weights have as many as there are targets
 INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")
@@ -37,8 +37,8 @@ class Track:
     node: int
     path: str
     interpolation: str
-    times: Floats
-    values: Floats
+    times: Float64Array
+    values: Float64Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +68,9 @@ class Skeleton:
 
     order: tuple[int, ...]
     parents: dict[int, int]
-    matrices: dict[int, Floats]
-    parts: dict[int, tuple[Floats, Floats, Floats]]
-    weights: dict[int, Floats]
+    matrices: dict[int, Float64Array]
+    parts: dict[int, tuple[Float64Array, Float64Array, Float64Array]]
+    weights: dict[int, Float64Array]
     clips: tuple[Clip, ...]
 
     def clip(self, name: str) -> Clip:
@@ -88,9 +88,9 @@ class Morph:
 
     node: int
     number: int
-    vertices: Indices
-    offsets: Floats
-    normals: Floats | None
+    vertices: Int32Array
+    offsets: Float64Array
+    normals: Float64Array | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,22 +99,22 @@ class Binding:
     them, before anything moves them. Bones, as nodes (B,) and maps (B, 4, 4) from there to their axes; for each vertex
     some of them (V, K) and weights (V, K) that sum to 1."""
 
-    nodes: Indices
-    maps: Floats
-    bones: Indices
-    weights: Floats
-    places: Floats
-    normals: Floats
+    nodes: Int32Array
+    maps: Float64Array
+    bones: Int32Array
+    weights: Float64Array
+    places: Float64Array
+    normals: Float64Array
     morphs: tuple[Morph, ...] = ()
 
-    def blended(self, matrices: Floats) -> Floats:
+    def blended(self, matrices: Float64Array) -> Float64Array:
         """Of bones' matrices (B, 3, N) the mean of each vertex's own, (V, 3, N)."""
         total = np.zeros((len(self.bones), *matrices.shape[1:]))
         for bones, weights in zip(self.bones.T, self.weights.T, strict=True):
             total += weights[:, None, None] * matrices[bones]
         return total
 
-    def morphed(self, weights: Mapping[int, Floats]) -> tuple[Floats, Floats]:
+    def morphed(self, weights: Mapping[int, Float64Array]) -> tuple[Float64Array, Float64Array]:
         """Places and normals (V, 3) under morph targets of these weights, by node; 0 for what has none."""
         places, normals = self.places, self.normals
         for morph in self.morphs:
@@ -145,13 +145,13 @@ class Binding:
         )  # fmt: skip
 
 
-def morph_weight(morph: Morph, weights: Mapping[int, Floats]) -> float:
+def morph_weight(morph: Morph, weights: Mapping[int, Float64Array]) -> float:
     """That of a target among those of its node; 0 where nothing says it."""
     own = weights.get(morph.node)
     return float(own[morph.number]) if own is not None and morph.number < len(own) else 0.0
 
 
-def normal_matrices(matrices: Floats) -> Floats:
+def normal_matrices(matrices: Float64Array) -> Float64Array:
     """What normals go by under matrices (B, 3, 4): the inverse transposes (B, 3, 3) of their linear parts, blended as
     those are [glTF20, 3.7.3.3]; where there is no inverse the cofactors, which have its directions."""
     linear = matrices[..., :3]
@@ -161,7 +161,7 @@ def normal_matrices(matrices: Floats) -> Floats:
     return cofactor / np.where(is_flat, 1.0, volume)[:, None, None]
 
 
-def rest_mesh(mesh: Mesh, binding: Binding, matrices: Floats, weights: Mapping[int, Floats]) -> Mesh:
+def rest_mesh(mesh: Mesh, binding: Binding, matrices: Float64Array, weights: Mapping[int, Float64Array]) -> Mesh:
     """A mesh where its bones and morph targets have it: matrices (B, 3, 4) of the bones, G_b B_b; weights of morph
     targets by node. What a bone mirrors is wound the other way round, so that fronts stay fronts."""
     places, normals = binding.morphed(weights)
@@ -193,9 +193,9 @@ class Rest(NamedTuple):
     """What a rig's mesh is at rest: its bones' matrices (B, 3, 4), those of its vertices (V, 3, 3) without where they
     take them, and back."""
 
-    matrices: Floats
-    linear: Floats
-    inverse: Floats
+    matrices: Float64Array
+    linear: Float64Array
+    inverse: Float64Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,16 +204,16 @@ class Rig:
 
     skeleton: Skeleton
     binding: Binding
-    frame: Floats
+    frame: Float64Array
 
     @property
     def animations(self) -> Animations:
         """All that move anything of it."""
         return tuple(Animation(clip.name, clip.duration) for clip in self.skeleton.clips if clip.tracks)
 
-    def bone_matrices(self, moved: Mapping[int, Floats]) -> Floats:
+    def bone_matrices(self, moved: Mapping[int, Float64Array]) -> Float64Array:
         """Those of the bones (B, 3, 4), G_b B_b, where some nodes have other matrices (4, 4) to their parents."""
-        skeleton, matrices = self.skeleton, dict[int, Floats]()
+        skeleton, matrices = self.skeleton, dict[int, Float64Array]()
         for node in skeleton.order:
             own = moved.get(node, skeleton.matrices[node])
             parent = skeleton.parents.get(node)
@@ -230,7 +230,7 @@ class Rig:
         inverse = np.linalg.inv(np.where(is_flat[:, None, None], np.eye(3), linear))
         return Rest(matrices, linear, inverse)
 
-    def placed(self, matrix: Floats) -> Rig:
+    def placed(self, matrix: Float64Array) -> Rig:
         """Of the mesh under an affine transform (4, 4)."""
         return Rig(self.skeleton, self.binding, matrix @ self.frame)
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from engine.scene.raycaster import RayCaster
 
-Floats = npt.NDArray[np.float32]
+Float32Array = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,9 +17,9 @@ class SurfacePoints:
     """P points. position (P, 3) in the scene's frame, metres; horizon (P, 3): the unit normal that says what is above
     it; offset_position (P, 3): lifted off the surface, for shadow rays."""
 
-    position: Floats
-    horizon: Floats
-    offset_position: Floats
+    position: Float32Array
+    horizon: Float32Array
+    offset_position: Float32Array
 
 
 def surface_points(caster: RayCaster, position: npt.ArrayLike, normal: npt.ArrayLike) -> SurfacePoints:

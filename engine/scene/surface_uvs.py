@@ -18,10 +18,10 @@ from engine.scene.raycaster import Intersections
 if TYPE_CHECKING:
     from engine.scene.load import Scene
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 
-def corner_uvs(scene: Scene, triangle: NDArray[np.integer]) -> Floats:
+def corner_uvs(scene: Scene, triangle: NDArray[np.integer]) -> Float64Array:
     """Texture coordinates (N, 3, 2) of the corners of triangles (N,), of some meshes by their box."""
     objects = scene.object_of_triangle[triangle]
     uvs = np.zeros((len(triangle), 3, 2)) if scene.uvs is None else scene.uvs[triangle].astype(np.float64)
@@ -31,7 +31,7 @@ def corner_uvs(scene: Scene, triangle: NDArray[np.integer]) -> Floats:
     return uvs
 
 
-def uvs_at(scene: Scene, triangle: NDArray[np.integer], u: NDArray, v: NDArray) -> Floats:
+def uvs_at(scene: Scene, triangle: NDArray[np.integer], u: NDArray, v: NDArray) -> Float64Array:
     """Texture coordinates (N, 2) of points (1 − u − v) A + u B + v C of triangles (N,)."""
     return between(corner_uvs(scene, triangle), u, v)
 
@@ -41,7 +41,7 @@ def positions_at(scene: Scene, triangle: NDArray[np.integer], u: NDArray, v: NDA
     return between(scene.vertices[scene.triangles[triangle]], u, v).astype(np.float32)
 
 
-def between(corners: NDArray, u: NDArray, v: NDArray) -> Floats:
+def between(corners: NDArray, u: NDArray, v: NDArray) -> Float64Array:
     """What stands at corners (N, 3, k), at such points of the triangles."""
     corners = corners.astype(np.float64)
     u, v = np.asarray(u, np.float64)[:, None], np.asarray(v, np.float64)[:, None]
@@ -49,8 +49,8 @@ def between(corners: NDArray, u: NDArray, v: NDArray) -> Floats:
 
 
 def pixel_footprints(
-    scene: Scene, found: Intersections, places: Floats, resolution: tuple[int, int]
-) -> tuple[Floats, Floats, Floats]:
+    scene: Scene, found: Intersections, places: Float64Array, resolution: tuple[int, int]
+) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Texture coordinates of what rays hit that pass through a picture at places (p, 2), columns and lines in pixels
     from its upper left corner, and by how much they change over a pixel to the right and downwards, (p, 2)."""
     uv = uvs_at(scene, found.triangle, found.u, found.v)
@@ -62,7 +62,7 @@ def pixel_footprints(
     return uv, beside[0], beside[1]
 
 
-def _uvs_in_plane(scene: Scene, found: Intersections, directions: Floats) -> Floats:
+def _uvs_in_plane(scene: Scene, found: Intersections, directions: Float64Array) -> Float64Array:
     """Texture coordinates (p, 2) where rays from the eye meet the planes of the triangles found; far out where they
     hardly do."""
     corners = scene.vertices[scene.triangles[found.triangle]].astype(np.float64)

@@ -14,11 +14,11 @@ import numpy.typing as npt
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-Floats = npt.NDArray[np.float64]
+Float64Array = npt.NDArray[np.float64]
 _STEPS = 2**21 - 1  # of the mesh's size in which places are the same: three such numbers are one of 63 bits
 
 
-def turned_faces(vertices: Floats, triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
+def turned_faces(vertices: Float64Array, triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
     """Which triangles (T, 3) are to be turned round, (T,), so that all of a shell are wound one way. Vertices (V, 3) of
     one place are one, as along the seams of textures."""
     n, corners = len(triangles), _welded(vertices)[triangles]
@@ -40,7 +40,7 @@ def turned_faces(vertices: Floats, triangles: npt.NDArray[np.int32]) -> npt.NDAr
     return np.asarray(kept[shell[:n]] < kept[shell[n:]])
 
 
-def _welded(vertices: Floats) -> npt.NDArray[np.int64]:
+def _welded(vertices: Float64Array) -> npt.NDArray[np.int64]:
     """Numbers (V,), the same for vertices of one place."""
     low = vertices.min(axis=0)
     size = float((vertices - low).max()) or 1.0

@@ -14,12 +14,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 MAX_ORDER = 10
 
 
-def _recurrence() -> tuple[Floats, Floats, Floats]:
+def _recurrence() -> tuple[Float64Array, Float64Array, Float64Array]:
     """Q_lm = up_lm (z Q_(l-1)m - back_lm Q_(l-2)m), from Q_mm = diagonal_m; no factorial, which would overflow."""
     diagonal = np.empty(MAX_ORDER)
     up, back = np.zeros((MAX_ORDER, MAX_ORDER)), np.zeros((MAX_ORDER, MAX_ORDER))
@@ -38,7 +38,7 @@ _SQRT2 = math.sqrt(2.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def basis_at(x: float, y: float, z: float, legendre: Floats, values: Floats, gradients: Floats) -> None:
+def basis_at(x: float, y: float, z: float, legendre: Float64Array, values: Float64Array, gradients: Float64Array) -> None:
     """values (n^2,), number l^2 + l + m, at one place; gradients (n^2, 3) by x, y and z unless they are (0, 3).
 
     legendre: (n, n + 1) to work in, 0 above its diagonal.
@@ -73,7 +73,7 @@ def basis_at(x: float, y: float, z: float, legendre: Floats, values: Floats, gra
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def basis_range(directions: Floats, n: int, start: int, stop: int, values: Floats) -> None:
+def basis_range(directions: Float64Array, n: int, start: int, stop: int, values: Float64Array) -> None:
     """Fill values[start:stop] (D, n^2)."""
     legendre, none = np.zeros((n, n + 1)), np.empty((0, 3))
     for i in range(start, stop):

@@ -11,11 +11,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def locate_one(x: float, y: float, z: float, level: int, roots: Floats, planes: Floats) -> int:
+def locate_one(x: float, y: float, z: float, level: int, roots: Float64Array, planes: Float64Array) -> int:
     """Triangle of `level` holding direction (x, y, z): nearest root face, then one plane test per level.
 
     The nearest of the 20 face centres is the face that holds the direction, because the Voronoi cells of the face
@@ -48,7 +48,7 @@ def locate_one(x: float, y: float, z: float, level: int, roots: Floats, planes: 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def locate_range(
-    directions: Floats, level: int, roots: Floats, planes: Floats, start: int, stop: int, found: NDArray[np.int32]
+    directions: Float64Array, level: int, roots: Float64Array, planes: Float64Array, start: int, stop: int, found: NDArray[np.int32]
 ) -> int:
     """Fill found[start:stop]; returns the first direction that is zero or not finite, or -1."""
     first_bad = -1
@@ -65,7 +65,7 @@ def locate_range(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def solid_angle_from(px: float, py: float, pz: float, corners: Floats) -> float:
+def solid_angle_from(px: float, py: float, pz: float, corners: Float64Array) -> float:
     """Signed solid angle of the triangle corners (3, 3) seen from p: positive where its normal points towards p.
 
     tan(Omega / 2) = -a.(b x c) / (|a||b||c| + (a.b)|c| + (b.c)|a| + (c.a)|b|), a, b, c from p  [VanOosterom83].

@@ -16,12 +16,12 @@ from numpy.polynomial import legendre
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import nnls
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 _N_ANGLES = 65  # at which the lobe must fall
 
 
-def without_rings(bands: ArrayLike) -> Floats:
+def without_rings(bands: ArrayLike) -> Float64Array:
     """The nearest bands (n,) to those of a lobe, its integrals with the Legendre polynomials, whose lobe
     sum_l (2l+1)/(4 pi) bands_l P_l(cos theta) only falls from its axis on; the first one as it is.
 
@@ -45,7 +45,7 @@ def without_rings(bands: ArrayLike) -> Floats:
 
 
 @cache
-def _falls(n: int) -> Floats:
+def _falls(n: int) -> Float64Array:
     """Rows: the slope of each normalized band by the cosine, at angles between axis and far side; last, its value
     there."""
     cosine, every = np.cos(np.linspace(0.0, np.pi, _N_ANGLES)), np.eye(n)

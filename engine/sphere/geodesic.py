@@ -27,8 +27,8 @@ from engine.threads import even_parts, on_threads
 MAX_LEVEL = 7
 _THREADING_PAYS = 20_000
 
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int32]
+Float64Array = NDArray[np.float64]
+Int32Array = NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,32 +41,32 @@ class Geodesic:
     """
 
     level: int
-    vertices: Floats
-    triangles: Indices
-    centres: Floats
-    solid_angles: Floats
+    vertices: Float64Array
+    triangles: Int32Array
+    centres: Float64Array
+    solid_angles: Float64Array
 
     @property
     def n_triangles(self) -> int:
         return len(self.triangles)
 
     @cached_property
-    def edges(self) -> Indices:
+    def edges(self) -> Int32Array:
         """(E, 2) int32: the two vertices of every edge once, the smaller number first; E = 30 * 4^level."""
         return self._edges_and_owners[0]
 
     @cached_property
-    def triangle_edges(self) -> Indices:
+    def triangle_edges(self) -> Int32Array:
         """(T, 3) int32 into `edges`: entry k is the edge between corner k and corner k+1 (mod 3)."""
         return self._edges_and_owners[1]
 
     @cached_property
-    def _edges_and_owners(self) -> tuple[Indices, Indices]:
+    def _edges_and_owners(self) -> tuple[Int32Array, Int32Array]:
         edges, which = _unique_edges(self.triangles, len(self.vertices))
         return _readonly(edges), _readonly(which)
 
     @cached_property
-    def neighbours(self) -> Indices:
+    def neighbours(self) -> Int32Array:
         """(T, 3) int32: entry k is the triangle across the edge from corner k to corner k+1 (mod 3)."""
         return _readonly(_edge_neighbours(self.triangles, len(self.vertices)))
 
@@ -95,7 +95,7 @@ def geodesic(level: int) -> Geodesic:
     )
 
 
-def locate(directions: NDArray[np.floating], level: int) -> Indices:
+def locate(directions: NDArray[np.floating], level: int) -> Int32Array:
     """The triangle of `level` that holds each direction; a direction on an edge or a vertex gets one of its triangles.
 
     directions: (N, 3), any positive length. Returns (N,) int32. The answer is exact for the spherical triangles: a
@@ -117,7 +117,7 @@ def locate(directions: NDArray[np.floating], level: int) -> Indices:
 
 
 @lru_cache(maxsize=MAX_LEVEL + 1)
-def descent_tables(level: int) -> tuple[Floats, Floats]:
+def descent_tables(level: int) -> tuple[Float64Array, Float64Array]:
     """What `_kernels.locate_one` descends by: the 20 root centres and, for every triangle above `level`, three planes.
 
     Returns roots (20, 3) and planes (20 * (4^level - 1) / 3, 3, 3): plane k of a triangle has positive dot product with
@@ -129,7 +129,7 @@ def descent_tables(level: int) -> tuple[Floats, Floats]:
     return geodesic(0).centres, _readonly(np.ascontiguousarray(stacked))
 
 
-def triangle_solid_angles(corners: Floats) -> Floats:
+def triangle_solid_angles(corners: Float64Array) -> Float64Array:
     """Solid angle of spherical triangles with unit corners (..., 3, 3), in steradians, signed by orientation.
 
     tan(Omega / 2) = a . (b x c) / (1 + a.b + b.c + c.a)    [VanOosterom83]
@@ -140,7 +140,7 @@ def triangle_solid_angles(corners: Floats) -> Floats:
     return 2.0 * np.arctan2(numerator, 1.0 + dots[0] + dots[1] + dots[2])
 
 
-def triangle_first_moments(corners: Floats) -> Floats:
+def triangle_first_moments(corners: Float64Array) -> Float64Array:
     """The integral of omega d omega over spherical triangles with unit corners (..., 3, 3).
 
     Half the sum over the edges of the edge's angle times the unit normal of its great circle: Lambert's formula for the
@@ -164,7 +164,7 @@ def _readonly(array: NDArray) -> NDArray:
     return array
 
 
-def _icosahedron() -> tuple[Floats, Indices]:
+def _icosahedron() -> tuple[Float64Array, Int32Array]:
     """Unit icosahedron: a vertex at +Y, a ring of five at y = 1/sqrt(5), its mirror turned by 36 degrees, one at -Y."""
     height, radius = 1.0 / np.sqrt(5.0), 2.0 / np.sqrt(5.0)
     ring = 2.0 * np.pi * np.arange(5) / 5.0
@@ -184,7 +184,7 @@ def _icosahedron() -> tuple[Floats, Indices]:
     return vertices, triangles
 
 
-def _split_in_four(vertices: Floats, triangles: Indices) -> tuple[Floats, Indices]:
+def _split_in_four(vertices: Float64Array, triangles: Int32Array) -> tuple[Float64Array, Int32Array]:
     """Split each triangle at its normalised edge midpoints; new vertices are appended to the old ones."""
     edges, which = _unique_edges(triangles, len(vertices))
     middles = vertices[edges].sum(axis=1)
@@ -202,7 +202,7 @@ def _split_in_four(vertices: Floats, triangles: Indices) -> tuple[Floats, Indice
     return np.concatenate([vertices, middles]), np.ascontiguousarray(children.reshape(-1, 3))
 
 
-def _unique_edges(triangles: Indices, n_vertices: int) -> tuple[Indices, Indices]:
+def _unique_edges(triangles: Int32Array, n_vertices: int) -> tuple[Int32Array, Int32Array]:
     """Every undirected edge once (E, 2), and the number of each triangle's three edges (T, 3)."""
     starts, ends = triangles.astype(np.int64), np.roll(triangles, -1, axis=1).astype(np.int64)
     codes, which = np.unique(np.minimum(starts, ends) * n_vertices + np.maximum(starts, ends), return_inverse=True)
@@ -210,7 +210,7 @@ def _unique_edges(triangles: Indices, n_vertices: int) -> tuple[Indices, Indices
     return edges.astype(np.int32), which.reshape(triangles.shape).astype(np.int32)
 
 
-def _middle_planes(sphere: Geodesic) -> Floats:
+def _middle_planes(sphere: Geodesic) -> Float64Array:
     """(T, 3, 3): for each triangle the normals that cut its three corner children off its middle child."""
     corners = sphere.vertices[sphere.triangles]
     middles = corners + np.roll(corners, -1, axis=1)  # the middles of edges 01, 12, 20; only their direction matters
@@ -221,7 +221,7 @@ def _middle_planes(sphere: Geodesic) -> Floats:
     return planes
 
 
-def _edge_neighbours(triangles: Indices, n_vertices: int) -> Indices:
+def _edge_neighbours(triangles: Int32Array, n_vertices: int) -> Int32Array:
     """Pair the two directed copies of every edge: triangle t owns a->b where its neighbour owns b->a."""
     starts = triangles.astype(np.int64).ravel()
     ends = np.roll(triangles, -1, axis=1).astype(np.int64).ravel()

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from engine.sphere.geodesic import MAX_LEVEL
 
 Array = NDArray[Any]
-Indices = NDArray[np.int32]
+Int32Array = NDArray[np.int32]
 Rule = Literal["size", "energy", "top"]
 
 N_ROOTS = 20
@@ -65,7 +65,7 @@ def inverse(coefficients: Array) -> Array:
     return values
 
 
-def levels_of_coefficients(level: int) -> Indices:
+def levels_of_coefficients(level: int) -> Int32Array:
     """The level of the triangle that carries each coefficient (20·4^level,): 0 for the means."""
     levels = np.zeros(N_ROOTS * 4**level, np.int32)
     for coarse in range(1, level):
@@ -73,7 +73,7 @@ def levels_of_coefficients(level: int) -> Indices:
     return levels
 
 
-def images_of_coefficients(images: list[Indices]) -> Indices:
+def images_of_coefficients(images: list[Int32Array]) -> Int32Array:
     """To which number a symmetry carries each coefficient (20·4^L,).
 
     images: for each level from 0 to L the triangles onto which it carries the triangles

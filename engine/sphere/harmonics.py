@@ -18,12 +18,12 @@ from engine.sphere.geodesic import geodesic
 from engine.sphere.haar import level_of
 from engine.threads import even_parts, on_threads
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 MAX_ORDER = kernels.MAX_ORDER
 
 
-def basis(directions: ArrayLike, n: int) -> Floats:
+def basis(directions: ArrayLike, n: int) -> Float64Array:
     """The harmonics (..., n^2) of order n at unit directions (..., 3).
 
     Raises ValueError where n is not 1 to `MAX_ORDER`, or a direction is not of length 1.
@@ -55,7 +55,7 @@ def order_of(coefficients: NDArray[np.floating]) -> int:
     return n
 
 
-def clamped_cosine(n: int) -> Floats:
+def clamped_cosine(n: int) -> Float64Array:
     """How much of band l (n,) is left of light that a matt surface gathers: pi, 2 pi / 3, pi / 4, 0, -pi / 24, ...
 
     [Ramamoorthi01, eq. 8]; the factors of `convolved`, whose result at the surface's normal is its irradiance.
@@ -70,13 +70,13 @@ def clamped_cosine(n: int) -> Floats:
     return factors
 
 
-def convolved(coefficients: NDArray[np.floating], factors: ArrayLike) -> Floats:
+def convolved(coefficients: NDArray[np.floating], factors: ArrayLike) -> Float64Array:
     """Vectors (..., n^2) after convolution with a kernel about an axis, by its n convolution coefficients g*
     (eq. 3, 4)."""
     return np.asarray(coefficients * np.asarray(factors)[bands(order_of(coefficients))])
 
 
-def project(powers: NDArray[np.floating], n: int) -> Floats:
+def project(powers: NDArray[np.floating], n: int) -> Float64Array:
     """Light (n^2, ...) that reaches the sphere's middle: powers (T, ...) are radiance times solid angle on the
     triangles of a level of the geodesic sphere (`engine.light.environment.triangle_integrals`).
 
@@ -86,7 +86,7 @@ def project(powers: NDArray[np.floating], n: int) -> Floats:
     return np.asarray(np.tensordot(_basis_of_triangles(level_of(len(powers)), n), powers, axes=(0, 0)))
 
 
-def rotation_matrices(rotation: ArrayLike, n: int) -> list[Floats]:
+def rotation_matrices(rotation: ArrayLike, n: int) -> list[Float64Array]:
     """For each band l < n the matrix (2l+1, 2l+1) that turns its coefficients: those of f(R^-1 s), for f's own.
 
     rotation: R (3, 3). By angles about z, x, z, x and z, where a turn about z mixes only m with -m and the turns
@@ -102,7 +102,7 @@ def rotation_matrices(rotation: ArrayLike, n: int) -> list[Floats]:
     return matrices
 
 
-def rotated(coefficients: NDArray[np.floating], rotation: ArrayLike) -> Floats:
+def rotated(coefficients: NDArray[np.floating], rotation: ArrayLike) -> Float64Array:
     """Vectors (..., n^2) of the turned function f(R^-1 s)."""
     n = order_of(coefficients)
     parts = np.split(np.asarray(coefficients, np.float64), np.arange(1, n) ** 2, axis=-1)
@@ -110,7 +110,7 @@ def rotated(coefficients: NDArray[np.floating], rotation: ArrayLike) -> Floats:
 
 
 @cache
-def _basis_of_triangles(level: int, n: int) -> Floats:
+def _basis_of_triangles(level: int, n: int) -> Float64Array:
     return basis(geodesic(level).centres, n)
 
 
@@ -119,7 +119,7 @@ def _check_order(n: int) -> None:
         raise ValueError(f"order {n}, expected 1 to {MAX_ORDER}")
 
 
-def _angles_zyz(rotation: Floats) -> tuple[float, float, float]:
+def _angles_zyz(rotation: Float64Array) -> tuple[float, float, float]:
     """alpha, beta, gamma with R = Rz(alpha) Ry(beta) Rz(gamma)."""
     sine = math.hypot(rotation[0, 2], rotation[1, 2])
     beta = math.atan2(sine, rotation[2, 2])
@@ -130,7 +130,7 @@ def _angles_zyz(rotation: Floats) -> tuple[float, float, float]:
     return math.atan2(rotation[1, 0], rotation[1, 1]), beta, 0.0  # about z alone, or turned over first
 
 
-def _about_z(l: int, angle: float) -> Floats:  # noqa: E741
+def _about_z(l: int, angle: float) -> Float64Array:  # noqa: E741
     """The turn of band l about the pole: m and -m are cosine and sine of m phi."""
     matrix = np.zeros((2 * l + 1, 2 * l + 1))
     matrix[l, l] = 1.0
@@ -142,7 +142,7 @@ def _about_z(l: int, angle: float) -> Floats:  # noqa: E741
 
 
 @cache
-def _quarter_about_x(l: int) -> Floats:  # noqa: E741
+def _quarter_about_x(l: int) -> Float64Array:  # noqa: E741
     """The turn of band l that takes z to y, exact: by quadrature that integrates products of its harmonics."""
     directions, weights = quadrature(l + 1)
     turned = np.stack([directions[:, 0], -directions[:, 2], directions[:, 1]], axis=1)  # R^-1 s
@@ -150,7 +150,7 @@ def _quarter_about_x(l: int) -> Floats:  # noqa: E741
     return (basis(directions, l + 1)[:, band] * weights[:, None]).T @ basis(turned, l + 1)[:, band]
 
 
-def quadrature(n: int) -> tuple[Floats, Floats]:
+def quadrature(n: int) -> tuple[Float64Array, Float64Array]:
     """Directions (D, 3) and weights (D,) that integrate the product of any two harmonics of order n exactly."""
     z, of_z = np.polynomial.legendre.leggauss(n)
     phi = (np.arange(2 * n) + 0.5) * (math.pi / n)

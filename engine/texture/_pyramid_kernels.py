@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from engine import lanes
 from engine.fast_math import FAST
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 Texels = NDArray[np.float32]
-Indices = NDArray[np.int64]
+Int64Array = NDArray[np.int64]
 
 _LONGEST = 1e6  # texels: beyond, a footprint is the whole image anyway
 _AT_ONCE = 64  # pixels
@@ -27,8 +27,8 @@ class Levels(NamedTuple):
     wrap_u, wrap_v: 0 repeats, 1 mirrors, 2 goes on as the edge."""
 
     texels: Texels
-    sizes: Indices
-    first: Indices
+    sizes: Int64Array
+    first: Int64Array
     cosine: float
     sine: float
     offset_u: float
@@ -108,7 +108,7 @@ def _at_depth(levels: Levels, n: int, depth: float, u: float, v: float):  # type
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def fill_at(levels: Levels, uv: Floats, depths: Floats, out: Texels) -> None:
+def fill_at(levels: Levels, uv: Float64Array, depths: Float64Array, out: Texels) -> None:
     """Fill out (N, C): values at coordinates (N, 2), at depths (N,) into the levels."""
     four = np.empty(4, np.float32)
     for j in range(len(uv)):
@@ -122,8 +122,8 @@ def fill_at(levels: Levels, uv: Floats, depths: Floats, out: Texels) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _find_footprints(
-    start: int, count: int, levels: Levels, uv: Floats, across: Floats, down: Floats, repeats: tuple[float, float],
-    most_probes: int, out: Floats,
+    start: int, count: int, levels: Levels, uv: Float64Array, across: Float64Array, down: Float64Array, repeats: tuple[float, float],
+    most_probes: int, out: Float64Array,
 ) -> None:  # fmt: skip
     """Fill the first `count` columns of out (6, M), of pixels from `start` on, see `fill_over`: u and v of their
     middles; along u and v the longer axis of the ellipse that each covers; the shorter one, in texels, or what of the
@@ -165,7 +165,7 @@ def _nearest_level(wide: float, n_levels: int) -> int:
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def fill_over(
-    start: int, stop: int, levels: Levels, uv: Floats, across: Floats, down: Floats, repeats: tuple[float, float],
+    start: int, stop: int, levels: Levels, uv: Float64Array, across: Float64Array, down: Float64Array, repeats: tuple[float, float],
     most_probes: int, is_quick: bool, out: Texels,
 ) -> None:  # fmt: skip
     """Fill out[start:stop] of (N, C): means over pixels at (N, 2) whose sides are across and down (N, 2), all of them

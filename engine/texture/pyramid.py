@@ -20,7 +20,7 @@ from engine.material.maps import AS_IT_IS, WRAPS, TextureTransform
 from engine.texture import _pyramid_kernels as kernels
 from engine.threads import even_parts, on_threads
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 MOST_PROBES = 16
 
 
@@ -63,7 +63,7 @@ class Pyramid:
         return width, height
 
     @property
-    def mean(self) -> Floats:
+    def mean(self) -> Float64Array:
         """Of all texels, (C,)."""
         return np.asarray(self.texels[-1], np.float64)
 
@@ -95,7 +95,7 @@ class Pyramid:
         on_threads(part, *even_parts(len(uv)))
         return out
 
-    def level_of(self, share: Floats) -> Floats:
+    def level_of(self, share: Float64Array) -> Float64Array:
         """The level whose texels are as large as a share (N,) of the image's area."""
         width, height = self.size
         return np.asarray(0.5 * np.log2(np.maximum(share * width * height, 1.0)))

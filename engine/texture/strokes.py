@@ -16,14 +16,14 @@ BLOCK = 64
 MOST_BACK = 16  # strokes, under which the weights are kept: painting on after an undo begins there
 _CELLS = 64  # along each axis, by which points are sorted
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 
 
 class PaintedPoints:
     """Points that are painted. What was done to them is kept, so that strokes of the call before are not painted
     again."""
 
-    def __init__(self, base: Floats, positions: Floats, normals: Floats) -> None:
+    def __init__(self, base: Float32Array, positions: Float32Array, normals: Float32Array) -> None:
         """base (N,): the weights without strokes; positions (N, 3) in the scene's frame; normals (N, 3), unit, on the
         side that the winding faces."""
         self._order = _by_place(positions)
@@ -34,11 +34,11 @@ class PaintedPoints:
         self._low = np.minimum.reduceat(self._points[:, :3], starts) if len(points) else np.zeros((0, 3), np.float32)
         self._high = np.maximum.reduceat(self._points[:, :3], starts) if len(points) else np.zeros((0, 3), np.float32)
         self._painted: tuple[Stroke, ...] = ()
-        self._below: list[Floats | None] = []
+        self._below: list[Float32Array | None] = []
         self._now = self._base
         self._coverage = np.zeros(len(self._base), np.float32)
 
-    def weights(self, strokes: Strokes) -> Floats:
+    def weights(self, strokes: Strokes) -> Float32Array:
         """The weights (N,) under these strokes."""
         wanted = strokes.strokes
         n_same = next(
@@ -83,7 +83,7 @@ class PaintedPoints:
         self._now = np.asarray(below + share * (np.float32(stroke.value) - below), np.float32)
 
 
-def _by_place(positions: Floats) -> NDArray[np.int64]:
+def _by_place(positions: Float32Array) -> NDArray[np.int64]:
     """The order (N,) in which neighbours in space are neighbours in the list."""
     if not len(positions):
         return np.zeros(0, np.int64)

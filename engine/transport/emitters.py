@@ -28,7 +28,7 @@ UNSURE = 0.125  # so much of a ray is thought to have arrived, and so much not, 
 # Lamps of fewer triangles keep them all, however few leaves there are to be.
 FEWEST_MERGED = 64
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 
 def emitters_for(scene: Scene, caster: RayCaster, hits: PrimaryHits, n_leaves: int) -> EmitterTree | None:

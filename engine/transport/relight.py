@@ -45,7 +45,7 @@ TRIANGLE_RADIUS = 0.07
 BEND = 0.1
 N_PILOTS = 512
 
-Floats = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class LightRows:
     def n_bytes(self) -> int:
         return sum(array.nbytes for tile in self.tiles for array in tile)
 
-    def lit(self, light: Floats) -> Floats:
+    def lit(self, light: Float32Array) -> Float32Array:
         """The layer's radiance (P, 3), without f_q and f_o, under a light's coefficients (T, 3)."""
         out = np.zeros((self.n_points, 3), np.float32)
         ends = np.cumsum([len(tile.scale) for tile in self.tiles]).tolist()
@@ -76,7 +76,7 @@ class LightRows:
         return out
 
 
-def light_coefficients(environment: Environment, rotation: float, scale: float = 1.0) -> Floats:
+def light_coefficients(environment: Environment, rotation: float, scale: float = 1.0) -> Float32Array:
     """l (T, 3): the environment, turned by `rotation` degrees and so many times as bright, in the basis of the rows.
 
     A wavelet's coefficient is that of the triangles' power, times what its product with a row's sums to.
@@ -85,7 +85,7 @@ def light_coefficients(environment: Environment, rotation: float, scale: float =
     return np.ascontiguousarray(forward(scale * power) * _measures()[:, None], np.float32)
 
 
-def turning_effects(environment: Environment, scale: float = 1.0) -> Generator[None, None, Floats]:
+def turning_effects(environment: Environment, scale: float = 1.0) -> Generator[None, None, Float32Array]:
     """How large l_k is, RMS over a whole turn and colours (T,): what a row's coefficient of 1 comes to."""
     squares = np.zeros(geodesic(VISIBILITY_LEVEL).n_triangles)
     for turn in range(N_TURNS):
@@ -100,7 +100,7 @@ class RowMaker:
 
     hits: PrimaryHits
     sphere: Visibility
-    effects: Floats
+    effects: Float32Array
     least: float = 0.0
 
     def rows(self, layer: Layer, points: NDArray[np.integer]) -> Iterator[kernels.Rows]:
@@ -169,7 +169,7 @@ def _parts() -> kernels.TriangleParts:
     )
 
 
-def _bends(curve: Floats, kind: int) -> NDArray[np.bool_]:
+def _bends(curve: Float32Array, kind: int) -> NDArray[np.bool_]:
     """At which angles a curve (S + 1, C) changes within a triangle by more than a tenth of its largest value."""
     rate = slope(kind) or 1.0
     reach = math.ceil(rate * TRIANGLE_RADIUS * CURVE_STEPS / HALF_PI)

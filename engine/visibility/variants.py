@@ -29,7 +29,7 @@ Variant = Literal["SNB", "SNU", "SWB", "SWU", "GNB", "GNU", "GWB", "GWU", "OPT",
 VARIANTS: tuple[Variant, ...] = get_args(Variant)
 _OF_ANY_NORMAL = -2.0  # a cosine that all pairs exceed: the thesis asks for the same object alone
 
-Integers = NDArray[np.int32]
+Int32Array = NDArray[np.int32]
 
 
 def voronoi_targets(directions: NDArray[np.floating]) -> Targets:
@@ -80,7 +80,7 @@ class _Picture:
         used[:n_targets] = 1
         self._valid = np.packbits(used, bitorder="little").view(np.uint64)
 
-    def evaluate(self, rows: Integers, informers: Integers, last: bool) -> None:
+    def evaluate(self, rows: Int32Array, informers: Int32Array, last: bool) -> None:
         """Estimate some points (B,) from others (B, 3 or 4) that are done, and correct the estimate."""
         visibility, targets, hits = self.visibility, self.visibility.targets, self._hits
         bits, neighbours = visibility.bits, targets.neighbours
@@ -119,7 +119,7 @@ class _Picture:
         visibility.rays.possible += kernels.count_bits(horizon)
         visibility.done[rows] = True
 
-    def _trace(self, rows: Integers, block: Integers, target: Integers) -> NDArray[np.bool_]:
+    def _trace(self, rows: Int32Array, block: Int32Array, target: Int32Array) -> NDArray[np.bool_]:
         hits, targets, n_rays = self._hits, self.visibility.targets, len(block)
         origin, direction = np.empty((n_rays, 3), np.float32), np.empty((n_rays, 3), np.float32)
         kernels.write_rays(
@@ -133,7 +133,7 @@ class _Picture:
         return np.asarray(found.triangle >= 0)
 
 
-Step = tuple[Integers, Integers, bool]
+Step = tuple[Int32Array, Int32Array, bool]
 
 
 def _everything(hits: PrimaryHits) -> Iterator[Step]:

@@ -17,7 +17,7 @@ from ui.gl.brdf_stack import BrdfStack
 from ui.gl.passes import Passes
 from ui.gl.textures import TextureMemory, read_texture
 
-Array = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 SLICE_SIDE = 128
 N_ANGLES, N_ROWS = 32, 32
@@ -34,20 +34,20 @@ class BrdfSlice:
 
     theta_i: float
     azimuth: float
-    angles: Array
-    values: Array
+    angles: Float64Array
+    values: Float64Array
 
 
 @dataclass(frozen=True)
 class Albedo:
     """Directional albedo (N, 3) by the angle of the light (N,), and the equivalent albedo (3,) [BenArtzi07, 5.3]."""
 
-    angles: Array
-    values: Array
-    equivalent: Array
+    angles: Float64Array
+    values: Float64Array
+    equivalent: Float64Array
 
     @property
-    def largest(self) -> Array:
+    def largest(self) -> Float64Array:
         """The largest share of light from one direction that is reflected, per channel (3,)."""
         return np.asarray(self.values.max(axis=0))
 
@@ -63,7 +63,7 @@ def lobe(stack: BrdfStack, theta_i: float, azimuth: float = 0.0) -> BrdfSlice:
     return BrdfSlice(theta_i, azimuth, angles, stack.evaluate(wi, wo))
 
 
-def _in_plane(angles: Array, azimuth: float) -> Array:
+def _in_plane(angles: Float64Array, azimuth: float) -> Float64Array:
     """Directions (N, 3) at angles from the normal towards an azimuth."""
     sine = np.sin(angles)
     return np.stack([sine * math.cos(azimuth), sine * math.sin(azimuth), np.cos(angles)], axis=1)

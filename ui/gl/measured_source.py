@@ -21,7 +21,7 @@ from engine.material.measured_model import MeasuredModel, measurement_of
 from engine.material.model import number
 from engine.measured.measurement import Measurement, Part
 
-Array = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def n_factor_rows(model: MeasuredModel) -> int:
     return sum(len(product.factors) for product in PRODUCTS[model.part])
 
 
-def factor_rows(layer: Layer, gamma: Array) -> list[Array]:
+def factor_rows(layer: Layer, gamma: Float64Array) -> list[Float64Array]:
     """Those rows, (N, 3) each, at angles (N,); the first of each product has its strength. None of other layers."""
     if not isinstance(layer.model, MeasuredModel):
         return []
@@ -89,6 +89,6 @@ def quotient_text(model: MeasuredModel, place: int, row: int) -> str:
     ])  # fmt: skip
 
 
-def _rows(product: Product, measurement: Measurement, smoothing: float, gamma: Array) -> list[Array]:
+def _rows(product: Product, measurement: Measurement, smoothing: float, gamma: Float64Array) -> list[Float64Array]:
     rows = [measurement.curve(name, gamma, smoothing) for name, _ in product.factors]
     return [rows[0] * getattr(measurement, product.strength), *rows[1:]]

@@ -23,7 +23,7 @@ from ui.panels.context import PanelContext
 from ui.panels.picture_handles import PictureHandle, Place
 from ui.panels.picture_place import Placed
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 N_LINE = 33
 BESIDE = 0.07  # of the height, between grips that would lie on one another
@@ -56,7 +56,7 @@ def handles(context: PanelContext, placed: Placed) -> list[PictureHandle]:
     return found
 
 
-def _axis(box: Floats, row: tuple[Deformation, ...], index: int) -> Floats:
+def _axis(box: Float64Array, row: tuple[Deformation, ...], index: int) -> Float64Array:
     """The line (N, 3) along a deformer's axis at rest, from its foot to its grip."""
     deformation = row[index]
     across, upward = grip = KINDS[deformation.kind].grip
@@ -75,13 +75,13 @@ def _axis(box: Floats, row: tuple[Deformation, ...], index: int) -> Floats:
     return line
 
 
-def _posed(box: Floats, row: tuple[Deformation, ...], points: Floats) -> Floats:
+def _posed(box: Float64Array, row: tuple[Deformation, ...], points: Float64Array) -> Float64Array:
     """Where the row of deformers takes points (N, 3)."""
     frames = np.broadcast_to(np.eye(3), (len(points), 3, 3))
     return deformed(Pose(points, frames), row, box).positions
 
 
-def _on_screen(context: PanelContext, placed: Placed, points: Floats) -> Floats | None:
+def _on_screen(context: PanelContext, placed: Placed, points: Float64Array) -> Float64Array | None:
     """Where points (N, 3) are seen (N, 2); None where one is beside or behind the eye."""
     towards = points - np.array(context.camera.position)
     if not (towards @ camera_frame(context.camera)[2] > _NEAREST * distance(context.camera)).all():
@@ -91,13 +91,13 @@ def _on_screen(context: PanelContext, placed: Placed, points: Floats) -> Floats 
 
 
 def _dragged(
-    context: PanelContext, placed: Placed, name: str, box: Floats, row: tuple[Deformation, ...], index: int, to: Place
+    context: PanelContext, placed: Placed, name: str, box: Float64Array, row: tuple[Deformation, ...], index: int, to: Place
 ) -> list[Action]:
     """The amount by which the grip is nearest to a place on screen."""
     deformation = row[index]
     kind, grip = KINDS[deformation.kind], _axis(box, row, index)[-1:]
 
-    def seen(amount: float) -> Floats | None:
+    def seen(amount: float) -> Float64Array | None:
         changed = (*row[:index], replace(deformation, amount=amount), *row[index + 1 :])
         found = _on_screen(context, placed, _posed(box, changed, grip))
         return None if found is None else np.asarray(found[0])

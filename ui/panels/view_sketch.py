@@ -29,7 +29,7 @@ NEAREST = 1e-3  # of the distance to the target; what is behind the eye has no p
 MOST_BOXES = 256
 N_CELLS = 8  # across a picture that is turned, each drawn without perspective
 
-Array = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 
 def draw(context: PanelContext, placed: Placed, picture: Picture) -> None:
@@ -43,7 +43,7 @@ def draw(context: PanelContext, placed: Placed, picture: Picture) -> None:
         _draw_boxes(context, placed)
 
 
-def _draw_turned(placed: Placed, picture: Picture, grid: Array | None) -> None:
+def _draw_turned(placed: Placed, picture: Picture, grid: Float64Array | None) -> None:
     """The picture on a grid of `turned_grid`; as it is where there is none."""
     if grid is None:
         return
@@ -83,7 +83,7 @@ def has_moved(context: PanelContext) -> bool:
     return seen is None or any(getattr(seen, name) != value for name, value in context.camera if name != "resolution")
 
 
-def turned_grid(seen: Camera, camera: Camera, size: tuple[float, float]) -> Array | None:
+def turned_grid(seen: Camera, camera: Camera, size: tuple[float, float]) -> Float64Array | None:
     """Where another camera sees points of a picture of so many pixels across and down, N_CELLS + 1 in a row and in a
     column (N_CELLS + 1, N_CELLS + 1, 2), if they lie on the plane through its target that faces it; None where the
     other camera sees that plane's back, or a part of it is not before it."""
@@ -98,7 +98,7 @@ def turned_grid(seen: Camera, camera: Camera, size: tuple[float, float]) -> Arra
     return project(camera, (width, height), points)
 
 
-def seen_edges(box: Array, camera: Camera, size: tuple[float, float]) -> Array:
+def seen_edges(box: Float64Array, camera: Camera, size: tuple[float, float]) -> Float64Array:
     """A box (2, 3) as lines (E, 2, 2) in a picture of so many pixels across and down: those parts of its twelve edges
     that are before the camera."""
     corners = np.where(CORNERS, box[1], box[0]) - np.array(camera.position)

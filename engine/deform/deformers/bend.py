@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from engine.deform.deformers.kind import Array, Kind, in_plane
+from engine.deform.deformers.kind import Float64Array, Kind, in_plane
 
 
-def _move(points: Array, angle: float) -> tuple[Array, Array]:
+def _move(points: Float64Array, angle: float) -> tuple[Float64Array, Float64Array]:
     x, y, z = points.T
     turned = angle * y
     cosine, sine = np.cos(turned), np.sin(turned)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from engine.deform.deformers.kind import Array, Kind, scaled_across
+from engine.deform.deformers.kind import Float64Array, Kind, scaled_across
 
 
-def _move(points: Array, amount: float) -> tuple[Array, Array]:
+def _move(points: Float64Array, amount: float) -> tuple[Float64Array, Float64Array]:
     y = points[:, 1]
     return scaled_across(points, 1.0 + 4.0 * amount * y * (1.0 - y), 4.0 * amount * (1.0 - 2.0 * y))
 

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Move = Callable[[Array, float], tuple[Array, Array]]
+Float64Array = NDArray[np.float64]
+Move = Callable[[Float64Array, float], tuple[Float64Array, Float64Array]]
 
 
 class Kind(NamedTuple):
@@ -31,7 +31,7 @@ class Kind(NamedTuple):
     grip: tuple[float, float]
 
 
-def in_plane(xx: Any, xy: Any, yx: Any, yy: Any) -> Array:
+def in_plane(xx: Any, xy: Any, yx: Any, yy: Any) -> Float64Array:
     """Jacobians of maps of x and y that leave z alone: dx'/dx, dx'/dy, dy'/dx, dy'/dy, each (V,)."""
     jacobians = np.zeros((len(np.asarray(xx)), 3, 3))
     jacobians[:, 0, 0], jacobians[:, 0, 1], jacobians[:, 1, 0], jacobians[:, 1, 1] = xx, xy, yx, yy
@@ -39,7 +39,7 @@ def in_plane(xx: Any, xy: Any, yx: Any, yy: Any) -> Array:
     return jacobians
 
 
-def scaled_across(points: Array, scale: Array, slope: Array) -> tuple[Array, Array]:
+def scaled_across(points: Float64Array, scale: Float64Array, slope: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Points whose distance to the axis is scaled (V,) by a function of y with this slope (V,)."""
     x, y, z = points.T
     jacobians = np.zeros((len(points), 3, 3))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from engine.deform.deformers.kind import Array, Kind, scaled_across
+from engine.deform.deformers.kind import Float64Array, Kind, scaled_across
 
 
-def _move(points: Array, amount: float) -> tuple[Array, Array]:
+def _move(points: Float64Array, amount: float) -> tuple[Float64Array, Float64Array]:
     y = points[:, 1]
     return scaled_across(points, 1.0 + amount * y, np.full_like(y, amount))
 

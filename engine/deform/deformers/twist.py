@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from engine.deform.deformers.kind import Array, Kind
+from engine.deform.deformers.kind import Float64Array, Kind
 
 
-def _move(points: Array, angle: float) -> tuple[Array, Array]:
+def _move(points: Float64Array, angle: float) -> tuple[Float64Array, Float64Array]:
     x, y, z = points.T
     cosine, sine = np.cos(angle * y), np.sin(angle * y)
     across, along = x * cosine + z * sine, z * cosine - x * sine

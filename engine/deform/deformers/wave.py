@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from engine.deform.deformers.kind import Array, Kind, in_plane
+from engine.deform.deformers.kind import Float64Array, Kind, in_plane
 
 _WAVE_NUMBER = 4.0 * np.pi
 
 
-def _move(points: Array, amplitude: float) -> tuple[Array, Array]:
+def _move(points: Float64Array, amplitude: float) -> tuple[Float64Array, Float64Array]:
     x, y, z = points.T
     one, none = np.ones_like(y), np.zeros_like(y)
     moved = np.stack([x + amplitude * np.sin(_WAVE_NUMBER * y), y, z], axis=1)

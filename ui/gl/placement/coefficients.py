@@ -27,7 +27,7 @@ _ROUNDING = 2.0**-24
 _LAST_DIGIT = 2.0**-23  # of a float32: what one addition cannot get nearer to what is wanted
 _NEGLIGIBLE = 1e-9
 
-Floats = NDArray[np.float64]
+Float64Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,16 +36,16 @@ class RefineStep:
 
     kind: Literal["nothing", "increment", "rebuild", "tidy"]
     indices: NDArray[np.intp]
-    deltas: Floats
+    deltas: Float64Array
 
 
 class CoefficientState:
     """c_shown and c_wanted of one layer whose transport has the norms ‖T_k‖ (J,3) over all its samples."""
 
     def __init__(self, norms: NDArray[np.floating]) -> None:
-        self.norms: Floats = np.array(norms, dtype=np.float64)
-        self.wanted: Floats = np.zeros_like(self.norms)
-        self.shown: Floats | None = None
+        self.norms: Float64Array = np.array(norms, dtype=np.float64)
+        self.wanted: Float64Array = np.zeros_like(self.norms)
+        self.shown: Float64Array | None = None
         self.may_rebuild = True
         self._drift_squared = 0.0
 
@@ -85,13 +85,13 @@ class CoefficientState:
         """Estimated rounding error of the accumulator relative to the picture's length."""
         return _relative(self._drift_squared**0.5, _length(self._effects(self._shown_or_zero())))
 
-    def record_increment(self, indices: NDArray[np.intp], added: Floats) -> None:
+    def record_increment(self, indices: NDArray[np.intp], added: Float64Array) -> None:
         """The terms were added with exactly the amounts `added` (K,3)."""
         self._drift_squared = self._drift_squared_after(indices, added)
         assert self.shown is not None
         self.shown[indices] += added
 
-    def record_rebuild(self, coefficients: Floats) -> None:
+    def record_rebuild(self, coefficients: Float64Array) -> None:
         """The accumulator is the sum from zero of exactly these (J,3)."""
         self.shown = np.array(coefficients, dtype=np.float64)
         self._drift_squared = 0.0
@@ -109,19 +109,19 @@ class CoefficientState:
         drift = self._drift_squared_after(step.indices, step.deltas) ** 0.5
         return _relative(drift, _length(self._effects(after))) > REBUILD_ABOVE
 
-    def _drift_squared_after(self, indices: NDArray[np.intp], added: Floats) -> float:
+    def _drift_squared_after(self, indices: NDArray[np.intp], added: Float64Array) -> float:
         effects = np.sqrt(np.sum((added * self.norms[indices]) ** 2, axis=1))
         size = _length(self._effects(self._shown_or_zero())) + float(effects.sum())
         return self._drift_squared + (_ROUNDING * size) ** 2
 
-    def _shown_or_zero(self) -> Floats:
+    def _shown_or_zero(self) -> Float64Array:
         return np.zeros_like(self.wanted) if self.shown is None else self.shown
 
-    def _effects(self, coefficients: Floats) -> Floats:
+    def _effects(self, coefficients: Float64Array) -> Float64Array:
         return np.sqrt(np.sum((coefficients * self.norms) ** 2, axis=1))
 
 
-def _length(values: Floats) -> float:
+def _length(values: Float64Array) -> float:
     return float(np.sqrt(np.sum(values * values)))
 
 

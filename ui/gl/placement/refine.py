@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ui.gl.context import GraphicsError
 from ui.gl.placement.accumulate import Accumulator, TermSum
-from ui.gl.placement.coefficients import CoefficientState, Floats, RefineStep
+from ui.gl.placement.coefficients import CoefficientState, Float64Array, RefineStep
 from ui.gl.placement.transport import TransportTexture
 from ui.gl.textures import TextureMemory
 
@@ -29,7 +29,7 @@ class _Rebuild:
     """A sum from zero under way: the first `n_done` of `indices` (K,) are in the spare."""
 
     indices: NDArray[np.intp]
-    exact: Floats
+    exact: Float64Array
     multipliers: NDArray[np.float32]
     is_tidying: bool
     n_done: int = 0
@@ -104,7 +104,7 @@ class Refiner:
             limits.append(max(1, int(budget_s / self.seconds_per_term)))
         return min(limits, default=None)
 
-    def mean_radiance(self) -> Floats:
+    def mean_radiance(self) -> Float64Array:
         """|mean| (3,) over the samples of what is shown; 0 while that is unknown."""
         if self.state.shown is None:
             return np.zeros(3)
@@ -148,7 +148,7 @@ class Refiner:
             self._spare = Accumulator(self._memory, n_samples)
         return self._spare
 
-    def _rounded(self, indices: NDArray[np.intp], amounts: Floats) -> tuple[Floats, NDArray[np.float32]]:
+    def _rounded(self, indices: NDArray[np.intp], amounts: Float64Array) -> tuple[Float64Array, NDArray[np.float32]]:
         """(what is really added, the float32 multipliers of the stored numbers) for amounts (K,3)."""
         scale = self.transport.scale[indices]
         with np.errstate(under="ignore"):
