@@ -12,7 +12,7 @@ from typing import Any
 from app.commands.plan import Overrule
 from app.document import Document
 from app.view_state import SetView, ViewState
-from engine.plan import NEEDED_LINES, Decisions
+from engine.planner import NEEDED_LINES, RenderSettings
 from engine.plan_lines import MODE_LINES, LineValue
 
 # The knobs of the view that a line of the plan stands over.
@@ -43,11 +43,11 @@ def mode_knobs(mode: str, lines: Mapping[str, LineValue]) -> dict[str, int]:
     return {KNOBS[line]: int(lines[line]) for line in MODE_LINES.get(mode, ()) if line in lines}
 
 
-def decisions_of(view: ViewState, document: Document) -> Decisions:
+def decisions_of(view: ViewState, document: Document) -> RenderSettings:
     """What transport is asked for with; view: as `decided_view` has it."""
     lines = dict(document.overrules)
     keeps_sphere, overruled = bool(lines.get("sphere", True)), NEEDED_LINES & lines.keys()
-    return Decisions(view.n_lights, view.n_patches, view.n_bounces, keeps_sphere, overruled, view.n_fan_rays)
+    return RenderSettings(view.n_lights, view.n_patches, view.n_bounces, keeps_sphere, overruled, view.n_fan_rays)
 
 
 def by_lines(command: SetView, document: Document) -> tuple[Overrule | SetView, ...]:

@@ -58,7 +58,7 @@ from app.table_talk import TableTalk
 from app.view_state import OpenPanel, SetView, ViewCommand, ViewState
 from app.writing import written_material, written_scene
 from engine.errors import InsituError, plain_line
-from engine.plan import planned_edge_rays
+from engine.planner import planned_edge_rays
 
 __all__ = ["Editor", "Status", "WorkerClient"]
 

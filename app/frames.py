@@ -25,7 +25,7 @@ from engine.deform.posed_scene import posed
 from engine.errors import InsituError
 from engine.indirect.beyond import BRIGHTEST, held
 from engine.indirect.series import BounceSeries
-from engine.plan import N_LIGHTS, N_PATCHES
+from engine.planner import N_LIGHTS, N_PATCHES
 from engine.scene.camera_moves import orbited
 from engine.scene.description import Camera
 from engine.scene.load import Scene

@@ -20,7 +20,7 @@ from app.jobs.cache import KeyPart, content_key
 from app.named_files import files_of_document
 from app.project import Project
 from engine.material.model import Model
-from engine.texture.store import TextureStore
+from engine.texture.texture_store import TextureStore
 
 
 def picture_key(project: Project, *settings: object) -> str:

@@ -25,7 +25,7 @@ from app.view_state import AS_PLANNED, Viewpoint, ViewState
 from engine.colour import ToneMapping
 from engine.errors import InsituError, LoadError
 from engine.material.layer import object_of
-from engine.plan import N_LIGHTS, N_PATCHES
+from engine.planner import N_LIGHTS, N_PATCHES
 from engine.plan_lines import EDGE_RAYS, LineValue
 from engine.scene.builtin import DEFAULT_SCENE, scene_path
 from engine.scene.toml_text import parse_toml
@@ -239,13 +239,13 @@ def read_measurements(document: Document, folder: Path | None = None, scene: Pat
     from app.jobs.cache import Store
     from app.jobs.measured import described_paths
     from engine.measured.tables import read_measurement
-    from engine.steps import finish
+    from engine.generators import run_to_end
 
     paths = {name: Path(name) for name in names}
     if folder is not None and scene is not None:
         paths = described_paths(names, folder, scene)
     store = Store()
-    return document_with_read(document, {name: finish(read_measurement(path, store)) for name, path in paths.items()})
+    return document_with_read(document, {name: run_to_end(read_measurement(path, store)) for name, path in paths.items()})
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:

@@ -22,10 +22,10 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, StrictInt, StrictStr, ValidationError, model_validator
 
 from app.files.bookmarks import MAX_NAME, is_name
-from engine.colour import ToneMapping, view_named
+from engine.colour import ToneMapping, find_view
 from engine.deform.deformers import KINDS
 from engine.errors import LoadError
-from engine.files import resolved
+from engine.safe_files import resolved
 from engine.plan_lines import LineValue
 from engine.scene.camera_moves import Side
 from engine.scene.complaints import first_complaint
@@ -399,7 +399,7 @@ _STEPS: dict[str, Callable[[Any, Path], Step]] = {
 def _view(name: str) -> Step:
     """One of `engine.colour`, by which light becomes colour; any other name is that of a view that is kept."""
     try:
-        return ChooseView(view_named(name))
+        return ChooseView(find_view(name))
     except LoadError:
         return GoToView(name)
 

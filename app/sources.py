@@ -12,7 +12,7 @@ from pathlib import Path
 
 from app.machine.paths import full_path
 from engine.errors import InsituError
-from engine.files import is_there, resolved
+from engine.safe_files import exists, resolved
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
 from engine.scene.mesh import MESH_ENDINGS
@@ -57,7 +57,7 @@ def source_of(name: str) -> Source:
 def find_source(name: str | None) -> str:
     """The name of a built-in scene, or of a file that is there and can be opened. Raises InsituError."""
     name = name or DEFAULT_SCENE
-    if name not in builtin_scenes() and not is_there(name):
+    if name not in builtin_scenes() and not exists(name):
         there = ", ".join(builtin_scenes())
         raise InsituError(f"{name}: no such file, and no built-in scene of that name; built-in scenes are {there}")
     source_of(name)

@@ -29,7 +29,7 @@ from engine.indirect.series import BounceSeries
 from engine.material.layer import Layer, object_of
 from engine.orbit.live import Orbit
 from engine.orbit.still import render_orbit
-from engine.plan import N_LIGHTS, N_PATCHES, Plan, plan_scene
+from engine.planner import N_LIGHTS, N_PATCHES, Plan, plan_scene
 from engine.render.bounces import planned_bounces
 from engine.render.error_estimate import estimate_error, judge_drawn
 from engine.render.image_files import exr_bytes, png_bytes
@@ -50,7 +50,7 @@ from engine.render.still import (
 )
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import Placement
 
 REFERENCE_PATCHES = 1024
@@ -116,7 +116,7 @@ def render_project(
     intensity, error, indirect, noise = np.float64(project.document.light.intensity), None, None, None
     if reference:
         steps = _reference(placement, project, series.n_bounces, n_samples)
-        return Still(held(finish(steps, report) * intensity, BRIGHTEST), warning=bounces.warning)
+        return Still(held(run_to_end(steps, report) * intensity, BRIGHTEST), warning=bounces.warning)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     if mode != "placement":
         if mode == "orbit":
@@ -129,28 +129,28 @@ def render_project(
             # A still has one pose: transfer of the meshes as they stand in it has the shadows between objects, too.
             deform = prepared_deform(project, project.scene, (), series, knobs)
             drawing = render_deform(deform, project.scene.resolution)
-        picture, warning = finish(drawing, report), bounces.warning
+        picture, warning = run_to_end(drawing, report), bounces.warning
         alone = _alone_in_deform(project) if mode == "deform" else ()
         if estimates_error and alone:
             warning = warning or f"where it is off is not known: paths do not know the surface of {', '.join(alone)}"
         elif estimates_error:
-            (judged,) = finish(judge_drawn(placement, layers, sky, series.n_bounces, [picture]), report)
+            (judged,) = run_to_end(judge_drawn(placement, layers, sky, series.n_bounces, [picture]), report)
             error = judged.estimate
         return Still(held(picture * intensity, BRIGHTEST), error, warning)
     layers = _at_most(layers, series.first or project.document.first_bands)
     if series.n_bounces > 1:
         fineness, as_needed = STILL.with_rays(plan.n_rays), not plan.n_rays
-        found = finish(find_indirect(placement, layers, sky, series, fineness, as_needed), report)
-        indirect = finish(reflected_light(found, layers, series.second, placement.hits))
-        noise = finish(noise_in(found, layers, series.second)) if estimates_error else None
-    plan = finish(with_needed_light(placement, layers, sky, plan))
+        found = run_to_end(find_indirect(placement, layers, sky, series, fineness, as_needed), report)
+        indirect = run_to_end(reflected_light(found, layers, series.second, placement.hits))
+        noise = run_to_end(noise_in(found, layers, series.second)) if estimates_error else None
+    plan = run_to_end(with_needed_light(placement, layers, sky, plan))
     quality = still_quality(plan)
-    radiance = finish(reflected(placement, layers, sky, quality, indirect), report)
+    radiance = run_to_end(reflected(placement, layers, sky, quality, indirect), report)
     if estimates_error:
         estimating = estimate_error(
             placement, layers, sky, quality, series.n_bounces, radiance, indirect, noise=noise
         )  # fmt: skip
-        error = finish(estimating, report)
+        error = run_to_end(estimating, report)
     picture = compose(placement, radiance, sky)
     return Still(held(picture * intensity, BRIGHTEST), error, bounces.warning)
 
@@ -166,7 +166,7 @@ def judge_picture(project: Project, picture: NDArray[np.float32], series: Bounce
     wanted = series.n_bounces if series else wanted_bounces(project, plan)
     n_bounces = planned_bounces(placement, project.indexed_layers, wanted).n_bounces
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
-    (judged,) = finish(judge_drawn(placement, layers, project.sky, n_bounces, [picture / np.float32(intensity)]))
+    (judged,) = run_to_end(judge_drawn(placement, layers, project.sky, n_bounces, [picture / np.float32(intensity)]))
     return "" if judged.estimate is None else judged.estimate.text
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from app.document import Document
 from app.messages import WriteFiles
 from app.view_state import ViewState
-from engine.files import resolved
+from engine.safe_files import resolved
 
 
 def written_material(path: Path, document: Document, object_name: str) -> WriteFiles:

@@ -52,7 +52,7 @@ _BUILT_IN = {
     "aces_2": ("cg-config-v4.0.0_aces-v2.0_ocio-v2.5", "ACES 2.0 - SDR 100 nits (Rec.709)"),
     "aces_1": ("cg-config-v2.2.0_aces-v1.3_ocio-v2.4", "ACES 1.0 - SDR Video"),
 }
-TABLED = ("agx", *_BUILT_IN)
+TABULATED_VIEWS = ("agx", *_BUILT_IN)
 TABLE_SIDE = 65
 # log2 of radiance at the table's ends, beyond which the views are black and white.
 TABLE_STOPS = (-12.5, 7.5)
@@ -70,7 +70,7 @@ _AGX_PIVOT, _AGX_SLOPE, _AGX_TOE, _AGX_SHOULDER = 10.0 / 16.5, 2.0, 3.0, 3.25
 _AGX_SAMPLES = 4096
 
 
-def view_named(name: str, file: str | Path = "view", what: str = "name") -> ToneMapping:
+def find_view(name: str, file: str | Path = "view", what: str = "name") -> ToneMapping:
     """The view that a person names, by its label or as files do. Raises LoadError, which says where it was named."""
     wanted = name.strip().casefold()
     for view, known in VIEWS.items():
@@ -92,8 +92,8 @@ def decode_srgb(encoded: NDArray[Real]) -> NDArray[Real]:
     return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
 
 
-def displayed(radiance: NDArray[np.floating], view: ToneMapping) -> NDArray[np.float32]:
-    """Linear Rec. 709 radiance (..., 3) as sRGB-encoded values in [0, 1], by one of the views in `TABLED`."""
+def display_transform(radiance: NDArray[np.floating], view: ToneMapping) -> NDArray[np.float32]:
+    """Linear Rec. 709 radiance (..., 3) as sRGB-encoded values in [0, 1], by one of the views in `TABULATED_VIEWS`."""
     values = np.clip(np.nan_to_num(radiance, nan=0.0), 0.0, _BRIGHTEST)
     pixels = np.array(values, np.float32, order="C").reshape(-1, 3)
     if len(pixels):
@@ -101,12 +101,12 @@ def displayed(radiance: NDArray[np.floating], view: ToneMapping) -> NDArray[np.f
     return np.clip(pixels, 0.0, 1.0).reshape(radiance.shape)
 
 
-@lru_cache(maxsize=len(TABLED))
+@lru_cache(maxsize=len(TABULATED_VIEWS))
 def view_table(view: ToneMapping) -> NDArray[np.float16]:
     """Such a view over log2 of radiance within `TABLE_STOPS`: (blue, green, red, 3), `TABLE_SIDE` colours each way."""
     levels = np.exp2(np.linspace(*TABLE_STOPS, TABLE_SIDE))
     blue, green, red = np.meshgrid(levels, levels, levels, indexing="ij")
-    return displayed(np.stack([red, green, blue], axis=-1), view).astype(np.float16)
+    return display_transform(np.stack([red, green, blue], axis=-1), view).astype(np.float16)
 
 
 def agx_sigmoid(x: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -121,7 +121,7 @@ def agx_sigmoid(x: NDArray[np.floating]) -> NDArray[np.float64]:
     return 0.5 + _AGX_SLOPE * d * (1.0 + a * np.abs(d) ** power) ** (-1.0 / power)
 
 
-@lru_cache(maxsize=len(TABLED))
+@lru_cache(maxsize=len(TABULATED_VIEWS))
 def _processor(view: ToneMapping) -> ocio.CPUProcessor:
     import PyOpenColorIO as ocio
 

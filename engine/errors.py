@@ -69,7 +69,7 @@ def first_notes(lines: tuple[str, ...]) -> tuple[str, ...]:
     return lines if n_more <= 0 else (*lines[:MOST_NOTES], f"and {n_more} more notes")
 
 
-def shown_name(text: str, longest: int) -> str:
+def printable_name(text: str, longest: int) -> str:
     """A name that a file gives, so that it can be shown, written and read back: printable, and cut where longer."""
     text = _printable(" ".join(text[: 4 * longest].split()))
     return text if len(text) <= longest else text[: longest - 1] + "…"

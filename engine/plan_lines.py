@@ -1,7 +1,7 @@
 """The lines of a plan that a person may set, by name, and what to: one table for window, sessions and commands.
 
 "lights", "patches", "sphere", "precision", "bounces", "rays", "edges" are of the whole picture; "teapot.1.theta_h" is
-of one curve, by its layer's key and its name: as many bands. What a scene has of them `engine.plan` says. "points" and
+of one curve, by its layer's key and its name: as many bands. What a scene has of them `engine.planner` says. "points" and
 "coefficients" are Orbit's, "transfer_rays" and "lobes" Deform's.
 """
 
@@ -20,9 +20,9 @@ FEWEST_LIGHTS, MOST_LIGHTS = 20, 80_000
 # Rays through a pixel at an edge (`engine.scene.edges`); 0: through its centre alone.
 EDGE_RAYS = (0, 4, 8, 16)
 # Rays of a fan of indirect light.
-FAN_RAYS = (128, 256, 512, 1024)
+HEMISPHERE_RAYS = (128, 256, 512, 1024)
 # What can be stored: rows of factor A may be long, the runs of factor B are counted in bytes.
-MOST_BANDS_OVERRULED = (512, 128)
+MAX_BANDS_OVERRIDDEN = (512, 128)
 OFF = "off"
 
 
@@ -34,24 +34,24 @@ class _Line:
     expected: str
 
 
-def _from_to(least: int, most: int) -> _Line:
+def _in_range(least: int, most: int) -> _Line:
     return _Line(
         lambda value: isinstance(value, int) and least <= value <= most, f"a whole number from {least} to {most:,}"
     )
 
 
 _LINES = {
-    "lights": _from_to(FEWEST_LIGHTS, MOST_LIGHTS),
-    "patches": _from_to(FEWEST_LIGHTS, MOST_LIGHTS),
+    "lights": _in_range(FEWEST_LIGHTS, MOST_LIGHTS),
+    "patches": _in_range(FEWEST_LIGHTS, MOST_LIGHTS),
     "sphere": _Line(lambda value: value in (0, 1), "0 or 1"),
     "precision": _Line(lambda value: value in ("half", "float"), "half or float"),
-    "bounces": _from_to(1, MAX_BOUNCES),
-    "rays": _Line(lambda value: value in FAN_RAYS, "128, 256, 512 or 1024"),
+    "bounces": _in_range(1, MAX_BOUNCES),
+    "rays": _Line(lambda value: value in HEMISPHERE_RAYS, "128, 256, 512 or 1024"),
     "edges": _Line(lambda value: value in EDGE_RAYS, "off, 4, 8 or 16"),
-    "points": _from_to(0, 200_000),
-    "coefficients": _from_to(20, 1280),
-    "transfer_rays": _from_to(32, 20_000),
-    "lobes": _from_to(1, 4),
+    "points": _in_range(0, 200_000),
+    "coefficients": _in_range(20, 1280),
+    "transfer_rays": _in_range(32, 20_000),
+    "lobes": _in_range(1, 4),
 }
 PICTURE_LINES = tuple(_LINES)
 # Beside bounces, those of the modes whose light hangs on neither lights nor bands.
@@ -63,15 +63,15 @@ def checked_line(line: str, value: object) -> LineValue:
     if line == "edges" and value == OFF:
         return 0
     if isinstance(value, bool) or not isinstance(value, int | str) or not _LINES[line].takes(value):
-        raise _refused(line, value, _LINES[line].expected)
+        raise _line_error(line, value, _LINES[line].expected)
     return value
 
 
 def checked_bands(line: str, value: object, n_factors: int) -> int:
     """How many bands one of n_factors curves of a layer is set to. Raises InsituError."""
-    most = MOST_BANDS_OVERRULED[0] if n_factors == 1 else min(MOST_BANDS_OVERRULED)
+    most = MAX_BANDS_OVERRIDDEN[0] if n_factors == 1 else min(MAX_BANDS_OVERRIDDEN)
     if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= most or value & (value - 1):
-        raise _refused(line, value, f"a power of two from 1 to {most}")
+        raise _line_error(line, value, f"a power of two from 1 to {most}")
     return value
 
 
@@ -85,5 +85,5 @@ def bands_of_lines(key: str, planned: Mapping[str, int], lines: Mapping[str, Lin
     return counts
 
 
-def _refused(line: str, value: object, expected: str) -> InsituError:
+def _line_error(line: str, value: object, expected: str) -> InsituError:
     return InsituError(f"plan: {line} = {value}, expected {expected}")

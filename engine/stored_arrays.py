@@ -18,7 +18,7 @@ Arrays = Mapping[str, NDArray[np.generic]]
 
 
 @dataclass(frozen=True)
-class InPieces:
+class ArrayInPieces:
     """An array of that type and shape that is nowhere whole: `pieces` makes its parts along the first axis, in order,
     each time that they are needed."""
 
@@ -32,7 +32,7 @@ class InPieces:
         return self.dtype.itemsize * math.prod(self.shape)
 
 
-Writable = Mapping[str, NDArray[np.generic] | InPieces]
+Writable = Mapping[str, NDArray[np.generic] | ArrayInPieces]
 
 
 def n_bytes_of(arrays: Writable) -> int:

@@ -29,7 +29,7 @@ def n_threads() -> int:
 
 def pool(n: int | None = None) -> ThreadPoolExecutor:
     """Threads for work that comes bit by bit, n or one a core; to be closed, by `with`."""
-    return ThreadPoolExecutor(n or n_threads(), initializer=_begin, initargs=(stands_apart(),))
+    return ThreadPoolExecutor(n or n_threads(), initializer=_begin, initargs=(has_own_threads(),))
 
 
 def on_threads(work: Callable[..., Result], *items: Iterable[Any]) -> list[Result]:
@@ -41,18 +41,18 @@ def on_threads(work: Callable[..., Result], *items: Iterable[Any]) -> list[Resul
     calls = list(zip(*items, strict=True))
     if len(calls) == 1 or getattr(_OWN, "is_shared", False):  # those that wait for themselves would wait for ever
         return [work(*call) for call in calls]
-    futures = [_shared(n_threads(), stands_apart()).submit(work, *call) for call in calls]
+    futures = [_shared(n_threads(), has_own_threads()).submit(work, *call) for call in calls]
     wait(futures)
     return [future.result() for future in futures]
 
 
-def keep_apart() -> None:
+def use_own_threads() -> None:
     """From now on this thread, which has another priority than others, shares its work with threads that have the same:
     they get it from the one that begins them."""
     _OWN.is_apart = True
 
 
-def stands_apart() -> bool:
+def has_own_threads() -> bool:
     """Whether this thread was kept apart, or works for one that was."""
     return getattr(_OWN, "is_apart", False)
 

@@ -33,7 +33,7 @@ from engine.curve.operators import HALF_PI, Operator
 from engine.curve.wavelet import forward
 from engine.errors import InsituError
 from engine.material.layer import object_of, place_of
-from engine.plan import Precision
+from engine.planner import Precision
 from ui.gl.context import create_headless_context, describe_context
 from ui.gl.placement.renderer import PlacementRenderer, UpdateReport
 from ui.gl.tonemap import DisplayView

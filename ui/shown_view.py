@@ -11,11 +11,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.colour import TABLED, VIEWS, ToneMapping, view_table
+from engine.colour import TABULATED_VIEWS, VIEWS, ToneMapping, view_table
 from engine.errors import InsituError
 
 
-@lru_cache(maxsize=len(TABLED))
+@lru_cache(maxsize=len(TABULATED_VIEWS))
 def _coming(view: ToneMapping) -> Future[NDArray[np.float16]]:
     with_one_thread = ThreadPoolExecutor(1, thread_name_prefix="view")
     coming = with_one_thread.submit(view_table, view)
@@ -25,7 +25,7 @@ def _coming(view: ToneMapping) -> Future[NDArray[np.float16]]:
 
 def is_at_hand(view: ToneMapping) -> bool:
     """Whether a view can be drawn with at once; if it cannot, it is being made from now on."""
-    return view not in TABLED or _coming(view).done()
+    return view not in TABULATED_VIEWS or _coming(view).done()
 
 
 class ShownView:
@@ -41,7 +41,7 @@ class ShownView:
         self.waits = not is_at_hand(wanted)
         if self.waits or wanted in self._refused:
             return self._shown
-        failure = _coming(wanted).exception() if wanted in TABLED else None
+        failure = _coming(wanted).exception() if wanted in TABULATED_VIEWS else None
         if failure is not None:
             self._refused.add(wanted)
             raise InsituError(f"{VIEWS[wanted].label} cannot be shown: {failure}")

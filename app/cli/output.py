@@ -11,7 +11,7 @@ from app.cli.console import say
 from app.machine.memory import gib
 from app.project import Project
 from engine.errors import plain_line, plain_notes
-from engine.plan import Plan, plan_lines
+from engine.planner import Plan, plan_lines
 
 if TYPE_CHECKING:
     from app.measure.planning import Carried

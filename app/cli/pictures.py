@@ -40,10 +40,10 @@ from app.machine.atomic import require_folder, require_place
 from app.machine.paths import state_problem
 from app.project import ProjectWords
 from app.sources import find_source
-from engine.colour import view_named
+from engine.colour import find_view
 from engine.errors import InsituError
 from engine.indirect.series import BounceSeries, parse_series
-from engine.plan import N_LIGHTS, N_PATCHES
+from engine.planner import N_LIGHTS, N_PATCHES
 from engine.plan_lines import MODE_LINES
 from engine.scene.builtin import DEFAULT_SCENE
 
@@ -137,7 +137,7 @@ def render(
     from engine.indirect.beyond import TOO_BRIGHT, is_beyond
 
     check_output(output)
-    shown = None if view is None else view_named(view)
+    shown = None if view is None else find_view(view)
     if shown is not None and output.suffix.lower() == ".exr":
         raise InsituError(f"--view {view}: {output} holds light itself, expected a name that ends in .png")
     started = time.monotonic()
@@ -228,7 +228,7 @@ def _frames(words: ProjectWords, output: Path, frames: Frames, view: str | None,
     with progress() as report, opened(words, scheduler) as (project, cluster):
         drawn, error = draw_frames(
             project, frames, files, lambda step: report(step.fraction, step.text),
-            project.view if view is None else view_named(view), draw_here if cluster is None else cluster.draw,
+            project.view if view is None else find_view(view), draw_here if cluster is None else cluster.draw,
         )  # fmt: skip
     tell_notes(project)
     kept = f", {frames.count - drawn} were there" if drawn < frames.count else ""
@@ -260,7 +260,7 @@ def screenshot(
     if problem := state_problem():
         complain(problem)  # own materials are not there; the picture is
     if view is not None:
-        steps = (ChooseView(view_named(view)), *steps)
+        steps = (ChooseView(find_view(view)), *steps)
     frontend: Frontend = context.obj
     frontend.take_screenshot(find_source(scene), output, steps, size, scale, resolution)
     say(f"{output}: {size[0]} x {size[1]}")

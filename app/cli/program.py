@@ -18,7 +18,7 @@ from app.cli.pictures import render, screenshot
 from app.machine.memory import available_memory
 from app.project import ProjectWords
 from app.sources import find_source
-from engine.plan import N_LIGHTS
+from engine.planner import N_LIGHTS
 from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
 
 

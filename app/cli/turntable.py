@@ -24,7 +24,7 @@ from app.stills import ENDINGS, picture_bytes
 from engine.colour import ToneMapping
 from engine.errors import InsituError
 from engine.light.image_files import read_radiance_image
-from engine.texture.images import read_texture
+from engine.texture.texture_files import read_texture
 
 RECORD = ".turntable"
 

@@ -27,7 +27,7 @@ from app.cluster.parcel import Parcel, parcel_of, pieces_of
 from app.cluster.program import QUESTION, other_program, program_digest
 from app.cluster.shelf import keep_piece, lacking
 from engine.errors import InsituError
-from engine.files import name_everywhere
+from engine.safe_files import portable_name
 
 CONNECT_SECONDS = 5.0
 WORKERLESS_SECONDS = 60.0
@@ -84,7 +84,7 @@ class Cluster:
     def send(self, paths: Iterable[Path]) -> Parcel:
         """Have the scheduler keep what it lacks of these files. Raises InsituError."""
         self.require_same_program()
-        there = {name_everywhere(path): path for path in paths}
+        there = {portable_name(path): path for path in paths}
         try:
             parcel = parcel_of(there.values())
         except OSError as error:

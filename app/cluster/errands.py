@@ -21,7 +21,7 @@ from app.jobs.cache import Store
 from app.messages import LookFrom, OpenScene
 from app.scene_state import LayerState, SceneState
 from engine.errors import InsituError
-from engine.files import files_from
+from engine.safe_files import redirect_files
 from engine.stored_arrays import Arrays
 from engine.transport.bandstore import BandTile
 from engine.transport.pipeline import Quality
@@ -75,11 +75,11 @@ def draw_frame(errand: FrameErrand, i: int) -> Picture:
 
 def see_light(errand: ViewErrand, quality: Quality) -> VisibleLight:
     """All the light of a view, and from where it is seen."""
-    from engine.steps import finish
+    from engine.generators import run_to_end
 
     with _at_work(errand):
         bench = _opened(errand, lambda: _bench(errand))
-        return finish(bench.open_placement.light(bench.sky(errand.scene.light), quality))
+        return run_to_end(bench.open_placement.light(bench.sky(errand.scene.light), quality))
 
 
 def project_tiles(
@@ -111,7 +111,7 @@ def _at_work(errand: Errand) -> Iterator[None]:
     if errand.program != program_digest():
         raise InsituError(other_program(f"a worker on {platform.node()}"))
     with _alone:
-        with files_from(_places(errand)):
+        with redirect_files(_places(errand)):
             yield
 
 

@@ -13,7 +13,7 @@ from app.project import Project, ProjectWords
 from app.scene_state import scene_state
 from app.stills import StillProgress
 from engine.errors import InsituError
-from engine.files import files_noted
+from engine.safe_files import record_files
 from engine.material.maps import Images
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def opened(words: ProjectWords, scheduler: str | None) -> Iterator[tuple[Project
         ) from error
     with Cluster(scheduler) as cluster:
         words = words.from_anywhere()
-        with files_noted() as files:
+        with record_files() as files:
             project = words.open()
             _read_all(project)
         yield project, OnCluster(cluster, words, cluster.send(files))

@@ -7,14 +7,14 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from engine.files import name_everywhere
+from engine.safe_files import portable_name
 
 PIECE = 16 << 20
 
 
 @dataclass(frozen=True)
 class SentFile:
-    """A file by the name that it has everywhere (`name_everywhere`), and the digests of its pieces."""
+    """A file by the name that it has everywhere (`portable_name`), and the digests of its pieces."""
 
     name: str
     pieces: tuple[str, ...]
@@ -44,7 +44,7 @@ class Parcel:
 
 def parcel_of(paths: Iterable[Path]) -> Parcel:
     """The parcel of these files. Raises OSError where one cannot be read."""
-    named = {name_everywhere(path): path for path in paths}
+    named = {portable_name(path): path for path in paths}
     return Parcel(tuple(SentFile(name, tuple(map(digest_of, pieces_of(named[name])))) for name in sorted(named)))
 
 

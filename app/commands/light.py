@@ -9,7 +9,7 @@ from typing import Any, cast
 from app.document import RGB, Document, LightState, Mapping
 from app.probe_file import likely_mapping, probe_size
 from engine.errors import InsituError, LoadError
-from engine.files import resolved
+from engine.safe_files import resolved
 from engine.material.parameters import Parameter
 
 MAX_INTENSITY = 1e6

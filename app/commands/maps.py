@@ -10,7 +10,7 @@ from typing import Any
 from app.commands.layers import editable_layer
 from app.document import Document
 from app.linked_layers import Layers
-from engine.files import resolved
+from engine.safe_files import resolved
 from engine.material.maps import set_map_field, split_image_name
 from engine.scene.builtin import scene_path
 

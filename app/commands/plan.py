@@ -1,4 +1,4 @@
-"""The edit of the plan: a line of it set by a person, or given back to it. What the lines mean: `engine.plan`."""
+"""The edit of the plan: a line of it set by a person, or given back to it. What the lines mean: `engine.planner`."""
 
 from __future__ import annotations
 

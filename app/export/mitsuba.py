@@ -29,7 +29,7 @@ from engine.material.layer import Layer, object_of
 from engine.render.image_files import exr_bytes
 from engine.render.surface_maps import mean_factor
 from engine.scene.frames import object_axes
-from engine.steps import finish
+from engine.generators import run_to_end
 
 RENDER = Path(__file__).with_name("render.py")
 MITSUBA = "3.5.0"
@@ -49,7 +49,7 @@ def export_steps(project: Project, folder: Path, n_bounces: int) -> Steps:
 
 def export_scene(project: Project, folder: Path, n_bounces: int, report: Report) -> list[str]:
     """All of `export_steps`, told to `report`; the notes."""
-    return finish(export_steps(project, folder, n_bounces), lambda step: report(*step))
+    return run_to_end(export_steps(project, folder, n_bounces), lambda step: report(*step))
 
 
 def _write(project: Project, folder: Path, n_bounces: int) -> Steps:

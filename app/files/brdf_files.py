@@ -11,13 +11,13 @@ from app.machine.inputs import inputs_are
 from app.measurements import with_read
 from app.reading import measured_layers
 from engine.errors import InsituError
-from engine.files import resolved
+from engine.safe_files import resolved
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 from engine.measured.merl import SUFFIX, merl_bytes
 from engine.measured.tables import ArrayStore, read_measurement
 from engine.render.tabulate import tabulate_layers
-from engine.steps import finish
+from engine.generators import run_to_end
 
 Report = Callable[[float, str], None]
 
@@ -30,7 +30,7 @@ def import_file(
         raise InsituError(f"{output}: the name of a material ends in .toml")
     inputs_are([file])
     require_place(output)
-    measurement = finish(read_measurement(resolved(file), store), lambda step: report(*step))
+    measurement = run_to_end(read_measurement(resolved(file), store), lambda step: report(*step))
     layers = with_read(measured_layers(file, cloth), {str(resolved(file)): measurement})
     smooth = tuple(layer.with_parameter("smoothing", smoothing) for layer in layers)
     name = file.stem[:64].encode(errors="replace").decode()  # of a name that is no text "?" for what is not

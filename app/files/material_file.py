@@ -29,7 +29,7 @@ from app.linked_layers import Layers, alike
 from app.machine.atomic import save_file
 from app.measurements import with_full_paths
 from engine.errors import InsituError, LoadError
-from engine.files import resolved
+from engine.safe_files import resolved
 from engine.scene.complaints import first_complaint
 from engine.scene.description import LayerDescription, Text
 from engine.scene.toml_text import check_version, load_toml, parse_toml, toml_lines, toml_value

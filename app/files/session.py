@@ -32,11 +32,11 @@ from app.view_state import AS_PLANNED, Bookmark, SetView, Viewpoint, ViewState
 from engine.colour import ToneMapping
 from engine.deform.pose import MAX_GROWTH, Deformation, Moment, growth
 from engine.errors import InsituError, LoadError, describe_value
-from engine.files import read_regular_file, resolved
+from engine.safe_files import read_regular_file, resolved
 from engine.material.bumps import Bumps, bump_parts, bumps_of_parts
 from engine.material.layer import object_of, place_of
 from engine.material.parameters import ParameterError
-from engine.plan import N_PATCHES
+from engine.planner import N_PATCHES
 from engine.plan_lines import PICTURE_LINES, LineValue, checked_bands, checked_line
 from engine.scene.complaints import first_complaint
 from engine.scene.description import MAX_BOUNCES, MAX_OBJECTS, Camera, Name, Number, Pixels, Radiance, Text

@@ -18,7 +18,7 @@ from engine.render.bounces import planned_bounces
 from engine.render.error_estimate import judge_drawn
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import still_layers, with_maps
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import Placement
 
 Mode = Literal["placement", "orbit", "deform", "paths"]
@@ -68,7 +68,7 @@ class Pictures:
         wanted = n_bounces or wanted_bounces(project, plan)
         n_bounces = planned_bounces(placement, project.indexed_layers, wanted).n_bounces
         layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
-        (judged,) = finish(judge_drawn(placement, layers, project.sky, n_bounces, [picture]))
+        (judged,) = run_to_end(judge_drawn(placement, layers, project.sky, n_bounces, [picture]))
         return judged.estimate
 
     def _in_orbit(self, project: Project, n_bounces: int | None) -> Picture:

@@ -30,7 +30,7 @@ from engine.indirect.representation import GatherPolynomial
 from engine.indirect.series import BounceSeries
 from engine.material.layer import Layer, object_of
 from engine.material.maps import Images
-from engine.plan import LayerPlan, Plan, plan_scene
+from engine.planner import LayerPlan, Plan, plan_scene
 from engine.render._layer_kernels import add_points
 from engine.render.bounces import planned_bounces
 from engine.render.error_estimate import estimate_error
@@ -40,7 +40,7 @@ from engine.render.light_pilot import with_needed_light
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import StillLayer, compose, curves_of, seen_as, shape_of, still_quality
 from engine.render.surface_maps import MapSampler, SeenMaps
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.bandstore import join_tiles
 from engine.transport.pipeline import Placement, Quality, SkyState
 from engine.transport.projection import LayerShape, VisibleLight, project_layer
@@ -120,9 +120,9 @@ class PlacementPictures:
         indirect = noise = None
         if n > 1 and self._indirect is not None:
             indirect = self._indirect.radiance
-            noise = finish(noise_in(self._indirect.light, layers, None))
+            noise = run_to_end(noise_in(self._indirect.light, layers, None))
         of = view.placement, layers, light.sky, light.quality, n, radiance.astype(np.float64), indirect
-        return finish(estimate_error(*of, noise=noise))
+        return run_to_end(estimate_error(*of, noise=noise))
 
     # -------------------------------------------------------------------------------------------------- its parts
 
@@ -178,13 +178,13 @@ class PlacementPictures:
         return self._view
 
     def _lit(self, project: Project, view: _View, layers: Sequence[StillLayer], plan: Plan) -> _Light:
-        decisions = plan.decisions.lit
+        decisions = plan.settings.direct_settings
         key = (view.key, replace(project.document.light, intensity=1.0), decisions)
         if self._light is None or self._light.key != key:
             placement, sky = view.placement, project.sky
-            quality = still_quality(finish(with_needed_light(placement, layers, sky, plan)))
+            quality = still_quality(run_to_end(with_needed_light(placement, layers, sky, plan)))
             background = compose(placement, np.zeros((len(placement.hits.pixel), 3)), sky)
-            self._light = _Light(key, sky, quality, finish(placement.light(sky, quality)), background)
+            self._light = _Light(key, sky, quality, run_to_end(placement.light(sky, quality)), background)
             self._layers.clear()
             self._indirect = None
         return self._light
@@ -247,12 +247,12 @@ class PlacementPictures:
                 view.placement, layers, light.sky, BounceSeries(n_bounces), STILL.with_rays(plan.n_rays),
                 not plan.n_rays,
             )  # fmt: skip
-            found = finish(finding)
+            found = run_to_end(finding)
             self._indirect = kept = _KeptIndirect(key, found, GatherPolynomial(found))
         edited = tuple(project.layers.items()), tuple(each.bands for each in layers)
         if kept.radiance is None or kept.layers != edited:
             reflecting = reflected_light(kept.light, layers, None, view.placement.hits, kept.polynomial)
-            kept.layers, kept.radiance = edited, finish(reflecting)
+            kept.layers, kept.radiance = edited, run_to_end(reflecting)
         return kept.radiance
 
 

@@ -19,7 +19,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.stored_arrays import InPieces, Writable
+from engine.stored_arrays import ArrayInPieces, Writable
 
 VERSION = 1
 ALIGNMENT = 64
@@ -85,7 +85,7 @@ def write_record(file: BinaryIO, label: str, arrays: Writable) -> int:
     return end - begin
 
 
-def _write_array(file: BinaryIO, array: NDArray[np.generic] | InPieces, entry: ArrayEntry) -> int:
+def _write_array(file: BinaryIO, array: NDArray[np.generic] | ArrayInPieces, entry: ArrayEntry) -> int:
     """Write it and what aligns the next; its checksum."""
     crc = n_bytes = 0
     for piece in _pieces(array):
@@ -183,8 +183,8 @@ def _entry(row: Any, start: int) -> ArrayEntry:
     raise RecordError("its header does not say what its arrays are")
 
 
-def _pieces(array: NDArray[np.generic] | InPieces) -> Iterator[NDArray[np.generic]]:
-    if isinstance(array, InPieces):
+def _pieces(array: NDArray[np.generic] | ArrayInPieces) -> Iterator[NDArray[np.generic]]:
+    if isinstance(array, ArrayInPieces):
         yield from array.pieces()
     else:
         yield array

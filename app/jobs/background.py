@@ -61,7 +61,7 @@ class Background:
 
 def step_behind(niceness: int = NICENESS) -> None:
     """Have this thread, and those that it shares its work with from now on, leave the processors to others."""
-    from engine.threads import keep_apart  # late: it brings NumPy
+    from engine.threads import use_own_threads  # late: it brings NumPy
 
     step_back_by(niceness)
-    keep_apart()
+    use_own_threads()

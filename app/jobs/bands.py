@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from app.messages import Response
 from app.placement.messages import BandsPlanned, PlanBands
-from engine.plan import band_counts
+from engine.planner import band_counts
 
 
 def plan_bands(request: PlanBands) -> Iterator[Response | None]:

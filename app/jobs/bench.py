@@ -23,7 +23,7 @@ from engine.deform.pose import Poses
 from engine.deform.posed_scene import posed
 from engine.errors import InsituError
 from engine.light.environment import Environment, downsampled, load_environment
-from engine.plan import planned_edge_rays
+from engine.planner import planned_edge_rays
 from engine.scene.hits import tracing_primary
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster

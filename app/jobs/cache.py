@@ -122,7 +122,7 @@ class Store:
         return made
 
     def put(self, key: str, arrays: Writable) -> bool:
-        """Keep the arrays, or note why not. What is `InPieces` goes to the disk without being whole in memory."""
+        """Keep the arrays, or note why not. What is `ArrayInPieces` goes to the disk without being whole in memory."""
         size = record_size(arrays, key)
         path = self._path(key, _ENTRY)
         self._wanted.add(path)

@@ -22,13 +22,13 @@ from app.placement.messages import ErrorEstimated, EstimateError
 from app.scene_state import LayerState
 from engine.errors import InsituError
 from engine.indirect.light import IndirectLight
-from engine.plan import band_counts
+from engine.planner import band_counts
 from engine.render.error_estimate import MAP_POINTS, N_POINTS, Judged, judge, judge_drawn
 from engine.render.error_map import Colours, error_colours
 from engine.render.indirect import noise_in, reflected_light
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import StillLayer, seen_as, with_maps
-from engine.steps import told_as
+from engine.generators import map_steps
 from engine.transport.pipeline import FINAL, Placement, Quality, final_quality
 
 Drawing = Generator[object, None, NDArray[np.float32]]
@@ -62,11 +62,11 @@ def estimated(
         n_bounces = found.n_bounces
         indirect = yield from reflected_light(found, layers, request.second_bands, placement.hits)
         radiance += indirect
-        noise = yield from told_as(noise_in(found, layers, request.second_bands), lambda step: None)
+        noise = yield from map_steps(noise_in(found, layers, request.second_bands), lambda step: None)
     sky = bench.sky(first.lit_by.light)
     n_points = MAP_POINTS if request.has_map else N_POINTS
     judging = judge(placement, layers, sky, quality, n_bounces, radiance, indirect, n_points=n_points, noise=noise)
-    judged = yield from told_as(judging, lambda step: None)  # without a word: nobody waits for it
+    judged = yield from map_steps(judging, lambda step: None)  # without a word: nobody waits for it
     yield ErrorEstimated(judged.estimate, (yield from _colours(request.has_map, placement, judged)))
 
 
@@ -79,14 +79,14 @@ def estimated_drawn(
             yield None
     pictures = []
     for wanted in (request.at_rest, request.moving):
-        pictures.append((yield from told_as(drawing(wanted), lambda step: None)))
+        pictures.append((yield from map_steps(drawing(wanted), lambda step: None)))
     placement, scene = bench.open_placement, request.scene
     placement.shine(dict(scene.emission))
     layers = with_maps(placement, (_with_own_bands(state, placement) for state in scene.layers))
     yield None
     n_points = MAP_POINTS if request.has_map else N_POINTS
     judging = judge_drawn(placement, layers, bench.sky(scene.light), n_bounces, pictures, n_points=n_points)
-    at_rest, moving = yield from told_as(judging, lambda step: None)
+    at_rest, moving = yield from map_steps(judging, lambda step: None)
     colours = yield from _colours(request.has_map, placement, at_rest)
     yield DrawnEstimated(at_rest.estimate, moving.estimate, colours)
 

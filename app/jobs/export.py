@@ -15,7 +15,7 @@ from app.named_files import files_of_document
 from app.project import Project
 from engine.measured.tables import ArrayStore
 from engine.scene.load import Scene
-from engine.steps import told_as
+from engine.generators import map_steps
 
 STAGE = "export"
 
@@ -27,5 +27,5 @@ def write_scene(
     yield from ensure_tables(layers_of_document(document), store)
     inputs_are((*scene.files, *files_of_document(document)))
     steps = export_steps(Project(scene, document), Path(request.path), request.n_bounces)
-    notes = yield from told_as(steps, lambda step: Progress(STAGE, step[0], text=f"writing {step[1]}"))
+    notes = yield from map_steps(steps, lambda step: Progress(STAGE, step[0], text=f"writing {step[1]}"))
     yield FilesWritten(request.path, tuple(notes))

@@ -35,7 +35,7 @@ from engine.indirect.stored import NAMES, arrays_of
 from engine.material.layer import Layer, object_of
 from engine.render.bounces import planned_bounces
 from engine.render.indirect import direct_mean
-from engine.steps import told_as
+from engine.generators import map_steps
 from engine.stored_arrays import Arrays
 from engine.transport.pipeline import Placement, SkyState
 
@@ -250,7 +250,7 @@ def _look_alike(one: Freeze, two: Freeze) -> bool:
 
 
 def _silently(steps: Generator[object, None, Value]) -> Generator[None, None, Value]:
-    return told_as(steps, lambda step: None)
+    return map_steps(steps, lambda step: None)
 
 
 def _told(steps: Generator[tuple[float, str], None, IndirectLight]) -> Generator[Response | None, None, IndirectLight]:
@@ -262,4 +262,4 @@ def _told(steps: Generator[tuple[float, str], None, IndirectLight]) -> Generator
         most = max(most, FOUND_AT * step[0])
         return Progress("indirect light", most, text=step[1])
 
-    return told_as(steps, progress)
+    return map_steps(steps, progress)

@@ -16,7 +16,7 @@ from app.document import LightState
 from app.messages import Response
 from app.placement.messages import LayerPicture, LayerTransport
 from app.scene_state import LayerState
-from engine.plan import Decisions, Precision
+from engine.planner import RenderSettings, Precision
 from engine.stored_arrays import Arrays
 from engine.transport.bandstore import BandStore, BandTile, arrays_of_file, join_tiles, store_from_arrays
 from engine.transport.fixed import FixedPicture, join_pictures, picture_of_file, picture_of_tile
@@ -40,9 +40,9 @@ class LitBy:
     """
 
     light: LightState
-    decisions: Decisions
+    decisions: RenderSettings
     emission: tuple[tuple[str, tuple[float, float, float]], ...] = ()
-    decided: Decisions | None = field(default=None, compare=False)
+    decided: RenderSettings | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,7 +41,7 @@ class LightPlans:
     def known(self, request: ComputeTransport, sky: SkyState) -> LightNeed | None:
         """What the picture of a request needs, None where that was not tried yet."""
         decisions = request.decisions
-        if not pays(self._bench.open_placement) or decisions.overruled >= set(LINES):
+        if not pays(self._bench.open_placement) or decisions.overridden >= set(LINES):
             return LightNeed(decisions.n_lights, decisions.n_patches)
         key = self._key(request, sky)
         need = self._known.get(key) or self._bench.store.get(key, _need_of)
@@ -85,7 +85,7 @@ class LightPlans:
         return content_key(
             "light need, unedited", self._bench.view_key, radiance, sky.scale, self._unturned(sky).rotation, shining,
             layers, decisions.n_lights, decisions.n_patches, decisions.keeps_sphere,
-            tuple(sorted(decisions.overruled)),
+            tuple(sorted(decisions.overridden)),
         )  # fmt: skip
 
 

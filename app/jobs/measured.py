@@ -20,13 +20,13 @@ from app.messages import (
     WriteFiles,
 )
 from engine.errors import InsituError
-from engine.files import resolve_inside
+from engine.safe_files import resolve_inside
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 from engine.measured.tables import ArrayStore, is_known, read_measurement, table_of
-from engine.plan import band_counts
+from engine.planner import band_counts
 from engine.render.tabulate import left_out
-from engine.steps import told_as
+from engine.generators import map_steps
 
 STAGE = "measured BRDF"
 
@@ -37,7 +37,7 @@ def read_files(files: Mapping[str, Path], store: ArrayStore | None) -> Reading:
     """The measurements of files, by the names they are asked for by. Raises LoadError."""
     found: dict[str, Measurement] = {}
     for name, path in files.items():
-        found[name] = yield from told_as(
+        found[name] = yield from map_steps(
             read_measurement(path, store),
             lambda step: Progress(STAGE, (len(found) + step[0]) / len(files), text=step[1]),
         )

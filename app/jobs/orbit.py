@@ -40,7 +40,7 @@ from engine.material.bumps import Bumps
 from engine.material.layer import Layer
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
-from engine.steps import told_as
+from engine.generators import map_steps
 from engine.transport.pipeline import SkyState
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ class OrbitWork(ModeWork):
             yield OrbitUnknown()
             return
         started, prepared, version, was_done = time.monotonic(), self._prepared, orbit.version, orbit.is_done
-        picture = yield from told_as(_drawing(orbit, request), lambda step: None)
+        picture = yield from map_steps(_drawing(orbit, request), lambda step: None)
         is_done = was_done and orbit.is_done  # it may have seen what nothing was made ready for, such as backs
         yield OrbitDrawn(picture, prepared, version, is_done, time.monotonic() - started)
 
@@ -163,7 +163,7 @@ class OrbitWork(ModeWork):
             scene.seen_from(request.camera, request.resolution),
             layers_by_object(scene, request.scene.layers),
         )
-        picture = yield from told_as(plain_picture(seen, caster, layers, sky, request.resolution), lambda step: None)
+        picture = yield from map_steps(plain_picture(seen, caster, layers, sky, request.resolution), lambda step: None)
         yield OrbitDrawn(picture, 0, 0, False, time.monotonic() - started)
 
     def _estimate(self, request: EstimateOrbit) -> Steps:
@@ -239,7 +239,7 @@ def _rehearsed(orbit: Orbit) -> Steps:
     camera = orbit.scene.description.camera
     for quality in ("moving", "rest"):
         yield Progress(STAGE, orbit.fraction, text=FIRST_TIME)
-        yield from told_as(orbit.drawing(camera, (8, 8), quality), lambda step: None)
+        yield from map_steps(orbit.drawing(camera, (8, 8), quality), lambda step: None)
 
 
 def layers_by_object(scene: Scene, layers: Sequence[LayerState]) -> dict[int, tuple[Layer, ...]]:

@@ -48,10 +48,10 @@ from app.placement.messages import (
 from app.scene_state import LayerState
 from engine.light.environment import downsampled
 from engine.material.layer import Layer
-from engine.plan import Decisions, Precision, band_counts
+from engine.planner import RenderSettings, Precision, band_counts
 from engine.render.light_pilot import LightNeed
 from engine.scene.load import Scene
-from engine.steps import told_as
+from engine.generators import map_steps
 from engine.stored_arrays import ArrayReader, Arrays, n_bytes_of
 from engine.transport.bandstore import BandStore
 from engine.transport.fixed import FixedPicture
@@ -338,7 +338,7 @@ class PlacementWork(ModeWork):
         self, placement: Placement, sky: SkyState, quality: Quality, clock: _Clock
     ) -> Generator[Response | None, None, VisibleLight]:
         was_done = bool(placement.sphere.done.all())
-        light = yield from told_as(
+        light = yield from map_steps(
             self._bench.labour.light(placement, sky, quality),
             lambda fraction: clock.progress(0.3 * fraction, "shadows"),
         )
@@ -443,12 +443,12 @@ def _stages(request: ComputeTransport) -> list[tuple[Quality, bool]]:
     return [(coarse, False), (preview, False), (final, True)]
 
 
-def _decided(lit_by: LitBy, decisions: Decisions) -> tuple[LitBy, Quality]:
+def _decided(lit_by: LitBy, decisions: RenderSettings) -> tuple[LitBy, Quality]:
     """The light of a last stage once it is known how much of it is needed."""
     return replace(lit_by, decided=decisions), final_quality(decisions)
 
 
-def _told_need(need: LightNeed, most: Decisions) -> Iterator[LightPlanned]:
+def _told_need(need: LightNeed, most: RenderSettings) -> Iterator[LightPlanned]:
     if need.off:
         yield LightPlanned(need.lights, need.patches, tuple(need.reasons(most).items()))
 

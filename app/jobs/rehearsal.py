@@ -29,12 +29,12 @@ from engine.deform.pose import Deformation, Moment
 from engine.deform.wrinkle import wrinkles
 from engine.material.maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
-from engine.plan import Decisions, band_counts
+from engine.planner import RenderSettings, band_counts
 from engine.scene.builtin import ASSETS
 from engine.scene.description import SceneDescription, parse_description
 from engine.scene.surface_kinds import DeformSurface, Detail, Membrane, Subsurface
 from engine.scene.toml_text import parse_toml
-from engine.steps import finish
+from engine.generators import run_to_end
 
 _SCENE = """version = 1
 name = "rehearsal"
@@ -118,7 +118,7 @@ def rehearse_later(first: str = "") -> Iterator[str]:
         description = parse_description(parse_toml(_SCENE, scene.name), scene.name)
         state = scene_state(document_from_description(str(scene), description), _with_bands)
         # A preview, and a final picture that sees the whole sphere, without which there is nothing to light anew.
-        _ask(client, ComputeTransport(state, "ball.1", "theta_h", 50, Decisions(100, 64, 3)))
+        _ask(client, ComputeTransport(state, "ball.1", "theta_h", 50, RenderSettings(100, 64, 3)))
         _ask(client, Freeze(state, "ball.1", 0))
         _ask(client, Freeze(state))
         yield INDIRECT
@@ -126,7 +126,7 @@ def rehearse_later(first: str = "") -> Iterator[str]:
         yield ESTIMATE
         _ask(client, PrepareRelighting(state))
         turned = replace(state, light=replace(state.light, rotation=90.0))
-        _ask(client, ComputeTransport(turned, "ball.1", "theta_h", 50, Decisions(100, 64), is_drag=True))
+        _ask(client, ComputeTransport(turned, "ball.1", "theta_h", 50, RenderSettings(100, 64), is_drag=True))
         yield RELIGHTING
         if first != ORBIT:
             _rehearse_orbit(client, Path(folder))
@@ -165,7 +165,7 @@ def _draw_bent(client: InProcessClient, folder: Path) -> None:
     _ask(client, DrawDeform(camera, size, "moving", _POSES, fit_error=True))
     _ask(client, PrepareDeform(state, 3, posed, traced=Traced(camera, (4, 4), _POSES)))
     _ask(client, DrawDeform(camera, size, "moving", _POSES, split=(0.3, 0.6)))
-    finish(wrinkles(side=2))  # a scene's are fitted for half a minute
+    run_to_end(wrinkles(side=2))  # a scene's are fitted for half a minute
 
 
 def _opened(

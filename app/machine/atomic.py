@@ -29,7 +29,7 @@ from typing import BinaryIO
 from app.machine.inputs import require_no_input
 from app.machine.system import process_lives
 from engine.errors import InsituError
-from engine.files import file_kind
+from engine.safe_files import file_kind
 
 PRIVATE_FILE, PRIVATE_FOLDER = 0o600, 0o700
 _LONGEST_STEM = 100  # bytes of a name that its temporary one repeats: no system takes more than 255 in all

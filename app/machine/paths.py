@@ -15,7 +15,7 @@ from urllib.parse import quote_from_bytes, unquote_to_bytes
 import platformdirs
 
 from app.machine.atomic import make_private_folder
-from engine.files import resolved
+from engine.safe_files import resolved
 
 APPLICATION = "insitu"
 STATE_VARIABLE = "INSITU_STATE"

@@ -34,7 +34,7 @@ from engine.material.layer import make_layer
 from engine.scene.load import Scene, load_scene
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import SkyState
 
 Float64Array = NDArray[np.float64]
@@ -71,16 +71,16 @@ def deform_figures(effort: DeformEffort | None, report: Callable[[str], None]) -
     report("Deform: lobes, frames, a bent mesh")
     scene = relief(effort.columns, effort.rows)
     points = bending_points(scene, RayCaster(scene.vertices, scene.triangles), 0)
-    finish(fit(np.ones((2, ORDER * ORDER)), N_LOBES))  # compiled before anything is timed
+    run_to_end(fit(np.ones((2, ORDER * ORDER)), N_LOBES))  # compiled before anything is timed
     begun, cpu = time.perf_counter(), time.process_time()
     mesh = points.mesh(0, (0,))
-    vectors = finish(shadowed(mesh, points.caster((0,)), ORDER, effort.n_rays))
-    zonal = finish(fit(vectors, N_LOBES))
+    vectors = run_to_end(shadowed(mesh, points.caster((0,)), ORDER, effort.n_rays))
+    zonal = run_to_end(fit(vectors, N_LOBES))
     seconds, cpu = time.perf_counter() - begun, time.process_time() - cpu
     ours, undeformed = _bent_errors(scene, points, vectors, zonal_lobes=lobes(zonal), n_rays=effort.n_rays)
     how = f"relief of {len(points)} vertices, {effort.n_rays} rays a point, order {ORDER}"
-    of_random = finish(fit_errors(random_vectors(effort.n_random), [6]))[6]
-    of_mesh = finish(fit_errors(finish(shadowed_mesh(effort.n_mesh, effort.n_rays)), [3]))[3]
+    of_random = run_to_end(fit_errors(random_vectors(effort.n_random), [6]))[6]
+    of_mesh = run_to_end(fit_errors(run_to_end(shadowed_mesh(effort.n_mesh, effort.n_rays)), [3]))[3]
     bent = f"{how}, bent by {BEND.amount:g} degrees: radiance at its vertices against rays in that pose"
     return [
         Figure("zh_error_random_6", (of_random,), f"6 lobes to random vectors of order {ORDER}; {NORM}"),
@@ -145,7 +145,7 @@ def _bent_errors(
     caster = RayCaster(pose.positions.astype(np.float32), points.surface.corners)
     above = surface_points(caster, pose.positions, pose.frames[:, 2])
     mesh = TransferPoints(above, pose.frames, points.surface.corners)
-    seen = finish(shadowed(mesh, caster, ORDER, n_rays))
+    seen = run_to_end(shadowed(mesh, caster, ORDER, n_rays))
     truth = turned(seen, pose.frames.transpose(0, 2, 1)) @ harmonics
     stays = turned(vectors, rest.frames.transpose(0, 2, 1)) @ harmonics
     found = shade(zonal_lobes, pose.frames, light)

@@ -19,7 +19,7 @@ from engine.indirect.layers import IndirectLayer, albedos_of
 from engine.indirect.light import IndirectLight
 from engine.indirect.reflection import SentLight
 from engine.indirect.representation import Freezing, FrozenLight, Selected
-from engine.steps import finish
+from engine.generators import run_to_end
 
 
 class DenseTensor:
@@ -32,7 +32,7 @@ class DenseTensor:
         self._objects = sorted({layer.i_object for layer in layers})
         self._sets = Multisets(len(self._objects), light.n_bounces - 1)
         sent = SentLight(radiosity_by_multiset(light.light, self._objects, self._sets, light.n_bounces)[:, 1:], None)
-        self._tensors = [finish(light.points.fans(each.i_object).by_band(each.curves, 0, sent)) for each in layers]
+        self._tensors = [run_to_end(light.points.fans(each.i_object).by_band(each.curves, 0, sent)) for each in layers]
 
     @property
     def n_bytes(self) -> int:

@@ -34,7 +34,7 @@ from engine.render.bounces import planned_bounces
 from engine.render.error_estimate import judge, judge_drawn
 from engine.render.indirect import indirect_radiance
 from engine.render.still import StillLayer, reflected, still_layers, with_maps
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, Quality
 
 
@@ -101,7 +101,7 @@ def _placement(project: Project, effort: FrontEffort) -> Iterator[Stop]:
         wanted = replace(quality, n_lights=n_lights, n_patches=n_patches)
         radiance, indirect = _placement_picture(project, layers, wanted, series, n_fan_rays)
         seconds = time.process_time() - began
-        judged = finish(judge(judging, layers, project.sky, quality, n_bounces, radiance, indirect))
+        judged = run_to_end(judge(judging, layers, project.sky, quality, n_bounces, radiance, indirect))
         knobs = _knobs(n_lights=n_lights, n_patches=n_patches, n_fan_rays=n_fan_rays)
         yield Stop(knobs, judged.estimate.total, seconds)
 
@@ -113,8 +113,8 @@ def _placement_picture(
     placement, indirect = Placement(project.scene), None
     if series.n_bounces > 1:
         fineness, as_needed = FINE.with_rays(n_fan_rays), not n_fan_rays
-        indirect = finish(indirect_radiance(placement, layers, project.sky, series, fineness, as_needed))
-    return finish(reflected(placement, layers, project.sky, quality, indirect)), indirect
+        indirect = run_to_end(indirect_radiance(placement, layers, project.sky, series, fineness, as_needed))
+    return run_to_end(reflected(placement, layers, project.sky, quality, indirect)), indirect
 
 
 def _orbit(project: Project, effort: FrontEffort) -> Iterator[Stop]:
@@ -147,7 +147,7 @@ def _drawn(project: Project, engine: Orbit) -> NDArray[np.float32]:
 def _judged(project: Project, picture: NDArray[np.float32]) -> float:
     placement = Placement(project.scene)
     layers = _layers(placement, project)
-    (judged,) = finish(judge_drawn(placement, layers, project.sky, 1, [picture]))
+    (judged,) = run_to_end(judge_drawn(placement, layers, project.sky, 1, [picture]))
     return judged.estimate.total
 
 

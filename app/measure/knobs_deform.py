@@ -30,7 +30,7 @@ from engine.light.environment import triangle_integrals
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points
 from engine.sphere.harmonics import project
-from engine.steps import finish
+from engine.generators import run_to_end
 
 Float64Array = NDArray[np.float64]
 
@@ -93,7 +93,7 @@ class Bench:
 
     def _traced(self, n: int, n_rays: int) -> Float64Array:
         points = self._points
-        return finish(shadowed(points.mesh(0, (0,)), points.caster((0,)), n, n_rays))
+        return run_to_end(shadowed(points.mesh(0, (0,)), points.caster((0,)), n, n_rays))
 
     def by_harmonics(self, n: int) -> Any:
         """All n² coefficients turned, as one would without lobes."""
@@ -102,7 +102,7 @@ class Bench:
         return lambda: Shown(turned(vectors, back) @ light, vectors.size * 4 / MIB)
 
     def by_lobes(self, n: int, n_lobes: int) -> Any:
-        zonal = lobes(finish(fit(self._vectors(n, self._effort.n_rays), n_lobes)))
+        zonal = lobes(run_to_end(fit(self._vectors(n, self._effort.n_rays), n_lobes)))
         light = band_light(project(self._powers, n))
         kept = sum(each.nbytes for each in (zonal.low, zonal.axes, zonal.coefficients)) / MIB
         return lambda: Shown(shade(zonal, self._frames, light), kept)
@@ -112,7 +112,7 @@ class Bench:
 
     def shaded(self, n_rays: int, n_lobes: int) -> Float64Array:
         """Light (p, 3) of the vertices by so many rays from each, and lobes for what they find."""
-        zonal = finish(fit(self._traced(ORDER, n_rays), n_lobes))
+        zonal = run_to_end(fit(self._traced(ORDER, n_rays), n_lobes))
         return np.asarray(shade(lobes(zonal), self._frames, band_light(project(self._powers, ORDER))), np.float64)
 
     def error(self, shaded: Float64Array) -> float:

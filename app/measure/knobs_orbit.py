@@ -24,7 +24,7 @@ from app.measure.truncation import Float64Array, direct_factors
 from app.project import Project
 from engine.orbit.drawing import N_MOVING, Quality
 from engine.orbit.live import N_COEFFICIENTS, N_POINTS, Orbit
-from engine.sphere.haar import Rule, forward, inverse, kept
+from engine.sphere.haar import Rule, forward, inverse, select_coefficients
 from engine.stored_arrays import Arrays
 from engine.transport.pipeline import Placement
 
@@ -132,11 +132,11 @@ class _Bench:
         return truth, [tuple(forward(each) for each in factors) for factors in means]
 
     def selected(self, n: int, rule: Rule) -> Any:
-        return lambda: self._multiplied(lambda each: np.where(kept(each, n, rule)[:, None], each, 0.0))
+        return lambda: self._multiplied(lambda each: np.where(select_coefficients(each, n, rule)[:, None], each, 0.0))
 
     def rounded(self, bits: int | str) -> Any:
         return lambda: self._multiplied(
-            lambda each: in_bits(np.where(kept(each, N_COEFFICIENTS)[:, None], each, 0.0), bits)
+            lambda each: in_bits(np.where(select_coefficients(each, N_COEFFICIENTS)[:, None], each, 0.0), bits)
         )
 
     def _multiplied(self, change: Any) -> Shown:

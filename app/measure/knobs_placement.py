@@ -33,7 +33,7 @@ from engine.material.layer import Layer
 from engine.render.indirect import indirect_radiance
 from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, still_layers, with_maps
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import FINAL, Placement, Quality
 from engine.visibility.points import brute_force_visibility
 from engine.visibility.targets import VISIBILITY_LEVEL
@@ -285,7 +285,7 @@ class _Indirect:
         self._rows = random_rows(self._placement, effort.n_indirect, seed=5)
         layers, n_paths = layers_by_object(project), effort.n_paths
         paths = trace_halves(self._placement, layers, project.sky, N_BOUNCES, n_paths, SEED, self._rows)
-        self._truth = finish(paths)[:, :, 1].mean(axis=0)
+        self._truth = run_to_end(paths)[:, :, 1].mean(axis=0)
         self._direct = oracle(bench.subject, self._placement, self._rows, effort.level)
         self._layers: tuple[StillLayer, ...] = with_maps(
             self._placement, still_layers(project.layers.items(), project.object_names, plan_still(project))
@@ -318,7 +318,7 @@ class _Indirect:
                 return Shown(self._direct)
             first = series.first
             layers = [replace(each, bands=_at_most(each.bands, first)) for each in self._layers]
-            found = finish(indirect_radiance(self._placement, layers, self._sky, series, fineness))
+            found = run_to_end(indirect_radiance(self._placement, layers, self._sky, series, fineness))
             return Shown(self._direct + found[self._rows])
 
         return compute

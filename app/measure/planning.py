@@ -29,7 +29,7 @@ from app.measure.accuracy import REFERENCES, reference_folder
 from app.naming import qualified
 from app.project import ProjectWords, open_project
 from engine.errors import InsituError
-from engine.plan import Plan
+from engine.planner import Plan
 from engine.scene.builtin import builtin_scenes
 
 MIB = 2.0**20

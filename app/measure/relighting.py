@@ -25,7 +25,7 @@ from app.messages import Failed, LookFrom, OpenScene, Request, Response
 from app.placement.messages import ComputeTransport, LayerPicture, PrepareRelighting, RelightingPrepared
 from app.project import open_project
 from app.scene_state import SceneState, layer_state, scene_state
-from engine.plan import Decisions, band_counts
+from engine.planner import RenderSettings, band_counts
 from engine.transport.pipeline import FINAL, PREVIEW
 
 NAMES = ("turn_error", "turn_cpu_s", "relight_rows_s")
@@ -112,7 +112,7 @@ class _Ready:
     def _transport(self, scene: SceneState, n_final: int) -> ComputeTransport:
         key = scene.layers[0].key
         factor = scene.layers[0].layer.model.factors[0].name
-        decisions = Decisions(n_final or self._n_preview)
+        decisions = RenderSettings(n_final or self._n_preview)
         return ComputeTransport(scene, key, factor, self._n_preview, decisions, is_drag=n_final == 0)
 
 

@@ -34,7 +34,7 @@ from engine.indirect.solver import Solver
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.scene.load import Scene
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import Placement
 
 CSV = "indirect_representations.csv"
@@ -95,7 +95,7 @@ def _traced(
     layers = [replace(layer, i_object=i) for i in range(n_objects)]
     sky = sky_of(scene, document_from_description(SOURCE, scene.description).light)
     models = {layer.i_object: [MODEL] for layer in layers}
-    return finish(Solver(Placement(scene), models, sky, n_bounces, fineness, glossy=False).solve(layers)), layers
+    return run_to_end(Solver(Placement(scene), models, sky, n_bounces, fineness, glossy=False).solve(layers)), layers
 
 
 def edit_error(light: IndirectLight, layers: Sequence[IndirectLayer], frozen: FrozenLight) -> float:
@@ -111,7 +111,7 @@ def edited_pictures(
     curve = layers[0].curves.curves[0] * np.linspace(0.2, 1.5, N_BANDS)[:, None]
     albedo = layers[0].albedo * 0.7
     edited = replace(layers[0], curves=replace(layers[0].curves, curves=(curve,)), albedo=albedo)
-    [plain] = finish(light.points.fans(0).reflected([edited.curves], light.sent([edited, *layers[1:]])))
+    [plain] = run_to_end(light.points.fans(0).reflected([edited.curves], light.sent([edited, *layers[1:]])))
     powers = albedo ** np.arange(frozen.bands.shape[2])[:, None]
     return np.einsum("cjnp,jc,nc->pc", frozen.bands, curve, powers), plain[:, 0]
 
@@ -121,7 +121,7 @@ def representation_knob(n_objects: int, n_bounces: int, side: int) -> Knob:
     scene = open_subject(SOURCE).scene
     scene = cut(replace(scene, resolution=at_most(scene.resolution, side)), n_objects)
     light, layers = _traced(scene, n_objects, n_bounces, FINENESS)
-    frozen = finish(GatherPolynomial(light).freeze(layers, 0, Selected(0, 0)))
+    frozen = run_to_end(GatherPolynomial(light).freeze(layers, 0, Selected(0, 0)))
     truth = edited_pictures(light, layers, frozen)[1]
 
     def make(name: Any) -> Any:
@@ -129,7 +129,7 @@ def representation_knob(n_objects: int, n_bounces: int, side: int) -> Knob:
         _timed(made, layers, n_objects - 1)  # what the first freezing keeps is a part of making it
 
         def compute() -> Shown:
-            found = finish(made.freeze(layers, layers[0].i_object, Selected(0, 0)))
+            found = run_to_end(made.freeze(layers, layers[0].i_object, Selected(0, 0)))
             return Shown(edited_pictures(light, layers, found)[0], made.n_bytes / 2**20)
 
         return compute
@@ -150,5 +150,5 @@ def write_rows(file: Path, rows: Sequence[RepresentationRow]) -> None:
 def _timed(made: Representation, layers: Sequence[IndirectLayer], i_layer: int) -> tuple[float, FrozenLight]:
     """Seconds of a freezing for a layer's object, and what it gave."""
     started = time.process_time()
-    frozen = finish(made.freeze(layers, layers[i_layer].i_object, Selected(i_layer, 0)))
+    frozen = run_to_end(made.freeze(layers, layers[i_layer].i_object, Selected(i_layer, 0)))
     return time.process_time() - started, frozen

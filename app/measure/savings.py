@@ -23,14 +23,14 @@ from app.project import Project, open_project
 from app.stills import plan_still
 from engine.indirect.fineness import FINE
 from engine.indirect.series import BounceSeries
-from engine.plan import MOST_BANDS, Plan
+from engine.planner import MOST_BANDS, Plan
 from engine.render.bounces import MOST_PLANNED, planned_bounces
 from engine.render.error_estimate import judge_alike
 from engine.render.indirect import find_indirect, reflected_light
 from engine.render.light_pilot import with_needed_light
 from engine.render.still import StillLayer, reflected, still_layers, still_quality, with_maps
 from engine.scene.builtin import builtin_scenes
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import Placement
 
 # Of pictures that are compared, and of those that only have kernels read.
@@ -112,7 +112,7 @@ def saving(project: Project, name: str) -> SavingRow:
     _draw_planned(small, plan)
     project = _of_pixels(project, N_PIXELS)
     everything, planned = _draw_everything(project, plan), _draw_planned(project, plan)
-    errors = finish(
+    errors = run_to_end(
         judge_alike(
             everything.placement, everything.layers, project.sky, still_quality(everything.plan), MOST_PLANNED,
             (everything.radiance, planned.radiance), N_PATHS, N_POINTS,
@@ -149,7 +149,7 @@ def _draw_planned(project: Project, plan: Plan) -> _Drawn:
     """With as much as the picture needs."""
     started = time.process_time()
     placement, layers = _opened(project, plan)
-    plan = finish(with_needed_light(placement, layers, project.sky, plan))
+    plan = run_to_end(with_needed_light(placement, layers, project.sky, plan))
     n_bounces = planned_bounces(placement, project.indexed_layers).n_bounces
     seconds = time.process_time() - started
     further = _further(project, placement, layers, n_bounces, as_needed=True)
@@ -167,8 +167,8 @@ def _further(
     if n_bounces < 2:
         return _Further(n_bounces, 0, None, 0.0)
     started = time.process_time()
-    found = finish(find_indirect(placement, layers, project.sky, BounceSeries(n_bounces), FINE, as_needed))
-    radiance = finish(reflected_light(found, layers, None, placement.hits))
+    found = run_to_end(find_indirect(placement, layers, project.sky, BounceSeries(n_bounces), FINE, as_needed))
+    radiance = run_to_end(reflected_light(found, layers, None, placement.hits))
     return _Further(n_bounces, found.need.n_rays, radiance, time.process_time() - started)
 
 
@@ -177,7 +177,7 @@ def _drawn(
 ) -> _Drawn:
     """The picture; before: the seconds that went by already."""
     started = time.process_time()
-    radiance = finish(reflected(placement, layers, project.sky, still_quality(plan), further.radiance))
+    radiance = run_to_end(reflected(placement, layers, project.sky, still_quality(plan), further.radiance))
     return _Drawn(radiance, before + time.process_time() - started, plan, placement, layers, further)
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from app.measure.subject import Subject, layer_bands, layer_shape
 from engine.material.layer import Layer
 from engine.scene.hits import PrimaryHits
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.bandstore import BandStore, join_tiles
 from engine.transport.pipeline import Placement, Quality
 from engine.transport.projection import VisibleLight, project_layer
@@ -144,7 +144,7 @@ def precompute_on(
 ) -> Precomputed:
     """One stage on a placement; visibility that it holds already is used. most_bands: see `layer_bands`."""
     started = time.perf_counter()
-    light = finish(placement.light(subject.sky, quality))
+    light = run_to_end(placement.light(subject.sky, quality))
     lit = time.perf_counter()
     transports = tuple(
         _project(placement, light, i_object, layer, layer_bands(layer, most_bands))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from app.document import Document
 from app.project import open_project
 from engine.material.layer import Layer
-from engine.plan import band_counts, bands_by_hand
+from engine.planner import band_counts, bands_for_sharpest
 from engine.scene.load import Scene
 from engine.transport.pipeline import SkyState
 from engine.transport.projection import LayerShape
@@ -55,7 +55,7 @@ def at_most(resolution: tuple[int, int], side: int) -> tuple[int, int]:
 def layer_bands(layer: Layer, most: int | None = None) -> Bands:
     """J of each of a layer's curves: as planned, or with `most` (a power of two) for the sharpest."""
     planned = band_counts(layer)
-    return planned if most is None else bands_by_hand(layer, planned, most)
+    return planned if most is None else bands_for_sharpest(layer, planned, most)
 
 
 def layer_shape(layer: Layer, bands: Bands) -> LayerShape:

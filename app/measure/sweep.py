@@ -32,7 +32,7 @@ from app.measure.subject import Subject
 from engine.curve.operators import HALF_PI, Operator
 from engine.curve.wavelet import forward
 from engine.material.layer import Layer
-from engine.plan import Precision
+from engine.planner import Precision
 from engine.transport.pipeline import FINAL, Placement
 from engine.transport.planes import curve_planes
 from engine.visibility.points import brute_force_visibility

@@ -27,7 +27,7 @@ from engine.scene.frames import local_frames
 from engine.scene.hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic
-from engine.sphere.haar import Rule, forward, inverse, kept
+from engine.sphere.haar import Rule, forward, inverse, select_coefficients
 from engine.transport.pipeline import SkyState
 
 Float64Array = NDArray[np.float64]
@@ -127,7 +127,7 @@ def _truncated(
     transformed = [forward(each) for each in (light, visible, reflected, lit)]
     for rule in RULES:
         for n in counts:
-            few = [inverse(np.where(kept(each, n, rule)[:, None], each, 0.0)) for each in transformed]
+            few = [inverse(np.where(select_coefficients(each, n, rule)[:, None], each, 0.0)) for each in transformed]
             products = (
                 few[0] * few[1] * few[2],
                 lit * few[2],

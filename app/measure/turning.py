@@ -23,7 +23,7 @@ from app.machine.atomic import save_file
 from app.project import Project, open_project
 from engine.material.layer import Layer
 from engine.sphere.haar import levels_of_coefficients
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import FINAL, Placement
 from engine.transport.relight import MEAN_TERMS, RowMaker, light_coefficients, turning_effects
 from engine.visibility.targets import VISIBILITY_LEVEL
@@ -121,8 +121,8 @@ def _reflected(project: Project, effort: TurningEffort) -> tuple[Float32Array, F
     """What some points of all layers reflect of each wavelet, (P, T, 3), and that with as many terms as rows have."""
     placement, sky = Placement(project.scene), project.sky
     assert sky.environment is not None
-    finish(placement.light(sky, replace(FINAL, n_lights=effort.n_lights)))
-    effects = finish(turning_effects(sky.environment, sky.scale))
+    run_to_end(placement.light(sky, replace(FINAL, n_lights=effort.n_lights)))
+    effects = run_to_end(turning_effects(sky.environment, sky.scale))
     maker, random = RowMaker(placement.hits, placement.sphere, effects), np.random.default_rng(1)
     parts = []
     for i_object, layer in project.indexed_layers:

@@ -19,7 +19,7 @@ from app.messages import Failed, Request
 from app.placement.messages import BandsPlanned, PlanBands
 from engine.material.layer import Layer
 from engine.material.model import Model
-from engine.plan import MOST_BANDS, band_counts, usual_bands
+from engine.planner import MOST_BANDS, band_counts, usual_bands
 
 Counts = dict[str, int]
 

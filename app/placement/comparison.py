@@ -35,7 +35,7 @@ from app.placement.wishes import same_coefficients
 from app.scene_state import LayerState, layer_state
 from engine.material.layer import Layer
 from engine.material.maps import LayerMaps
-from engine.plan import Decisions
+from engine.planner import RenderSettings
 
 Samples = Callable[[str, LayerMaps], NDArray[np.float16] | None]
 
@@ -107,7 +107,7 @@ class Comparison:
         now: float,
         document: Document,
         talk: TransportTalk,
-        decisions: Decisions,
+        decisions: RenderSettings,
         exact: bool,
         has_indirect: bool = False,
     ) -> list[PictureEvent]:

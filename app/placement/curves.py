@@ -19,7 +19,7 @@ from engine.material.layer import Layer, object_of
 from engine.material.maps import Images, MapMeans
 from engine.material.measured_model import MeasuredModel
 from engine.material.model import Model
-from engine.plan import MOST_BANDS, bands_by_hand
+from engine.planner import MOST_BANDS, bands_for_sharpest
 from engine.plan_lines import bands_of_lines
 
 Float64Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ class Curves:
 
     def _planned(self, document: Document, key: str, layer: Layer) -> dict[str, int]:
         counts, chosen = self.plans.of(key, layer), document.first_bands
-        return counts if chosen is None else bands_by_hand(layer, counts, chosen)
+        return counts if chosen is None else bands_for_sharpest(layer, counts, chosen)
 
     def coefficients(self, document: Document, key: str, most: int | None = None) -> dict[str, Float64Array]:
         """Band values of each transport factor of a layer, (J,3) by factor [BenArtzi07, eq. 4.17], of `most` bands."""

@@ -11,7 +11,7 @@ from app.document import Document, Selection
 from app.linked_layers import group_of
 from app.placement.curves import Curves
 from app.placement.wishes import CurveShown, CurveWish, LayerShown, same_coefficients
-from engine.plan import Precision
+from engine.planner import Precision
 
 
 def edited_layers(document: Document, selected: Selection | None) -> tuple[str, ...]:

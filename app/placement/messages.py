@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from app.scene_state import LayerState, SceneState
     from engine.material.layer import Layer
     from engine.material.maps import Images, MapMeans
-    from engine.plan import Decisions, Precision
+    from engine.planner import RenderSettings, Precision
     from engine.render.picture_error import ErrorEstimate
 
 
@@ -55,7 +55,7 @@ class ComputeTransport(Request):
     selected: str | None
     factor: str | None
     n_lights_preview: int
-    decisions: Decisions
+    decisions: RenderSettings
     precision: Precision = "half"
     followers: tuple[str, ...] = ()
     is_drag: bool = False
@@ -64,9 +64,9 @@ class ComputeTransport(Request):
     is_fine: bool = False
 
     @property
-    def lit(self) -> Decisions:
+    def lit(self) -> RenderSettings:
         """What direct light is computed by; a picture of a light on the move is like no other."""
-        return replace(self.decisions.lit, n_lights=0) if self.is_drag else self.decisions.lit
+        return replace(self.decisions.direct_settings, n_lights=0) if self.is_drag else self.decisions.direct_settings
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,8 @@ from app.placement.status import PlacementStatus
 from app.status import Status, duration
 from app.view_state import ViewState
 from engine.material.layer import Layer, object_of
-from engine.plan import PRECISION_REASON, RAYS_REASON, edge_reason, sphere_reason, usual_bands
-from engine.plan_lines import FAN_RAYS, MODE_LINES, MOST_BANDS_OVERRULED, LineValue
+from engine.planner import PRECISION_REASON, RAYS_REASON, edge_reason, sphere_reason, usual_bands
+from engine.plan_lines import HEMISPHERE_RAYS, MODE_LINES, MAX_BANDS_OVERRIDDEN, LineValue
 from engine.scene.description import MAX_BOUNCES
 
 Choices = tuple[tuple[str, LineValue], ...]
@@ -102,7 +102,7 @@ def _light_lines(document: Document, view: ViewState, status: PlacementStatus) -
     if dict(document.overrules).get("bounces", view.n_bounces) != 1:
         n_rays = view.n_fan_rays or status.found_rays or "as needed"
         reason = KNOB if view.n_fan_rays else why.get("rays") or RAYS_REASON
-        yield _line(document, "rays", "Rays a fan", n_rays, reason, _numbers(FAN_RAYS))
+        yield _line(document, "rays", "Rays a fan", n_rays, reason, _numbers(HEMISPHERE_RAYS))
     yield _line(document, "precision", "Transport", view.precision, PRECISION_REASON, _named(HALVES))
 
 
@@ -126,7 +126,7 @@ def _curve_lines(document: Document, status: PlacementStatus) -> Iterator[SheetL
     planned = dict(status.planned_bands)
     for key, layer in reflecting_layers(document):
         counts = planned.get(key, {})
-        most = MOST_BANDS_OVERRULED[0] if len(counts) == 1 else min(MOST_BANDS_OVERRULED)
+        most = MAX_BANDS_OVERRIDDEN[0] if len(counts) == 1 else min(MAX_BANDS_OVERRIDDEN)
         choices = tuple((f"{n} bands", n) for n in BAND_CHOICES if n <= most)
         for name, n_bands in counts.items():
             title, reason = layer.model.factor(name).label, _why_so_many(document, key, layer, name, counts)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from app.document import LightState
 from app.placement.transport_talk import TransportTalk
 from app.status import Status
-from engine.plan import Precision
+from engine.planner import Precision
 from engine.render.picture_error import NONE, percent
 
 # Noise of the whole picture below which it counts as none.

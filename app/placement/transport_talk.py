@@ -42,7 +42,7 @@ from app.placement.wishes import (
     same_coefficients,
     transport_wish,
 )
-from engine.plan import Decisions, Precision
+from engine.planner import RenderSettings, Precision
 
 REST_SECONDS = 0.25
 CONTRACT_PATIENCE = 3.0
@@ -65,7 +65,7 @@ class TransportTalk:
     def _forget(self) -> None:
         self._wish: TransportWish | None = None
         self._wish_since = -math.inf
-        self._wish_made_of: tuple[Document, Decisions] | None = None
+        self._wish_made_of: tuple[Document, RenderSettings] | None = None
         self._asked: TransportWish | None = None
         self._asked_document: Document | None = None
         self._becoming_editable: tuple[str, ...] = ()
@@ -76,7 +76,7 @@ class TransportTalk:
         self.has_stage = False  # of the transport asked last
         self._complete = False
         self._released = self._stopped = False
-        self._made_for: tuple[Document, Decisions] | None = None
+        self._made_for: tuple[Document, RenderSettings] | None = None
         self._light_gain = np.ones(3)
         self.emitters_are_all = False
         self._is_fine = False
@@ -183,7 +183,7 @@ class TransportTalk:
         """Keys of the layers whose radiance is that of the transport asked last."""
         return self._layers.keys()
 
-    def serves(self, document: Document, like: Document, decisions: Decisions) -> bool:
+    def serves(self, document: Document, like: Document, decisions: RenderSettings) -> bool:
         """Whether the transport asked last would draw another document of the same models as ``like``."""
         models = [(key, layer.model) for key, layer in document.layers()]
         if self._asked is None or models != [(key, layer.model) for key, layer in like.layers()]:
@@ -274,7 +274,7 @@ class TransportTalk:
     # --------------------------------------------------------------------------------------------------------- asking
 
     def update(
-        self, now: float, document: Document, selected: Selection | None, decisions: Decisions, dragging: bool,
+        self, now: float, document: Document, selected: Selection | None, decisions: RenderSettings, dragging: bool,
         precision: Precision = "half", planned: bool = True, is_fine: bool = False,
     ) -> None:  # fmt: skip
         """Ask for what is missing; ``now`` in seconds of any steady clock. planned: whether the bands of all layers
@@ -413,7 +413,7 @@ class TransportTalk:
         shape = self._asked_shape(key)
         return shape is not None and shape.takes(wanted)
 
-    def _transport_wish(self, document: Document, decisions: Decisions) -> TransportWish:
+    def _transport_wish(self, document: Document, decisions: RenderSettings) -> TransportWish:
         made_of = (document, decisions)
         if self._wish is not None and self._wish_made_of == made_of:
             return self._wish

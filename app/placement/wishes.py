@@ -10,7 +10,7 @@ import numpy as np
 from app.document import RGB, Document, LightState
 from app.placement.curves import Float64Array, Coefficients, Curves
 from app.scene_state import LayerState
-from engine.plan import Decisions, Precision
+from engine.planner import RenderSettings, Precision
 
 Emission = tuple[tuple[str, RGB], ...]
 
@@ -67,7 +67,7 @@ class TransportWish:
     light: LightState
     layers: tuple[TransportShape, ...]
     emission: Emission = ()
-    decisions: Decisions = Decisions()
+    decisions: RenderSettings = RenderSettings()
 
     def moved_from(self, other: TransportWish) -> bool:
         """Whether of the light only the environment's rotation differs, or what emitters emit."""
@@ -81,7 +81,7 @@ class TransportWish:
 
     def stands_beside(self, other: TransportWish) -> bool:
         """Whether pictures of layers under both can stand side by side."""
-        return self.lights_like(other) and self.decisions.lit == other.decisions.lit
+        return self.lights_like(other) and self.decisions.direct_settings == other.decisions.direct_settings
 
     def alike(self, before: TransportWish) -> tuple[str, ...]:
         """Keys of the layers that look as they did under the wish before."""
@@ -142,7 +142,7 @@ class Contraction:
     sent_at: float
 
 
-def transport_wish(document: Document, decisions: Decisions, curves: Curves) -> TransportWish:
+def transport_wish(document: Document, decisions: RenderSettings, curves: Curves) -> TransportWish:
     """The transport of a document's layers in its light."""
     scene = curves.scene_state(document)
     shapes = tuple(transport_shape(state, curves.coefficients(document, state.key)) for state in scene.layers)

@@ -25,7 +25,7 @@ from engine.indirect.beyond import BRIGHTEST, held
 from engine.render.display import display_picture
 from engine.render.path_tracer import render_paths
 from engine.scene.surface_kinds import NO_SURFACE, DeformSurface, SurfacesOf
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import Placement
 
 N_RAYS, N_POINTS = 800, 5000
@@ -54,7 +54,7 @@ def truth(file: Path) -> None:
     scene = project.resting
     deform = _ready(project, ("head",), (("head", NO_SURFACE),))
     camera, layers = scene.description.camera, layers_by_object(project)
-    traced = finish(render_paths(Placement(posed(scene, BENT)), layers, project.sky, 2, 128))
+    traced = run_to_end(render_paths(Placement(posed(scene, BENT)), layers, project.sky, 2, 128))
     drawn = [deform.draw(camera, SIZE, BENT, "rest", turned) for turned in (False, True)]
     save(file, np.hstack([_shown(held(each, BRIGHTEST)) for each in (traced, *drawn)]))
 

@@ -121,7 +121,7 @@ def measure(folder: Path, resolution: tuple[int, int] = RESOLUTION) -> dict[str,
     from engine.render.indirect import indirect_radiance
     from engine.render.still import shape_of, still_layers, still_quality, with_maps
     from engine.scene.raycaster import RayCaster
-    from engine.steps import finish
+    from engine.generators import run_to_end
     from engine.transport.pipeline import Placement
     from engine.transport.projection import project_layer
 
@@ -135,7 +135,7 @@ def measure(folder: Path, resolution: tuple[int, int] = RESOLUTION) -> dict[str,
     placement = clock.time("hits", lambda: Placement(scene, caster, plan.n_edge_rays))
     sky = project.sky
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
-    light = clock.time("light", lambda: finish(placement.light(sky, still_quality(plan))))
+    light = clock.time("light", lambda: run_to_end(placement.light(sky, still_quality(plan))))
     n_tiles = n_bytes = 0
 
     def project_all() -> None:
@@ -147,7 +147,7 @@ def measure(folder: Path, resolution: tuple[int, int] = RESOLUTION) -> dict[str,
 
     clock.time("tiles", project_all)
     light_bytes = len(pickle.dumps(light, protocol=5))
-    clock.time("indirect", lambda: finish(indirect_radiance(placement, layers, sky, BounceSeries(2))))
+    clock.time("indirect", lambda: run_to_end(indirect_radiance(placement, layers, sky, BounceSeries(2))))
     return {
         "triangles": len(scene.triangles),
         "file_mib": (folder / "landscape.ply").stat().st_size / 2**20,

@@ -14,7 +14,7 @@ from engine.scene.builtin import builtin_scenes
 from engine.scene.load import load_scene
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points
-from engine.steps import told_as
+from engine.generators import map_steps
 
 Float64Array = NDArray[np.float64]
 
@@ -56,6 +56,6 @@ def fit_errors(
     found = {}
     for k, count in enumerate(n_lobes):
         fitting = fit(vectors, count)
-        zonal = yield from told_as(fitting, lambda share, k=k: (k + share) / len(n_lobes))  # type: ignore[misc]
+        zonal = yield from map_steps(fitting, lambda share, k=k: (k + share) / len(n_lobes))  # type: ignore[misc]
         found[count] = float(np.linalg.norm(zonal.errors) / signal) if signal > 0.0 else 0.0
     return found

@@ -43,7 +43,7 @@ from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_kinds import DeformSurface, SurfacesOf
 from engine.sphere.harmonics import project
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import SkyState
 
 Float32Array = NDArray[np.float32]
@@ -320,7 +320,7 @@ class Deform:
 
 def _open(n_points: int) -> Lobes:
     """Of points that see all that is above them."""
-    one = finish(fit(unshadowed(1, ORDER), 1))
+    one = run_to_end(fit(unshadowed(1, ORDER), 1))
     low, axes = np.repeat(one.low, n_points, axis=0), np.zeros((n_points, N_LOBES, 3))
     axes[:, :, 2] = 1.0
     axes[:, 0] = one.axes[0, 0]
@@ -339,7 +339,7 @@ def band_light_of(sky: SkyState) -> BandLight:
 
 def finished(deform: Deform) -> Deform:
     """With all its work done."""
-    finish(_told(deform))
+    run_to_end(_told(deform))
     return deform
 
 

@@ -19,7 +19,7 @@ from engine.deform.zonal import Zonal, about_linear, fit
 from engine.material.maps import Images
 from engine.scene.load import Scene
 from engine.scene.surface_kinds import DeformSurface
-from engine.steps import told_as
+from engine.generators import map_steps
 
 ORDER, N_LOBES = 6, 4
 
@@ -70,7 +70,7 @@ class ObjectTransfer:
         vectors = yield from self._vectors(scene, points)
         if self.n_lobes == 1:  # which is soon to be another
             return about_linear(vectors)
-        return (yield from told_as(fit(vectors, self.n_lobes), lambda _: 1.0))
+        return (yield from map_steps(fit(vectors, self.n_lobes), lambda _: 1.0))
 
     def _vectors(self, scene: Scene, points: BendingPoints) -> Generator[float, None, NDArray[np.float64]]:
         """Of the object's points, or of a patch's texels (P, n^2)."""
@@ -83,7 +83,7 @@ class ObjectTransfer:
         vectors = yield from shadowed(mesh, caster, ORDER, self.n_rays)
         if self.reflectance.brightest and self.n_bounces:
             albedo = self.reflectance.albedo
-            vectors = yield from told_as(bounced(mesh, caster, vectors, albedo, self.n_bounces), lambda share: 0.99)
+            vectors = yield from map_steps(bounced(mesh, caster, vectors, albedo, self.n_bounces), lambda share: 0.99)
         return vectors
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.texture.told import ToldMaps, Words
+from engine.texture.gpu_export import ExportedMaps, Words
 
 Float32Array = NDArray[np.float32]
 Int32Array = NDArray[np.int32]
@@ -47,7 +47,7 @@ class ToldTerm:
 
     i_object: int
     reflectance: tuple[float, float, float]
-    maps: ToldMaps | None
+    maps: ExportedMaps | None
     detail: ToldDetail | None
 
 
@@ -56,7 +56,7 @@ class CoverPart:
     """What lies on objects by texture coordinates. corners (3 T, 12) of their triangles, object by object: the place of
     each, the point on its front and on its back, -1 for none, its axes among those of the pose, texture coordinates,
     the place on the mesh at rest and the normal of the face there (bits); ranges: the first and the last, excluded, of
-    an object's triangles; lobes: of all `ToldDetail`; images and strokes: see `engine.texture.told`."""
+    an object's triangles; lobes: of all `ToldDetail`; images and strokes: see `engine.texture.gpu_export`."""
 
     number: int
     corners: Int32Array

@@ -21,7 +21,7 @@ from engine.deform.transfer import N_RAYS, TransferPoints, cosine_directions, si
 from engine.deform.zonal import Zonal
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points
-from engine.steps import told_as
+from engine.generators import map_steps
 from engine.threads import even_parts, on_threads
 
 Float64Array = NDArray[np.float64]
@@ -53,7 +53,7 @@ def simulate_patch(
         raise ValueError(f"a slab {slab.thickness:g} thick, expected more than {-heights.min():g}")
     mesh, caster = _among_copies(heights)
     end = 0.6 if slab else 1.0
-    vectors = yield from told_as(simulate(mesh, caster, n, albedo, n_bounces, n_rays), lambda share: end * share)
+    vectors = yield from map_steps(simulate(mesh, caster, n, albedo, n_bounces, n_rays), lambda share: end * share)
     flat = turned(vectors, mesh.frames.transpose(0, 2, 1))
     if slab is None:
         return flat
@@ -61,7 +61,7 @@ def simulate_patch(
     below = cosine_directions(n_rays, n)[1].mean(axis=0) * _mirrored(n)
     sources = _sources(places, mesh.frames[:, 2, 2], heights.shape, slab)
     leaving = subsurface(np.vstack([flat, below]), places, sources, slab.medium)
-    return (yield from told_as(leaving, lambda share: 0.6 + 0.4 * share))
+    return (yield from map_steps(leaving, lambda share: 0.6 + 0.4 * share))
 
 
 @dataclass(frozen=True, eq=False)

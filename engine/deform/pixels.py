@@ -12,7 +12,7 @@ from engine.deform.points import BendingPoints
 from engine.deform.raster import Drawn
 from engine.material.maps import LayerMaps
 from engine.orbit.seen_maps import MOVING_PROBES
-from engine.render.surface_maps import painted, sampled
+from engine.render.surface_maps import painted, sample_images
 from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections
 from engine.texture.pyramid import MOST_PROBES, Pyramid
@@ -60,7 +60,7 @@ class Pixels:
         def sample(image: Pyramid, repeats: tuple[float, float]) -> Float32Array:
             return image.over(uv, right - uv, below - uv, probes, repeats, is_quick)
 
-        texture, weight = sampled(maps.images, scene.textures, len(uv), sample)
+        texture, weight = sample_images(maps.images, scene.textures, len(uv), sample)
         return np.asarray(maps.factor(texture, painted(scene, self.at, maps.strokes, weight)), np.float32)
 
     def _corner_uvs(self, scene: Scene) -> Float64Array:

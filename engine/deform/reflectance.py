@@ -17,7 +17,7 @@ from engine.deform.points import BendingPoints
 from engine.deform.subject import albedo, is_glossy
 from engine.light.environment import LUMINANCE
 from engine.material.layer import Layer
-from engine.render.surface_maps import painted, sampled
+from engine.render.surface_maps import painted, sample_images
 from engine.scene.load import Scene
 from engine.texture.pyramid import Pyramid
 
@@ -64,7 +64,7 @@ def albedos(scene: Scene, points: BendingPoints, i_object: int, layers: Sequence
         return image.over(uvs, across, down, repeats=repeats)
 
     for layer in layers:
-        texture, weight = sampled(layer.maps.images, scene.textures, len(sides), sample)
+        texture, weight = sample_images(layer.maps.images, scene.textures, len(sides), sample)
         factor = layer.maps.factor(texture, painted(scene, middles, layer.maps.strokes, weight))
         own = low_gloss(layer, order).albedo if is_glossy(layer) else albedo(layer)
         total += factor @ (own * LUMINANCE)

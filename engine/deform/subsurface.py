@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from engine.deform import _subsurface_kernels as kernels
 from engine.deform.transfer import N_RAYS, TransferPoints, simulate, turned
 from engine.scene.raycaster import RayCaster
-from engine.steps import told_as
+from engine.generators import map_steps
 from engine.threads import even_parts, on_threads
 
 Float64Array = NDArray[np.float64]
@@ -132,11 +132,11 @@ def simulate_subsurface(
 ) -> Generator[float, None, Float64Array]:
     """Vectors (P, n^2) of the points of a mesh, with its own shadows, in their own axes; triangles (T, 3): numbers of
     these points. Yields the share that is done."""
-    entering = yield from told_as(simulate(mesh, caster, n, n_rays=n_rays), lambda share: 0.6 * share)
+    entering = yield from map_steps(simulate(mesh, caster, n, n_rays=n_rays), lambda share: 0.6 * share)
     places = mesh.points.position.astype(np.float64)
     sources = Sources(places, vertex_areas(places, triangles), np.arange(len(places), dtype=np.int32))
     in_world = turned(entering, mesh.frames.transpose(0, 2, 1))
-    leaving = yield from told_as(subsurface(in_world, places, sources, medium), lambda share: 0.6 + 0.4 * share)
+    leaving = yield from map_steps(subsurface(in_world, places, sources, medium), lambda share: 0.6 + 0.4 * share)
     return turned(leaving, mesh.frames)
 
 

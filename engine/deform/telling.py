@@ -33,7 +33,7 @@ from engine.deform.shading import Lobes
 from engine.deform.subject import Subject, albedo
 from engine.scene.load import Scene
 from engine.sphere.harmonics import clamped_cosine
-from engine.texture.told import ToldImages, image_words, stroke_words
+from engine.texture.gpu_export import ImageExporter, image_words, stroke_words
 
 _numbers = count(1 + randbits(48))  # of parts: another worker's are others
 
@@ -72,7 +72,7 @@ class Telling:
 
     def _seen(self, of: Subject) -> LookPart:
         """The look, after the cover that it speaks of."""
-        images, firsts = ToldImages(of.scene.textures, of.scene.origin), dict[int, ToldDetail]()
+        images, firsts = ImageExporter(of.scene.textures, of.scene.origin), dict[int, ToldDetail]()
         n_told = 0
         for i, each in of.details.items():
             firsts[i] = _told_detail(n_told, each)
@@ -87,7 +87,7 @@ class Telling:
             self._cover = made_of, self._covering(of, covered, images)
         return look_part(of, terms)
 
-    def _covering(self, of: Subject, objects: tuple[int, ...], images: ToldImages) -> CoverPart:
+    def _covering(self, of: Subject, objects: tuple[int, ...], images: ImageExporter) -> CoverPart:
         first_axes, n_axes = dict[int, int](), 0
         for i in of.details:
             first_axes[i], n_axes = n_axes, n_axes + len(self._posed.axes_of(i)[1])

@@ -19,7 +19,7 @@ from engine.deform import _transfer_kernels as kernels
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import SurfacePoints
 from engine.sphere.harmonics import basis, quadrature
-from engine.steps import told_as
+from engine.generators import map_steps
 from engine.threads import even_parts, on_threads
 
 Float64Array = NDArray[np.float64]
@@ -53,9 +53,9 @@ def simulate(
     """Vectors (P, n^2) of order n with the mesh's own shadows and, for albedo (P,) or one for all in [0, 1), what it
     reflects onto itself in so many bounces. Yields the share that is done."""
     end = 0.7 if n_bounces else 1.0
-    total = yield from told_as(shadowed(mesh, caster, n, n_rays), lambda share: end * share)
+    total = yield from map_steps(shadowed(mesh, caster, n, n_rays), lambda share: end * share)
     if n_bounces:
-        total = yield from told_as(bounced(mesh, caster, total, albedo, n_bounces), lambda share: end + 0.2 * share)
+        total = yield from map_steps(bounced(mesh, caster, total, albedo, n_bounces), lambda share: end + 0.2 * share)
     yield 1.0
     return total
 

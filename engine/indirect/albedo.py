@@ -21,7 +21,7 @@ from engine.indirect.equivalence import N_SLANTS, N_VIEWS, albedo_of, slant_of, 
 from engine.indirect.rays import cosine_tables, pole_tables
 from engine.material import MODELS, kinds
 from engine.material.layer import Layer
-from engine.recent import keeps_recent
+from engine.array_cache import cache_recent_arrays
 
 N_AZIMUTHS = 8
 N_VIEW_SAMPLES = 256
@@ -62,7 +62,7 @@ def _is_coloured(model_name: str, quotient_parameters: tuple[float, ...]) -> boo
     return MODELS[model_name].is_coloured and bool(quotient_parameters[kinds.TABLE])
 
 
-@keeps_recent(_MOST_BYTES)
+@cache_recent_arrays(_MOST_BYTES)
 def _common_bands(
     model_name: str, quotient_parameters: tuple[float, ...], bands: tuple[int, ...]
 ) -> NDArray[np.float64]:

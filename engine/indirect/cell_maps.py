@@ -27,8 +27,8 @@ from engine.indirect.equivalence import N_SLANTS
 from engine.indirect.layers import IndirectLayer, is_glossy
 from engine.material.maps import Images, LayerMaps, factor_of_means
 from engine.scene.surface_uvs import corner_uvs, positions_at, uvs_at
-from engine.texture.store import sampled
-from engine.texture.strokes import PaintedPoints
+from engine.texture.texture_store import sample_images
+from engine.texture.stroke_painting import PaintedPoints
 
 if TYPE_CHECKING:
     from engine.indirect._cell_kernels import CellTable
@@ -72,7 +72,7 @@ class _Places:
         area = np.repeat(self._spread(position) / counts, counts)
         uv = uvs_at(scene, triangle, u, v)
         share = area * _stretch(scene, triangle)
-        self._texture, weight = sampled(
+        self._texture, weight = sample_images(
             images, scene.textures, len(uv),
             lambda image, repeats: image.at(
                 uv * np.array(repeats), image.level_of(share * abs(repeats[0] * repeats[1]))

@@ -23,7 +23,7 @@ from engine.indirect.smoothing import Smoothing, smoothing_for
 from engine.scene.hits import PrimaryHits
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
-from engine.steps import finish
+from engine.generators import run_to_end
 
 Footprint = tuple[NDArray[np.int32], NDArray[np.float32]]
 
@@ -179,7 +179,7 @@ class IndirectLight:
 
     def at_points(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
         """Indirect radiance (p, 3) of all gather points; of one half of the rays where one is named."""
-        return in_full(finish(self.points.reflected(layers, self.sent(layers), half)), self.unit)
+        return in_full(run_to_end(self.points.reflected(layers, self.sent(layers), half)), self.unit)
 
     def noise(self, layers: Sequence[IndirectLayer]) -> Generator[None, None, tuple[float, float]]:
         """What chance is left in the picture, RMS relative to its mean, and that mean, in steps: its halves differ by
@@ -197,5 +197,5 @@ class IndirectLight:
 
     def picture(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
         """Indirect radiance (P, 3) of all points of the picture."""
-        found, (rows, weights) = finish(self.points.reflected(layers, self.sent(layers), half)), self.footprint
+        found, (rows, weights) = run_to_end(self.points.reflected(layers, self.sent(layers), half)), self.footprint
         return in_full(np.einsum("pk,pkc->pc", weights, found[rows]), self.unit)

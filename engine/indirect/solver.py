@@ -53,7 +53,7 @@ from engine.indirect.stored import (
 )
 from engine.scene.frames import object_axes
 from engine.scene.hits import PrimaryHits
-from engine.steps import Result, finish, told_as
+from engine.generators import Result, run_to_end, map_steps
 from engine.stored_arrays import ArrayReader, Arrays
 from engine.transport.footprint import footprint, lattice_rows
 from engine.transport.pipeline import Placement, SkyState
@@ -429,13 +429,13 @@ def relit(
     What was recorded of glossy surfaces belongs to the old light: they go by albedo, until the rays are traced anew.
     """
     shining = shining_on(placement, sky)
-    light = replace(found.light, direct=finish(direct_irradiance(found.cells, shining.lights, fineness.n_samples)))
+    light = replace(found.light, direct=run_to_end(direct_irradiance(found.cells, shining.lights, fineness.n_samples)))
     return replace(found.by_albedo(), light=light, n_bounces=n_bounces, unit=shining.unit)
 
 
 def _said(steps: Generator[object, None, Result], fraction: float, text: str) -> Generator[Progress, None, Result]:
     """The same steps, of which each says how far the whole is."""
-    return told_as(steps, lambda step: (fraction, text))
+    return map_steps(steps, lambda step: (fraction, text))
 
 
 def _first(rows: NDArray[np.int32]) -> NDArray[np.uint8]:

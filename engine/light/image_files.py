@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.errors import LoadError
-from engine.files import place_of
+from engine.safe_files import local_path
 from engine.light.primaries import to_rec709, xyz_to_rec709
 from engine.light.resampling import block_means, reduction
 
@@ -57,7 +57,7 @@ def read_radiance_image(
     said: list[str] = [] if notes is None else notes
     most_pixels = MAX_PIXELS if most_pixels is None else most_pixels
     try:
-        file = place_of(file)
+        file = local_path(file)
     except OSError as error:
         raise LoadError(file, "file", str(error), "a readable file") from None
     start = _check_regular_file(file)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.errors import LoadError
-from engine.files import read_regular_file
+from engine.safe_files import read_regular_file
 from engine.measured.spectrum import rgb_weights
 
 SUFFIX = ".brdf"

@@ -19,7 +19,7 @@ from engine.orbit.sky import Sky
 from engine.orbit.visibility import N_UPPER, Bits, see, see_patches
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
-from engine.steps import Stepped, finish
+from engine.generators import StepRunner, run_to_end
 
 Float32Array = NDArray[np.float32]
 STALE, COARSELY, EXACTLY = 0, 1, 2
@@ -61,7 +61,7 @@ class LitPoints:
         self._to_backs: dict[int, Exchange] = {}
         self.with_backs: list[int] = []
         self.bounces: Bounces | None = None
-        self._bouncing: Stepped[Bounces | None] | None = None
+        self._bouncing: StepRunner[Bounces | None] | None = None
         self.indirect, self.sent_on = np.zeros((2, self._n, 3), np.float32)
         self.is_bounced = STALE
 
@@ -127,7 +127,7 @@ class LitPoints:
     def send_rays(self) -> None:
         """A part of those by which light bounces on."""
         if self._bouncing is None:
-            self._bouncing = Stepped(self._sending())
+            self._bouncing = StepRunner(self._sending())
         if self._bouncing.advance():
             self.bounces, self._bouncing = self._bouncing.result, None
 
@@ -160,7 +160,7 @@ class LitPoints:
     def refine_rays(self, patches: EmitterPatches | None) -> None:
         """A part of more of them, when all shadows are known."""
         if self._bouncing is None:
-            self._bouncing = Stepped(self._refining(patches))
+            self._bouncing = StepRunner(self._refining(patches))
         if self._bouncing.advance():
             self.bounces, self._bouncing, self.is_bounced = self._bouncing.result, None, STALE
 
@@ -219,7 +219,7 @@ class LitPoints:
             self._backs[each] = np.arange(n, len(self.points))
         self._n = len(self.points)
         if self.points.buried is not None:
-            of_backs = finish(buried(self._scene, self.caster, self.points, before))
+            of_backs = run_to_end(buried(self._scene, self.caster, self.points, before))
             self.points = replace(self.points, buried=np.concatenate([self.points.buried, of_backs]))
         self.mesh, self.with_backs = self.mesh.of(self.points), [*self.with_backs, *objects]
         self.bits = _longer(self.bits, self._n, 255)

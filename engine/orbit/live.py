@@ -39,7 +39,7 @@ from engine.render.still import StillProgress
 from engine.scene.description import CameraDescription
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
-from engine.steps import Stepped, finish
+from engine.generators import StepRunner, run_to_end
 from engine.stored_arrays import ArrayReader, Arrays
 from engine.threads import n_threads
 from engine.transport.pipeline import SkyState
@@ -80,7 +80,7 @@ class Orbit:
         self._caster = caster or RayCaster(scene.vertices, scene.triangles)
         self._n_points, self._n_coefficients, self._n_patches = n_points, n_coefficients, n_patches
         self._most_bytes = most_bytes
-        self._placing: Stepped[ShadingPoints] | None = None
+        self._placing: StepRunner[ShadingPoints] | None = None
         self._lit: LitPoints | None = None
         self._kept: tuple[Bits, Bits, list[int]] | None = None
         self._patches = _emitters(scene, n_patches)
@@ -292,7 +292,7 @@ class Orbit:
         quality: "moving", as quick as it gets, by n_moving coefficients a point; "rest", every pixel on its own;
         "still", every sun exactly as well. Raises ValueError before `is_ready`.
         """
-        return finish(self.drawing(camera, resolution, quality, n_moving))
+        return run_to_end(self.drawing(camera, resolution, quality, n_moving))
 
     def drawing(
         self, camera: CameraDescription, resolution: tuple[int, int], quality: Quality = "rest",
@@ -336,13 +336,13 @@ class Orbit:
         """A piece of placing points."""
         if self._placing is None:
             self._check_memory(self._n_least())  # a search that takes minutes would only find more of them
-            self._placing = Stepped(self._points(self._n_points))
+            self._placing = StepRunner(self._points(self._n_points))
         if not self._placing.advance():
             return
         points, self._placing = self._placing.result, None
         n = self._within_memory(len(points))
         if n < self._n_coefficients and self._n_points:
-            points = finish(self._points(0))
+            points = run_to_end(self._points(0))
             n = self._within_memory(len(points))
         self._check_memory(len(points))
         if n < self._n_coefficients:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.texture.told import ToldMaps, Words
+from engine.texture.gpu_export import ExportedMaps, Words
 
 Float32Array = NDArray[np.float32]
 Range = tuple[int, int]
@@ -103,7 +103,7 @@ class ToldTerm:
     reflectance: tuple[float, float, float]
     sends_on: tuple[float, float, float]
     tables: int
-    maps: ToldMaps | None
+    maps: ExportedMaps | None
     bumps: ToldBumps | None
 
 

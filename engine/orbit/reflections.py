@@ -22,7 +22,7 @@ from engine.orbit.slices import Slices, matt_reflectance, slicing
 from engine.orbit.visibility import LEVEL
 from engine.render.surface_maps import mean_factor
 from engine.scene.load import Scene
-from engine.steps import Stepped, finish
+from engine.generators import StepRunner, run_to_end
 
 LayersOf = Mapping[int, Sequence[Layer]]
 # Steradians: less have copper of the tea tray (Ashikhmin and Shirley's 320 and 70) and Beckmann's roughness of 0.12.
@@ -51,7 +51,7 @@ class Reflections:
         self._slices: dict[Layer, Slices] = {}
         self._fine: set[Layer] = set()
         self._tables: dict[tuple[Layer, ...], _slice_kernels.Tables] = {}
-        self._slicing: tuple[Layer, Stepped[Slices]] | None = None
+        self._slicing: tuple[Layer, StepRunner[Slices]] | None = None
         self._means: dict[tuple[object, ...], NDArray[np.floating]] = {}
 
     def set_layers(self, layers_of: LayersOf) -> bool:
@@ -109,7 +109,7 @@ class Reflections:
         missing = next((layer for layer in self._wanted if layer not in self._slices), None)
         if missing is None:
             return False
-        coarse = finish(slicing(missing, -1))
+        coarse = run_to_end(slicing(missing, -1))
         self._take(missing, coarse.at_level(min(coarse.level, self._levels.of[missing])))
         return True
 
@@ -117,7 +117,7 @@ class Reflections:
         """A step towards the fine slices of a layer whose are coarse; whether it was the last of them."""
         rough = self._rough
         if self._slicing is None or self._slicing[0] not in rough:
-            self._slicing = rough[0], Stepped(slicing(rough[0]))
+            self._slicing = rough[0], StepRunner(slicing(rough[0]))
         layer, steps = self._slicing
         if not steps.advance():
             return False

@@ -11,7 +11,7 @@ from engine.material.layer import Layer
 from engine.material.maps import Images
 from engine.orbit import _footprint_kernels as kernels
 from engine.orbit.picture import Rows, Seen
-from engine.render.surface_maps import painted, sampled
+from engine.render.surface_maps import painted, sample_images
 from engine.scene.load import Scene
 from engine.scene.relief import Footprints, gradients
 from engine.scene.surface_uvs import corner_uvs
@@ -45,7 +45,7 @@ class _Places:
 
     def look_up(self, images: Images) -> tuple[Float32Array, Float32Array]:
         """Texture (N, 3) and weight (N,)."""
-        colours, shares = sampled(images, self._scene.textures, len(self._which), self._sample)
+        colours, shares = sample_images(images, self._scene.textures, len(self._which), self._sample)
         if images.strokes:
             shares = painted(self._scene, self._seen.in_scene(self._which), images.strokes, shares)
         return colours, shares

@@ -19,7 +19,7 @@ from engine.orbit.lit_sides import lit_sides
 from engine.scene.frames import object_tangents
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
-from engine.steps import finish
+from engine.generators import run_to_end
 
 Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]
@@ -109,7 +109,7 @@ def shading_points(
     where a triangle is cut, those beside it have the same corners, so that none part when points move. Raises
     ValueError unless n_points ≥ 0.
     """
-    return finish(placing(scene, caster, n_points, even, is_whole))
+    return run_to_end(placing(scene, caster, n_points, even, is_whole))
 
 
 def placing(

@@ -31,7 +31,7 @@ from engine.orbit.parts import (
     Words,
 )
 from engine.scene.surface_uvs import corner_uvs
-from engine.texture.told import ToldImages, image_words, stroke_words
+from engine.texture.gpu_export import ImageExporter, image_words, stroke_words
 
 if TYPE_CHECKING:
     from engine.material.bumps import Bumps
@@ -117,7 +117,7 @@ class _Terms:
 
     def __init__(self, orbit: Orbit) -> None:
         self.tables: dict[int, Tables] = {}
-        self.told = ToldImages(orbit.scene.textures, orbit.scene.origin)
+        self.told = ImageExporter(orbit.scene.textures, orbit.scene.origin)
         self._orbit = orbit
         self.terms = tuple(self._told(term) for term in orbit.reflections.terms)
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from engine.indirect.albedo import equivalent_albedo
 from engine.material.layer import Layer
-from engine.plan import usual_bands
+from engine.planner import usual_bands
 from engine.render.surface_maps import mean_factor
 from engine.scene.hits import object_ids, shading_frames
 from engine.scene.load import Scene

@@ -16,7 +16,7 @@ from engine.scene.hits import PrimaryHits
 from engine.scene.load import Scene
 from engine.scene.surface_uvs import corner_uvs, positions_at, uvs_at
 from engine.texture.pyramid import Pyramid
-from engine.texture.strokes import PaintedPoints
+from engine.texture.stroke_painting import PaintedPoints
 
 Float64Array = NDArray[np.float64]
 _N_MEAN_SAMPLES = 1 << 15

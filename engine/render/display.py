@@ -8,7 +8,7 @@ does the same, and slow twins test both.
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.colour import TABLED, ToneMapping, displayed, encode_srgb
+from engine.colour import TABULATED_VIEWS, ToneMapping, display_transform, encode_srgb
 from engine.light.environment import LUMINANCE
 
 BRIGHTEST = 1e4
@@ -39,8 +39,8 @@ def display_values(
 ) -> NDArray[np.floating]:
     """The same as numbers in [0, 1]."""
     exposed = np.asarray(radiance, np.float64) * 2.0 ** min(max(exposure, -64.0), 64.0)
-    if tone_mapping in TABLED:
-        return displayed(exposed, tone_mapping)
+    if tone_mapping in TABULATED_VIEWS:
+        return display_transform(exposed, tone_mapping)
     if tone_mapping == "false_colour":
         return false_colour(exposed)
     return encode_srgb(filmic(exposed) if tone_mapping == "filmic" else np.clip(exposed, 0.0, 1.0))

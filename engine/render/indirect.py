@@ -18,7 +18,7 @@ from engine.material.layer import Layer
 from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, StillProgress, by_object
 from engine.scene.hits import PrimaryHits
-from engine.steps import finish, told_as
+from engine.generators import run_to_end, map_steps
 from engine.transport.pipeline import Placement, SkyState
 
 # Of the picture's points, those whose direct light is looked at, and by how many paths each.
@@ -32,7 +32,7 @@ def indirect_radiance(
     """Radiance (P, 3) that reaches the eye after 2 bounces to all of the series, at the points of the hits; arguments:
     see `find_indirect`."""
     found = yield from find_indirect(placement, layers, sky, series, fineness, as_needed)
-    return finish(reflected_light(found, layers, series.second, placement.hits))
+    return run_to_end(reflected_light(found, layers, series.second, placement.hits))
 
 
 def find_indirect(
@@ -43,10 +43,10 @@ def find_indirect(
     other_light = None
     if as_needed:
         looking = StillProgress(0.0, "looking around")
-        other_light = yield from told_as(direct_mean(placement, by_object(layers), sky), lambda step: looking)
+        other_light = yield from map_steps(direct_mean(placement, by_object(layers), sky), lambda step: looking)
     solver = Solver(placement, models_of(layers), sky, series.n_bounces, fineness, series.second != 1, other_light)
     steps = solver.solve(indirect_layers(layers, series.second))
-    return (yield from told_as(steps, lambda step: StillProgress(*step)))
+    return (yield from map_steps(steps, lambda step: StillProgress(*step)))
 
 
 def reflected_light(

@@ -23,10 +23,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.plan import SLOW_ANGLES, SPHERE_PAYS_FROM, Decisions, Plan
+from engine.planner import SLOW_ANGLES, MIN_LIGHTS_FOR_SPHERE, RenderSettings, Plan
 from engine.render.still import StillLayer, curves_of, reflected_with, shape_of
 from engine.scene.hits import PrimaryHits
-from engine.steps import told_as
+from engine.generators import map_steps
 from engine.transport.pipeline import Placement, SkyState, final_quality
 from engine.transport.projection import VisibleLight, project_points
 
@@ -56,12 +56,12 @@ class LightNeed:
     patches: int
     off: tuple[tuple[str, float, float], ...] = ()
 
-    def decided(self, most: Decisions, is_still: bool = False) -> Decisions:
+    def decided(self, most: RenderSettings, is_still: bool = False) -> RenderSettings:
         """These of the most there may be; a still of few lights asks for their shadows alone."""
-        keeps_sphere = most.keeps_sphere and (not is_still or self.lights >= SPHERE_PAYS_FROM)
+        keeps_sphere = most.keeps_sphere and (not is_still or self.lights >= MIN_LIGHTS_FOR_SPHERE)
         return replace(most, n_lights=self.lights, n_patches=self.patches, keeps_sphere=keeps_sphere)
 
-    def reasons(self, most: Decisions) -> dict[str, str]:
+    def reasons(self, most: RenderSettings) -> dict[str, str]:
         """Why, by line of the plan."""
         said = {}
         for line, plain, sharper in self.off:
@@ -85,14 +85,14 @@ def pays(placement: Placement) -> bool:
 
 
 def needed_light(
-    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, most: Decisions, is_still: bool = False,
+    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, most: RenderSettings, is_still: bool = False,
     seed: int = 1,
 ) -> Generator[None, None, LightNeed]:  # fmt: skip
     """At most as many lights and patches as `most` has, of the lines that no person has set; yields now and then. The
     placement's own visibility is not touched."""
     need = LightNeed(most.n_lights, most.n_patches)
     there = {"lights": sky.environment is not None, "patches": bool(placement.scene.emitters.any())}
-    lines = [line for line, is_there in there.items() if is_there and line not in most.overruled]
+    lines = [line for line, is_there in there.items() if is_there and line not in most.overridden]
     if not (lines and layers and pays(placement)):
         return need
     tried = _Trials(placement, layers, sky, is_still, seed)
@@ -121,9 +121,9 @@ def with_needed_light(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, plan: Plan
 ) -> Generator[None, None, Plan]:
     """A plan with as much light as is needed."""
-    most = plan.decisions
+    most = plan.settings
     need = yield from needed_light(placement, layers, sky, most, plan.is_still)
-    return plan.with_need(need.decided(most, plan.is_still), need.reasons(most))
+    return plan.with_light_budget(need.decided(most, plan.is_still), need.reasons(most))
 
 
 def deviations(trial: Pictures, truth: Pictures) -> tuple[float, float]:
@@ -158,10 +158,10 @@ class _Trials:
         shines."""
         return not self._lit_by[line]
 
-    def pictures(self, decisions: Decisions) -> Generator[None, None, Pictures]:
+    def pictures(self, decisions: RenderSettings) -> Generator[None, None, Pictures]:
         """What the points reflect (P, 3): as the layers are, and with sharper highlights where these can be edited."""
         part = self._part if decisions.keeps_sphere else self._placement.at(self._rows)
-        light = yield from told_as(part.light(self._sky, final_quality(decisions)), lambda fraction: None)
+        light = yield from map_steps(part.light(self._sky, final_quality(decisions)), lambda fraction: None)
         self._lit_by = {"lights": _any_sky(light, self._sky), "patches": bool(light.emitters.bits.any())}
         found = np.zeros((2, len(self._rows), 3))
         for each in self._layers:

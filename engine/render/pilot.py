@@ -15,11 +15,11 @@ import numpy as np
 
 from engine.indirect.fineness import FINE
 from engine.light.lights import cut_lights
-from engine.plan import Cost, Plan
+from engine.planner import Cost, Plan
 from engine.render.indirect import direct_mean, indirect_layers, models_of
 from engine.render.indirect_pilot import IndirectCost, indirect_cost
 from engine.render.still import StillLayer, StillProgress, by_object, still_quality
-from engine.steps import finish, told_as
+from engine.generators import run_to_end, map_steps
 from engine.threads import n_threads, on_threads
 from engine.transport.fixed import BYTES_A_POINT
 from engine.transport.lighting import prepare_lighting
@@ -130,7 +130,7 @@ def _try_shadows(placement: Placement, sky: SkyState, plan: Plan) -> tuple[float
 
 def _seconds_of_light(placement: Placement, sky: SkyState, quality: Quality) -> float:
     started = time.process_time()
-    finish(placement.light(sky, quality))
+    run_to_end(placement.light(sky, quality))
     return time.process_time() - started
 
 
@@ -169,12 +169,12 @@ def _try_indirect(
     by_hand, other_light = plan.n_rays, None
     if not by_hand:
         looking = StillProgress(0.5, "trying: direct light")
-        other_light = yield from told_as(direct_mean(placement, by_object(layers), sky), lambda step: looking)
+        other_light = yield from map_steps(direct_mean(placement, by_object(layers), sky), lambda step: looking)
     trying = indirect_cost(
         placement, models_of(layers), sky, plan.bounces or 1, indirect_layers(layers),
         FINE.with_rays(by_hand), other_light,
     )  # fmt: skip
-    return (yield from told_as(trying, lambda step: StillProgress(0.5 + 0.5 * step[0], f"trying: {step[1]}")))
+    return (yield from map_steps(trying, lambda step: StillProgress(0.5 + 0.5 * step[0], f"trying: {step[1]}")))
 
 
 def _memory_bytes(placement: Placement, sky: SkyState, plan: Plan, indirect: float) -> float:

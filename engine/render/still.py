@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from engine.light.emitters import EmitterPatches
 from engine.material.layer import Layer, object_of
-from engine.plan import Plan
+from engine.planner import Plan
 from engine.render.integrator import integrate_direct
 from engine.render.maps import MapFactors
 from engine.render.surface_maps import MapSampler, SeenMaps
 from engine.scene.hits import PrimaryHits
-from engine.steps import told_as
+from engine.generators import map_steps
 from engine.threads import n_threads, pool
 from engine.transport.bandstore import BandStore, BandTile
 from engine.transport.pipeline import FINAL, Placement, Quality, SkyState, final_quality
@@ -93,7 +93,7 @@ class StillProgress:
 
 def still_quality(plan: Plan) -> Quality:
     """The stage that a plan asks for: every pixel, its lights and patches, the sphere where it is needed."""
-    return replace(final_quality(plan.decisions), name="still")
+    return replace(final_quality(plan.settings), name="still")
 
 
 def render_still(
@@ -115,7 +115,7 @@ def reflected(
     if quality.stride != 1:
         raise ValueError(f"stride = {quality.stride}, expected 1: a still has every pixel")
     radiance = np.zeros((len(placement.hits.pixel), 3)) if indirect is None else indirect.astype(np.float64)
-    light = yield from told_as(
+    light = yield from map_steps(
         placement.light(sky, quality), lambda fraction: StillProgress(SHADOWS * min(fraction, 1.0), "shadows")
     )
     total = sum(len(placement.rows_of(each.i_object)) for each in layers) or 1

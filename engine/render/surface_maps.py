@@ -17,13 +17,13 @@ from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.surface_uvs import pixel_footprints, positions_at, uvs_at
 from engine.texture.pyramid import Pyramid
-from engine.texture.store import TextureStore, sampled
-from engine.texture.strokes import PaintedPoints
+from engine.texture.texture_store import TextureStore, sample_images
+from engine.texture.stroke_painting import PaintedPoints
 
 Float64Array = NDArray[np.float64]
 _MOST_KEPT = 4
 
-__all__ = ["MapSampler", "SeenMaps", "look_up", "mean_factor", "mean_maps", "painted", "sampled", "uvs_at"]
+__all__ = ["MapSampler", "SeenMaps", "look_up", "mean_factor", "mean_maps", "painted", "sample_images", "uvs_at"]
 
 
 class MapSampler:
@@ -72,7 +72,7 @@ class MapSampler:
 
 def look_up(images: Images, store: TextureStore, uv: Float64Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Texture (N, 3) and weight (N,) at coordinates (N, 2), between texels and without any filter, nor strokes."""
-    return sampled(images, store, len(uv), lambda image, repeats: image.at(uv * np.array(repeats)))
+    return sample_images(images, store, len(uv), lambda image, repeats: image.at(uv * np.array(repeats)))
 
 
 def painted(scene: Scene, found: Intersections, strokes: Strokes, weight: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.errors import LoadError
-from engine.files import read_regular_file, resolve_inside
+from engine.safe_files import read_regular_file, resolve_inside
 from engine.material.bumps import NO_BUMPS, Bumps
 from engine.material.maps import LayerMaps
 from engine.scene.description import LayerDescription

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from urllib.parse import unquote
 
-from engine.files import read_regular_file, resolve_inside
+from engine.safe_files import read_regular_file, resolve_inside
 from engine.scene.glb import MAX_ITEMS, JsonObject, parse_glb
 from engine.scene.mesh import MAX_MESH_BYTES
 

@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from engine.errors import LoadError, shown_name
+from engine.errors import LoadError, printable_name
 from engine.scene.glb import JsonObject
 from engine.scene.gltf_file import ANY_SHARES, FLOATS, SHARES, GltfFile
 from engine.scene.gltf_nodes import MAX_DEPTH, MeshNode, WorldMatrices, node_matrix, node_parts, parents_of
@@ -170,7 +170,7 @@ class RigReader:
             tracks = self._try(animation.place, lambda a=animation: self._tracks(a, nodes))  # type: ignore[misc]
             if tracks is None:
                 continue
-            name = own = shown_name(animation.text("name") or "", LONGEST_NAME) or f"animation {i}"
+            name = own = printable_name(animation.text("name") or "", LONGEST_NAME) or f"animation {i}"
             while name in taken:
                 n_of[own] = n_of.get(own, 1) + 1
                 name = f"{own} ({n_of[own]})"

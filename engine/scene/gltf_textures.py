@@ -16,7 +16,7 @@ from engine.errors import LoadError
 from engine.material.maps import MAX_REPEATS, TextureTransform, Wrap
 from engine.scene.glb import JsonObject
 from engine.scene.gltf_images import image_bytes
-from engine.texture.images import image_size, read_texture, reduction
+from engine.texture.texture_files import image_size, read_texture, reduction
 
 # Of all images of one file, and more for every byte: a few kilobytes can claim millions of pixels. They are decoded
 # when they are used, 0.1 s a megapixel: whatever a small file claims, that is 6 s, and never in the window's process.

@@ -22,7 +22,7 @@ from engine.scene.picture_frame import Lamps
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.surface_points import SurfacePoints
 from engine.scene.surface_uvs import pixel_footprints
-from engine.steps import finish
+from engine.generators import run_to_end
 
 Float32Array = npt.NDArray[np.float32]
 Int32Array = npt.NDArray[np.int32]
@@ -133,7 +133,7 @@ def trace_primary(
 ) -> PrimaryHits:
     """Trace a ray through every pixel centre (Python's oracle renders the same), and through pixels at edges as many
     more as are asked for, 0 or what `ray_offsets` knows; resolution = (width, height)."""
-    return finish(tracing_primary(scene, caster, resolution, n_edge_rays))
+    return run_to_end(tracing_primary(scene, caster, resolution, n_edge_rays))
 
 
 def tracing_primary(

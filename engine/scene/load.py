@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.errors import LoadError
-from engine.files import files_noted, resolve_inside
+from engine.safe_files import record_files, resolve_inside
 from engine.material.bumps import Bumps
 from engine.material.maps import Images, split_image_name
 from engine.scene.box_projection import box_frame
@@ -27,7 +27,7 @@ from engine.scene.parts import ObjectMesh, object_meshes
 from engine.scene.relief import Relief
 from engine.scene.rig import Animations, Rig
 from engine.scene.stage import DEFAULT_ENVIRONMENT, stage_mesh
-from engine.texture.store import TextureStore
+from engine.texture.texture_store import TextureStore
 
 MAX_EXTENT = 1e9
 PROJECTED = "no texture coordinates, so images are projected from the sides of its box"
@@ -140,7 +140,7 @@ def load_scene(path: str | Path, resolution: tuple[int, int] | None = None) -> S
     """Read a scene file and its meshes, or one mesh as a scene of its own; `resolution` = (width, height) replaces the
     file's. Raises LoadError."""
     path = Path(path)
-    with files_noted() as files:
+    with record_files() as files:
         if path.suffix.lower() not in MESH_ENDINGS:
             scene = build_scene(load_description(path), path, resolution)
         else:

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.errors import LoadError
-from engine.files import read_regular_file
+from engine.safe_files import read_regular_file
 
 MESH_ENDINGS = (".ply", ".obj", ".glb")
 MAX_MESH_BYTES = 512 * 2**20

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from engine.errors import LoadError
-from engine.files import resolve_inside
+from engine.safe_files import resolve_inside
 from engine.scene.description import MAX_OBJECTS, LayerDescription, ObjectDescription, SceneDescription
 from engine.scene.gltf import GlbModel, GlbPart, read_glb
 from engine.scene.gltf_materials import GREY

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from engine.threads import n_threads, stands_apart
+from engine.threads import n_threads, has_own_threads
 
 Float32Array = npt.NDArray[np.float32]
 
@@ -136,7 +136,7 @@ class RayCaster:
             for part in parts:
                 trace(part)
         else:
-            list(self._pools[stands_apart()].map(trace, parts))
+            list(self._pools[has_own_threads()].map(trace, parts))
 
 
 def _normalization(points: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], float]:

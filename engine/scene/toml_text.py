@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from engine.errors import InsituError, LoadError
-from engine.files import read_regular_file
+from engine.safe_files import read_regular_file
 
 MAX_PARTS = 16
 MAX_LEVELS = 16

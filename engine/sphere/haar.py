@@ -86,7 +86,7 @@ def images_of_coefficients(images: list[Int32Array]) -> Int32Array:
     return np.concatenate(found).astype(np.int32)
 
 
-def kept(coefficients: Array, n: int, rule: Rule = "size") -> NDArray[np.bool_]:
+def select_coefficients(coefficients: Array, n: int, rule: Rule = "size") -> NDArray[np.bool_]:
     """Which n of the coefficients (C, ...) stay, (C,): the 20 means always, then the largest differences.
 
     rule: "size", |c| times the triangle's measure; "energy", |c|² times the measure; "top", the coarsest. Of colours

@@ -58,7 +58,7 @@ def order_of(coefficients: NDArray[np.floating]) -> int:
 def clamped_cosine(n: int) -> Float64Array:
     """How much of band l (n,) is left of light that a matt surface gathers: pi, 2 pi / 3, pi / 4, 0, -pi / 24, ...
 
-    [Ramamoorthi01, eq. 8]; the factors of `convolved`, whose result at the surface's normal is its irradiance.
+    [Ramamoorthi01, eq. 8]; the factors of `convolve`, whose result at the surface's normal is its irradiance.
     """
     factors = np.zeros(n)
     for l in range(n):  # noqa: E741
@@ -70,7 +70,7 @@ def clamped_cosine(n: int) -> Float64Array:
     return factors
 
 
-def convolved(coefficients: NDArray[np.floating], factors: ArrayLike) -> Float64Array:
+def convolve(coefficients: NDArray[np.floating], factors: ArrayLike) -> Float64Array:
     """Vectors (..., n^2) after convolution with a kernel about an axis, by its n convolution coefficients g*
     (eq. 3, 4)."""
     return np.asarray(coefficients * np.asarray(factors)[bands(order_of(coefficients))])
@@ -102,7 +102,7 @@ def rotation_matrices(rotation: ArrayLike, n: int) -> list[Float64Array]:
     return matrices
 
 
-def rotated(coefficients: NDArray[np.floating], rotation: ArrayLike) -> Float64Array:
+def rotate(coefficients: NDArray[np.floating], rotation: ArrayLike) -> Float64Array:
     """Vectors (..., n^2) of the turned function f(R^-1 s)."""
     n = order_of(coefficients)
     parts = np.split(np.asarray(coefficients, np.float64), np.arange(1, n) ** 2, axis=-1)

@@ -1,4 +1,4 @@
-"""Compiled painting: see `strokes`."""
+"""Compiled painting: see `stroke_painting`."""
 
 import math
 

@@ -40,7 +40,7 @@ class Pyramid:
         """See above."""
         return self.flat[: -lanes.N_BEHIND].reshape(-1, self.n_channels)
 
-    def under(self, transform: TextureTransform) -> Pyramid:
+    def with_transform(self, transform: TextureTransform) -> Pyramid:
         """The same image, and the same object each time, under another transform."""
         if transform == self.transform:
             return self
@@ -114,12 +114,12 @@ def make_pyramid(image: NDArray[np.floating]) -> Pyramid:
     """The pyramid of an image (H, W, C)."""
     levels = [np.ascontiguousarray(image, np.float32)]
     while max(levels[-1].shape[:2]) > 1:
-        levels.append(_halved(_halved(levels[-1], 0), 1))
+        levels.append(_halve_axis(_halve_axis(levels[-1], 0), 1))
     flat = np.concatenate([*(level.ravel() for level in levels), np.zeros(lanes.N_BEHIND, np.float32)])
     return Pyramid(flat, image.shape[2], tuple((len(level), level.shape[1]) for level in levels))
 
 
-def _halved(image: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
+def _halve_axis(image: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
     """Half as many texels along an axis, each the mean of what it covers."""
     n = image.shape[axis]
     if n == 1:

@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from engine.errors import LoadError
-from engine.texture.images import Image, Tell, Values, grey_shares, read_image, say_nothing
+from engine.texture.texture_files import Image, ReportNote, Values, grey_shares, read_image, ignore_note
 
 # tan 87 degrees: what leans further, or points into the surface, counts as that.
 STEEPEST = 20.0
 _MIDDLES = {"uint8": 128, "uint16": 32768}
 
 
-def read_normal_map(data: bytes, file: Path | str, tell: Tell = say_nothing) -> Image:
+def read_normal_map(data: bytes, file: Path | str, tell: ReportNote = ignore_note) -> Image:
     """The slopes (H, W, 2) of a normal map's texels along its x and y, row 0 on top. Raises LoadError."""
     return read_image(data, file, lambda values: _slopes(values, file), tell)
 
@@ -37,7 +37,7 @@ def _slopes(values: Values, file: Path | str) -> Image:
     return np.ascontiguousarray(-vectors[..., :2] / up[..., None], np.float32)
 
 
-def read_heights(data: bytes, file: Path | str, tell: Tell = say_nothing) -> Image:
+def read_heights(data: bytes, file: Path | str, tell: ReportNote = ignore_note) -> Image:
     """How heights of 0 to 1 change along u and v over an image that repeats, (H, W, 2), row 0 on top; of a colour image
     those of its luminance. Raises LoadError."""
     height = read_image(data, file, grey_shares, tell)[..., 0]

@@ -19,7 +19,7 @@ from functools import partial
 
 import numpy as np
 
-from engine.stored_arrays import ArrayReader, Arrays, InPieces, UnsoundArrays
+from engine.stored_arrays import ArrayReader, Arrays, ArrayInPieces, UnsoundArrays
 from engine.threads import on_threads
 from engine.transport import _band_kernels as kernels
 from engine.transport import _plane_kernels as plane_kernels
@@ -155,7 +155,7 @@ class BandStore:
 
 def in_pieces(
     bands: tuple[int, int], n_points: int, n_values: Sequence[int], part: Callable[[int], Arrays]
-) -> dict[str, InPieces]:
+) -> dict[str, ArrayInPieces]:
     """A whole layer as five arrays, for a file that `arrays_of_file` reads; none of them is whole in memory.
 
     part: the arrays of its tiles by number, `BandTile.arrays`; n_values: how many values each of them has.
@@ -175,7 +175,7 @@ def in_pieces(
         "start": (np.int64, (n_points,)),
         "values": (np.uint32, (int(offsets[-1]),)),
     }
-    return {name: InPieces(np.dtype(dtype), shape, partial(pieces, name)) for name, (dtype, shape) in shapes.items()}
+    return {name: ArrayInPieces(np.dtype(dtype), shape, partial(pieces, name)) for name, (dtype, shape) in shapes.items()}
 
 
 def arrays_of_file(bands: tuple[int, int], n_points: int, arrays: Arrays) -> dict[str, np.ndarray]:

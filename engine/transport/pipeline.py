@@ -13,7 +13,7 @@ import numpy as np
 from engine.light.emitters import EmitterPatches, EmitterTree, emitter_patches
 from engine.light.environment import Environment
 from engine.light.lights import cut_lights
-from engine.plan import Decisions
+from engine.planner import RenderSettings
 from engine.scene.hits import PrimaryHits, trace_primary
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
@@ -58,7 +58,7 @@ FINAL = Quality("final", 1, 4000, 768, max_level=7, tolerance=0.5, own_rays=Fals
 DRAG = Quality("drag", 8, 400, 16, VISIBILITY_LEVEL, own_rays=False)
 
 
-def final_quality(decisions: Decisions) -> Quality:
+def final_quality(decisions: RenderSettings) -> Quality:
     """The last stage of a picture for which this was decided."""
     return replace(
         FINAL, n_lights=decisions.n_lights, n_patches=decisions.n_patches, own_rays=not decisions.keeps_sphere

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.plan import Precision
+from engine.planner import Precision
 from engine.transport.bandstore import BandStore
 
 GUESSED_FROM = 1024

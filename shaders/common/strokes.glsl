@@ -1,4 +1,4 @@
-// Provides: a weight under the strokes of a brush, as `engine.texture.strokes` paints it.
+// Provides: a weight under the strokes of a brush, as `engine.texture.stroke_painting` paints it.
 
 layout(std430, binding = 6) readonly buffer Strokes { uint stroke_words[]; };
 uniform ivec2 strokes;  // the first and the last, excluded

@@ -25,7 +25,7 @@ from app.placement.messages import (
 )
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
-from engine.plan import Precision, band_counts
+from engine.planner import Precision, band_counts
 from engine.render.picture_error import ErrorEstimate
 from engine.scene.description import parse_description
 from engine.scene.picture_frame import PictureFrame

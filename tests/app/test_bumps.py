@@ -20,7 +20,7 @@ from app.set_path import set_path
 from app.view_state import ViewState
 from engine.errors import InsituError
 from engine.material.bumps import NO_BUMPS, Bumps
-from engine.steps import finish
+from engine.generators import run_to_end
 from tests.app.fake_worker import FakeClient
 from tests.scene_text import camera, placed
 
@@ -92,7 +92,7 @@ def test_transport_is_kept_by_bumps_and_visibility_without_them(scene: Path) -> 
     bench.load(open_project(str(scene)).scene, 1)
     keys = []
     for strength in (1.0, 2.0, 0.0):
-        finish(bench.look(LookFrom(1, bumps=(("card", Bumps(bump_map="ramp.png", bump_strength=strength)),))))
+        run_to_end(bench.look(LookFrom(1, bumps=(("card", Bumps(bump_map="ramp.png", bump_strength=strength)),))))
         keys.append((bench.geometry_key, bench.view_key))
     assert len({geometry for geometry, _ in keys}) == 1 and len({view for _, view in keys}) == 3
     assert keys[2][0] == keys[2][1]  # flat: as without

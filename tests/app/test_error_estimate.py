@@ -27,7 +27,7 @@ from engine.render.indirect import find_indirect, noise_in, reflected_light
 from engine.render.path_tracer import trace_halves
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import Picture, reflected, still_layers, still_quality, with_maps
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import Placement
 from tests.scene_text import ground, placed
 
@@ -144,7 +144,7 @@ def test_what_other_modes_draw_is_judged_within_a_factor_of_two(
     smaller = zoom(picture, (0.5, 0.5, 1), order=1)
     dim = np.where((placement.hits.object_image == 1)[..., None], 0.5 * picture, picture)
     judging = judge_drawn(placement, layers, project.sky, 1, [picture, smaller, truth, dim])
-    judged, coarse, exact, off = (each.estimate for each in finish(judging))
+    judged, coarse, exact, off = (each.estimate for each in run_to_end(judging))
     assert 0.5 * error < judged.total < 2.0 * error
     assert 2.0 * exact.total < judged.total < coarse.total
     assert off.mostly == "box" and off.short.endswith(" % off, mostly on box")
@@ -156,12 +156,12 @@ def test_the_chance_of_paths_is_not_taken_for_an_error() -> None:
     project = with_edges(open_project("cornell", (24, 18)), 0)
     placement, plan, series = Placement(project.scene), plan_still(project), BounceSeries(2)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
-    found = finish(find_indirect(placement, layers, project.sky, series, STILL, True))
-    noise = finish(noise_in(found, layers, series.second))
-    indirect = finish(reflected_light(found, layers, series.second, placement.hits))
-    direct = finish(reflected(placement, layers, project.sky, still_quality(plan)))
+    found = run_to_end(find_indirect(placement, layers, project.sky, series, STILL, True))
+    noise = run_to_end(noise_in(found, layers, series.second))
+    indirect = run_to_end(reflected_light(found, layers, series.second, placement.hits))
+    direct = run_to_end(reflected(placement, layers, project.sky, still_quality(plan)))
     rows = np.arange(len(placement.hits.pixel))
-    truth = finish(trace_halves(placement, layers_by_object(project), project.sky, 2, 1024, 1, rows))
+    truth = run_to_end(trace_halves(placement, layers_by_object(project), project.sky, 2, 1024, 1, rows))
     again = truth[:, :, 1] - truth[:, :, 0]
 
     def told(gain: float, known: float | None) -> tuple[float, float]:
@@ -171,7 +171,7 @@ def test_the_chance_of_paths_is_not_taken_for_an_error() -> None:
             n_paths=1 << 13, noise=known,
         )  # fmt: skip
         square = np.mean((gain * indirect - again[0]) * (gain * indirect - again[1]))
-        return finish(judging).estimate.indirect or 0.0, float(np.sqrt(square) / truth[:, :, 1].mean())
+        return run_to_end(judging).estimate.indirect or 0.0, float(np.sqrt(square) / truth[:, :, 1].mean())
 
     estimate, error = told(1.0, noise)
     assert error / 1.5 < estimate < 1.5 * error
@@ -190,17 +190,17 @@ def test_the_error_of_indirect_light_is_told_as_it_is_where_it_is_interpolated(
     project, series = with_edges(open_project(room, (64, 48)), 0), BounceSeries(4)
     placement, plan = Placement(project.scene), plan_still(project)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
-    direct = finish(reflected(placement, layers, project.sky, still_quality(plan)))
+    direct = run_to_end(reflected(placement, layers, project.sky, still_quality(plan)))
 
     def indirect(fineness: Fineness, as_needed: bool) -> tuple[IndirectLight, np.ndarray]:
-        found = finish(find_indirect(placement, layers, project.sky, series, fineness, as_needed))
-        return found, finish(reflected_light(found, layers, series.second, placement.hits))
+        found = run_to_end(find_indirect(placement, layers, project.sky, series, fineness, as_needed))
+        return found, run_to_end(reflected_light(found, layers, series.second, placement.hits))
 
     found, shown = indirect(STILL, True)
     assert len(found.points.gathered.points) < 0.9 * len(shown)
-    noise = finish(noise_in(found, layers, series.second))
+    noise = run_to_end(noise_in(found, layers, series.second))
     judging = judge(placement, layers, project.sky, still_quality(plan), 4, direct + shown, shown, noise=noise)
-    told = finish(judging).estimate.indirect
+    told = run_to_end(judging).estimate.indirect
     for name, value in {"TOLERANCE": -1.0, "FLOOR": -1.0, "REACH": 0.0}.items():
         monkeypatch.setattr(lattice, name, value)
     finer, truth = indirect(STILL.with_rays(4096), False)
@@ -214,11 +214,11 @@ def test_the_whole_error_is_measured_and_not_added_up() -> None:
     placement, plan = Placement(project.scene), plan_still(project)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     quality = still_quality(plan)
-    light = finish(reflected(placement, layers, project.sky, quality))
+    light = run_to_end(reflected(placement, layers, project.sky, quality))
 
     def judged(shown: float, of_it_indirect: float) -> ErrorEstimate:
         judging = judge(placement, layers, project.sky, quality, 2, shown * light, of_it_indirect * light, 1 << 15)
-        return finish(judging).estimate
+        return run_to_end(judging).estimate
 
     lacks, swapped = judged(1.0, 0.0), judged(1.0, 0.1)
     # Direct light is exact, what is reflected again is missing: all the error is of that.

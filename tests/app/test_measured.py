@@ -36,7 +36,7 @@ from app.set_path import set_path
 from engine.errors import InsituError, LoadError
 from engine.measured import tables
 from engine.measured.merl import merl_samples, read_merl
-from engine.plan import Decisions, band_counts
+from engine.planner import RenderSettings, band_counts
 from engine.scene.description import SceneDescription
 from tests.app.fake_worker import FakeClient
 from tests.naive.measured import drawn_measurement
@@ -72,7 +72,7 @@ def document_of(opened: SceneOpened, source: Path) -> Document:
 
 
 def compute(document: Document) -> ComputeTransport:
-    return ComputeTransport(Curves(16).scene_state(document), None, None, 80, Decisions(80, 20))
+    return ComputeTransport(Curves(16).scene_state(document), None, None, 80, RenderSettings(80, 20))
 
 
 def test_a_worker_reads_what_a_scene_names(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ from app.placement.messages import BouncesPlanned, ComputeTransport
 from app.placement.status import RenderReport
 from app.placement.transport_talk import N_LIGHTS_PREVIEW
 from app.view_state import SetView
-from engine.plan import band_counts
+from engine.planner import band_counts
 from tests.app.fake_worker import FakeClient, computed
 
 EXACT = RenderReport(128, 128, 0.0, True)

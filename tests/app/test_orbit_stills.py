@@ -12,7 +12,7 @@ from app.stills import render_project
 from engine.indirect.series import BounceSeries
 from engine.material.layer import Layer
 from engine.orbit.still import render_orbit
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import Placement
 from tests.app.files.test_brdf_files import insitu
 from tests.engine.orbit.conftest import SCENE
@@ -51,7 +51,7 @@ def test_a_still_of_orbit_is_the_brute_force_picture(
     for i_object, layer in project.indexed_layers:
         layers_of.setdefault(i_object, []).append(layer)
     placement = Placement(project.scene)
-    found = finish(render_orbit(placement, layers_of, project.sky, 256, n_points=points), lambda _: None)
+    found = run_to_end(render_orbit(placement, layers_of, project.sky, 256, n_points=points), lambda _: None)
     assert found.shape == (18, 24, 3) and np.isfinite(found).all()
     where = inner(placement)
     error, difference = off(found[where] * project.document.light.intensity, truth[where])

@@ -20,7 +20,7 @@ from app.placement.messages import BouncesPlanned
 from app.project import open_project, overruled
 from app.view_state import AS_PLANNED, SetView, ViewState
 from engine.errors import InsituError, LoadError
-from engine.plan import Decisions
+from engine.planner import RenderSettings
 from tests.app.fake_worker import SCENE, FakeClient, computed
 from tests.scene_text import ground
 
@@ -37,7 +37,7 @@ def test_a_line_is_set_by_its_name_and_given_back(document: Document) -> None:
     changed = with_lines(document, **LINES, **{"pot.1.theta_h": 32})
     assert dict(changed.overrules) == LINES | {"pot.1.theta_h": 32}
     view = decided_view(ViewState(), changed)
-    assert decisions_of(view, changed) == Decisions(1000, 256, 2, False, frozenset({"lights", "patches"}))
+    assert decisions_of(view, changed) == RenderSettings(1000, 256, 2, False, frozenset({"lights", "patches"}))
     assert (view.precision, view.n_edge_rays) == ("float", 4)
     for line in dict(changed.overrules):
         changed = overrule(line, "auto").apply(changed)
@@ -97,7 +97,7 @@ def test_the_editor_asks_for_what_is_set_and_undo_brings_back(settled: Editor, c
     settled.tick(1.5)
     request = computed(client)[-1]
     assert (
-        request.decisions == Decisions(1000, 256, 2, False, frozenset({"lights", "patches"}))
+        request.decisions == RenderSettings(1000, 256, 2, False, frozenset({"lights", "patches"}))
         and request.precision == "float"
     )
     assert {state.key: state.bands for state in request.scene.layers}["pot.1"][0] == 32

@@ -17,7 +17,7 @@ from app.jobs.cache import content_key
 from app.picture_key import parts_of, picture_key
 from app.project import Project, open_project
 from engine.scene.builtin import builtin_scenes
-from engine.texture.store import TextureStore
+from engine.texture.texture_store import TextureStore
 from tests.engine.deform.test_moments import write_bar
 from tests.scene_text import camera, placed
 

@@ -10,13 +10,13 @@ from app.files.material_file import load_material
 from engine.colour import (
     TABLE_SIDE,
     TABLE_STOPS,
-    TABLED,
+    TABULATED_VIEWS,
     TONE_MAPPINGS,
     VIEWS,
     ToneMapping,
     agx_sigmoid,
-    displayed,
-    view_named,
+    display_transform,
+    find_view,
     view_table,
 )
 from engine.errors import LoadError
@@ -70,9 +70,9 @@ def test_agx_is_near_the_polynomial_that_others_use() -> None:
 
 def test_middle_grey_and_white() -> None:
     greys = np.array([[0.0] * 3, [0.18] * 3, [1e36] * 3], np.float32)
-    assert displayed(greys, "agx")[:, 0] == pytest.approx([0.0, 0.5, 1.0], abs=2e-3)
+    assert display_transform(greys, "agx")[:, 0] == pytest.approx([0.0, 0.5, 1.0], abs=2e-3)
     # 10 nits of 100 where 0.18 is lit: (0.1)^(1/2.2) is 0.35.
-    assert displayed(greys, "aces_2")[:, 1] == pytest.approx([0.0, 0.35, 1.0], abs=5e-3)
+    assert display_transform(greys, "aces_2")[:, 1] == pytest.approx([0.0, 0.35, 1.0], abs=5e-3)
 
 
 @pytest.mark.parametrize("view", TONE_MAPPINGS)
@@ -94,12 +94,12 @@ def test_tables_are_what_they_are_of(view: ToneMapping, mostly: float, most: flo
     place = (np.log2(light) - low) / (high - low) * (TABLE_SIDE - 1)
     table = view_table(view).astype(float)
     found = [map_coordinates(table[..., k], place.T[::-1], order=1, mode="nearest") for k in range(3)]
-    off = 255 * np.abs(np.stack(found, axis=1) - displayed(light, view))
+    off = 255 * np.abs(np.stack(found, axis=1) - display_transform(light, view))
     assert np.quantile(off, 0.999) < mostly and off.max() < most
 
 
 def test_views_are_named_as_people_say_them() -> None:
-    assert [view_named(known.label.upper()) for known in VIEWS.values()] == list(TONE_MAPPINGS)
-    assert view_named("aces_2") == "aces_2" and view_named(" standard ") == "linear" and set(TABLED) < set(VIEWS)
+    assert [find_view(known.label.upper()) for known in VIEWS.values()] == list(TONE_MAPPINGS)
+    assert find_view("aces_2") == "aces_2" and find_view(" standard ") == "linear" and set(TABULATED_VIEWS) < set(VIEWS)
     with pytest.raises(LoadError, match="view: name = sepia, expected Filmic, AgX, ACES 2.0"):
-        view_named("sepia")
+        find_view("sepia")

@@ -2,7 +2,7 @@ import pickle
 
 import pytest
 
-from engine.errors import LONGEST_LINE, MOST_NOTES, InsituError, LoadError, plain_line, plain_notes, shown_name
+from engine.errors import LONGEST_LINE, MOST_NOTES, InsituError, LoadError, plain_line, plain_notes, printable_name
 from engine.scene.description import parse_description
 
 
@@ -66,5 +66,5 @@ def test_notes_are_plain_few_and_said_once():
 
 
 def test_names_from_files_are_cut_and_printable():
-    assert shown_name(" a \n b\x1b\ud800 ", 9) == "a b��"
-    assert shown_name("x" * 1_000_000, 9) == "x" * 8 + "…" and shown_name("", 9) == ""
+    assert printable_name(" a \n b\x1b\ud800 ", 9) == "a b��"
+    assert printable_name("x" * 1_000_000, 9) == "x" * 8 + "…" and printable_name("", 9) == ""

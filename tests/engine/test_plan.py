@@ -14,7 +14,7 @@ from engine.material.kinds import THETA_H
 from engine.material.layer import Layer
 from engine.measured.coordinates import node_angles
 from engine.measured.measurement import Measurement
-from engine.plan import (
+from engine.planner import (
     BANDWIDTH_TOLERANCE,
     EDITABLE_BANDS,
     MOST_BANDS,
@@ -168,7 +168,7 @@ def test_every_line_can_be_overruled(scene: Scene, layers: dict[str, Layer]) -> 
     changed = plan(scene, layers, overrides=overrides)
     assert changed.layer("ball.1").bands == (8, 4)
     assert (changed.n_lights, changed.needs_sphere, changed.bounces, changed.precision) == (100, False, 3, "float")
-    assert changed.n_edge_rays == 0 and changed.overruled == set(overrides)
+    assert changed.n_edge_rays == 0 and changed.overridden == set(overrides)
     reasons = {name: reason for name, _, reason in plan_lines(changed)}
     assert all(reasons[line] == "overruled" for line in overrides)
     assert plan(scene, layers, overrides={"ball.0.theta_i": 512}).layer("ball.0").bands == (512,)
@@ -177,7 +177,7 @@ def test_every_line_can_be_overruled(scene: Scene, layers: dict[str, Layer]) -> 
 def test_the_sphere_goes_by_the_lights_that_a_person_wants(scene: Scene, layers: dict[str, Layer]) -> None:
     assert not plan(scene, layers, still=True, overrides={"lights": 100}).needs_sphere
     assert plan(scene, layers, still=True, overrides={"sphere": 1, "lights": 100}).needs_sphere
-    assert not plan(scene, layers, overrides={"sphere": 0}).decisions.keeps_sphere
+    assert not plan(scene, layers, overrides={"sphere": 0}).settings.keeps_sphere
 
 
 @pytest.mark.parametrize(
@@ -206,7 +206,7 @@ def test_the_pilot_estimates_what_the_work_takes(scene: Scene, layers: dict[str,
     from engine.light.environment import constant_environment
     from engine.render.pilot import estimate_cost
     from engine.render.still import still_layers
-    from engine.steps import finish
+    from engine.generators import run_to_end
     from engine.transport.bandstore import join_tiles
     from engine.transport.pipeline import FINAL, Placement, SkyState
     from engine.transport.projection import LayerShape, project_layer
@@ -215,11 +215,11 @@ def test_the_pilot_estimates_what_the_work_takes(scene: Scene, layers: dict[str,
     planned = plan(scene, layers, n_lights=FINAL.n_lights, editable=("ball.1",))
     works = still_layers(layers.items(), ("ball", "lamp"), planned)
     before = placement.sphere.done.copy()
-    cost = finish(estimate_cost(placement, works, sky, planned), lambda step: None).cost
+    cost = run_to_end(estimate_cost(placement, works, sky, planned), lambda step: None).cost
     assert cost is not None and np.array_equal(placement.sphere.done, before)
     assert cost.seconds > cost.visibility_seconds > 0.0 and cost.indirect_seconds == 0.0
     # All points are sampled in so small a picture: bytes are those of the real transport, plus the sphere's bits.
-    light = finish(placement.light(sky, FINAL))
+    light = run_to_end(placement.light(sky, FINAL))
     n_bytes = placement.sphere.bits.nbytes
     for each in works:
         shape = LayerShape(each.layer.model.name, tuple(each.layer.quotient_parameters().tolist()), each.bands)

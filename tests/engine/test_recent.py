@@ -6,13 +6,13 @@ import pytest
 from engine.indirect.albedo import albedo_bands
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.recent import keeps_recent
+from engine.array_cache import cache_recent_arrays
 
 
 def test_the_oldest_are_forgotten_by_their_size() -> None:
     asked = []
 
-    @keeps_recent(1000)
+    @cache_recent_arrays(1000)
     def zeros(n: int, name: str = "") -> np.ndarray:
         asked.append((n, name))
         return np.zeros(n, np.uint8)

@@ -4,7 +4,7 @@ from collections.abc import Generator
 
 import pytest
 
-from engine.steps import Stepped, finish, told_as
+from engine.generators import StepRunner, run_to_end, map_steps
 
 
 def _sum_of(numbers: list[int]) -> Generator[float, None, int]:
@@ -18,18 +18,18 @@ def _sum_of(numbers: list[int]) -> Generator[float, None, int]:
 
 def test_a_computation_is_driven_to_its_end() -> None:
     told: list[float] = []
-    assert finish(_sum_of([3, 4]), told.append) == 7
+    assert run_to_end(_sum_of([3, 4]), told.append) == 7
     assert told == [0.0, 0.5]
 
 
 def test_a_computation_is_advanced_step_by_step() -> None:
-    steps = Stepped(_sum_of([3, 4]))
+    steps = StepRunner(_sum_of([3, 4]))
     assert [steps.advance() for _ in range(3)] == [False, False, True]  # two shares, then the end
     assert steps.result == 7
 
 
 def test_steps_are_told_in_other_words() -> None:
-    told = told_as(_sum_of([3, 4]), lambda share: f"{share:.0%}")
+    told = map_steps(_sum_of([3, 4]), lambda share: f"{share:.0%}")
     assert [next(told), next(told)] == ["0%", "50%"]
     with pytest.raises(StopIteration) as end:
         next(told)

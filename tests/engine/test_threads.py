@@ -14,7 +14,7 @@ from engine.material import MODELS, make_layer
 from engine.render.path_tracer import trace_paths
 from engine.render.still import StillLayer, render_reference, render_still
 from engine.sphere.geodesic import locate
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import PREVIEW, SkyState
 from tests.engine.indirect.small_scenes import QUICK, matt, placed, placement_of, solve
 
@@ -34,7 +34,7 @@ SKY = Environment(RADIANCE, "test")
 
 def direct() -> NDArray[np.float32]:
     layers = [StillLayer(0, PAINT, (16, 1), False), StillLayer(1, GOLD, (32, 8), False)]
-    return finish(render_still(placement_of(OBJECTS, **VIEW), layers, SkyState(SKY), PREVIEW), lambda step: None)
+    return run_to_end(render_still(placement_of(OBJECTS, **VIEW), layers, SkyState(SKY), PREVIEW), lambda step: None)
 
 
 def indirect() -> NDArray[np.float32]:
@@ -47,13 +47,13 @@ def indirect() -> NDArray[np.float32]:
 def paths() -> NDArray[np.float32]:
     materials = {0: [PAINT], 1: [GOLD]}
     placement = placement_of(OBJECTS, **VIEW | {"n": 130})  # more points than one thread takes at a time
-    return finish(trace_paths(placement, materials, SkyState(SKY), 2, 4), lambda step: None).radiance
+    return run_to_end(trace_paths(placement, materials, SkyState(SKY), 2, 4), lambda step: None).radiance
 
 
 def brute_force() -> NDArray[np.float32]:
     materials = {0: [PAINT], 1: [GOLD]}
     steps = render_reference(placement_of(OBJECTS, **VIEW), materials, SkyState(SKY), 16, 2)
-    return finish(steps, lambda step: None)
+    return run_to_end(steps, lambda step: None)
 
 
 def light_of_triangles() -> NDArray[np.float64]:

@@ -298,7 +298,7 @@ def jpegs(_: Path) -> list[bytes]:
 
 
 def read_texture_file(path: Path) -> None:
-    from engine.texture.images import read_texture, read_weight
+    from engine.texture.texture_files import read_texture, read_weight
 
     data = path.read_bytes()
     assert np.isfinite(read_texture(data, path)).all()

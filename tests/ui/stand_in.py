@@ -37,7 +37,7 @@ from app.placement.messages import (
     StageFootprint,
 )
 from engine.curve.wavelet import forward
-from engine.plan import Precision, band_counts
+from engine.planner import Precision, band_counts
 from engine.scene.description import SceneDescription
 from engine.scene.picture_frame import PictureFrame
 from tests.naive.measured import drawn_measurement

@@ -20,7 +20,7 @@ from engine.render.plain_picture import plain_picture
 from engine.scene.camera_moves import orbited
 from engine.scene.load import Scene, load_scene
 from engine.scene.raycaster import RayCaster
-from engine.steps import finish
+from engine.generators import run_to_end
 from tests.ui.small_scene import write_small_scene
 from tests.ui.test_any_sequence import RESOLUTION, LateClient, Walk, relative_error
 
@@ -45,7 +45,7 @@ def expected(walk: Walk, scene: Scene) -> np.ndarray:
     layers = {i: state.layers for i, state in enumerate(editor.document.objects) if not state.emits}
     caster = RayCaster(scene.vertices, scene.triangles)
     sky = sky_of(scene, editor.document.light)
-    return finish(plain_picture(scene.seen_from(editor.looks.camera), caster, layers, sky, RESOLUTION))
+    return run_to_end(plain_picture(scene.seen_from(editor.looks.camera), caster, layers, sky, RESOLUTION))
 
 
 @pytest.mark.parametrize("mode", ["orbit", "deform"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import moderngl
 
-from engine.colour import TABLE_SIDE, TABLE_STOPS, TABLED, TONE_MAPPINGS, ToneMapping, view_table
+from engine.colour import TABLE_SIDE, TABLE_STOPS, TABULATED_VIEWS, TONE_MAPPINGS, ToneMapping, view_table
 from ui.gl.context import GraphicsError
 from ui.gl.passes import Passes, Textures, uniform
 from ui.gl.textures import TextureMemory
@@ -27,7 +27,7 @@ class ToneMapper:
 
     def textures(self, view: ToneMapping) -> Textures:
         """What those programs sample besides the picture."""
-        if view not in TABLED:
+        if view not in TABULATED_VIEWS:
             return {}
         if view not in self._tables:
             self._tables[view] = self._memory.cube(TABLE_SIDE, 3, "f2", view_table(view))
@@ -40,7 +40,7 @@ class ToneMapper:
 
 
 def _with_stops(program: moderngl.Program, view: ToneMapping) -> moderngl.Program:
-    if view in TABLED:
+    if view in TABULATED_VIEWS:
         uniform(program, "table_stops").value = TABLE_STOPS
     return program
 

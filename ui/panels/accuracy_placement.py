@@ -11,7 +11,7 @@ from app.commands.series import SetFirstBands
 from app.decided import by_lines, decided_view
 from app.placement.status import PlacementStatus
 from app.view_state import SetView
-from engine.plan import N_PATCHES
+from engine.planner import N_PATCHES
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action

@@ -27,7 +27,7 @@ from app.messages import Progress
 from app.project import ProjectWords, open_project
 from app.view_state import ViewState
 from engine.errors import InsituError
-from engine.plan import Cost, Plan
+from engine.planner import Cost, Plan
 from engine.scene.builtin import builtin_scenes
 from tests.scene_text import ground
 

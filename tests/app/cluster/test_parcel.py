@@ -12,7 +12,7 @@ from app.cluster.parcel import digest_of, parcel_of, pieces_of
 from app.cluster.shelf import Shelf
 from app.project import open_project
 from engine.errors import LoadError
-from engine.files import files_from, files_noted, is_there, name_everywhere, read_regular_file
+from engine.safe_files import redirect_files, record_files, exists, portable_name, read_regular_file
 from tests.app.cli.command_line import SCENE
 
 
@@ -64,25 +64,25 @@ def test_a_shelf_hands_out_no_piece_that_was_changed_and_keeps_its_bound(tmp_pat
 
 
 def test_names_are_the_same_on_every_machine() -> None:
-    assert name_everywhere(Path(__file__)) == "insitu:tests/app/cluster/test_parcel.py"
-    assert name_everywhere("/somewhere/else.ply") == "/somewhere/else.ply"
+    assert portable_name(Path(__file__)) == "insitu:tests/app/cluster/test_parcel.py"
+    assert portable_name("/somewhere/else.ply") == "/somewhere/else.ply"
 
 
 def test_all_that_a_project_reads_is_noted_and_nothing_else_is_read_elsewhere(tmp_path: Path) -> None:
     file = tmp_path / "ball.toml"
     file.write_text(SCENE)
-    with files_noted() as noted:
+    with record_files() as noted:
         here = open_project(str(file), values=(("light.environment", "studio"),))
         assert here.sky.environment is not None
     assert file in noted and any(path.suffix == ".exr" for path in noted)
     shelf, sent = Shelf(tmp_path / "shelf"), parcel_of(noted)
     places = shelf.places(sent, {digest_of(piece): piece for path in noted for piece in pieces_of(path)}.__getitem__)
     file.write_text("what it is by now does not matter")
-    with files_from(places):
+    with redirect_files(places):
         there = open_project(str(file), values=(("light.environment", "studio"),))
         assert (
             there.document == here.document and (there.sky.environment.radiance == here.sky.environment.radiance).all()
         )
-        assert is_there(file) and not is_there(__file__)
+        assert exists(file) and not exists(__file__)
         with pytest.raises(LoadError, match="not among the files that were sent"):
             read_regular_file(Path(__file__), 1 << 20)

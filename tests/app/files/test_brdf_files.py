@@ -18,7 +18,7 @@ from engine.measured.evaluate import evaluate_table
 from engine.measured.merl import merl_samples, read_merl
 from engine.measured.tables import read_measurement, table_of
 from engine.render.tabulate import left_out, tabulate_layers
-from engine.steps import finish
+from engine.generators import run_to_end
 
 SCENE = """
 version = 1
@@ -49,7 +49,7 @@ def test_import_writes_a_material_and_says_what_it_did(
     assert all(layer.values["smoothing"] == 0.25 for layer in material.layers)
     found = measurement_in(material.layers[0])
     assert found is not None and found.file == str(merl_file)
-    report = finish(read_measurement(merl_file)).report
+    report = run_to_end(read_measurement(merl_file)).report
     assert report is not None and f"{report.n_missing:,} samples missing above the horizon" in said
     assert "alternating constrained least squares" in said and f"{report.error:.3f} log RMS" in said
     # The gloss slants as no product of these curves does, by less than half its height; noise is 5 % besides.
@@ -92,7 +92,7 @@ def test_export_and_import_again(tmp_path: Path, capsys: pytest.CaptureFixture[s
     )
     expected = sum(layer.brdf(*pair) for layer in layers)
     np.testing.assert_allclose(samples.reshape(-1, 3)[chosen], expected, rtol=1e-5)
-    again = table_of(finish(read_measurement(output)).number).samples
+    again = table_of(run_to_end(read_measurement(output)).number).samples
     np.testing.assert_allclose(evaluate_table(again, *pair), expected, rtol=1e-3)
 
 

@@ -14,7 +14,7 @@ import insitu
 from app.interface import placement
 from engine.indirect import reflection
 from engine.render.indirect import reflected_light
-from engine.steps import finish
+from engine.generators import run_to_end
 from tests.scene_text import camera, placed
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -132,7 +132,7 @@ def test_light_that_bounces_is_frozen_between_edits(file: Path, monkeypatch: pyt
     assert kept is not None and kept.radiance is not None
     _, layers, _ = pictures._radiance(scene._project, 3)
     assert aimed == []
-    unfrozen = finish(reflected_light(kept.light, layers, None, hits))
+    unfrozen = run_to_end(reflected_light(kept.light, layers, None, hits))
     assert len(aimed) == 3  # layers
     np.testing.assert_allclose(kept.radiance, unfrozen, rtol=1e-6, atol=1e-7)
     scene["ball"]["gloss"].alpha = 0.3

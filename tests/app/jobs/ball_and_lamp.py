@@ -19,7 +19,7 @@ from app.scene_state import LayerState, SceneState
 from engine.curve.operators import Operator
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.plan import Decisions
+from engine.planner import RenderSettings
 from engine.transport.bandstore import BandTile
 from engine.transport.projection import project_layer
 from tests.opened import open_in_process
@@ -50,7 +50,7 @@ transform = [1,0,0,-1.2, 0,0,-1,2.4, 0,1,0,0, 0,0,0,1]
 emission = [6, 5, 4]
 """
 PREVIEW_LIGHTS, FINAL_LIGHTS = 80, 480
-DECIDED = {field.name for field in fields(Decisions)}
+DECIDED = {field.name for field in fields(RenderSettings)}
 BANDS = {"lambert": (8,), "rough_conductor": (16, 4)}
 GLOSS = "ball.1"
 TWICE = Operator("amplify", "y", 0.0, 0.0, np.pi / 2, np.pi / 2, magnitude=2.0)
@@ -64,7 +64,7 @@ def compute(selected: str | None = GLOSS, factor: str | None = "theta_h", **chan
     layers = (work("ground.0", "lambert"), work("ball.0", "lambert"), work(GLOSS, "rough_conductor", alpha=0.3))
     scene = SceneState(LightState(), layers)
     decided = {name: changes.pop(name) for name in DECIDED & changes.keys()}
-    decisions = replace(Decisions(FINAL_LIGHTS), **decided)  # type: ignore[arg-type]
+    decisions = replace(RenderSettings(FINAL_LIGHTS), **decided)  # type: ignore[arg-type]
     return replace(ComputeTransport(scene, selected, factor, PREVIEW_LIGHTS, decisions), **changes)  # type: ignore[arg-type]
 
 

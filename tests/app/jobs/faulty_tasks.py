@@ -14,7 +14,7 @@ from app.jobs.cache import Store
 from app.messages import LookFrom, OpenScene, Progress, Request, Response, SceneOpened, SceneSeen
 from app.placement.messages import ComputeTransport, Contract, LayerPicture, LayerTransport, StageDone
 from engine.errors import LoadError
-from engine.plan import Decisions
+from engine.planner import RenderSettings
 
 HANDLERS = "tests.app.jobs.faulty_tasks:FaultyTasks"
 
@@ -26,7 +26,7 @@ def picture(index: int, n_pixels: int = 4096) -> np.ndarray:
 
 def compute(text: str, **numbers: int) -> ComputeTransport:
     """A request whose `selected` tells FaultyTasks what to do."""
-    return ComputeTransport(None, text, None, 8, Decisions(64, 20), **numbers)
+    return ComputeTransport(None, text, None, 8, RenderSettings(64, 20), **numbers)
 
 
 # Stands for a frame: 40 KiB of it.

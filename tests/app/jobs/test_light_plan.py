@@ -18,14 +18,14 @@ from app.placement.messages import ComputeTransport, LayerPicture, LightPlanned
 from app.scene_state import SceneState
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.plan import Decisions
+from engine.planner import RenderSettings
 from engine.render import light_pilot
 from engine.transport.pipeline import Placement, Quality, SkyState
 from tests.app.jobs.ball_and_lamp import work
 from tests.opened import open_in_process, run_in_process
 from tests.scene_text import ground
 
-MOST = Decisions(4000, keeps_sphere=True)
+MOST = RenderSettings(4000, keeps_sphere=True)
 
 
 class Noting(Here):

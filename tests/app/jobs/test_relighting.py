@@ -16,7 +16,7 @@ from app.scene_state import LayerState, SceneState
 from engine.curve.operators import Operator
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.plan import Decisions
+from engine.planner import RenderSettings
 from tests.opened import open_in_process, run_in_process
 from tests.pictures import write_exr
 from tests.scene_text import camera, placed
@@ -51,7 +51,7 @@ def opened(folder: Path, text: str = SCENE) -> Tasks:
 
 
 def asked(light: LightState, n_final: int = 240, emission=(), layers=LAYERS) -> ComputeTransport:
-    scene, decisions = SceneState(light, layers, emission), Decisions(n_final or 240)
+    scene, decisions = SceneState(light, layers, emission), RenderSettings(n_final or 240)
     return ComputeTransport(scene, METAL, "theta_h", 40, decisions, is_drag=n_final == 0)
 
 

@@ -31,7 +31,7 @@ from app.orbit.wishes import MOVING_SECONDS, STEPS, WINDOW_SECONDS, Pace
 from app.placement.messages import ComputeTransport
 from app.status import Gauges, Status
 from app.view_state import ViewState
-from engine.plan import band_counts
+from engine.planner import band_counts
 from engine.render.picture_error import ErrorEstimate
 from engine.scene.description import Camera, SceneDescription
 from tests.ui.stand_in import HEIGHT, SCENE, WIDTH

@@ -15,7 +15,7 @@ from app.messages import Failed
 from app.placement.messages import BandsPlanned, ComputeTransport, PlanBands
 from app.placement.status import RenderReport
 from app.view_state import SetView
-from engine.plan import band_counts, usual_bands
+from engine.planner import band_counts, usual_bands
 from tests.app.fake_worker import FakeClient
 from tests.opened import run_in_process
 

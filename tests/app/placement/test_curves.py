@@ -12,7 +12,7 @@ from app.placement.curves import N_VIEW_SAMPLES, Curves
 from engine.curve.operators import Operator
 from engine.material import MODELS, make_layer
 from engine.material.model import Parameter
-from engine.plan import MOST_BANDS, band_counts
+from engine.planner import MOST_BANDS, band_counts
 
 LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
 

@@ -24,7 +24,7 @@ from app.placement.status import RenderReport
 from app.placement.wishes import TransportWish, same_coefficients
 from app.view_state import SetView
 from engine.curve.operators import Operator
-from engine.plan import Decisions
+from engine.planner import RenderSettings
 from tests.app.fake_worker import ServingClient
 
 LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
@@ -205,8 +205,8 @@ def test_only_a_turn_is_a_turn() -> None:
     assert replace(wish, light=LightState(rotation=2.0)).moved_from(wish)
     assert not wish.moved_from(wish)
     assert not replace(wish, light=LightState("studio", rotation=2.0)).moved_from(wish)
-    assert not replace(wish, light=LightState(rotation=2.0), decisions=Decisions(400)).moved_from(wish)
-    assert not replace(wish, light=LightState(rotation=2.0), decisions=Decisions(n_patches=20)).moved_from(wish)
+    assert not replace(wish, light=LightState(rotation=2.0), decisions=RenderSettings(400)).moved_from(wish)
+    assert not replace(wish, light=LightState(rotation=2.0), decisions=RenderSettings(n_patches=20)).moved_from(wish)
 
 
 def test_coefficients_are_the_same_to_a_millionth() -> None:

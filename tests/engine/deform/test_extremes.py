@@ -13,7 +13,7 @@ from engine.deform.membrane import membrane
 from engine.deform.shading import band_light, lobes, shade
 from engine.deform.zonal import Zonal, fit
 from engine.sphere.harmonics import MAX_ORDER
-from engine.steps import finish
+from engine.generators import run_to_end
 
 
 def coefficient(band: int, alpha: float) -> float:
@@ -36,7 +36,7 @@ def test_a_membrane_has_the_papers_coefficients(alpha: float) -> None:
 
 def some_lobes(count: int = 30) -> Zonal:
     vectors = np.random.default_rng(2).normal(size=(count, 36)) / (1.0 + np.arange(36.0))
-    return finish(fit(vectors, 3))
+    return run_to_end(fit(vectors, 3))
 
 
 @pytest.mark.parametrize("scale", [1e-8, 1e8, 1e24])

@@ -10,22 +10,22 @@ from engine.deform.fit_errors import (
     random_vectors,
     shadowed_mesh,
 )
-from engine.steps import finish
+from engine.generators import run_to_end
 
 
 def test_random_functions_of_order_6_with_6_lobes() -> None:
-    assert finish(fit_errors(random_vectors(40), (6,)))[6] < PAPERS_RANDOM_6
+    assert run_to_end(fit_errors(random_vectors(40), (6,)))[6] < PAPERS_RANDOM_6
 
 
 def test_a_mesh_that_shadows_itself_with_3_lobes() -> None:
-    errors = finish(fit_errors(finish(shadowed_mesh(250, 500)), (1, 3)))
+    errors = run_to_end(fit_errors(run_to_end(shadowed_mesh(250, 500)), (1, 3)))
     assert errors[3] < PAPERS_MESH_3 and errors[3] < errors[1]
 
 
 def test_nothing_is_held_without_an_error() -> None:
-    assert finish(fit_errors(np.zeros((3, 36)), (1,))) == {1: 0.0}
+    assert run_to_end(fit_errors(np.zeros((3, 36)), (1,))) == {1: 0.0}
 
 
 def test_more_lobes_are_never_worse() -> None:
-    errors = finish(fit_errors(random_vectors(10), (1, 2, 3, 4)))
+    errors = run_to_end(fit_errors(random_vectors(10), (1, 2, 3, 4)))
     assert sorted(errors.values(), reverse=True) == pytest.approx(list(errors.values()))

@@ -20,7 +20,7 @@ from engine.scene.camera import centre_directions
 from engine.scene.load import Scene, load_scene
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_kinds import DeformSurface, Subsurface
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import SkyState
 from tests.rooms import solid
 from tests.scene_text import camera, placed
@@ -88,9 +88,9 @@ def test_at_rest_it_is_the_transfer_to_the_error_of_the_fit(deform: Deform) -> N
     points = deform._points
     assert points is not None and deform._lobes is not None and deform._bands is not None
     mesh = points.mesh(0, (0, 1))
-    vectors = finish(shadowed(mesh, points.caster((0, 1)), ORDER, 64))
-    vectors = finish(bounced(mesh, points.caster((0, 1)), vectors, 0.5, 2))
-    error = finish(fit(vectors, N_LOBES)).errors
+    vectors = run_to_end(shadowed(mesh, points.caster((0, 1)), ORDER, 64))
+    vectors = run_to_end(bounced(mesh, points.caster((0, 1)), vectors, 0.5, 2))
+    error = run_to_end(fit(vectors, N_LOBES)).errors
     light = np.asarray(deform._bands.harmonics, np.float64)
     truth = turned(vectors, mesh.frames.transpose(0, 2, 1)) @ light
     found = shade(deform._lobes, points.frames, deform._bands)[points.of(0)]

@@ -17,7 +17,7 @@ from engine.deform.uv_axes import numbers_of, uv_axes
 from engine.deform.zonal import fit
 from engine.scene.primitives import quad
 from engine.sphere.harmonics import basis
-from engine.steps import finish
+from engine.generators import run_to_end
 
 CONSTANT = math.sqrt(4.0 * math.pi)  # light of radiance 1, in the constant band
 UP, DOWN = basis([0.0, 0.0, 1.0], 4), basis([0.0, 0.0, -1.0], 4)
@@ -44,7 +44,7 @@ def test_pictures_become_heights_by_their_brightness() -> None:
 
 
 def test_a_flat_patch_is_a_cosine() -> None:
-    vectors = finish(simulate_patch(np.zeros((8, 8)), 4, n_rays=500))
+    vectors = run_to_end(simulate_patch(np.zeros((8, 8)), 4, n_rays=500))
     assert vectors == pytest.approx(np.broadcast_to(_cosine(500), vectors.shape), abs=1e-9)
 
 
@@ -57,8 +57,8 @@ def _cosine(n_rays: int) -> np.ndarray:
 def test_a_groove_is_dark_at_its_foot_and_lighter_by_what_it_reflects() -> None:
     """A saw across u of 45 degrees, which repeats without an end: beside its feet a wall sees little more than half."""
     saw = np.tile(np.abs((np.arange(32) + 0.5) / 32 - 0.5), (4, 1))
-    dark = CONSTANT * finish(simulate_patch(saw, 3, n_rays=800)).reshape(4, 32, 9)[:, :, 0]
-    light = CONSTANT * finish(simulate_patch(saw, 3, 0.8, 2, n_rays=800)).reshape(4, 32, 9)[:, :, 0]
+    dark = CONSTANT * run_to_end(simulate_patch(saw, 3, n_rays=800)).reshape(4, 32, 9)[:, :, 0]
+    light = CONSTANT * run_to_end(simulate_patch(saw, 3, 0.8, 2, n_rays=800)).reshape(4, 32, 9)[:, :, 0]
     assert dark[:, [14, 17]].max() < 0.65 and dark[:, [1, 30]].min() > 0.8
     assert (light > dark)[:, 4:28].all() and light.max() < 1.0
     assert dark[:, ::-1] == pytest.approx(dark, abs=0.03)  # the same on both sides
@@ -68,11 +68,11 @@ def test_a_groove_is_dark_at_its_foot_and_lighter_by_what_it_reflects() -> None:
 def test_the_wall_of_a_groove_faces_where_it_leans_in_the_axes_of_the_surface() -> None:
     """u grows to the right: walls left of the foot, where height falls with u, look to +u."""
     saw = np.tile(np.abs((np.arange(32) + 0.5) / 32 - 0.5), (4, 1))
-    vectors = finish(simulate_patch(saw, 3, n_rays=300)).reshape(4, 32, 9)
+    vectors = run_to_end(simulate_patch(saw, 3, n_rays=300)).reshape(4, 32, 9)
     towards_u, towards_v = -vectors[:, :, 3], -vectors[:, :, 1]  # the linear band goes by -x and -y
     assert (towards_u[:, 2:12] > 0.05).all() and (towards_u[:, 20:30] < -0.05).all()
     assert np.abs(towards_v).max() < 0.03
-    turned = finish(simulate_patch(saw.T, 3, n_rays=300)).reshape(32, 4, 9)
+    turned = run_to_end(simulate_patch(saw.T, 3, n_rays=300)).reshape(32, 4, 9)
     # rows go down, v goes up: height falls with growing row, that is, rises with v
     assert (-turned[2:12, :, 1] < -0.05).all() and (-turned[20:30, :, 1] > 0.05).all()
 
@@ -81,24 +81,24 @@ def test_light_comes_through_where_a_slab_is_thin() -> None:
     steps = np.zeros((16, 16))
     steps[:, 8:] = 0.4
     slab = Slab(Medium(12.0, 0.5), 0.1)
-    vectors = finish(simulate_patch(steps, 4, slab=slab, n_rays=300)).reshape(16, 16, 16)
+    vectors = run_to_end(simulate_patch(steps, 4, slab=slab, n_rays=300)).reshape(16, 16, 16)
     thin, thick = vectors[:, 3:5].mean(axis=(0, 1)), vectors[:, 11:13].mean(axis=(0, 1))
     assert thin @ DOWN > 3.0 * (thick @ DOWN) > 0.0
     assert thin @ UP > 0.0 and CONSTANT * thin[0] < 2.0
     with pytest.raises(ValueError, match="a slab 0.1 thick, expected more than 0.2"):
-        finish(simulate_patch(steps - 0.2, 4, slab=slab, n_rays=10))
+        run_to_end(simulate_patch(steps - 0.2, 4, slab=slab, n_rays=10))
 
 
 @pytest.mark.parametrize("odd", [np.zeros(4), np.zeros((1, 4)), np.full((4, 4), np.nan)])
 def test_maps_that_are_none_are_refused(odd: np.ndarray) -> None:
     with pytest.raises(ValueError, match="expected a map of finite ones"):
-        finish(simulate_patch(odd, 4))
+        run_to_end(simulate_patch(odd, 4))
 
 
 def some_patch() -> Patch:
     vectors = np.tile(unshadowed(6, 4), (1, 1))
     vectors[:, 0] = np.arange(6)
-    return patch(finish(fit(vectors, 3)), (2, 3))
+    return patch(run_to_end(fit(vectors, 3)), (2, 3))
 
 
 def test_texels_are_found_where_pictures_have_them_and_repeat() -> None:
@@ -157,7 +157,7 @@ def test_a_mirrored_patch_is_lit_from_its_mirrored_side() -> None:
     """Light from +x on a wall that faces +u: where u runs along -x it looks away."""
     vectors = np.zeros((4, 4))
     vectors[:, 3] = -1.0  # x
-    wall = patch(finish(fit(vectors, 3)), (2, 2)).at(np.full((2, 2), 0.5))
+    wall = patch(run_to_end(fit(vectors, 3)), (2, 2)).at(np.full((2, 2), 0.5))
     light = np.zeros((4, 3))
     light[3] = -1.0
     axes = np.stack([np.eye(3), np.diag([-1.0, 1.0, 1.0])])

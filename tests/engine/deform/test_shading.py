@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from engine.deform.membrane import membrane
 from engine.deform.shading import band_light, lobes, shade
 from engine.deform.zonal import Zonal, fit
-from engine.sphere.harmonics import basis, rotated
-from engine.steps import finish
+from engine.sphere.harmonics import basis, rotate
+from engine.generators import run_to_end
 
 N = 6
 
@@ -23,7 +23,7 @@ def some_light(seed: int = 1) -> np.ndarray:
 
 def some_lobes(n_lobes: int, count: int = 40) -> Zonal:
     vectors = np.random.default_rng(2).normal(size=(count, N * N)) / (1.0 + np.arange(N * N)) ** 0.5
-    return finish(fit(vectors, n_lobes))
+    return run_to_end(fit(vectors, n_lobes))
 
 
 def frames_of(count: int) -> np.ndarray:
@@ -44,7 +44,7 @@ def test_turning_all_points_is_turning_the_light() -> None:
     turn = Rotation.from_euler("zyx", [0.3, 1.1, -2.0]).as_matrix()
     frames = frames_of(len(zonal.low))
     there = shade(lobes(zonal), frames @ turn.T, band_light(light))
-    here = shade(lobes(zonal), frames, band_light(rotated(light.T, turn.T).T))
+    here = shade(lobes(zonal), frames, band_light(rotate(light.T, turn.T).T))
     assert np.linalg.norm(there - here) < 0.01 * np.linalg.norm(here)
 
 

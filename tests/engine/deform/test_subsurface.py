@@ -15,7 +15,7 @@ from engine.scene.primitives import sphere
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points
 from engine.sphere.harmonics import basis
-from engine.steps import finish
+from engine.generators import run_to_end
 
 MARBLE = Medium(2.62e3, 4.1, 1.5)  # green, of [Jensen01, figure 5]
 CONSTANT = math.sqrt(4.0 * math.pi)  # light of radiance 1, in the constant band
@@ -50,7 +50,7 @@ def test_a_plane_that_is_lit_evenly_sends_its_reflectance_back(spacing: float) -
     """However coarse its points are beside the medium's depth."""
     medium = Medium(900.0, 100.0)
     ground = plane(spacing * medium.depths[0], medium.reach)
-    found = finish(subsurface([[1.0]], [[0.0, 0.0, 0.0]], ground, medium))
+    found = run_to_end(subsurface([[1.0]], [[0.0, 0.0, 0.0]], ground, medium))
     assert found[0, 0] == pytest.approx(float(medium.beyond(0.0)), rel=0.02)
 
 
@@ -58,7 +58,7 @@ def test_it_is_the_sum_over_all_that_is_near() -> None:
     """Places so far apart that each is a point to the others."""
     rng, medium = np.random.default_rng(1), Medium(5.0, 0.5)
     places, areas, entering = rng.uniform(0.0, 1.0, (60, 3)), np.full(60, 1e-6), rng.normal(size=(60, 9))
-    found = finish(subsurface(entering, places, Sources(places, areas, np.arange(60, dtype=np.int32)), medium))
+    found = run_to_end(subsurface(entering, places, Sources(places, areas, np.arange(60, dtype=np.int32)), medium))
     apart = np.linalg.norm(places[:, None] - places, axis=2)
     share = np.where(apart > 0.0, medium.reflectance(apart) * 1e-6, 0.0)
     share[np.diag_indices(60)] = medium.beyond(0.0) - medium.beyond(math.sqrt(1e-6 / math.pi))
@@ -83,7 +83,7 @@ def balls() -> dict[str, np.ndarray]:
     found = {}
     for name, medium in media.items():
         mesh, caster, triangles = ball(0.05)
-        found[name] = finish(simulate_subsurface(mesh, caster, triangles, 4, medium, n_rays=200))[2000:6000].mean(
+        found[name] = run_to_end(simulate_subsurface(mesh, caster, triangles, 4, medium, n_rays=200))[2000:6000].mean(
             axis=0
         )
     return found

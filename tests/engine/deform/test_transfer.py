@@ -12,8 +12,8 @@ from engine.deform.transfer import TransferPoints, cosine_directions, simulate, 
 from engine.scene.frames import local_frames
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points
-from engine.sphere.harmonics import basis, clamped_cosine, rotated
-from engine.steps import finish
+from engine.sphere.harmonics import basis, clamped_cosine, rotate
+from engine.generators import run_to_end
 
 FAR = 1000.0
 CONSTANT = math.sqrt(4.0 * math.pi)  # light of radiance 1, in the constant band
@@ -54,13 +54,13 @@ def test_nothing_in_the_way_is_a_cosine() -> None:
 def test_a_corner_sees_half_and_reflects_half_of_itself(albedo: float, n_bounces: int, radiance: float) -> None:
     """Either plane fills half of what the other sees, so B = 1/2 + rho B / 2 under light of radiance 1."""
     mesh, caster, near = corner()
-    vectors = finish(simulate(mesh, caster, 3, albedo, n_bounces, n_rays=2000))
+    vectors = run_to_end(simulate(mesh, caster, 3, albedo, n_bounces, n_rays=2000))
     assert CONSTANT * vectors[near, 0] == pytest.approx(radiance, rel=0.02)
 
 
 def test_a_wall_takes_the_light_from_its_own_side() -> None:
     mesh, caster, near = corner()
-    vectors = finish(simulate(mesh, caster, 3, n_rays=2000))
+    vectors = run_to_end(simulate(mesh, caster, 3, n_rays=2000))
     directions, values = cosine_directions(2000, 3)
     floor = np.flatnonzero(near)[0]
     open_half = (directions @ mesh.frames[floor])[:, 0] > 0.0
@@ -71,5 +71,5 @@ def test_vectors_turn_with_their_frames() -> None:
     vectors = np.random.default_rng(5).normal(size=(3, 36))
     turns = [Rotation.from_euler("zyx", angles) for angles in ([0.0, 0.0, 0.0], [1.0, 0.2, -2.0], [0.0, math.pi, 0.0])]
     frames = np.stack([turn.as_matrix().T for turn in turns])  # rows: the turned axes
-    expected = [rotated(vector, turn.as_matrix().T) for vector, turn in zip(vectors, turns, strict=True)]
+    expected = [rotate(vector, turn.as_matrix().T) for vector, turn in zip(vectors, turns, strict=True)]
     assert turned(vectors, frames) == pytest.approx(np.stack(expected), abs=1e-12)

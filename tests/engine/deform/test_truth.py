@@ -14,7 +14,7 @@ from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.scene.load import load_scene
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import SkyState
 from tests.scene_text import camera, placed
 
@@ -49,7 +49,7 @@ def test_paths_tell_what_turns_from_what_does_not(tmp_path: Path) -> None:
     finished(deform)
     truth = Truth(scene, POSES)
     for _ in range(2):
-        finish(truth.trace(layers, sky, 1))
+        run_to_end(truth.trace(layers, sky, 1))
     assert truth.picture is not None
     own, stays = (deform.draw(scene.description.camera, SIZE, POSES, "rest", turned) for turned in (True, False))
     shown = np.abs(own - own[0, 0]).max(axis=2) > 1e-3

@@ -13,14 +13,14 @@ from engine.deform.patches import simulate_patch
 from engine.deform.transfer import cosine_directions
 from engine.deform.wrinkle import DEEPEST, Wrinkles, transfer, wrinkles
 from engine.scene.surface_kinds import Wrinkles as Says
-from engine.steps import finish
+from engine.generators import run_to_end
 
 CONSTANT = math.sqrt(4.0 * math.pi)  # light of radiance 1, in the constant band
 
 
 @pytest.fixture(scope="module")
 def small() -> Wrinkles:
-    return finish(wrinkles(4, 7))
+    return run_to_end(wrinkles(4, 7))
 
 
 def test_no_groove_is_a_flat_surface_and_a_ridge_sees_all_that_it_faces() -> None:
@@ -33,7 +33,7 @@ def test_grooves_are_those_that_rays_find() -> None:
     """As a patch that repeats: one period of it across, 48 points."""
     x = (np.arange(48) + 0.5) / 48
     heights = np.tile(0.4 * (1.0 - np.cos(2.0 * np.pi * x)) / 2.0, (2, 1))
-    by_rays = finish(simulate_patch(heights, 4, n_rays=1500))[:48]
+    by_rays = run_to_end(simulate_patch(heights, 4, n_rays=1500))[:48]
     assert transfer(x, 0.4, 4, 1500) == pytest.approx(by_rays, abs=0.02)
 
 

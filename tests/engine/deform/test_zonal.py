@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from engine import threads
 from engine.deform.transfer import cosine_directions
 from engine.deform.zonal import MAX_LOBES, Zonal, about_linear, fit
-from engine.sphere.harmonics import bands, basis, rotated
-from engine.steps import finish
+from engine.sphere.harmonics import bands, basis, rotate
+from engine.generators import run_to_end
 
 # [Sloan05, figure 2]: of a random vector of order 6, with 6 lobes.
 PAPERS_ERROR_6 = 0.00908
@@ -28,7 +28,7 @@ def lobes(axes: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
 
 
 def fitted(vectors: np.ndarray, n_lobes: int, n_restarts: int = 4) -> Zonal:
-    return finish(fit(vectors, n_lobes, n_restarts))
+    return run_to_end(fit(vectors, n_lobes, n_restarts))
 
 
 @pytest.mark.parametrize("n_lobes", range(1, MAX_LOBES + 1))
@@ -61,7 +61,7 @@ def test_a_lobe_about_the_linear_band_is_the_best_of_what_is_round_about_it() ->
     """A cosine that is turned is found again, all but its constant band, which is kept; of others the error is told."""
     round_about = cosine_directions(4000, 6)[1].mean(axis=0)
     turns = Rotation.random(5, random_state=2).as_matrix()
-    vectors = np.concatenate([[rotated(round_about, turn) for turn in turns], random_vectors(20), np.zeros((1, 36))])
+    vectors = np.concatenate([[rotate(round_about, turn) for turn in turns], random_vectors(20), np.zeros((1, 36))])
     zonal = about_linear(vectors)
     left = np.linalg.norm(zonal.harmonics() - vectors, axis=1)
     assert zonal.errors == pytest.approx(left, abs=1e-12) and left[:5].max() < 2e-3
@@ -88,7 +88,7 @@ def test_a_joint_search_by_another_way_finds_nothing_better() -> None:
 
 def test_turning_the_lobes_turns_the_function() -> None:
     zonal, turn = fitted(random_vectors(4), 3), Rotation.from_euler("zyx", [0.3, 1.1, -2.0]).as_matrix()
-    assert zonal.turned(turn).harmonics() == pytest.approx(rotated(zonal.harmonics(), turn), abs=1e-12)
+    assert zonal.turned(turn).harmonics() == pytest.approx(rotate(zonal.harmonics(), turn), abs=1e-12)
     each = np.stack([turn, np.eye(3), turn, np.eye(3)])
     assert zonal.turned(each).harmonics()[1::2] == pytest.approx(zonal.harmonics()[1::2], abs=1e-15)
 

@@ -16,7 +16,7 @@ from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.scene.description import parse_description
 from engine.scene.load import build_scene
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, SkyState
 
 QUICK = replace(FINE, n_rays=256, most_further=0, n_cells=600, n_cell_rays=64, n_samples=512)
@@ -58,7 +58,7 @@ def solve(
     for layer in layers:
         models.setdefault(layer.i_object, []).append(layer.curves.model.name)
     solver = Solver(placement, models, SkyState(sky), n_bounces, fineness)
-    return finish(solver.solve(layers), lambda progress: None)
+    return run_to_end(solver.solve(layers), lambda progress: None)
 
 
 # A hollow ball of diameter 2 about the origin with a small lamp in it; the camera is inside as well.

@@ -14,7 +14,7 @@ from engine.indirect.representation import GatherPolynomial, Selected
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.steps import Stepped, finish
+from engine.generators import StepRunner, run_to_end
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of, solve
 from tests.naive.fans import reflected as reflected_naively
 
@@ -34,7 +34,7 @@ def found() -> IndirectLight:
 def frozen(fans: Fans, light: SentLight, layers: Sequence[IndirectLayer], i_object: int) -> list[np.ndarray]:
     """What the object's layers reflect, and the last one's first curve by band."""
     curves = [each.curves for each in layers if each.i_object == i_object]
-    return [*finish(fans.reflected(curves[:-1], light)), finish(fans.by_band(curves[-1], 0, light))]
+    return [*run_to_end(fans.reflected(curves[:-1], light)), run_to_end(fans.by_band(curves[-1], 0, light))]
 
 
 def louder(layers: Sequence[IndirectLayer], i_object: int) -> list[IndirectLayer]:
@@ -69,12 +69,12 @@ def test_two_freezings_whose_steps_alternate_are_as_each_alone(found, monkeypatc
     monkeypatch.setattr(reflection, "_PART", 8)
     fans, curves = found.points.fans(2, keeps=True), [LAYERS[-1].curves]
     lights = [found.sent(layers) for layers in (LAYERS, louder(LAYERS, 0))]
-    runs = [Stepped(fans.reflected(curves, light)) for light in lights]
+    runs = [StepRunner(fans.reflected(curves, light)) for light in lights]
     ended = [False, False]
     while not all(ended):
         ended = [is_ended or run.advance() for is_ended, run in zip(ended, runs, strict=True)]
     for light, run in zip(lights, runs, strict=True):
-        np.testing.assert_allclose(run.result[0], finish(found.points.fans(2).reflected(curves, light))[0], rtol=1e-5)
+        np.testing.assert_allclose(run.result[0], run_to_end(found.points.fans(2).reflected(curves, light))[0], rtol=1e-5)
     assert np.abs(runs[0].result[0] - runs[1].result[0]).max() > 0.01 * runs[0].result[0].max()
 
 
@@ -82,12 +82,12 @@ def test_other_lamps_are_other_light(found):
     # Twice the sky: what glossy surfaces reflect of it directly doubles, though no curve changed.
     fans, light = found.points.fans(2, keeps=True), found.sent(LAYERS)
     curves = [LAYERS[-1].curves]
-    finish(fans.reflected(curves, light))
+    run_to_end(fans.reflected(curves, light))
     assert light.glossy is not None
     lamps = light.glossy.lamps
     brighter = lamps._replace(power=2 * lamps.power, radiance=2 * lamps.radiance)
     doubled = replace(light, glossy=replace(light.glossy, lamps=brighter))
-    [one], [two] = (finish(each.reflected(curves, doubled)) for each in (fans, found.points.fans(2)))
+    [one], [two] = (run_to_end(each.reflected(curves, doubled)) for each in (fans, found.points.fans(2)))
     np.testing.assert_allclose(one, two, rtol=1e-5)
 
 
@@ -96,7 +96,7 @@ def test_contraction_is_the_sum_over_the_rays(found, i_layer):
     layer = louder(LAYERS, LAYERS[i_layer].i_object)[i_layer]
     matt_only = SentLight(found.radiosity(LAYERS, 1), None, None)
     fans = found.unfiltered().points.fans(layer.i_object)
-    [reflected] = finish(fans.reflected([layer.curves], matt_only))
+    [reflected] = run_to_end(fans.reflected([layer.curves], matt_only))
     points = range(0, len(fans), len(fans) // 6)
     slowly = np.array([reflected_naively(fans._fans, i, layer.curves, matt_only.matt) for i in points])
     np.testing.assert_allclose(reflected[points], slowly, rtol=1e-4, atol=1e-5 * reflected.max())
@@ -108,8 +108,8 @@ def test_no_more_is_kept_than_of_the_layers_that_there_are(found):
     for alpha in (0.2, 0.25, 0.3, 0.35):
         gloss = indirect_layer(0, make_layer(MODELS["rough_conductor"], {"alpha": alpha}), (64, 16))
         layers = [LAYERS[0], gloss, *LAYERS[2:]]
-        again = finish(kept.freeze(layers, 0, Selected(1, 0)))
-        anew = finish(GatherPolynomial(found).freeze(layers, 0, Selected(1, 0)))
+        again = run_to_end(kept.freeze(layers, 0, Selected(1, 0)))
+        anew = run_to_end(GatherPolynomial(found).freeze(layers, 0, Selected(1, 0)))
         np.testing.assert_array_equal(again.bands, anew.bands)
         sizes.append(kept.n_bytes)
     assert sizes[0] > 0 and len(set(sizes)) == 1

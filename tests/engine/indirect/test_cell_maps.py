@@ -23,7 +23,7 @@ from engine.render.indirect import indirect_radiance
 from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, by_object, with_maps
 from engine.render.surface_maps import mean_factor
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, SkyState
 from tests.engine.indirect.small_scenes import (
     LAMP,
@@ -191,8 +191,8 @@ def test_light_between_textured_walls_has_the_mean_of_paths(folder: Path) -> Non
     placement = placement_of(ROOM, eye=(0.0, 0.2, 2.8), target=(0.1, -0.4, -1.0), n=24, folder=folder)
     hits, sky = placement.hits, SkyState(None)
     layers = with_maps(placement, [StillLayer(i, layer, bands_of(layer), False) for i, layer in room_layers()])
-    ours = finish(indirect_radiance(placement, layers, sky, BounceSeries(4)), lambda step: None)
-    halves = finish(trace_halves(placement, by_object(layers), sky, 4, 512, 1, np.arange(len(hits.pixel))))
+    ours = run_to_end(indirect_radiance(placement, layers, sky, BounceSeries(4)), lambda step: None)
+    halves = run_to_end(trace_halves(placement, by_object(layers), sky, 4, 512, 1, np.arange(len(hits.pixel))))
     # By the means of the images it was 6.5 % too dark.
     off, chance = mean_and_chance(ours, halves[:, :, 1] - halves[:, :, 0])
     assert chance < 0.004 and abs(off) < 0.005 + 2.0 * chance, (off, chance)

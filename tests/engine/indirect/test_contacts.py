@@ -7,7 +7,7 @@ import pytest
 from engine.indirect.fineness import STILL
 from engine.material import MODELS, make_layer
 from engine.render.path_tracer import trace_halves
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import SkyState
 from tests.engine.indirect.small_scenes import matt, placed, placement_of, solve
 
@@ -38,7 +38,7 @@ def test_indirect_light_of_a_floor_is_that_of_paths_up_to_a_contact(thing, besid
     layers = [matt(i, albedo) for i, albedo in enumerate(ALBEDOS)]
     found = solve(placement, layers, N_BOUNCES, STILL).picture(layers)[rows].mean(axis=1)
     materials = {i: [make_layer(MODELS["lambert"], {"albedo": [a] * 3})] for i, a in enumerate(ALBEDOS)}
-    once, all_of_it = finish(trace_halves(placement, materials, SkyState(None), N_BOUNCES, N_PATHS, 0, rows)).mean(
+    once, all_of_it = run_to_end(trace_halves(placement, materials, SkyState(None), N_BOUNCES, N_PATHS, 0, rows)).mean(
         axis=(0, 3)
     ).T  # fmt: skip
     truth = all_of_it - once

@@ -11,8 +11,8 @@ from engine.indirect.light import IndirectLight
 from engine.indirect.solver import Solver
 from engine.indirect.stored import arrays_of
 from engine.light.environment import constant_environment
-from engine.plan_lines import FAN_RAYS, checked_line
-from engine.steps import finish
+from engine.plan_lines import HEMISPHERE_RAYS, checked_line
+from engine.generators import run_to_end
 from engine.stored_arrays import UnsoundArrays
 from engine.transport.pipeline import SkyState
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of
@@ -29,7 +29,7 @@ def solver(other_light: float | None) -> Solver:
 
 
 def solved(other_light: float | None) -> IndirectLight:
-    return finish(solver(other_light).solve(LAYERS))
+    return run_to_end(solver(other_light).solve(LAYERS))
 
 
 @pytest.mark.parametrize(("noise", "expected"), [(0.0, 128), (0.004, 128), (0.015, 256), (0.08, 512), (np.inf, 512)])
@@ -103,6 +103,6 @@ def test_each_reason_can_be_read() -> None:
 
 @pytest.mark.parametrize("value", [0, 100, 2048, "many", True, 128.0])
 def test_a_line_takes_what_a_fan_can_have(value: object) -> None:
-    assert all(checked_line("rays", n) == n for n in FAN_RAYS)
+    assert all(checked_line("rays", n) == n for n in HEMISPHERE_RAYS)
     with pytest.raises(InsituError, match="rays = .*, expected 128, 256, 512 or 1024"):
         checked_line("rays", value)

@@ -21,7 +21,7 @@ from engine.indirect.stored import Arrays, arrays_of
 from engine.indirect.turns import Turn, by_turns
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.stored_arrays import UnsoundArrays
 from engine.transport.pipeline import SkyState
 from tests.engine.forging import forged_numbers, forged_shapes
@@ -70,7 +70,7 @@ def layers_of(albedo: float = 0.5) -> list[IndirectLayer]:
 def found(keeper: Keeper | None, albedo: float = 0.5, other_light: float | None = None) -> Arrays:
     placement = placement_of([*CORNER, LAMP], **CORNER_VIEW)
     solver = Solver(placement, MODELS_OF, SkyState(None), 4, FINENESS, other_light=other_light)
-    return arrays_of(finish(solver.solve(layers_of(albedo), keeper), lambda progress: None))
+    return arrays_of(run_to_end(solver.solve(layers_of(albedo), keeper), lambda progress: None))
 
 
 def assert_same(one: Arrays, two: Arrays) -> None:

@@ -11,7 +11,7 @@ from engine.light.environment import constant_environment
 from engine.material import MODELS, make_layer
 from engine.render.integrator import evaluate_layer
 from engine.render.path_tracer import trace_paths
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, SkyState
 from tests.engine.indirect.small_scenes import QUICK, matt, placed, placement_of, solve
 
@@ -83,7 +83,7 @@ def test_a_caustic_is_that_of_traced_paths(under_lamp):
     }  # fmt: skip
     rows = placement.rows_of(0)
     truth = [
-        finish(trace_paths(placement, materials, SkyState(None), n, 256, rows=rows), lambda step: None).radiance
+        run_to_end(trace_paths(placement, materials, SkyState(None), n, 256, rows=rows), lambda step: None).radiance
         for n in (1, 2)
     ]
     truth, ours = truth[1] - truth[0], _on_floor(found, layers, placement)
@@ -113,10 +113,10 @@ def test_bands_times_the_curve_are_the_reflection_of_photons(under_lamp, edited)
     nothing = np.zeros((len(found.light.objects), n_powers, 3), np.float32)
     light = SentLight(nothing, None, thrown)
     for layer in (matt(0, 0.7), indirect_layer(0, make_layer(MODELS["rough_conductor"], GOLD), (32, 8))):
-        [whole] = finish(found.points.fans(0).reflected([layer.curves], light))
+        [whole] = run_to_end(found.points.fans(0).reflected([layer.curves], light))
         assert whole[:, int(edited == 1)].max() > 0.0
         for factor, curve in enumerate(layer.curves.curves):
-            bands = finish(found.points.fans(0).by_band(layer.curves, factor, light))
+            bands = run_to_end(found.points.fans(0).by_band(layer.curves, factor, light))
             contracted = np.einsum("cjnp,jc->pnc", bands, curve)
             np.testing.assert_allclose(contracted, whole, rtol=1e-4, atol=1e-5 * whole.max())
 

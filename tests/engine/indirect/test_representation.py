@@ -17,7 +17,7 @@ from engine.indirect.representation import GatherPolynomial, Representation, Sel
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.steps import finish
+from engine.generators import run_to_end
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of, solve
 
 LAYERS = [
@@ -64,7 +64,7 @@ def test_both_freeze_alike(found, edited, selected):
     representations: list[Representation] = [GatherPolynomial(found), DenseTensor(found, LAYERS)]
     assert representations[0].n_bytes == 0 < representations[1].n_bytes
     for layers in (LAYERS, edits):  # as found, and with an albedo of 0
-        one, two = (finish(each.freeze(layers, edited, selected), lambda step: None) for each in representations)
+        one, two = (run_to_end(each.freeze(layers, edited, selected), lambda step: None) for each in representations)
         assert one.reflected.keys() == two.reflected.keys() == {0, 1, 2, 3} - {selected.layer if selected else None}
         for i, values in one.reflected.items():
             assert values.max() > 0.0

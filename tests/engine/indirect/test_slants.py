@@ -17,7 +17,7 @@ from engine.render.integrator import evaluate_layer
 from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, by_object
 from engine.sphere.geodesic import geodesic
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import SkyState
 from tests.engine.indirect.small_scenes import QUICK, matt, placed, placement_of, solve
 
@@ -83,9 +83,9 @@ def test_light_below_a_low_lamp_has_the_mean_of_paths() -> None:
     white = make_layer(MODELS["lambert"], {"albedo": [0.7] * 3})
     layers = [StillLayer(0, white, (16, 1), False), StillLayer(1, dark, (16, 1), False)]
     layers += [StillLayer(1, POLISH, (128, 32), False)]
-    ours = finish(indirect_radiance(placement, layers, SkyState(None), BounceSeries(3)), lambda step: None)
+    ours = run_to_end(indirect_radiance(placement, layers, SkyState(None), BounceSeries(3)), lambda step: None)
     rows = np.arange(len(placement.hits.pixel))
-    halves = finish(trace_halves(placement, by_object(layers), SkyState(None), 3, 1024, 1, rows))
+    halves = run_to_end(trace_halves(placement, by_object(layers), SkyState(None), 3, 1024, 1, rows))
     indirect = halves[:, :, 1] - halves[:, :, 0]
     truth = indirect.mean(axis=0)
     chance = 0.5 * float(np.linalg.norm((indirect[0] - indirect[1]).mean(axis=1))) / len(truth) / float(truth.mean())

@@ -14,7 +14,7 @@ from engine.indirect.solver import Solver
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import SkyState
 from tests.engine.indirect.small_scenes import (
     CORNER,
@@ -74,10 +74,10 @@ def test_bands_times_the_curve_are_the_reflection(corner, model):
     layer = make_layer(MODELS[model])
     glossy = indirect_layer(0, layer, (16, 8)[: len(layer.model.factors)])
     light = found.sent([*layers, indirect_layer(1, make_layer(MODELS["rough_conductor"]), (16, 8))], 1)
-    [whole] = finish(found.points.fans(0).reflected([glossy.curves], light))
+    [whole] = run_to_end(found.points.fans(0).reflected([glossy.curves], light))
     assert whole.max() > 0.0
     for factor, curve in enumerate(glossy.curves.curves):
-        bands = finish(found.points.fans(0).by_band(glossy.curves, factor, light))
+        bands = run_to_end(found.points.fans(0).by_band(glossy.curves, factor, light))
         contracted = np.einsum("cjnp,jc->pnc", bands, curve)
         np.testing.assert_allclose(contracted, whole, rtol=1e-4, atol=1e-5 * whole.max())
 
@@ -109,13 +109,13 @@ def test_halves_tell_the_noise(corner):
     noise = np.sqrt(np.mean((first - second) ** 2)) / whole.mean() / 2
     assert 0.0 < noise < 0.05
     one, two = (found.picture(layers, half) for half in (0, 1))
-    told, mean = finish(found.noise(layers), lambda step: None)
+    told, mean = run_to_end(found.noise(layers), lambda step: None)
     assert mean == pytest.approx(found.picture(layers).mean(), rel=1e-3)
     assert told == pytest.approx(np.sqrt(np.mean((one - two) ** 2)) / (one + two).mean(), rel=1e-3)
     placement = placement_of(CORNER, **CORNER_VIEW)
     sky = constant_environment((1.0, 1.0, 1.0))
     more = solve(placement, layers, 2, replace(QUICK, n_rays=16 * QUICK.n_rays), sky)
-    assert finish(more.noise(layers), lambda step: None)[0] < 0.5 * told
+    assert run_to_end(more.noise(layers), lambda step: None)[0] < 0.5 * told
 
 
 def test_darkness_and_black_objects(corner):
@@ -166,7 +166,7 @@ def _under_a_gradient(scale: float, *layers) -> np.ndarray:
         placement_of(CORNER, **CORNER_VIEW), {0: ["lambert"], 1: ["lambert"], 2: ["cook_torrance"]},
         SkyState(Environment(rows.astype(np.float32), "noise"), 20.0, scale), 4, QUICK,
     )  # fmt: skip
-    return finish(solver.solve(layers), lambda step: None).picture(layers).astype(np.float64)
+    return run_to_end(solver.solve(layers), lambda step: None).picture(layers).astype(np.float64)
 
 
 def _glossy(i_object: int, times: float = 1.0):
@@ -213,7 +213,7 @@ def test_light_on_cells_and_the_filter_come_in_steps_and_are_the_same(corner, mo
     for n_samples in (1 << 30, 64):
         monkeypatch.setattr(irradiance, "_SAMPLES", n_samples)
         solver, texts = Solver(placement, models, SkyState(constant_environment((1.0, 1.0, 1.0))), 3, QUICK), []
-        pictures.append(finish(solver.solve(layers), lambda step, texts=texts: texts.append(step[1])).picture(layers))
+        pictures.append(run_to_end(solver.solve(layers), lambda step, texts=texts: texts.append(step[1])).picture(layers))
         told.append(texts)
     np.testing.assert_array_equal(*pictures)
     assert told[1].count("light between surfaces") > told[0].count("light between surfaces") + 10

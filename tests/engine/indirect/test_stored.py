@@ -10,7 +10,7 @@ from engine.indirect.stored import NAMES, arrays_of
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import SkyState
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of
 
@@ -20,7 +20,7 @@ def test_stored_light_is_the_light():
     placement, sky = placement_of(CORNER, **CORNER_VIEW), SkyState(constant_environment((1.0, 0.8, 0.6)))
     layers = [matt(0, 0.5), indirect_layer(1, make_layer(MODELS["rough_conductor"]), (16, 8)), matt(2, 0.3)]
     models = {0: ["lambert"], 1: ["rough_conductor"], 2: ["lambert"]}
-    light = finish(Solver(placement, models, sky, 4, fineness).solve(layers), lambda progress: None)
+    light = run_to_end(Solver(placement, models, sky, 4, fineness).solve(layers), lambda progress: None)
     arrays = {name: array.copy() for name, array in arrays_of(light).items()}
     assert tuple(arrays) == NAMES
     for array in arrays.values():
@@ -40,6 +40,6 @@ def test_light_of_points_that_see_nothing_but_sky_is_stored_too():
     fineness = replace(QUICK, n_samples=64)
     placement, sky = placement_of(CORNER[:1], **CORNER_VIEW), SkyState(constant_environment((1.0, 0.8, 0.6)))
     solver = Solver(placement, {0: ["lambert"]}, sky, 2, fineness)
-    light = finish(solver.solve([matt(0, 0.5)]), lambda progress: None)
+    light = run_to_end(solver.solve([matt(0, 0.5)]), lambda progress: None)
     restored = solver.restored(arrays_of(light))
     np.testing.assert_array_equal(restored.picture([matt(0, 0.5)]), light.picture([matt(0, 0.5)]))

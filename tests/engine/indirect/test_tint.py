@@ -14,7 +14,7 @@ from engine.material.layer import Layer, make_layer
 from engine.measured.measurement import Measurement
 from engine.measured.merl import merl_bytes
 from engine.measured.tables import read_measurement
-from engine.steps import finish
+from engine.generators import run_to_end
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of, solve
 
 BANDS = 64, 16
@@ -31,7 +31,7 @@ def measurement(measured_samples: np.ndarray, tmp_path_factory: pytest.TempPathF
     samples[..., 0] *= np.where(squares, 1.8, 1.0 / 1.8)
     path = tmp_path_factory.mktemp("measured") / "squares.binary"
     path.write_bytes(merl_bytes(samples))
-    return finish(read_measurement(path))
+    return run_to_end(read_measurement(path))
 
 
 def albedo_of_the_data(layer: Layer) -> np.ndarray:
@@ -67,12 +67,12 @@ def test_sums_over_rays_are_tinted() -> None:
     light = solve(placement_of(CORNER, **CORNER_VIEW), layers, 2, replace(QUICK, n_samples=64), constant_environment(1))
     changed = [tinted(METAL), *layers[1:]]
     held = light.sent(layers)
-    plain, seen = (finish(light.points.reflected(each, held)) for each in (layers, changed))
+    plain, seen = (run_to_end(light.points.reflected(each, held)) for each in (layers, changed))
     mine = seen[:, 0] > 1.5 * plain[:, 0]
     assert mine.any()
     np.testing.assert_allclose(seen[mine], plain[mine] * TINT, rtol=1e-4)
     selected = Selected(0, 0)
-    before, after = (finish(GatherPolynomial(light.by_albedo()).freeze(each, selected=selected), lambda _: None)
+    before, after = (run_to_end(GatherPolynomial(light.by_albedo()).freeze(each, selected=selected), lambda _: None)
                      for each in (layers, changed))  # fmt: skip
     np.testing.assert_allclose(after.bands, before.bands * TINT[:, None, None, None], rtol=1e-5)
     one, two = (light.sent(each).glossy for each in (layers, changed))

@@ -12,7 +12,7 @@ from engine.measured.evaluate import evaluate_table
 from engine.measured.measurement import Measurement
 from engine.measured.spectrum import rgb_weights
 from engine.measured.tables import read_measurement, table_of
-from engine.steps import finish
+from engine.generators import run_to_end
 
 WAVELENGTHS = np.arange(400.0, 701.0, 20.0)
 
@@ -77,7 +77,7 @@ def test_refusals(tmp_path: Path, text: str, found: str) -> None:
 def test_few_samples_tell_of_all(tmp_path: Path) -> None:
     # 1,500 samples of a gloss that is a product: the factors alone are near, the table nearer, between samples too.
     path = written(tmp_path / "gloss.brdf", *some_samples(1500))
-    measurement = finish(read_measurement(path))
+    measurement = run_to_end(read_measurement(path))
     report = measurement.report
     assert report is not None and report.error < 0.1 and report.n_below == 0
     assert 0 < report.n_missing < 0.8 * above_horizon().sum()
@@ -94,7 +94,7 @@ def test_few_samples_tell_of_all(tmp_path: Path) -> None:
 def test_a_measured_paint(shared_data: Path) -> None:
     # A blue enamel: factors within a factor of 1.5, the table within 10 % of the samples.
     path = shared_data / "brdf" / "cornell" / "krylon_blue.brdf"
-    measurement: Measurement = finish(read_measurement(path))
+    measurement: Measurement = run_to_end(read_measurement(path))
     assert int(np.argmax(measurement.diffuse)) == 2 and measurement.report is not None
     assert measurement.report.error < 0.4
     samples = scattered_samples(read_cornell(path), path)

@@ -20,11 +20,11 @@ from engine.measured.evaluate import evaluate_table
 from engine.measured.fit import fit_factors
 from engine.measured.measurement import Measurement
 from engine.measured.tables import read_measurement, table_of
-from engine.plan import plan_scene
+from engine.planner import plan_scene
 from engine.render.integrator import evaluate_by_curves
 from engine.render.still import render_reference, render_still, still_layers, still_quality
 from engine.scene.load import load_scene
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.stored_arrays import UnsoundArrays
 from engine.transport._angle_kernels import tint
 from engine.transport.pipeline import Placement, SkyState
@@ -60,8 +60,8 @@ def kept() -> Kept:
 def measurement(merl_file: Path, kept: Kept) -> Measurement:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tables, "_tables", {})
-        finish(read_measurement(merl_file, kept))
-    return finish(read_measurement(merl_file, kept))
+        run_to_end(read_measurement(merl_file, kept))
+    return run_to_end(read_measurement(merl_file, kept))
 
 
 def both_parts(measurement: Measurement, **parameters: object) -> list[Layer]:
@@ -98,9 +98,9 @@ def test_nothing_measured_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "x.binary"
     path.write_bytes(merl_bytes(np.full((90, 90, 180, 3), -1.0, np.float32)))
     with pytest.raises(LoadError, match="samples = all negative, expected some that are not"):
-        finish(read_measurement(path))
+        run_to_end(read_measurement(path))
     with pytest.raises(LoadError, match=r"name = \.txt, expected a measured BRDF"):
-        finish(read_measurement(tmp_path / "x.txt"))
+        run_to_end(read_measurement(tmp_path / "x.txt"))
 
 
 def test_factors_of_a_product_are_found() -> None:
@@ -167,7 +167,7 @@ def test_what_was_made_of_a_file_is_kept(
     # The store is asked by the file's content; what comes from it is the same measurement, and nothing is fitted.
     monkeypatch.setattr(tables, "_tables", {})
     monkeypatch.delattr(tables, "fit_factors")
-    assert finish(read_measurement(merl_file, kept)) == measurement and len(kept.arrays) == 1
+    assert run_to_end(read_measurement(merl_file, kept)) == measurement and len(kept.arrays) == 1
 
 
 def test_what_was_forged_is_made_again(
@@ -185,7 +185,7 @@ def test_what_was_forged_is_made_again(
             store = Kept()
             store.put(key, {**arrays, **forged} if "[" in what else forged)
             with pytest.raises(LookupError, match="made again"):
-                finish(read_measurement(merl_file, store))
+                run_to_end(read_measurement(merl_file, store))
             assert store.n_refused == 1, what
 
 
@@ -212,8 +212,8 @@ def bunny_under_galileo(tmp_path: Path, layers: list[Layer], data: Path, size: i
     named = {f"bunny.{i}": layer for i, layer in enumerate(layers)}
     plan = plan_scene(placement.scene, named, has_sky=True, still=True)
     steps = render_still(placement, still_layers(named.items(), ["bunny"], plan), sky, still_quality(plan))
-    picture = finish(steps, lambda step: None)
-    reference = finish(render_reference(placement, {0: layers}, sky, 16, 5), lambda step: None)
+    picture = run_to_end(steps, lambda step: None)
+    reference = run_to_end(render_reference(placement, {0: layers}, sky, 16, 5), lambda step: None)
     seen = placement.hits.object_image == 0
     assert seen.sum() > 40
     return picture[seen], reference[seen]

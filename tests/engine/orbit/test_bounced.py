@@ -13,7 +13,7 @@ from engine.orbit.bounced import Bounces, bouncing
 from engine.orbit.live import Orbit
 from engine.scene.description import parse_description
 from engine.scene.load import build_scene
-from engine.steps import finish
+from engine.generators import run_to_end
 from tests.rooms import slit
 
 SPHERE = """
@@ -89,4 +89,4 @@ def test_more_points_gather_where_bounced_light_has_an_edge(tmp_path: Path) -> N
         found = bounces.indirect(lit.incident.irradiance, albedo, 2)[0][floor]
         return float(np.sqrt(((found - truth) ** 2).mean()) / truth.mean())
 
-    assert error(lit.bounces) < 0.85 * error(Bounces(finish(bouncing(points, lit.mesh), lambda _: None)))
+    assert error(lit.bounces) < 0.85 * error(Bounces(run_to_end(bouncing(points, lit.mesh), lambda _: None)))

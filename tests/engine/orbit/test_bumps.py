@@ -10,10 +10,10 @@ from engine.material import MODELS, make_layer
 from engine.material.bumps import NO_BUMPS
 from engine.material.layer import Layer
 from engine.orbit.live import Orbit
-from engine.plan import plan_scene
+from engine.planner import plan_scene
 from engine.render.still import render_still, still_layers, still_quality
 from engine.scene.load import Scene, load_scene
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, SkyState
 from tests.engine.bump_images import FLOOR, TILT, write_bump_images
 from tests.scene_text import camera, placed
@@ -109,7 +109,7 @@ def test_it_is_placements_picture(
     placement = Placement(scene)
     plan = plan_scene(scene, {"floor.0": layer}, has_sky=True, still=True, n_lights=1000)
     layers = still_layers({"floor.0": layer}.items(), ["floor"], plan)
-    expected = finish(render_still(placement, layers, sky, still_quality(plan)))
+    expected = run_to_end(render_still(placement, layers, sky, still_quality(plan)))
     inside = placement.hits.pixel
     for quality, most in (("rest", rest), ("still", still)):
         picture = drawn(scene, layer, sky, quality).reshape(-1, 3)[inside]

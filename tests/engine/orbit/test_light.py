@@ -33,7 +33,7 @@ from engine.scene.load import build_scene
 from engine.scene.raycaster import RayCaster
 from engine.sphere import haar
 from engine.sphere.geodesic import geodesic
-from engine.steps import finish
+from engine.generators import run_to_end
 from tests.engine.orbit.conftest import SCENE
 from tests.engine.transport.by_hand import square
 
@@ -163,7 +163,7 @@ def test_all_coefficients_are_the_wavelets_of_the_powers_and_fewer_are_the_large
             (powers[upper()] * hemisphere().cosine[:, None]).sum(axis=0) + sunlit, rel=1e-4
         )
         number, value = few.coefficients(p)
-        best = np.flatnonzero(haar.kept(expected, 100))
+        best = np.flatnonzero(haar.select_coefficients(expected, 100))
         # By counting in bins an eighth of an octave wide, and without means that are 0: most are among the best.
         assert np.isin(number[value.any(axis=1)], best).mean() > 0.8
         means = np.flatnonzero(expected[:20].any(axis=1))
@@ -270,9 +270,9 @@ def test_slices_reflect_as_the_sum_over_triangles_does(ball, uneven, layers) -> 
     # With all coefficients, and an outgoing direction on the grid, it is the same sum in another basis.
     points, _, bits = ball
     sky = make_sky(uneven, 0.0)
-    incident, slices = lit(ball, sky), finish(slicing(layers[0], 0))
+    incident, slices = lit(ball, sky), run_to_end(slicing(layers[0], 0))
     for layer in layers[1:]:
-        slices = slices + finish(slicing(layer, 0))
+        slices = slices + run_to_end(slicing(layer, 0))
     assert slices.is_isotropic == (BRUSHED not in layers)
     sphere, above = geodesic(4), upper()
     steps = np.arange(0, 360, 9.0)[::7]
@@ -292,7 +292,7 @@ def test_what_moves_shows_the_colours_of_rest_interpolated(ball_scene, ball, une
     sky = make_sky(uneven, 0.0)
     incident = lit(ball, sky, 320)
     seen = PointMesh(ball_scene, points).look(ball_scene.description.camera, (48, 36))
-    tables, which = finish(slicing(GOLD, 0)).make_tables(), seen.of(1)
+    tables, which = run_to_end(slicing(GOLD, 0)).make_tables(), seen.of(1)
     resting = reflected(seen, which, incident, sky, [GOLD], tables, 0.005)
     colours, moving = np.zeros((len(points), 3), np.float32), np.zeros((48 * 36, 3), np.float32)
     shaded(seen, np.flatnonzero(seen.points_seen()), incident, tables, 320, no_shades(incident), colours)
@@ -309,7 +309,7 @@ def test_a_sun_is_reflected_in_its_own_direction(ball_scene, ball) -> None:
     sharp = make_layer(MODELS["rough_conductor"], {"alpha": 0.05})
     seen = PointMesh(ball_scene, points).look(ball_scene.description.camera, (240, 180))
     on_ball = seen.of(1)
-    tables = finish(slicing(sharp, 0)).make_tables()
+    tables = run_to_end(slicing(sharp, 0)).make_tables()
     found = reflected(seen, on_ball, lit(ball, sky, 20), sky, [sharp], tables, 0.01)
     normal = np.einsum("pk,pki->pi", seen.samples.weights[on_ball], points.normal[seen.samples.corners[on_ball]])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -335,7 +335,7 @@ def test_a_highlight_stands_where_the_surface_shows_it_also_where_points_are_far
     seen = PointMesh(scene, points).look(scene.description.camera, (48, 36))
     which = seen.of(1)[::5]
     incident = lit((points, caster, bits), sky)
-    tables = finish(slicing(layer)).make_tables()
+    tables = run_to_end(slicing(layer)).make_tables()
     found = reflected(seen, which, incident, sky, [layer], tables, 0.01)
     quickly = reflected_quickly(seen, which, incident, sky, tables, 96)
     above, exact = upper(), np.zeros((len(which), 3))
@@ -354,13 +354,13 @@ def test_a_highlight_stands_where_the_surface_shows_it_also_where_points_are_far
 
 def test_how_sharp_a_layer_is_is_told_by_its_slices() -> None:
     # Of a matt one f = cos θ: (∫ f)² / ∫ f² = π² / (2 π / 3).
-    assert finish(slicing(MATT, 0)).lobe == pytest.approx(1.5 * np.pi, rel=1e-2)
+    assert run_to_end(slicing(MATT, 0)).lobe == pytest.approx(1.5 * np.pi, rel=1e-2)
     blunt, sharp = (make_layer(MODELS["rough_conductor"], {"alpha": alpha}) for alpha in (0.3, 0.1))
-    assert finish(slicing(sharp, -1)).lobe < SHARP < finish(slicing(blunt, -1)).lobe
+    assert run_to_end(slicing(sharp, -1)).lobe < SHARP < run_to_end(slicing(blunt, -1)).lobe
 
 
 def test_a_layer_with_gloss_is_kept_in_seven_megabytes() -> None:
-    slices = finish(slicing(GOLD, 0))
+    slices = run_to_end(slicing(GOLD, 0))
     tables = slices.make_tables()
     assert tables.table.nbytes + slices.packed.nbytes < 7.2e6 and np.shares_memory(tables.values, slices.packed)
 
@@ -374,7 +374,7 @@ def entries(flat: np.ndarray, images: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("level", [1, 2, 3])
 @pytest.mark.parametrize("layer", [GOLD, BRUSHED], ids=["isotropic", "brushed"])
 def test_coarse_slices_are_read_as_even_fine_ones(layer, level: int) -> None:
-    coarse = finish(slicing(layer, -1)).at_level(level)
+    coarse = run_to_end(slicing(layer, -1)).at_level(level)
     fine = coarse.at_level(4)
     assert coarse.packed.shape[2] == 10 * 4**level and fine.packed.shape[2] == 2560
     near, far = coarse.make_tables(), fine.make_tables()
@@ -384,7 +384,7 @@ def test_coarse_slices_are_read_as_even_fine_ones(layer, level: int) -> None:
     kept, even = entries(near.table, near.images), entries(far.table, far.images)
     np.testing.assert_allclose(kept, even, rtol=0.01, atol=1e-6 * even.max())
     np.testing.assert_allclose(coarse.albedo, fine.albedo, rtol=0.01)
-    both, twice = coarse + finish(slicing(MATT_LIKE, 0)), fine + finish(slicing(MATT_LIKE, 0))
+    both, twice = coarse + run_to_end(slicing(MATT_LIKE, 0)), fine + run_to_end(slicing(MATT_LIKE, 0))
     np.testing.assert_array_equal(both.packed, twice.packed)
     turned = coarse.half_around()
     assert not turned.is_isotropic and turned.level == level
@@ -392,7 +392,7 @@ def test_coarse_slices_are_read_as_even_fine_ones(layer, level: int) -> None:
 
 
 def test_slices_over_larger_triangles_are_means_and_have_the_first_coefficients() -> None:
-    fine = finish(slicing(GOLD, 0))
+    fine = run_to_end(slicing(GOLD, 0))
     coarse = fine.at_level(3)
     means = fine.values.reshape(24, 9, 640, 4, 3).mean(axis=3)
     np.testing.assert_allclose(coarse.values, means, rtol=2**-8)
@@ -405,7 +405,7 @@ def test_slices_over_larger_triangles_are_means_and_have_the_first_coefficients(
 def test_finer_slices_are_the_means_over_finer_triangles() -> None:
     # Where a layer is about even, triangles are asked in their middles alone; a highlight is sharper than that.
     sharp = make_layer(MODELS["rough_conductor"], {"alpha": 0.1})
-    found, weights = finish(slicing(sharp)).values[8, 3], geodesic(5).solid_angles.reshape(-1, 4)[upper()]
+    found, weights = run_to_end(slicing(sharp)).values[8, 3], geodesic(5).solid_angles.reshape(-1, 4)[upper()]
     wi = geodesic(5).centres.reshape(-1, 4, 3)[upper()].reshape(-1, 3)
     wo = spherical(np.array([np.radians(89.0) / 23 * 8]), np.array([np.radians(4.5 * 3)]))
     values = evaluate_layers([sharp], to_shading(wi), np.tile(to_shading(wo), (len(wi), 1))).reshape(-1, 4, 3)
@@ -421,7 +421,7 @@ def test_all_suns_that_are_asked_are_the_sum_over_them(ball_scene, ball, uneven)
     assert len(sky.sun_power) > 5
     incident = lit(ball, sky, 20)
     seen = PointMesh(ball_scene, points).look(ball_scene.description.camera, (48, 36))
-    which, tables = seen.of(1)[::7], finish(slicing(GOLD, 0)).make_tables()
+    which, tables = seen.of(1)[::7], run_to_end(slicing(GOLD, 0)).make_tables()
     incident.kept.value[:] = 0  # suns alone
     found = reflected(seen, which, incident, sky, [GOLD], tables, -1.0)
     for j, row in zip(which, found, strict=True):
@@ -446,7 +446,7 @@ def test_suns_that_differ_little_are_looked_up_as_they_stand(ball_scene, ball, u
     points, _, _ = ball
     incident = lit(ball, sky, 20)
     seen = PointMesh(ball_scene, points).look(ball_scene.description.camera, (48, 36))
-    which, tables = seen.of(1), finish(slicing(GOLD)).make_tables()
+    which, tables = seen.of(1), run_to_end(slicing(GOLD)).make_tables()
     sharp = np.zeros((3 * len(which), 2), np.uint64)
     ways = mirrored(seen.samples.wo[which], seen.normals(which))
     found = at_corners(seen, which, ways, incident, suns_of(sky, incident, 1e9), tables, sharp)

@@ -14,7 +14,7 @@ from engine.orbit.lit_points import STALE
 from engine.orbit.live import Orbit
 from engine.scene.description import parse_description
 from engine.scene.load import Scene, build_scene
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.stored_arrays import UnsoundArrays
 from engine.transport.pipeline import SkyState
 from tests.engine.orbit.conftest import BLOCK
@@ -185,7 +185,7 @@ def test_edges_are_smooth_on_request_while_something_moves(orbit) -> None:
         pass
     camera = orbit.scene.description.camera
     hard = orbit.draw(camera, SIZE, "moving")
-    soft = finish(orbit.drawing(camera, SIZE, "moving", has_soft_edges=True))
+    soft = run_to_end(orbit.drawing(camera, SIZE, "moving", has_soft_edges=True))
     ids = orbit.lit.mesh.look(camera, SIZE).samples.i_object.reshape(SIZE[::-1])
     edges = np.zeros(ids.shape, bool)
     silhouettes(ids, edges)

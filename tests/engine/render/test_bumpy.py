@@ -10,12 +10,12 @@ from engine.indirect.series import BounceSeries
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
-from engine.plan import plan_scene
+from engine.planner import plan_scene
 from engine.render.indirect import indirect_radiance
 from engine.render.path_tracer import trace_paths
 from engine.render.still import render_reference, render_still, still_layers, still_quality
 from engine.scene.load import load_scene
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, SkyState
 from tests.engine.bump_images import FLOOR, TILT, write_bump_images
 from tests.scene_text import camera, placed
@@ -38,13 +38,13 @@ def still(placement: Placement, layers: Mapping[str, Layer], sky: SkyState, n_li
     """Direct light at the hits, (P, 3)."""
     plan = plan_scene(placement.scene, dict(layers), has_sky=True, still=True, n_lights=n_lights)
     names = [described.name for described in placement.scene.description.objects]
-    drawn = finish(render_still(placement, still_layers(layers.items(), names, plan), sky, still_quality(plan)))
+    drawn = run_to_end(render_still(placement, still_layers(layers.items(), names, plan), sky, still_quality(plan)))
     return drawn.reshape(-1, 3)[placement.hits.pixel]
 
 
 def traced(placement: Placement, layers: Mapping[str, Layer], sky: SkyState, n: int, bounces: int = 1) -> np.ndarray:
     by_object = {i: (layer,) for i, layer in enumerate(layers.values())}
-    return finish(trace_paths(placement, by_object, sky, bounces, n)).radiance
+    return run_to_end(trace_paths(placement, by_object, sky, bounces, n)).radiance
 
 
 def lambert(albedo: float = 0.5) -> Layer:
@@ -67,7 +67,7 @@ def test_an_even_sky_lights_a_leaning_normal_as_a_plane_that_leans(folder: Path)
     sky, expected = SkyState(constant_environment(1.0)), 0.5 * (1 + np.cos(TILT)) / 2
     np.testing.assert_allclose(still(placement, layers, sky), expected, rtol=3e-3)
     assert traced(placement, layers, sky, 64).mean() == pytest.approx(expected, rel=5e-3)
-    oracle = finish(render_reference(placement, {0: (lambert(),)}, sky, 1, 4))
+    oracle = run_to_end(render_reference(placement, {0: (lambert(),)}, sky, 1, 4))
     np.testing.assert_allclose(oracle.reshape(-1, 3)[placement.hits.pixel], expected, rtol=5e-3)
 
 
@@ -107,7 +107,7 @@ def test_placement_and_oracles_see_the_same_bumps(folder: Path, model: str) -> N
     mine = slice(*placement.hits.object_ranges[0])
     drawn, paths = still(placement, layers, sky)[mine], traced(placement, layers, sky, 256)[mine]
     by_object = {i: (layer,) for i, layer in enumerate(layers.values())}
-    oracle = finish(render_reference(placement, by_object, sky, 1, 5)).reshape(-1, 3)[placement.hits.pixel][mine]
+    oracle = run_to_end(render_reference(placement, by_object, sky, 1, 5)).reshape(-1, 3)[placement.hits.pixel][mine]
     assert np.sqrt(np.mean((drawn - oracle) ** 2)) / oracle.mean() < 0.012
     assert drawn.mean() == pytest.approx(paths.mean(), rel=0.015)
 
@@ -118,7 +118,7 @@ def test_what_bounces_on_lights_bumps_alike(folder: Path) -> None:
     mine = slice(*placement.hits.object_ranges[0])
     plan = plan_scene(placement.scene, layers, has_sky=True, still=True, n_lights=400)
     flat = still_layers(layers.items(), ["floor", "wall"], plan)
-    bounced = finish(indirect_radiance(placement, flat, sky, BounceSeries(2, 1)))[mine].mean()
+    bounced = run_to_end(indirect_radiance(placement, flat, sky, BounceSeries(2, 1)))[mine].mean()
     once, twice = (traced(placement, layers, sky, 512, n)[mine].mean() for n in (1, 2))
     assert bounced == pytest.approx(twice - once, rel=0.06)
 

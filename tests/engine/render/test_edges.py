@@ -8,12 +8,12 @@ import pytest
 
 from engine.indirect.series import BounceSeries
 from engine.light.environment import constant_environment
-from engine.plan import plan_scene
+from engine.planner import plan_scene
 from engine.render.error_estimate import estimate_error
 from engine.render.indirect import indirect_radiance
 from engine.render.still import reflected, render_still, still_layers
 from engine.scene.load import Scene, load_scene
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import FINAL, Placement, SkyState
 from tests.engine.render.test_still import TABLE
 
@@ -26,8 +26,8 @@ def picture(scene: Scene, n_edge_rays: int = 0, n_bounces: int = 1) -> np.ndarra
     layers = layers_of(scene)
     indirect = None
     if n_bounces > 1:
-        indirect = finish(indirect_radiance(placement, layers, SKY, BounceSeries(n_bounces)))
-    return finish(render_still(placement, layers, SKY, QUALITY, indirect))
+        indirect = run_to_end(indirect_radiance(placement, layers, SKY, BounceSeries(n_bounces)))
+    return run_to_end(render_still(placement, layers, SKY, QUALITY, indirect))
 
 
 def layers_of(scene: Scene):
@@ -75,11 +75,11 @@ def test_light_between_surfaces_is_there_at_edges_too(table: Scene) -> None:
 
 def test_the_error_is_estimated_over_all_points(table: Scene) -> None:
     placement, layers = Placement(table, n_edge_rays=8), layers_of(table)
-    radiance = finish(reflected(placement, layers, SKY, QUALITY))
-    estimate = finish(estimate_error(placement, layers, SKY, QUALITY, 1, radiance))
+    radiance = run_to_end(reflected(placement, layers, SKY, QUALITY))
+    estimate = run_to_end(estimate_error(placement, layers, SKY, QUALITY, 1, radiance))
     assert 0.0 < estimate.direct < 0.03
     beside = np.flatnonzero(~placement.hits.centred)
     wrong = radiance.copy()
     wrong[beside] *= 3.0
-    worse = finish(estimate_error(placement, layers, SKY, QUALITY, 1, wrong))
+    worse = run_to_end(estimate_error(placement, layers, SKY, QUALITY, 1, wrong))
     assert worse.direct > 2.0 * estimate.direct

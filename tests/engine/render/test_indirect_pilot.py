@@ -10,7 +10,7 @@ from engine.indirect.cells import MOST_CELLS
 from engine.indirect.solver import Solver
 from engine.light.environment import constant_environment
 from engine.render.indirect_pilot import NOTHING_LOST, indirect_cost, lost_tries
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import SkyState
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of
 
@@ -22,8 +22,8 @@ def test_a_trial_foresees_points_cells_and_rays(other_light: float | None) -> No
     """Whether nobody asks how many rays are needed, all are or the fewest."""
     placement, sky = placement_of(CORNER, n=160, **CORNER_VIEW), SkyState(constant_environment((1.0, 0.8, 0.6)))
     models, layers = {i: ["lambert"] for i in range(3)}, [matt(0, 0.7), matt(1, 0.5), matt(2, 0.3)]
-    cost = finish(indirect_cost(placement, models, sky, 3, layers, ASKING, other_light))
-    found = finish(Solver(placement, models, sky, 3, ASKING, True, other_light).solve(layers))
+    cost = run_to_end(indirect_cost(placement, models, sky, 3, layers, ASKING, other_light))
+    found = run_to_end(Solver(placement, models, sky, 3, ASKING, True, other_light).solve(layers))
     assert cost.need is not None and cost.need.n_rays == found.need.n_rays
     assert cost.n_points == pytest.approx(len(found.points.gathered.points), rel=0.25)
     assert cost.n_cells == pytest.approx(len(found.cells), rel=0.4)

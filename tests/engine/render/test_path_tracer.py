@@ -18,7 +18,7 @@ from engine.render.path_lights import EmitterLight, SkyLight
 from engine.render.path_lobes import Scattering
 from engine.render.path_tracer import PathEstimate, noise_of_halves, render_paths, trace_paths
 from engine.scene.load import load_scene
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, SkyState
 from tests.chi_square import p_of_directions
 
@@ -73,7 +73,7 @@ def place(folder: Path, objects: str, camera: str = CAMERA) -> Placement:
 def trace(
     placement: Placement, layers: Layers, sky: SkyState, n_bounces: int, n_samples: int, seed: int = 0, rows=None
 ) -> PathEstimate:
-    return finish(trace_paths(placement, layers, sky, n_bounces, n_samples, seed, rows), lambda step: None)
+    return run_to_end(trace_paths(placement, layers, sky, n_bounces, n_samples, seed, rows), lambda step: None)
 
 
 def lambert(albedo: float) -> Layer:
@@ -152,7 +152,7 @@ def test_emitters_are_drawn_with_the_density_that_is_told(tmp_path: Path) -> Non
 def test_a_convex_white_thing_under_a_white_sky_is_invisible(tmp_path: Path) -> None:
     placement = place(tmp_path, FACETED)
     sky = SkyState(constant_environment(0.7), 0.0, 2.0)
-    picture = finish(render_paths(placement, {0: [lambert(1.0)]}, sky, 4, 256), lambda step: None)
+    picture = run_to_end(render_paths(placement, {0: [lambert(1.0)]}, sky, 4, 256), lambda step: None)
     seen = placement.hits.object_image >= 0
     assert seen.any() and not seen.all()
     assert picture[seen].mean() == pytest.approx(1.4, rel=3e-3) and picture[~seen] == pytest.approx(1.4)
@@ -175,7 +175,7 @@ def test_a_hollow_ball_is_a_furnace(tmp_path: Path, albedo: float, n_bounces: in
 
 def test_any_albedo_stays_finite(tmp_path: Path) -> None:
     placement = place(tmp_path, HOLLOW, CAMERA.replace("[0, 1.2, 3.4]", "[0, 0, 0.2]").replace("[32, 24]", "[3, 3]"))
-    picture = finish(render_paths(placement, {0: [lambert(1e12)]}, SkyState(None), 16, 4), lambda step: None)
+    picture = run_to_end(render_paths(placement, {0: [lambert(1e12)]}, SkyState(None), 16, 4), lambda step: None)
     assert np.isfinite(picture).all() and picture.max() > 1e20
 
 

@@ -13,7 +13,7 @@ from engine.curve.operators import Operator
 from engine.light.environment import constant_environment, load_environment
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
-from engine.plan import plan_scene
+from engine.planner import plan_scene
 from engine.render.still import (
     StillProgress,
     render_reference,
@@ -22,7 +22,7 @@ from engine.render.still import (
     still_quality,
 )
 from engine.scene.load import Scene, load_scene
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import COARSE, Placement, SkyState
 
 BALL = """
@@ -65,7 +65,7 @@ def render(scene: Scene, layers: dict[str, Layer], sky: SkyState) -> np.ndarray:
     plan = plan_scene(scene, layers, has_sky=sky.environment is not None, still=True)
     names = [described.name for described in scene.description.objects]
     steps = render_still(Placement(scene), still_layers(layers.items(), names, plan), sky, still_quality(plan))
-    return finish(steps, lambda step: None)
+    return run_to_end(steps, lambda step: None)
 
 
 def test_a_convex_white_thing_under_a_white_sky_is_invisible(tmp_path: Path) -> None:
@@ -120,7 +120,7 @@ def test_a_still_agrees_with_brute_force(tmp_path: Path) -> None:
     sky = SkyState(load_environment(write_gradient(tmp_path)), 20.0, 1.5)
     image = render(scene, layers, sky)
     steps = render_reference(Placement(scene), {0: (shiny,), 1: (lambert,)}, sky, 256, 4)
-    truth = finish(steps, lambda step: None)
+    truth = run_to_end(steps, lambda step: None)
     rmse = np.sqrt(np.mean((image - truth) ** 2)) / truth.mean()
     # One ray for each of 5,120 triangles has an error of its own, of about one percent.
     assert rmse < 0.02 and abs(image.mean() / truth.mean() - 1.0) < 0.005
@@ -147,7 +147,7 @@ def test_progress_ends_at_one_and_never_goes_back(tmp_path: Path) -> None:
     plan = plan_scene(scene, layers, has_sky=True, still=True)
     told: list[StillProgress] = []
     sky = SkyState(constant_environment(1.0))
-    finish(render_still(Placement(scene), still_layers(layers.items(), ["ball"], plan), sky), told.append)
+    run_to_end(render_still(Placement(scene), still_layers(layers.items(), ["ball"], plan), sky), told.append)
     fractions = [step.fraction for step in told]
     assert fractions == sorted(fractions) and fractions[-1] == pytest.approx(1.0)
     with pytest.raises(ValueError, match="stride"):

@@ -13,14 +13,14 @@ from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
 from engine.material.maps import LayerMaps
 from engine.material.strokes import Stroke, Strokes, pack_dabs
-from engine.plan import plan_scene
+from engine.planner import plan_scene
 from engine.render.indirect import indirect_radiance
 from engine.render.maps import MapFactors
 from engine.render.path_tracer import trace_paths
 from engine.render.still import render_reference, render_still, still_layers, still_quality, with_maps
 from engine.scene.hits import object_ids
 from engine.scene.load import Scene, load_scene
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, SkyState
 from tests.scene_text import camera, placed
 
@@ -66,7 +66,7 @@ def still(placement: Placement, layers: Mapping[str, Layer]) -> np.ndarray:
     names = [described.name for described in placement.scene.description.objects]
     plan = plan_scene(placement.scene, dict(layers), has_sky=True, still=True, n_lights=400)
     seen = with_maps(placement, still_layers(layers.items(), names, plan))
-    return finish(render_still(placement, seen, SKY, still_quality(plan)), lambda step: None)
+    return run_to_end(render_still(placement, seen, SKY, still_quality(plan)), lambda step: None)
 
 
 CHECKER = LayerMaps("checker.png", "linear")
@@ -111,7 +111,7 @@ def test_a_layer_by_weight_and_by_its_complement_is_the_layer(placement: Placeme
 def test_the_oracle_of_direct_light_has_the_same_factors(placement: Placement) -> None:
     layers = {"card.0": layer("lambert", CHECKER), "card.1": layer("phong", LayerMaps(weight="mask.png"), exponent=8.0)}
     steps = render_reference(placement, {0: tuple(layers.values())}, SKY, 1, 3)
-    oracle = finish(steps, lambda step: None)
+    oracle = run_to_end(steps, lambda step: None)
     error = np.sqrt(np.mean((still(placement, layers) - oracle) ** 2)) / oracle.mean()
     assert error < 0.02  # 1,280 directions against 400 lights of an even sky
 
@@ -141,16 +141,16 @@ def test_further_bounces_see_the_mean(corner: Placement) -> None:
     plan = plan_scene(corner.scene, layers, has_sky=True, still=True, n_lights=400)
     seen = with_maps(corner, still_layers(layers.items(), names, plan))
     np.testing.assert_allclose(seen[0].mean_factor, [0.6, 0.2, 0.6], atol=2e-3)
-    indirect = finish(indirect_radiance(corner, seen, SKY, BounceSeries(2)), lambda step: None)
-    found = finish(render_still(corner, seen, SKY, still_quality(plan), indirect), lambda step: None)
+    indirect = run_to_end(indirect_radiance(corner, seen, SKY, BounceSeries(2)), lambda step: None)
+    found = run_to_end(render_still(corner, seen, SKY, still_quality(plan), indirect), lambda step: None)
     steps = trace_paths(corner, {0: [layers["card.0"]], 1: [layers["floor.0"]]}, SKY, 2, 256)
-    paths = finish(steps, lambda step: None)
+    paths = run_to_end(steps, lambda step: None)
     pixels = found.reshape(-1, 3)[corner.hits.pixel]
     error = np.sqrt(np.mean((pixels - paths.radiance) ** 2)) / paths.radiance.mean()
     assert error < 0.04 and abs(pixels.mean() / paths.radiance.mean() - 1.0) < 0.01  # the paths' noise is 0.023
     # Without the card's colours the floor would be lit by half as much more.
     floor = slice(*corner.hits.object_ranges[1])
     white = with_maps(corner, still_layers({**layers, "card.0": layer("lambert", albedo=0.9)}.items(), names, plan))
-    plain = finish(indirect_radiance(corner, white, SKY, BounceSeries(2)), lambda step: None)
+    plain = run_to_end(indirect_radiance(corner, white, SKY, BounceSeries(2)), lambda step: None)
     ratio = indirect[floor].mean(axis=0) / plain[floor].mean(axis=0)
     np.testing.assert_allclose(ratio, [0.6, 0.2, 0.6], atol=0.03)

@@ -16,7 +16,7 @@ from PIL import Image
 from engine.errors import LoadError
 from engine.scene.gltf import read_glb
 from engine.scene.load import load_scene
-from engine.texture import images
+from engine.texture import texture_files
 from tests.engine.scene.conftest import read_mesh
 
 SQUARE_OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
@@ -109,13 +109,13 @@ def textured(tree: dict, binary: bytes, image: bytes, n: int, **pbr: object) -> 
 def n_decoded(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Grows by one whenever an image is decoded."""
     decoded: list[int] = []
-    read = images._integers
+    read = texture_files._integers
 
     def note(opened: Any) -> Any:
         decoded.append(1)
         return read(opened)
 
-    monkeypatch.setattr(images, "_integers", note)
+    monkeypatch.setattr(texture_files, "_integers", note)
     return decoded
 
 

@@ -3,7 +3,7 @@ import os
 import numpy as np
 import pytest
 
-from engine import files
+from engine import safe_files
 from engine.errors import LoadError
 from engine.scene.load import load_scene
 from engine.scene.mesh import read_mesh_file
@@ -75,8 +75,8 @@ def test_a_material_library_is_never_looked_for(tmp_path, mesh_file, monkeypatch
     os.mkfifo(tmp_path / "pipe.mtl")  # opening it would hang
     (tmp_path / "out.mtl").symlink_to("/etc/passwd")
     opened = []
-    read = files.place_of
-    monkeypatch.setattr(files, "place_of", lambda path: opened.append(path) or read(path))
+    read = safe_files.local_path
+    monkeypatch.setattr(safe_files, "local_path", lambda path: opened.append(path) or read(path))
     path = mesh_file("a.obj", f"mtllib {name}\n" + SQUARE + "usemtl red\nf 1 2 3\n")
     found = read_mesh_file(path)
     assert len(found.mesh.triangles) == 1 and found.notes == () and opened == [path]

@@ -9,7 +9,7 @@ from tests.naive.haar import place_of, tripling_coefficient
 def truncated(values: np.ndarray, n: int, rule: haar.Rule = "size") -> np.ndarray:
     """Values (20·4^L, ...) rebuilt from the n coefficients that are kept."""
     coefficients = haar.forward(values)
-    coefficients[~haar.kept(coefficients, n, rule)] = 0.0
+    coefficients[~haar.select_coefficients(coefficients, n, rule)] = 0.0
     return haar.inverse(coefficients)
 
 
@@ -84,11 +84,11 @@ def test_what_is_kept_is_the_largest_by_the_rule() -> None:
     size = np.abs(coefficients).max(axis=1)
     area = 4.0 ** -haar.levels_of_coefficients(2)
     for rule, weight in (("size", size * area), ("energy", size**2 * area)):
-        keep = haar.kept(coefficients, 60, rule)
+        keep = haar.select_coefficients(coefficients, 60, rule)
         assert keep.sum() == 60 and keep[:20].all()
         assert weight[keep][20:].min() >= weight[~keep].max()
-    np.testing.assert_array_equal(np.flatnonzero(haar.kept(coefficients, 60, "top")), np.arange(60))
-    assert haar.kept(coefficients, 10_000).all() and haar.kept(coefficients, 1).sum() == 20
+    np.testing.assert_array_equal(np.flatnonzero(haar.select_coefficients(coefficients, 60, "top")), np.arange(60))
+    assert haar.select_coefficients(coefficients, 10_000).all() and haar.select_coefficients(coefficients, 1).sum() == 20
     np.testing.assert_allclose(truncated(coefficients, 320), coefficients, atol=2e-6)
 
 

@@ -15,11 +15,11 @@ from engine.sphere.harmonics import (
     bands,
     basis,
     clamped_cosine,
-    convolved,
+    convolve,
     order_of,
     project,
     quadrature,
-    rotated,
+    rotate,
 )  # fmt: skip
 
 TURNS = {
@@ -75,10 +75,10 @@ def test_gradients_are_those_of_the_values() -> None:
 def test_turned_coefficients_are_of_the_turned_function(turn: Rotation) -> None:
     matrix, places = turn.as_matrix(), directions(30)
     vector = np.random.default_rng(2).normal(size=MAX_ORDER**2)
-    there = rotated(vector, matrix)
+    there = rotate(vector, matrix)
     assert basis(places, MAX_ORDER) @ there == pytest.approx(basis(places @ matrix, MAX_ORDER) @ vector, abs=1e-12)
     assert np.linalg.norm(there) == pytest.approx(np.linalg.norm(vector), rel=1e-13)
-    assert rotated(there, matrix.T) == pytest.approx(vector, abs=1e-12)
+    assert rotate(there, matrix.T) == pytest.approx(vector, abs=1e-12)
 
 
 def test_a_matt_surface_gathers_known_shares() -> None:
@@ -90,7 +90,7 @@ def test_constant_light_is_the_constant_band() -> None:
     light = project(triangle_integrals(constant_environment((1.0, 2.0, 0.5)), 0.7, level=5), 6)
     assert light[0] == pytest.approx(np.array([1.0, 2.0, 0.5]) * math.sqrt(4 * math.pi), rel=1e-6)
     assert np.abs(light[1:]).max() < 2e-3
-    irradiance = basis(directions(5), 6) @ convolved(light.T, clamped_cosine(6)).T
+    irradiance = basis(directions(5), 6) @ convolve(light.T, clamped_cosine(6)).T
     assert irradiance == pytest.approx(np.broadcast_to(math.pi * np.array([1.0, 2.0, 0.5]), (5, 3)), rel=2e-3)
 
 

@@ -11,9 +11,9 @@ from PIL import Image
 
 from engine.colour import decode_srgb
 from engine.errors import LoadError
-from engine.texture.images import read_texture, read_weight, reduction
+from engine.texture.texture_files import read_texture, read_weight, reduction
 from engine.texture.slopes import read_heights, read_normal_map
-from engine.texture.store import TextureStore
+from engine.texture.texture_store import TextureStore
 from tests.pictures import write_exr
 
 CODES = np.arange(256, dtype=np.uint8)
@@ -144,8 +144,8 @@ def test_a_hole_in_a_flat_normal_map_is_flat(tmp_path: Path) -> None:
 @pytest.fixture
 def small_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """Images of more than 64 pixels are too large, and bands are a few rows."""
-    monkeypatch.setattr("engine.texture.images.MAX_PIXELS", 64)
-    monkeypatch.setattr("engine.texture.images._BAND_PIXELS", 64)
+    monkeypatch.setattr("engine.texture.texture_files.MAX_PIXELS", 64)
+    monkeypatch.setattr("engine.texture.texture_files._BAND_PIXELS", 64)
 
 
 def block_means(values: np.ndarray, k: int) -> np.ndarray:

@@ -58,7 +58,7 @@ def looked_up(image: np.ndarray, u: float, v: float, transform: TextureTransform
 @pytest.mark.parametrize(("rotation", "offset"), [(0.0, (0.0, 0.0)), (30.0, (0.4, -1.3)), (-90.0, (0.0, 0.25))])
 def test_turned_moved_and_wrapped(wrap: tuple, rotation: float, offset: tuple) -> None:
     image, transform = noise(5, 7), TextureTransform(rotation, offset, wrap)
-    pyramid = make_pyramid(image).under(transform)
+    pyramid = make_pyramid(image).with_transform(transform)
     uv = np.random.default_rng(1).uniform(-2.5, 2.5, (200, 2))
     expected = [looked_up(image, *place, transform) for place in uv]
     np.testing.assert_allclose(pyramid.at(uv), expected, atol=1e-5)
@@ -73,7 +73,7 @@ def test_turned_moved_and_wrapped(wrap: tuple, rotation: float, offset: tuple) -
 def test_what_a_pixel_sees_is_turned_with_the_image() -> None:
     """Stripes along v, which a quarter's turn lays along u: pixels long in u see one of them, in v their mean."""
     stripes = np.repeat(np.tile(np.float32([0.0, 1.0]), 16)[None, :, None], 32, axis=0)
-    pyramid = make_pyramid(stripes).under(TextureTransform(90.0))
+    pyramid = make_pyramid(stripes).with_transform(TextureTransform(90.0))
     uv = np.stack([np.full(32, 0.3), (np.arange(32) + 0.5) / 32], axis=1)
     sharp = over(pyramid, uv, (8 / 32, 0.0), (0.0, 0.25 / 32))[:, 0]
     np.testing.assert_allclose(sharp, stripes[0, ::-1, 0], atol=1e-6)  # u on the image is −v
@@ -82,8 +82,8 @@ def test_what_a_pixel_sees_is_turned_with_the_image() -> None:
 
 def test_an_image_under_another_transform_is_the_same_object_each_time() -> None:
     pyramid, clamped = make_pyramid(noise(2, 2)), TextureTransform(wrap=("clamp", "clamp"))
-    assert pyramid.under(TextureTransform()) is pyramid
-    assert pyramid.under(clamped) is pyramid.under(clamped) and pyramid.under(clamped).flat is pyramid.flat
+    assert pyramid.with_transform(TextureTransform()) is pyramid
+    assert pyramid.with_transform(clamped) is pyramid.with_transform(clamped) and pyramid.with_transform(clamped).flat is pyramid.flat
 
 
 def over(pyramid: Pyramid, uv: np.ndarray, across: tuple[float, float], down: tuple[float, float]) -> np.ndarray:
@@ -136,7 +136,7 @@ def test_no_pixel_takes_more_look_ups_than_the_most() -> None:
 def test_a_quick_look_up_is_of_the_nearest_level() -> None:
     chance = np.random.default_rng(6)
     transform = TextureTransform(30.0, (0.2, -0.3), ("mirror", "repeat"))
-    image = make_pyramid(chance.random((32, 32, 3))).under(transform)
+    image = make_pyramid(chance.random((32, 32, 3))).with_transform(transform)
     n = 150  # more than are prepared at once, and not a multiple of that
     uv, wide = chance.random((n, 2)) * 3.0 - 1.0, 2.0 ** chance.uniform(-1.0, 6.0, n)  # texels
     side = np.zeros((2, n, 2))

@@ -13,7 +13,7 @@ from engine.material.strokes import MAX_DABS, Stroke, Strokes, pack_dabs
 from engine.render.surface_maps import MapSampler
 from engine.scene.description import parse_description
 from engine.scene.load import build_scene
-from engine.texture.strokes import MOST_BACK, PaintedPoints
+from engine.texture.stroke_painting import MOST_BACK, PaintedPoints
 from engine.transport.pipeline import Placement
 
 CAMERA = {"position": [0, 0, 3], "target": [0, 0, 0], "fov_y": 25, "resolution": [32, 32]}

@@ -11,7 +11,7 @@ from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.scene.load import load_scene
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.bandstore import BandStore
 from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, SkyState
 from engine.transport.projection import LayerShape, VisibleLight, project_layer
@@ -31,7 +31,7 @@ def placement_of(text: str, folder: Path) -> Placement:
 def driven(steps: Generator[float, None, VisibleLight]) -> tuple[VisibleLight, list[float]]:
     """What a generator returns and yields."""
     fractions: list[float] = []
-    return finish(steps, fractions.append), fractions
+    return run_to_end(steps, fractions.append), fractions
 
 
 def irradiance(placement: Placement, light: VisibleLight, rows: np.ndarray) -> np.ndarray:

@@ -9,13 +9,13 @@ from app.measure.accuracy import errors
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
-from engine.plan import band_counts
+from engine.planner import band_counts
 from engine.render.integrator import evaluate_by_curves
 from engine.scene.frames import local_frames
 from engine.scene.load import load_scene
 from engine.sphere.geodesic import geodesic
 from engine.sphere.haar import inverse
-from engine.steps import finish
+from engine.generators import run_to_end
 from engine.transport.bandstore import join_tiles
 from engine.transport.pipeline import FINAL, Placement, SkyState
 from engine.transport.projection import LayerShape, project_layer
@@ -52,11 +52,11 @@ def sky() -> Environment:
 
 
 def effects(environment: Environment) -> np.ndarray:
-    return finish(turning_effects(environment))
+    return run_to_end(turning_effects(environment))
 
 
 def transport(placement: Placement, layer: Layer, rows: np.ndarray, environment: Environment) -> np.ndarray:
-    light = finish(placement.light(SkyState(environment, ROTATION), FINAL))
+    light = run_to_end(placement.light(SkyState(environment, ROTATION), FINAL))
     counts = (*band_counts(layer).values(), 1)[:2]
     shape = LayerShape(layer.model.name, tuple(layer.quotient_parameters().tolist()), counts)
     curves = [layer.coefficients(name, n) for name, n in band_counts(layer).items()]

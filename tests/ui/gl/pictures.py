@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from engine.plan import Precision
+from engine.planner import Precision
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.placement.renderer import PlacementRenderer
 

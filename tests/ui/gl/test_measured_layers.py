@@ -17,7 +17,7 @@ from engine.material.layer import Layer
 from engine.measured.evaluate import evaluate_table
 from engine.measured.measurement import Measurement
 from engine.measured.tables import read_measurement, table_of
-from engine.steps import finish
+from engine.generators import run_to_end
 from tests.engine.material.test_kernels import hemisphere
 from tests.ui.gl.test_brdf import LARGEST_DIFFERENCE, difference, rounded
 from ui.gl import brdf_views, measured_tables
@@ -34,7 +34,7 @@ PARTS = ("measured_diffuse", "measured")
 
 @pytest.fixture(scope="module")
 def measurement(merl_file: Path) -> Measurement:
-    return finish(read_measurement(merl_file))
+    return run_to_end(read_measurement(merl_file))
 
 
 @pytest.fixture(scope="module")

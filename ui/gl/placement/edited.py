@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.plan import Precision
+from engine.planner import Precision
 from ui.gl.context import GraphicsError
 from ui.gl.placement.accumulate import TermSum
 from ui.gl.placement.composite import FootprintTextures

@@ -26,7 +26,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.plan import Precision
+from engine.planner import Precision
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.context import GraphicsError
 from ui.gl.passes import Box, Passes

@@ -34,7 +34,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.plan import Precision
+from engine.planner import Precision
 from ui.gl.context import GraphicsError
 from ui.gl.placement.sample_layout import GROUPS_PER_ROW, SAMPLES_PER_ROW, row_count
 from ui.gl.textures import TextureMemory

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 Arguments = ParamSpec("Arguments")
 
 
-def keeps_recent(
+def cache_recent_arrays(
     most_bytes: int,
 ) -> Callable[[Callable[Arguments, NDArray[Any]]], Callable[Arguments, NDArray[Any]]]:
     """Decorates a function of hashable arguments by place. Its arrays are read alone; the one asked for last is kept

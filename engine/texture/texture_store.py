@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.errors import LoadError
-from engine.files import place_of, read_regular_file, resolve_inside
+from engine.safe_files import local_path, read_regular_file, resolve_inside
 from engine.material.bumps import Bumps
 from engine.material.maps import Images, Space, split_image_name
-from engine.texture.images import MAX_IMAGE_BYTES, Image, read_texture, read_weight
+from engine.texture.texture_files import MAX_IMAGE_BYTES, Image, read_texture, read_weight
 from engine.texture.pyramid import Pyramid, make_pyramid
 from engine.texture.slopes import read_heights, read_normal_map
 
@@ -42,7 +42,7 @@ class TextureStore:
         """Linear RGB of the texture; None where there is none. Raises LoadError."""
         if not images.texture:
             return None
-        return self._pyramid("texture", images.texture, images.texture_space).under(images.texture_transform)
+        return self._pyramid("texture", images.texture, images.texture_space).with_transform(images.texture_transform)
 
     def weight(self, images: Images) -> Pyramid | None:
         """Shares of the weight map; None where there is none. Raises LoadError."""
@@ -50,7 +50,7 @@ class TextureStore:
 
     def slopes(self, bumps: Bumps) -> Pyramid | None:
         """Slopes along u and v of a normal or a bump map; None where there is none. Raises LoadError."""
-        return self._pyramid(bumps.kind, bumps.file, "").under(bumps.transform) if bumps.file else None
+        return self._pyramid(bumps.kind, bumps.file, "").with_transform(bumps.transform) if bumps.file else None
 
     def stamps(self, images: Images) -> tuple[Stamp, ...]:
         """What changes when the files of images are written, None of one that is not there. Raises LoadError."""
@@ -123,7 +123,7 @@ _READ: dict[str, Callable[..., Image]] = {
 }  # fmt: skip
 
 
-def sampled(
+def sample_images(
     images: Images, store: TextureStore, n: int, sample: Callable[[Pyramid, tuple[float, float]], NDArray[np.float32]]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Texture (N, 3) and weight (N,) without strokes; sample: n values of an image that repeats so often."""
@@ -139,7 +139,7 @@ def sampled(
 def _stamp(path: Path) -> Stamp:
     """What changes when a file is written; None where there is none, which reading it will say."""
     try:
-        status = place_of(path).stat()
+        status = local_path(path).stat()
     except (OSError, ValueError):
         return None
     return status.st_mtime_ns, status.st_size

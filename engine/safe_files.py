@@ -4,7 +4,7 @@ A FIFO or a device would block or flood a loader, a path such as `../../etc/pass
 the scene has no business with. Opening without blocking and asking the open file (not its name) what it is leaves no
 gap between the check and the use.
 
-Every file that a scene is made of is opened where `place_of` says. So the files of a scene can be noted while it is
+Every file that a scene is made of is opened where `local_path` says. So the files of a scene can be noted while it is
 read, and a machine that does not have them can read the same names from where it keeps what it was sent.
 """
 
@@ -27,66 +27,66 @@ _OWN = "insitu:"
 
 
 @dataclass
-class _Door:
+class _FileAccess:
     """noted: what has been opened, for each who notes it; places: where files are instead, by their name."""
 
-    noted: tuple[set[Path], ...] = ()
+    recorded: tuple[set[Path], ...] = ()
     places: Mapping[str, Path] | None = None
 
 
-_door = _Door()
+_access = _FileAccess()
 
 
-def place_of(path: str | os.PathLike[str]) -> Path:
+def local_path(path: str | os.PathLike[str]) -> Path:
     """Where the bytes of a file are. Raises FileNotFoundError for one that was not sent, where files come from
     elsewhere: what happens to be there under its name is another one."""
-    for noted in _door.noted:
+    for noted in _access.recorded:
         noted.add(Path(path))
-    if _door.places is None:
+    if _access.places is None:
         return Path(path)
-    place = _door.places.get(name_everywhere(path))
+    place = _access.places.get(portable_name(path))
     if place is None:
         raise FileNotFoundError(errno.ENOENT, "not among the files that were sent", os.fspath(path))
     return place
 
 
-def is_there(path: str | os.PathLike[str]) -> bool:
+def exists(path: str | os.PathLike[str]) -> bool:
     """Whether there is a file, or a folder, of that name."""
-    return os.path.exists(path) if _door.places is None else name_everywhere(path) in _door.places
+    return os.path.exists(path) if _access.places is None else portable_name(path) in _access.places
 
 
-def name_everywhere(path: str | os.PathLike[str]) -> str:
+def portable_name(path: str | os.PathLike[str]) -> str:
     """What a file is called on every machine: the full path, and of the program's own its place in the program."""
     real = Path(os.path.realpath(path))
     return _OWN + real.relative_to(_PROGRAM).as_posix() if real.is_relative_to(_PROGRAM) else os.path.abspath(path)
 
 
 @contextlib.contextmanager
-def files_noted() -> Iterator[set[Path]]:
+def record_files() -> Iterator[set[Path]]:
     """Within the block every file that is opened is noted, in the whole process; blocks may stand in one another."""
-    before, noted = _door.noted, set[Path]()
-    _door.noted = (*before, noted)
+    before, noted = _access.recorded, set[Path]()
+    _access.recorded = (*before, noted)
     try:
         yield noted
     finally:
-        _door.noted = before
+        _access.recorded = before
 
 
 @contextlib.contextmanager
-def files_from(places: Mapping[str, Path]) -> Iterator[None]:
-    """Within the block files are read from these places, by `name_everywhere`, and there are no others; in the whole
+def redirect_files(places: Mapping[str, Path]) -> Iterator[None]:
+    """Within the block files are read from these places, by `portable_name`, and there are no others; in the whole
     process."""
-    _door.places = places
+    _access.places = places
     try:
         yield
     finally:
-        _door.places = None
+        _access.places = None
 
 
 def read_regular_file(path: Path, max_bytes: int) -> bytes:
     """All bytes of a regular file of at most `max_bytes`; raises LoadError for anything else."""
     try:
-        descriptor = os.open(place_of(path), os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0))
+        descriptor = os.open(local_path(path), os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0))
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise LoadError(path, "file", reason, "a readable file") from None

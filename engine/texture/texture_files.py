@@ -42,15 +42,15 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 Image = NDArray[np.float32]
 
 
-Tell = Callable[[str], None]
+ReportNote = Callable[[str], None]
 Values = NDArray[np.generic]
 
 
-def say_nothing(note: str) -> None:
+def ignore_note(note: str) -> None:
     """For callers who have nobody to tell that an image is shown smaller."""
 
 
-def read_texture(data: bytes, file: Path | str, space: Space = "", tell: Tell = say_nothing) -> Image:
+def read_texture(data: bytes, file: Path | str, space: Space = "", tell: ReportNote = ignore_note) -> Image:
     """A colour image as linear Rec. 709, (H, W, 3), row 0 on top; raises LoadError naming `file`."""
 
     def linear(values: Values) -> Image:
@@ -60,7 +60,7 @@ def read_texture(data: bytes, file: Path | str, space: Space = "", tell: Tell = 
     return np.repeat(pixels, 3, axis=2) if pixels.shape[2] == 1 else pixels
 
 
-def read_weight(data: bytes, file: Path | str, tell: Tell = say_nothing) -> Image:
+def read_weight(data: bytes, file: Path | str, tell: ReportNote = ignore_note) -> Image:
     """A grey image of shares in [0, 1], (H, W, 1), row 0 on top; of a colour image its luminance."""
     return np.minimum(read_image(data, file, grey_shares, tell), np.float32(1.0))
 
@@ -81,7 +81,7 @@ def image_size(data: bytes, file: Path | str) -> tuple[int, int] | None:
     kind = _kind(data)
     if kind not in ("PNG", "JPEG"):
         return None
-    with _opened(data, file, kind) as picture:
+    with _open_image(data, file, kind) as picture:
         width, height = picture.size
         return width, height
 
@@ -96,7 +96,7 @@ def _shares(values: NDArray[np.generic], as_srgb: bool) -> Image:
 
 
 def read_image(
-    data: bytes, file: Path | str, decode: Callable[[Values], Image], tell: Tell = say_nothing, is_colour: bool = False
+    data: bytes, file: Path | str, decode: Callable[[Values], Image], tell: ReportNote = ignore_note, is_colour: bool = False
 ) -> Image:
     """What `decode` makes of the file's numbers (h, W, 1 or 3), uint8, uint16 or float32, row by row: the image, or
     means of it where it has too many pixels, which `tell` learns. is_colour: whether primaries that a file names are
@@ -110,7 +110,7 @@ def read_image(
         k = reduction(width, height)
         pixels = _means([values], decode, k)
     else:
-        with _opened(data, file, kind) as picture:
+        with _open_image(data, file, kind) as picture:
             width, height = picture.size
             k = reduction(width, height)
             if k > 1 and kind == "JPEG":
@@ -144,7 +144,7 @@ def _kind(data: bytes) -> str:
 
 
 @contextmanager
-def _opened(data: bytes, file: Path | str, kind: str) -> Iterator[Any]:
+def _open_image(data: bytes, file: Path | str, kind: str) -> Iterator[Any]:
     """A picture of a size that may be read; what the library says of it becomes a LoadError."""
     from PIL.JpegImagePlugin import JpegImageFile
     from PIL.PngImagePlugin import PngImageFile
@@ -169,7 +169,7 @@ def _integers(opened: Any) -> Values:
     return np.asarray(opened.convert("RGB"))
 
 
-def _read_exr(data: bytes, file: Path | str, tell: Tell, is_colour: bool) -> Image:
+def _read_exr(data: bytes, file: Path | str, tell: ReportNote, is_colour: bool) -> Image:
     """By the reader of environments, which takes files: the bytes in one of their own."""
     with tempfile.NamedTemporaryFile(suffix=".exr") as copy:
         copy.write(data)

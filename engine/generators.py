@@ -6,11 +6,11 @@ from collections.abc import Callable, Generator
 from typing import Generic, TypeVar
 
 Step = TypeVar("Step")
-Told = TypeVar("Told")
+StepValue = TypeVar("StepValue")
 Result = TypeVar("Result")
 
 
-def finish(steps: Generator[Step, None, Result], report: Callable[[Step], object] = lambda step: None) -> Result:
+def run_to_end(steps: Generator[Step, None, Result], report: Callable[[Step], object] = lambda step: None) -> Result:
     """Drive a computation to its end, telling `report` of every step; what it returns."""
     while True:
         try:
@@ -21,7 +21,7 @@ def finish(steps: Generator[Step, None, Result], report: Callable[[Step], object
         report(step)
 
 
-class Stepped(Generic[Result]):
+class StepRunner(Generic[Result]):
     """A computation advanced a step at a time, between other work; `result` once `advance` says that it ended."""
 
     result: Result
@@ -39,7 +39,7 @@ class Stepped(Generic[Result]):
         return False
 
 
-def told_as(steps: Generator[Step, None, Result], word: Callable[[Step], Told]) -> Generator[Told, None, Result]:
+def map_steps(steps: Generator[Step, None, Result], word: Callable[[Step], StepValue]) -> Generator[StepValue, None, Result]:
     """The same computation, each of its steps told in the caller's words."""
     while True:
         try:

@@ -33,7 +33,7 @@ from engine.errors import InsituError
 from engine.material import MODELS, kinds
 from engine.material.layer import Layer
 from engine.material.model import Model
-from engine.plan_lines import MODE_LINES, MOST_BANDS_OVERRULED, PICTURE_LINES, LineValue, checked_bands, checked_line
+from engine.plan_lines import MODE_LINES, MAX_BANDS_OVERRIDDEN, PICTURE_LINES, LineValue, checked_bands, checked_line
 
 if TYPE_CHECKING:
     from engine.scene.description import SceneDescription
@@ -61,7 +61,7 @@ MEASURED_TOLERANCE = 0.005
 N_LIGHTS = 4000
 N_PATCHES = 768
 # Tracing the lights of the cut costs less than the sphere's 5,120 directions up to about this many of them.
-SPHERE_PAYS_FROM = 1280
+MIN_LIGHTS_FOR_SPHERE = 1280
 # Of which there may be fewer than are planned at first.
 NEEDED_LINES = frozenset({"lights", "patches"})
 N_FINE = 512
@@ -73,7 +73,7 @@ Precision = Literal["half", "float"]
 
 
 @dataclass(frozen=True)
-class Decisions:
+class RenderSettings:
     """What the light of a picture is computed by: those lines of the plan that transport depends on, whoever decided.
 
     n_lights, n_patches: that sky and emitters are cut into at last, or fewer where these do (`render.light_pilot`) and
@@ -86,11 +86,11 @@ class Decisions:
     n_patches: int = N_PATCHES
     n_bounces: int = 1
     keeps_sphere: bool = True
-    overruled: frozenset[str] = frozenset()
+    overridden: frozenset[str] = frozenset()
     n_rays: int = 0
 
     @property
-    def lit(self) -> Decisions:
+    def direct_settings(self) -> RenderSettings:
         """The same as far as direct light goes."""
         return replace(self, n_bounces=1, n_rays=0)
 
@@ -137,7 +137,7 @@ class Cost:
 
 @dataclass(frozen=True)
 class Plan:
-    """What will be computed for one scene. `reasons` says why, by line; `overruled` which lines a person set.
+    """What will be computed for one scene. `reasons` says why, by line; `overridden` which lines a person set.
 
     bounces: None until a pilot has said (`engine.render.bounces`); n_rays: a fan of indirect light, 0 for as many as it
     needs when it is found (`engine.indirect.fineness`); n_edge_rays: one of `engine.plan_lines.EDGE_RAYS`;
@@ -152,22 +152,22 @@ class Plan:
     bounces: int | None
     n_edge_rays: int
     reasons: Mapping[str, str]
-    overruled: frozenset[str] = frozenset()
+    overridden: frozenset[str] = frozenset()
     cost: Cost | None = None
     is_still: bool = False
     n_rays: int = 0
 
     @property
-    def decisions(self) -> Decisions:
+    def settings(self) -> RenderSettings:
         """What its light is computed by."""
         n_lights, n_patches = self.n_lights or N_LIGHTS, self.n_patches or N_PATCHES
-        overruled = self.overruled & NEEDED_LINES
-        return Decisions(n_lights, n_patches, self.bounces or 0, self.needs_sphere, overruled, self.n_rays)
+        overruled = self.overridden & NEEDED_LINES
+        return RenderSettings(n_lights, n_patches, self.bounces or 0, self.needs_sphere, overruled, self.n_rays)
 
-    def with_need(self, decisions: Decisions, reasons: Mapping[str, str]) -> Plan:
+    def with_light_budget(self, decisions: RenderSettings, reasons: Mapping[str, str]) -> Plan:
         """With as many lights and patches as were found to be needed; the sphere stays as a person has set it."""
         n_lights, n_patches = self.n_lights and decisions.n_lights, self.n_patches and decisions.n_patches
-        needs_sphere = self.needs_sphere and (decisions.keeps_sphere or "sphere" in self.overruled)
+        needs_sphere = self.needs_sphere and (decisions.keeps_sphere or "sphere" in self.overridden)
         reasons = {**self.reasons, **reasons}
         if needs_sphere != self.needs_sphere:
             reasons["sphere"] = sphere_reason(True, needs_sphere)
@@ -178,7 +178,7 @@ class Plan:
         return next(plan for plan in self.layers if plan.key == key)
 
 
-def bands_by_hand(layer: Layer, planned: Mapping[str, int], sharpest: int) -> dict[str, int]:
+def bands_for_sharpest(layer: Layer, planned: Mapping[str, int], sharpest: int) -> dict[str, int]:
     """J of each transport factor where a person chose J (a power of two) for the sharpest instead of as ``planned``.
 
     Other curves of highlights are scaled with it, what varies slowly keeps its few.
@@ -188,7 +188,7 @@ def bands_by_hand(layer: Layer, planned: Mapping[str, int], sharpest: int) -> di
     for place, factor in enumerate(layer.model.factors):
         usual = planned[factor.name]
         wanted = min(usual, sharpest) if factor.gamma in SLOW_ANGLES else sharpest * usual // most
-        counts[factor.name] = max(1, min(wanted, MOST_BANDS_OVERRULED[place]))
+        counts[factor.name] = max(1, min(wanted, MAX_BANDS_OVERRIDDEN[place]))
     return counts
 
 
@@ -242,7 +242,7 @@ def plan_scene(
     the plan or a value that cannot be.
     """
     has_emitters = bool(scene.emitters.any())
-    needs_sphere = has_sky and (n_lights >= SPHERE_PAYS_FROM or not still)
+    needs_sphere = has_sky and (n_lights >= MIN_LIGHTS_FOR_SPHERE or not still)
     plan = Plan(
         layers=tuple(_plan_layer(key, layer, key in editable, still) for key, layer in layers.items()),
         n_lights=n_lights if has_sky else 0,
@@ -263,7 +263,7 @@ def plan_scene(
         is_still=still,
     )
     for line, value in (overrides or {}).items():
-        plan = _overrule(plan, line, value)
+        plan = _override(plan, line, value)
     return plan
 
 
@@ -290,14 +290,14 @@ def plan_lines(plan: Plan) -> Iterator[tuple[str, str, str]]:
         "sphere": "5,120 directions" if plan.needs_sphere else "not needed",
         "precision": plan.precision,
         "bounces": plan.bounces or "to be planned",
-        "rays": _rays_said(plan),
+        "rays": _rays_text(plan),
         "edges": f"{plan.n_edge_rays} rays a pixel" if plan.n_edge_rays else "off",
     }
     for line, value in values.items():
         yield line, f"{value:,}" if isinstance(value, int) else value, plan.reasons[line]
 
 
-def _rays_said(plan: Plan) -> str:
+def _rays_text(plan: Plan) -> str:
     if plan.bounces == 1:
         return "none"
     return f"{plan.n_rays:,} a fan" if plan.n_rays else "as needed"
@@ -327,7 +327,7 @@ def _plan_still_layer(key: str, layer: Layer) -> LayerPlan:
         reasons.append("twice what an editor would keep")
         # Nothing is kept, so that a highlight narrower than an editor's bands gets as many as it has.
         if place == 0 and layer.model.factors[0].gamma not in SLOW_ANGLES and n_bands == MOST_BANDS:
-            most = MOST_BANDS_OVERRULED[0]
+            most = MAX_BANDS_OVERRIDDEN[0]
             counts[name] = min(2 * bandwidth(layer, name, most=most, least=MOST_BANDS), most)
             reasons[0] = "a highlight narrower than an editor's bands"
     return LayerPlan(key, layer.model.name, False, tuple(counts), tuple(counts.values()), tuple(reasons))
@@ -339,21 +339,21 @@ def sphere_reason(has_sky: bool, needs_sphere: bool) -> str:
         return "no sky, so only emitters cast shadows"
     if needs_sphere:
         return "shadows outlive every change of the sky"
-    return f"fewer than {SPHERE_PAYS_FROM:,} lights are traced one by one"
+    return f"fewer than {MIN_LIGHTS_FOR_SPHERE:,} lights are traced one by one"
 
 
-def _overrule(plan: Plan, line: str, value: LineValue) -> Plan:
-    overruled = plan.overruled | {line}
+def _override(plan: Plan, line: str, value: LineValue) -> Plan:
+    overruled = plan.overridden | {line}
     if any(line in lines for lines in MODE_LINES.values()):
         return plan
     if line in PICTURE_LINES:
         changed = _switch(plan, line, checked_line(line, value))
-        return replace(changed, reasons={**changed.reasons, line: "overruled"}, overruled=overruled)
+        return replace(changed, reasons={**changed.reasons, line: "overruled"}, overridden=overruled)
     for index, layer in enumerate(plan.layers):
         for place, factor in enumerate(layer.factors):
             if line == f"{layer.key}.{factor}":
                 layers = (*plan.layers[:index], _with_bands(layer, place, line, value), *plan.layers[index + 1 :])
-                return replace(plan, layers=layers, overruled=overruled)
+                return replace(plan, layers=layers, overridden=overruled)
     there = [name for name, _, _ in plan_lines(plan)]
     raise InsituError(f"the plan has no line {line!r} to overrule; there is: {', '.join(there)}")
 
@@ -379,9 +379,9 @@ def _switch(plan: Plan, line: str, value: LineValue) -> Plan:
 
 def _with_lights(plan: Plan, n_lights: int) -> Plan:
     """With so many lights, and the sphere where it then pays, unless a person has decided on it."""
-    if "sphere" in plan.overruled or not plan.is_still:
+    if "sphere" in plan.overridden or not plan.is_still:
         return replace(plan, n_lights=n_lights)
-    needs_sphere = n_lights >= SPHERE_PAYS_FROM
+    needs_sphere = n_lights >= MIN_LIGHTS_FOR_SPHERE
     reasons = {**plan.reasons, "sphere": sphere_reason(n_lights > 0, needs_sphere)}
     return replace(plan, n_lights=n_lights, needs_sphere=needs_sphere, reasons=reasons)
 

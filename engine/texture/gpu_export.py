@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from engine.material.maps import LayerMaps
     from engine.material.strokes import Strokes
     from engine.texture.pyramid import Pyramid
-    from engine.texture.store import TextureStore
+    from engine.texture.texture_store import TextureStore
 
 Words = NDArray[np.uint32]
 
@@ -26,7 +26,7 @@ _STROKE_WORDS = 8
 
 
 @dataclass(frozen=True)
-class ToldMaps:
+class ExportedMaps:
     """What multiplies a layer, see `LayerMaps`: where its images begin among the words of all, −1 for none, and of its
     strokes the first and the last, excluded."""
 
@@ -39,7 +39,7 @@ class ToldMaps:
     strokes: tuple[int, int]
 
 
-class ToldImages:
+class ImageExporter:
     """Images and strokes, one behind another in the order in which they are asked for."""
 
     def __init__(self, store: TextureStore, origin: NDArray[np.float64]) -> None:
@@ -53,12 +53,12 @@ class ToldImages:
     def images(self) -> tuple[Pyramid, ...]:
         return tuple(self._begins)
 
-    def maps(self, maps: LayerMaps) -> ToldMaps:
+    def maps(self, maps: LayerMaps) -> ExportedMaps:
         images, first = maps.images, self._n_strokes
         if images.strokes:
             self.strokes += (images.strokes.about(self._origin),)
             self._n_strokes += len(images.strokes.strokes)
-        return ToldMaps(
+        return ExportedMaps(
             self.image(self._store.texture(images)), images.texture_scale, maps.texture_strength,
             self.image(self._store.weight(images)), images.weight_start, maps.inverts, (first, self._n_strokes),
         )  # fmt: skip
