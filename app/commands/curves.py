@@ -11,8 +11,8 @@ from typing import Any
 
 from app.commands.layers import editable_layer
 from app.document import Document
-from engine.curve.operators import Edit, Tabulated, collapse
-from engine.curve.pairs import edit_at, moved
+from engine.curve.operators import Edit, TabulatedCurve, collapse
+from engine.curve.pairs import edit_at, move_edit
 from engine.errors import InsituError
 
 CurveEdit = Edit
@@ -111,7 +111,7 @@ class MoveOperator:
     def apply(self, document: Document) -> Document:
         operators = _operators_with(document, self)
         to = min(max(self.to, 0), len(operators) - 1)
-        return _with_operators(document, self, list(moved(operators, self.index, to)))
+        return _with_operators(document, self, list(move_edit(operators, self.index, to)))
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,7 @@ class ResetCurve:
 def operator_title(*edit: CurveEdit) -> str:
     """What an edit is called in lists and in the undo menu: ``Translate Y``, ``Amplify XY``, ``Table``."""
     first = edit[0]
-    if isinstance(first, Tabulated):
+    if isinstance(first, TabulatedCurve):
         return "Table"
     return f"{first.kind.capitalize()} {'XY' if len(edit) > 1 else first.axis.upper()}"
 

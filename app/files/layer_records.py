@@ -17,7 +17,7 @@ from app.described_layers import layers_from_descriptions
 from app.document import all_factors, layer_key
 from app.linked_layers import FRESNEL_NAME, Layers, alike
 from app.machine.paths import written_path
-from engine.curve.operators import Operator, Tabulated
+from engine.curve.operators import Operator, TabulatedCurve
 from engine.errors import LoadError
 from engine.material.layer import Layer
 from engine.material.maps import LayerMaps, map_values
@@ -64,7 +64,7 @@ class OperatorRecord(StrictModel):
     def edit(self) -> CurveEdit:
         """The operator itself."""
         if self.kind == "curve":
-            return Tabulated(self.gammas, self.values, self.muted)
+            return TabulatedCurve(self.gammas, self.values, self.muted)
         if self.axis is None or self.regions is None or self.magnitude is None:
             raise ValueError("with axis, regions and magnitude")
         return Operator(
@@ -172,7 +172,7 @@ def _is_written(layer: Layer, parameter: str) -> bool:
 
 
 def _operator_values(operator: CurveEdit) -> dict[str, Any]:
-    if isinstance(operator, Tabulated):
+    if isinstance(operator, TabulatedCurve):
         return {"kind": "curve", "muted": operator.muted, "gammas": operator.gammas, "values": operator.values}
     return {
         "kind": operator.kind,

@@ -28,7 +28,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.curve.ascending import ascending
+from engine.curve.unique_values import unique_sorted
 from engine.curve.wavelet import check_band_count
 
 Float64Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ RELATIVE_TOLERANCE = 1e-5
 # Share of the largest mean over a cell below which a cell need not be right to its own size.
 ABSOLUTE_TOLERANCE = 1e-10
 # After so many rounds of giving excess to neighbours hardly any is left.
-MOST_LEVELLINGS = 8
+MAX_SHARING_ROUNDS = 8
 # Room below this share of the excess is none: the quotient of both may have no number.
 LEAST_ROOM = 1e-12
 
@@ -88,13 +88,13 @@ def band_values(
     weighted = (lambda g: curve(g) * np.sin(g)[:, None]) if by_solid_angle else curve
     values = _inverse_mass(n_bands, domain, by_solid_angle) @ _moments(weighted, edges, n_bands, domain)
     low, high = _range_under_hats(curve, edges, n_bands, domain)
-    return _within(values, low, high, band_weights(n_bands, domain, by_solid_angle)[:, None])
+    return _clamp_with_neighbours(values, low, high, band_weights(n_bands, domain, by_solid_angle)[:, None])
 
 
 def _moments(curve: Callable[[Float64Array], Float64Array], edges: Float64Array, n_bands: int, domain: float) -> Float64Array:
     """The integral of the curve times each hat, (J, 3)."""
     left, width = edges[:-1], np.diff(edges)
-    cell, _ = _place(left + 0.5 * width, n_bands, domain)
+    cell, _ = _locate(left + 0.5 * width, n_bands, domain)
     cell_width = np.bincount(cell, width, minlength=n_bands)[:, None]
     done, near = np.zeros((2, n_bands, 3)), np.zeros((2, n_bands, 3))
     for _ in range(MOST_ROUNDS):
@@ -114,7 +114,7 @@ def _moments(curve: Callable[[Float64Array], Float64Array], edges: Float64Array,
     return moments
 
 
-def _place(gamma: Float64Array, n_bands: int, domain: float) -> tuple[NDArray[np.intp], Float64Array]:
+def _locate(gamma: Float64Array, n_bands: int, domain: float) -> tuple[NDArray[np.intp], Float64Array]:
     """The node below each angle (at most J - 2, at least 0), and how far it is to the next, 0 to 1."""
     position = np.clip(gamma * (n_bands / domain) - 0.5, 0.0, n_bands - 1.0)
     cell = np.clip(position.astype(np.intp), 0, max(n_bands - 2, 0))
@@ -127,7 +127,7 @@ def _partition(n_bands: int, domain: float, features: tuple[float, ...]) -> Floa
     n_grades = max(0, math.ceil(math.log2(nodes[0] / FINEST_GRADE)))
     inner = np.array([f for f in features if 0.0 < f < domain], dtype=float)
     grades = nodes[0] * 0.5 ** np.arange(1, n_grades + 1)
-    return ascending(np.concatenate([np.array([0.0, domain]), nodes, grades, inner]))
+    return unique_sorted(np.concatenate([np.array([0.0, domain]), nodes, grades, inner]))
 
 
 def _integrate(
@@ -136,7 +136,7 @@ def _integrate(
     """Each interval's integrals of f and of f times the hat of the node above, (2, I, 3), and an error bound (I, 3)."""
     nodes = left[:, None] + width[:, None] * (0.5 + 0.5 * _NODES)
     values = curve(nodes.ravel()).reshape(left.size, _NODES.size, 3)
-    rising = _place(nodes, n_bands, domain)[1]
+    rising = _locate(nodes, n_bands, domain)[1]
     kronrod = np.einsum("n,inc->ic", _KRONROD, values) * width[:, None]
     gauss = np.einsum("n,inc->ic", _GAUSS, values) * width[:, None]
     first = np.einsum("in,inc->ic", _KRONROD * rising, values) * width[:, None]
@@ -157,7 +157,7 @@ def _mass_matrix(n_bands: int, domain: float, by_solid_angle: bool) -> Float64Ar
     edges = np.concatenate([[0.0], band_nodes(n_bands, domain), [domain]])
     gamma = (edges[:-1, None] + np.diff(edges)[:, None] * (0.5 + 0.5 * _EIGHT_NODES)).ravel()
     weight = (np.diff(edges)[:, None] * _EIGHT_WEIGHTS).ravel() * (np.sin(gamma) if by_solid_angle else 1.0)
-    cell, rising = _place(gamma, n_bands, domain)
+    cell, rising = _locate(gamma, n_bands, domain)
     above = np.minimum(cell + 1, n_bands - 1)
     mass = np.zeros((n_bands, n_bands))
     for i, u in ((cell, 1.0 - rising), (above, rising)):
@@ -187,7 +187,7 @@ def _range_under_hats(
 ) -> tuple[Float64Array, Float64Array]:
     """Least and largest value (J, 3) of the curve where each hat is above zero, of samples in every interval."""
     gamma = (edges[:-1, None] + np.diff(edges)[:, None] * _RANGE_SAMPLES).ravel()
-    cell, values = _place(gamma, n_bands, domain)[0], curve(gamma)
+    cell, values = _locate(gamma, n_bands, domain)[0], curve(gamma)
     starts = np.flatnonzero(np.diff(cell, prepend=-1))
     low, high = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
     first, last = np.r_[0, np.arange(len(low))], np.r_[np.arange(len(low)), len(low) - 1]
@@ -196,17 +196,17 @@ def _range_under_hats(
     return np.minimum(low[first], low[last]), np.maximum(high[first], high[last])
 
 
-def _within(values: Float64Array, low: Float64Array, high: Float64Array, weights: Float64Array) -> Float64Array:
+def _clamp_with_neighbours(values: Float64Array, low: Float64Array, high: Float64Array, weights: Float64Array) -> Float64Array:
     """Values (J, 3) within their bounds: an excess goes to the neighbours, what is left to all with room."""
     total = (values * weights).sum(axis=0)
-    for _ in range(MOST_LEVELLINGS):
+    for _ in range(MAX_SHARING_ROUNDS):
         bounded = np.clip(values, low, high)
         excess = (values - bounded) * weights
         values = bounded
         if not excess.any():
             break
-        values = values + _given(np.maximum(excess, 0.0), (high - values) * weights) / weights
-        values = values - _given(np.maximum(-excess, 0.0), (values - low) * weights) / weights
+        values = values + _share_excess(np.maximum(excess, 0.0), (high - values) * weights) / weights
+        values = values - _share_excess(np.maximum(-excess, 0.0), (values - low) * weights) / weights
     values = np.clip(values, low, high)
     left = total - (values * weights).sum(axis=0)
     room = np.where(left > 0.0, high - values, values - low)
@@ -215,7 +215,7 @@ def _within(values: Float64Array, low: Float64Array, high: Float64Array, weights
     return np.clip(values + room * share, low, high)
 
 
-def _given(excess: Float64Array, room: Float64Array) -> Float64Array:
+def _share_excess(excess: Float64Array, room: Float64Array) -> Float64Array:
     """What each receives (J, 3) when every excess is shared by its two neighbours in proportion to their room."""
     around = np.zeros_like(room)
     around[1:] += room[:-1]

@@ -27,7 +27,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.curve.ascending import ascending
+from engine.curve.unique_values import unique_sorted
 from engine.curve.falloff import STEEPEST, STEP_WIDTH, lever_extremes, smooth_step
 
 Float64Array = NDArray[np.float64]
@@ -83,7 +83,7 @@ class Operator:
         return (self.a, self.b, self.c, self.d)
 
     @property
-    def neutral(self) -> float:
+    def neutral_magnitude(self) -> float:
         """The magnitude that changes nothing."""
         return 1.0 if self.kind == "amplify" else 0.0
 
@@ -106,19 +106,19 @@ class Operator:
     @property
     def at_limit(self) -> bool:
         """Whether any stronger it would fold the curve over."""
-        return self.clamped().magnitude == largest_monotone_magnitude(self)
+        return self.clamp_magnitude().magnitude == largest_monotone_magnitude(self)
 
-    def clamped(self) -> Operator:
+    def clamp_magnitude(self) -> Operator:
         """The operator with its magnitude held where an X-operator stays monotone; a Y-operator as it is."""
         if self.axis == "y":
             return self
         limit = largest_monotone_magnitude(self)
-        bound = min if self.magnitude >= self.neutral else max
+        bound = min if self.magnitude >= self.neutral_magnitude else max
         return dataclasses.replace(self, magnitude=bound(self.magnitude, limit))
 
 
 @dataclass(frozen=True)
-class Tabulated:
+class TabulatedCurve:
     """A curve given by samples, linear between them: what "collapse" puts in place of all operators below.
 
     `gammas` (S,) increasing radians, `values` S triples.
@@ -145,11 +145,11 @@ class Tabulated:
         return np.stack([np.interp(gamma, gammas, values[:, channel]) for channel in range(3)], axis=-1)
 
 
-Edit = Operator | Tabulated
+Edit = Operator | TabulatedCurve
 
 
 @lru_cache(maxsize=64)
-def _table(table: Tabulated) -> tuple[Float64Array, Float64Array]:
+def _table(table: TabulatedCurve) -> tuple[Float64Array, Float64Array]:
     return np.array(table.gammas, dtype=float), np.array(table.values, dtype=float).reshape(-1, 3)
 
 
@@ -168,7 +168,7 @@ def strength(operator: Operator, x: Float64Array) -> Float64Array:
 
 def shift(operator: Operator, x: Float64Array) -> Float64Array:
     """Where on the curve below an X-operator looks for its value at x [eq. 9.3, 9.5], kept in [0, pi/2]."""
-    operator = operator.clamped()
+    operator = operator.clamp_magnitude()
     weight = strength(operator, x)
     if operator.kind == "translate":
         moved = x - operator.magnitude * weight
@@ -198,7 +198,7 @@ def largest_monotone_magnitude(operator: Operator) -> float:
     A falloff beyond the ends of [0, pi/2] does not limit anything. Y-operators have no limit: infinity.
     """
     if operator.axis == "y":
-        return math.copysign(math.inf, operator.magnitude - operator.neutral)
+        return math.copysign(math.inf, operator.magnitude - operator.neutral_magnitude)
     return _translate_limit(operator) if operator.kind == "translate" else _amplify_limit(operator)
 
 
@@ -257,7 +257,7 @@ class EditedCurve:
         lifted: list[tuple[Operator, Float64Array]] = []
         source = self.below
         for operator in reversed(self.operators):
-            if isinstance(operator, Tabulated):
+            if isinstance(operator, TabulatedCurve):
                 source = operator
                 break
             if operator.axis == "x":
@@ -274,13 +274,13 @@ class EditedCurve:
         """Angles where the curve may bend sharply or jump: region ends, carried through the X-operators above them."""
         places: Float64Array = np.array(getattr(self.below, "features", ()), dtype=float)
         for operator in self.operators:
-            if isinstance(operator, Tabulated):
+            if isinstance(operator, TabulatedCurve):
                 places = np.array(operator.gammas)
                 continue
             if operator.axis == "x":
-                places = np.concatenate([places, _came_from(operator, places)])
+                places = np.concatenate([places, _inverse_shift(operator, places)])
             places = np.concatenate([places, operator.regions])
-        return tuple(ascending(places[(places > 0.0) & (places < HALF_PI)]).tolist())
+        return tuple(unique_sorted(places[(places > 0.0) & (places < HALF_PI)]).tolist())
 
 
 def apply_operators(operators: Sequence[Edit], curve: Curve) -> EditedCurve:
@@ -288,7 +288,7 @@ def apply_operators(operators: Sequence[Edit], curve: Curve) -> EditedCurve:
     return EditedCurve(tuple(operator for operator in operators if not operator.muted), curve)
 
 
-def collapse(operators: Sequence[Edit], curve: Curve, tolerance: float = 1e-4, most: int = 2048) -> Tabulated:
+def collapse(operators: Sequence[Edit], curve: Curve, tolerance: float = 1e-4, most: int = 2048) -> TabulatedCurve:
     """The edited curve as one table [BenArtzi07, 9.2]: denser where it bends, at most about `most` samples.
 
     Between samples it is off by about `tolerance` of the local value, or 1e-6 of the largest.
@@ -297,7 +297,7 @@ def collapse(operators: Sequence[Edit], curve: Curve, tolerance: float = 1e-4, m
     ends = np.array([0.0, HALF_PI, *edited.features])
     spread = np.concatenate([np.linspace(0.0, HALF_PI, 65), HALF_PI * 0.5 ** np.arange(1, 18)])
     steps = np.concatenate([ends - STEP_WIDTH, ends, ends + STEP_WIDTH])
-    gamma = ascending(np.clip(np.concatenate([spread, steps]), 0.0, HALF_PI))
+    gamma = unique_sorted(np.clip(np.concatenate([spread, steps]), 0.0, HALF_PI))
     values = edited(gamma)
     while gamma.size < most:
         middle = 0.5 * (gamma[1:] + gamma[:-1])
@@ -310,7 +310,7 @@ def collapse(operators: Sequence[Edit], curve: Curve, tolerance: float = 1e-4, m
         order = np.argsort(np.concatenate([gamma, middle[wrong]]), kind="stable")
         gamma = np.concatenate([gamma, middle[wrong]])[order]
         values = np.concatenate([values, found[wrong]])[order]
-    return Tabulated(tuple(gamma.tolist()), tuple((r, g, b) for r, g, b in values.tolist()))
+    return TabulatedCurve(tuple(gamma.tolist()), tuple((r, g, b) for r, g, b in values.tolist()))
 
 
 def _shift_channels(operator: Operator, x: Float64Array) -> Float64Array:
@@ -327,7 +327,7 @@ def _evaluate(curve: Curve, x: Float64Array) -> Float64Array:
     return np.stack([curve(np.ascontiguousarray(x[:, channel]))[:, channel] for channel in range(3)], axis=-1)
 
 
-def _came_from(operator: Operator, places: Float64Array) -> Float64Array:
+def _inverse_shift(operator: Operator, places: Float64Array) -> Float64Array:
     """Where the X-operator carries `places` to, to within 1/4000 of its regions' width: the inverse of `shift`."""
     lookup = np.linspace(max(operator.a, 0.0), min(max(operator.d, operator.a), HALF_PI), 4001)
     return np.interp(places, np.maximum.accumulate(shift(operator, lookup)), lookup)

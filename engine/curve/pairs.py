@@ -35,7 +35,7 @@ def edit_at(operators: Sequence[Edit], index: int) -> range:
     return next(span for span in edits_of(operators) if range(len(operators))[index] in span)
 
 
-def moved(operators: Sequence[Edit], index: int, to: int) -> tuple[Edit, ...]:
+def move_edit(operators: Sequence[Edit], index: int, to: int) -> tuple[Edit, ...]:
     """The operators when the edit at `index` has taken the place of the edit at `to`; nothing comes between a pair."""
     edits = [tuple(operators[k] for k in span) for span in edits_of(operators)]
     places = edits_of(operators)

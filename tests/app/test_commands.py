@@ -24,7 +24,7 @@ from app.commands.light import SetEnvironment, SetIntensity, SetMapping, SetRota
 from app.commands.series import SetFirstBands
 from app.document import Document
 from app.set_path import set_path
-from engine.curve.operators import Operator, Tabulated, diagonal
+from engine.curve.operators import Operator, TabulatedCurve, diagonal
 from engine.errors import InsituError, LoadError
 
 LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
@@ -89,7 +89,7 @@ def test_a_diagonal_edit_is_moved_muted_and_removed_as_one(edited: Document) -> 
 def test_collapsing_keeps_the_curve(edited: Document) -> None:
     changed = CollapseOperators(*CURVE).apply(edited)
     (table,) = operators(changed)
-    assert isinstance(table, Tabulated)
+    assert isinstance(table, TabulatedCurve)
     gamma = np.random.default_rng(3).uniform(0.0, np.pi / 2, 500)
     before, after = (d.layer("pot.1").curve("theta_h")(gamma) for d in (edited, changed))
     assert np.abs(after - before).max() <= 1e-3 * before.max()  # `collapse` aims at 1e-4 of the local value

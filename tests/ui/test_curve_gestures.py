@@ -79,7 +79,7 @@ def test_the_ring_stands_where_it_was_dragged_and_amplifies_evenly(tool: str, x:
     for operator in members:
         # X stops where the curve would fold over; short of that it follows the mouse.
         if operator.axis == "x":
-            assert operator == operator.clamped()
+            assert operator == operator.clamp_magnitude()
         if (operator.kind, operator.axis) == ("translate", "x"):
             assert abs(knob.x - core(REGIONS)) <= abs(x - core(REGIONS)) + 1e-9
         if (operator.kind, operator.axis) == ("amplify", "y"):

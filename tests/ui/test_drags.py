@@ -77,7 +77,7 @@ def test_the_ring_makes_operators(
     assert [(operator.kind, operator.axis) for operator in made] == kinds
     assert all(operator.regions == (0.1, 0.3, 0.5, 0.9) for operator in made)
     # Up and right is more, for every tool.
-    assert all(operator.magnitude > operator.neutral for operator in made)
+    assert all(operator.magnitude > operator.neutral_magnitude for operator in made)
     assert np.abs(picture(window) - shown).max() > 1e-3
     undone(window, before, shown)
 

@@ -11,7 +11,7 @@ from imgui_bundle import imgui
 
 from app.commands.curves import SetOperators
 from app.view_state import SetView
-from engine.curve.operators import Operator, Tabulated
+from engine.curve.operators import Operator, TabulatedCurve
 from ui.headless import HeadlessWindow
 from ui.panels.operator_list import magnitude_text
 from ui.theme import CHANNELS
@@ -95,7 +95,7 @@ def test_collapse_keeps_the_curve_and_reset_removes_all(listed: HeadlessWindow) 
     before = editor.document.layer(KEY).curve(FACTOR)(gamma)
     listed.click_handle("button.curve.collapse")
     (table,) = operators(listed)
-    assert isinstance(table, Tabulated)
+    assert isinstance(table, TabulatedCurve)
     after = editor.document.layer(KEY).curve(FACTOR)(gamma)
     # A table of about a thousand samples: within a thousandth of the curve's height.
     np.testing.assert_allclose(after, before, atol=1e-3 * before.max())
@@ -164,4 +164,4 @@ def test_magnitudes_are_written_for_people() -> None:
     assert magnitude_text(LOW) == "+0.5"
     assert magnitude_text(HIGH) == "× 2"
     assert magnitude_text(Operator("translate", "x", 0, 0, 0, 0, magnitude=math.radians(-4.0))) == "-4°"
-    assert magnitude_text(Tabulated((0.0, 1.0), ((1.0, 1.0, 1.0),) * 2)) == "2 samples"
+    assert magnitude_text(TabulatedCurve((0.0, 1.0), ((1.0, 1.0, 1.0),) * 2)) == "2 samples"

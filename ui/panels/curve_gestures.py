@@ -125,7 +125,7 @@ def knob_of(hand: Hand, below: Curve) -> Knob:
         if operator.axis == "y":
             moved_y = lifted(operator, y)
         else:
-            moved_x = carried(operator.clamped(), x)
+            moved_x = carried(operator.clamp_magnitude(), x)
     return Knob(moved_x, moved_y, (x, y))
 
 
@@ -182,7 +182,7 @@ def magnitude_for(operator: Operator, anchor: tuple[float, float], pull: Pull) -
     else:
         magnitude = amplified(operator.magnitude, pull.factors[axis])
         magnitude = min(max(magnitude, 1e-3), 1e3) if operator.axis == "x" else magnitude
-    return dataclasses.replace(operator, magnitude=magnitude).clamped()
+    return dataclasses.replace(operator, magnitude=magnitude).clamp_magnitude()
 
 
 def amplified(magnitude: float, factor: float) -> float:
@@ -222,5 +222,5 @@ def with_regions(grip: CurveGrip, regions: Regions) -> tuple[CurveEdit, ...]:
     changed = list(grip.operators)
     for index in range(grip.index, grip.index + count):
         operator = cast(Operator, changed[index])
-        changed[index] = operator.with_regions(*regions).clamped()
+        changed[index] = operator.with_regions(*regions).clamp_magnitude()
     return tuple(changed)

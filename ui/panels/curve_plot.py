@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from engine.curve.ascending import ascending
+from engine.curve.unique_values import unique_sorted
 from engine.curve.operators import Operator, strength
 from ui import theme as look
 from ui.panels.context import PanelContext
@@ -124,7 +124,7 @@ def sample_angles(frame: Frame, features: tuple[float, ...]) -> np.ndarray:
     low, high = frame.x.low, frame.x.high
     even = np.linspace(low, high, max(2, round((frame.x.end - frame.x.start) / 1.5)))
     sharp = np.array([f for f in features if low < f < high])
-    return ascending(np.concatenate([even, sharp, np.clip(sharp - 1e-9, low, high), np.clip(sharp + 1e-9, low, high)]))
+    return unique_sorted(np.concatenate([even, sharp, np.clip(sharp - 1e-9, low, high), np.clip(sharp + 1e-9, low, high)]))
 
 
 def draw_generated(frame: Frame, gamma: np.ndarray, values: np.ndarray, scale: float) -> None:
@@ -179,7 +179,7 @@ def draw_regions(context: PanelContext, frame: Frame, hand: Hand, held: str | No
 
 def _shade(draw: imgui.ImDrawList, frame: Frame, operator: Operator) -> None:
     a, b, c, d = operator.regions
-    edges = ascending(np.concatenate([np.linspace(a, b, STRIPS), np.linspace(c, d, STRIPS)]))
+    edges = unique_sorted(np.concatenate([np.linspace(a, b, STRIPS), np.linspace(c, d, STRIPS)]))
     weights = strength(operator, edges)
     pixels = np.clip(frame.x.to_pixels(edges), frame.x.start, frame.x.end)
     for k in range(len(edges) - 1):
@@ -271,7 +271,7 @@ def draw_knob(context: PanelContext, frame: Frame, hand: Hand, knob: Knob, activ
     axes: set[str] = {operator.axis for operator in hand.operators}
     ink = look.pack(look.ACCENT)
     radius = context.px(7.5 if active else 6.5)
-    held = {math.copysign(1.0, o.magnitude - o.neutral) for o in hand.operators if o.axis == "x" and o.at_limit}
+    held = {math.copysign(1.0, o.magnitude - o.neutral_magnitude) for o in hand.operators if o.axis == "x" and o.at_limit}
     for dx, dy in _arrow_directions(axes):
         if dx in held:
             _stop(draw, x + dx * (radius + context.px(5)), y, context.px(7), context.px(2.5), ink)

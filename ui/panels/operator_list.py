@@ -315,7 +315,7 @@ def magnitude_range(operator: Operator) -> tuple[float, float]:
     if operator.axis == "y":
         return -fields.LARGEST, fields.LARGEST
     least = SMALLEST_STRETCH if operator.kind == "amplify" else -HALF_PI
-    low, high = (dataclasses.replace(operator, magnitude=end).clamped().magnitude for end in (least, fields.LARGEST))
+    low, high = (dataclasses.replace(operator, magnitude=end).clamp_magnitude().magnitude for end in (least, fields.LARGEST))
     return low, high
 
 
@@ -335,7 +335,7 @@ def _with_member(
 def _checked(operator: Operator, **changes: Any) -> Operator:
     """The operator with the typed numbers, or as it was where they make no legal operator."""
     try:
-        return dataclasses.replace(operator, **changes).clamped()
+        return dataclasses.replace(operator, **changes).clamp_magnitude()
     except OperatorError:
         return operator
 
@@ -347,6 +347,6 @@ def _replaced(
     if hand.index is not None:
         rest = operators[hand.index + len(members) :]
         return [SetOperators(key, factor, (*operators[: hand.index], *members, *rest))]
-    if all(operator.magnitude == operator.neutral for operator in members):
+    if all(operator.magnitude == operator.neutral_magnitude for operator in members):
         return []
     return [SetOperators(key, factor, (*operators, *members)), SetView.of(operator=len(operators))]

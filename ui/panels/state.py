@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from engine.curve.operators import Operator, Tabulated
+from engine.curve.operators import Operator, TabulatedCurve
 from ui.panels.travel import Travel
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ class CurveGrip(Grip):
     list moves with it. The axes stand still meanwhile: `x_range` radians, `y_range` curve values.
     """
 
-    operators: tuple[Operator | Tabulated, ...]
+    operators: tuple[Operator | TabulatedCurve, ...]
     index: int | None
     pair: bool
     regions: tuple[float, float, float, float]

@@ -15,7 +15,7 @@ from app.files.library import Library, categories
 from app.files.material_file import Material, dump_material, load_material, parse_material, save_material
 from app.linked_layers import with_fresnel
 from app.set_path import set_path
-from engine.curve.operators import Operator, Tabulated
+from engine.curve.operators import Operator, TabulatedCurve
 from engine.errors import InsituError, LoadError
 from engine.indirect.albedo import equivalent_albedo
 from engine.material import MODELS, make_layer
@@ -117,7 +117,7 @@ def test_a_copied_curve_equals_its_source(document: Document) -> None:
     assert operators_of_copy(coat, "theta_h", same, "theta_h") == (BUMP,)
     other = make_layer(MODELS["phong"])
     (table,) = operators_of_copy(coat, "theta_h", other, "theta_r")
-    assert isinstance(table, Tabulated)
+    assert isinstance(table, TabulatedCurve)
     copied = other.with_operators("theta_r", [table]).curve("theta_r")(ANGLES)
     np.testing.assert_allclose(copied, coat.curve("theta_h")(ANGLES), rtol=2e-4, atol=1e-4)
 

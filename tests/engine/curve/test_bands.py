@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engine.curve.bands import band_nodes, band_values, band_weights
-from engine.curve.operators import Operator, Tabulated, apply_operators
+from engine.curve.operators import Operator, TabulatedCurve, apply_operators
 from engine.curve.wavelet import BandCountError
 from engine.material.microfacet import cosine_power, ggx
 from tests.naive import curves
@@ -43,7 +43,7 @@ def test_a_piecewise_linear_curve_is_kept_as_it_is(n_bands, by_solid_angle):
     # Linear between the nodes, constant beyond them: the fit is the curve.
     expected = np.random.default_rng(n_bands).random((n_bands, 3))
     nodes = band_nodes(n_bands)
-    curve = Tabulated((0.0, *nodes, HALF_PI), tuple(map(tuple, expected[[0, *range(n_bands), -1]])))
+    curve = TabulatedCurve((0.0, *nodes, HALF_PI), tuple(map(tuple, expected[[0, *range(n_bands), -1]])))
     values = band_values(apply_operators([curve], grey(np.ones_like)), n_bands, by_solid_angle=by_solid_angle)
     assert values == pytest.approx(expected, rel=0, abs=1e-8)
 
@@ -128,7 +128,7 @@ def test_plateau_between_steps(width):
 
 def test_table():
     # A narrow tent of height 5 in a table has the area of a triangle.
-    table = Tabulated((0.0, 1.0, 1.0005, 1.001, HALF_PI), tuple((v, v, v) for v in (0.0, 0.0, 5.0, 0.0, 0.0)))
+    table = TabulatedCurve((0.0, 1.0, 1.0005, 1.001, HALF_PI), tuple((v, v, v) for v in (0.0, 0.0, 5.0, 0.0, 0.0)))
     curve = apply_operators([table], grey(np.ones_like))
     assert integral(band_values(curve, 16)) == pytest.approx(np.full(3, 0.0025), rel=2e-3)
 

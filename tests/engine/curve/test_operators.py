@@ -12,7 +12,7 @@ from engine.curve.operators import (
     VALUE_LIMIT,
     Operator,
     OperatorError,
-    Tabulated,
+    TabulatedCurve,
     apply_operators,
     collapse,
     combine,
@@ -203,12 +203,12 @@ def test_bad_operators_are_refused(change, message):
 )  # fmt: skip
 def test_bad_tables_are_refused(gammas, values):
     with pytest.raises(OperatorError):
-        Tabulated(gammas, values)
+        TabulatedCurve(gammas, values)
 
 
 def test_a_table_replaces_what_is_below():
     # Linear between samples, constant beyond; operators after it still apply.
-    table = Tabulated((0.5, 1.0), ((1.0, 10.0, 0.0), (2.0, 20.0, 0.0)))
+    table = TabulatedCurve((0.5, 1.0), ((1.0, 10.0, 0.0), (2.0, 20.0, 0.0)))
     raise_all = Operator("translate", "y", 0.0, 0.0, HALF_PI, HALF_PI, magnitude=0.5)
     after = apply_operators([raise_all, table, raise_all], spike)(np.array([0.0, 0.75, 1.5]))
     assert after == pytest.approx(np.array([[1.5, 10.5, 0.5], [2.0, 15.5, 0.5], [2.5, 20.5, 0.5]]))

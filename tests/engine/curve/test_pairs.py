@@ -7,13 +7,13 @@ from itertools import permutations
 
 import pytest
 
-from engine.curve.operators import Edit, Operator, Tabulated, diagonal
-from engine.curve.pairs import edit_at, edits_of, is_pair, moved
+from engine.curve.operators import Edit, Operator, TabulatedCurve, diagonal
+from engine.curve.pairs import edit_at, edits_of, is_pair, move_edit
 
 REGIONS = (0.1, 0.2, 0.3, 0.4)
 PAIR = diagonal(REGIONS, 0.02, 0.5)
 LIKE_PAIR = (dataclasses.replace(PAIR[0], joined=False, magnitude=0.6), dataclasses.replace(PAIR[1], magnitude=0.01))
-TABLE = Tabulated((0.0, 1.0), ((1.0, 1.0, 1.0),) * 2)
+TABLE = TabulatedCurve((0.0, 1.0), ((1.0, 1.0, 1.0),) * 2)
 
 
 def test_operators_that_are_alike_by_chance_are_no_pair() -> None:
@@ -37,7 +37,7 @@ def test_no_move_parts_a_pair_or_makes_one(order: tuple[tuple[Edit, ...], ...]) 
     operators = tuple(operator for edit in order for operator in edit)
     for index in range(len(operators)):
         for to in range(len(operators)):
-            after = moved(operators, index, to)
+            after = move_edit(operators, index, to)
             spans = [after[span.start : span.stop] for span in edits_of(after)]
             assert sorted(map(repr, spans)) == sorted(map(repr, order))
             # What was moved stands where the other edit stood, counted in edits.
@@ -51,5 +51,5 @@ def test_an_x_operator_knows_its_limit() -> None:
     slack = Operator("translate", "x", *REGIONS, magnitude=0.049)
     # Monotone up to half the width of the falloff, 0.05 [BenArtzi07, eq. 9.3].
     assert not slack.at_limit
-    assert dataclasses.replace(slack, magnitude=0.3).clamped().at_limit
+    assert dataclasses.replace(slack, magnitude=0.3).clamp_magnitude().at_limit
     assert not Operator("translate", "y", *REGIONS, magnitude=1e6).at_limit

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def ascending(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def unique_sorted(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """The different ones of finite values (N,), least first.
 
     `np.unique` would import numpy.ma at its first call, which holds the window's thread up for 35 ms.
