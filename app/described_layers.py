@@ -14,7 +14,7 @@ from app.linked_layers import FRESNEL_NAME, Layers, alike
 from engine.errors import LoadError
 from engine.material import MODELS
 from engine.material.layer import Layer
-from engine.material.maps import map_values
+from engine.material.layer_maps import map_values
 from engine.material.model import validate_parameters
 from engine.material.parameters import FRESNEL, ParameterError
 from engine.scene.description import LayerDescription

@@ -23,9 +23,9 @@ from app.machine.paths import is_file_name
 from engine.deform.deformers import KINDS
 from engine.deform.pose import Deformation, Moment, Poses, Row, without_rest
 from engine.errors import InsituError
-from engine.material.bumps import NO_BUMPS, Bumps, BumpsOf, bump_fields
+from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject, bump_fields
 from engine.material.layer import Layer
-from engine.material.maps import map_fields
+from engine.material.layer_maps import map_fields
 from engine.material.model import Factor, Model
 from engine.plan_lines import LineValue
 from engine.scene.description import ObjectDescription, SceneDescription
@@ -186,7 +186,7 @@ class Document:
         return without_rest([(state.name, state.row) for state in self.objects])
 
     @property
-    def new_bumps(self) -> BumpsOf:
+    def new_bumps(self) -> BumpsByObject:
         """The bumps of all objects that are not as the scene's file has them, by name."""
         return tuple((state.name, state.new_bumps) for state in self.objects if state.new_bumps is not None)
 
@@ -277,7 +277,7 @@ def _kind_of(name: str) -> Kind | None:
 def _resolve_in_layer(state: ObjectState, index: int, name: str) -> Target:
     layer = state.layers[index]
     factors = [factor.name for factor in all_factors(layer.model)]
-    parameters = [parameter.name for parameter in layer.table]
+    parameters = [parameter.name for parameter in layer.parameter_table]
     if name in factors:
         return Target("factor", state.name, index, name)
     if name in parameters:

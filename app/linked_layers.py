@@ -43,15 +43,15 @@ def with_layer(layers: Layers, index: int, changed: Layer) -> Layers:
     group = group_of(layers, index)
     lead = group[0]
     if changed.rises:
-        found[lead] = layers[lead].sharing(changed)
+        found[lead] = layers[lead].with_curves_of(changed)
     source = lead if changed.rises else index
     others = [i for i in group if i != source and not layers[i].rises]
     if others and found[source].model is not layers[source].model:
-        found[source] = found[source].sharing(layers[others[0]])
+        found[source] = found[source].with_curves_of(layers[others[0]])
     for i in others:
-        found[i] = layers[i].sharing(found[source])
+        found[i] = layers[i].with_curves_of(found[source])
     for i in (i for i in group if layers[i].rises):
-        found[i] = found[i].sharing(found[lead])
+        found[i] = found[i].with_curves_of(found[lead])
     for i in group:
         if layers[i].follows == layers[lead].name != found[lead].name:
             found[i] = found[i].replace(follows=found[lead].name)
@@ -61,7 +61,7 @@ def with_layer(layers: Layers, index: int, changed: Layer) -> Layers:
 def alike(layers: Layers) -> Layers:
     """The layers, those that follow with the curves of the one they follow."""
     leads = [layers[group_of(layers, index)[0]] for index in range(len(layers))]
-    return tuple(each if each is lead else each.sharing(lead) for each, lead in zip(layers, leads, strict=True))
+    return tuple(each if each is lead else each.with_curves_of(lead) for each, lead in zip(layers, leads, strict=True))
 
 
 def with_fresnel(layers: Layers, index: int) -> Layers:

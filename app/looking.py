@@ -14,7 +14,7 @@ from typing import NamedTuple
 from app.messages import LookFrom, Request, Response
 from app.view_state import Viewpoint
 from engine.deform.pose import Poses
-from engine.material.bumps import BumpsOf
+from engine.material.bumps import BumpsByObject
 from engine.scene.picture_frame import PictureFrame
 
 REST_SECONDS = 0.25
@@ -25,7 +25,7 @@ class Sight(NamedTuple):
 
     look: Viewpoint = Viewpoint()
     poses: Poses = ()
-    bumps: BumpsOf = ()
+    bumps: BumpsByObject = ()
     n_edge_rays: int | None = None
 
 
@@ -53,7 +53,7 @@ class LookTalk:
         return self._sight.look
 
     def ask(
-        self, look: Viewpoint, scene: int, poses: Poses = (), bumps: BumpsOf = (), n_edge_rays: int | None = None
+        self, look: Viewpoint, scene: int, poses: Poses = (), bumps: BumpsByObject = (), n_edge_rays: int | None = None
     ) -> None:
         """Have the scene of that number traced from there, in these poses and under these bumps; n_edge_rays: None for
         as many as it requires."""
@@ -61,7 +61,7 @@ class LookTalk:
         self._asked_id = self._send(LookFrom(scene, *look, poses, bumps, n_edge_rays))
 
     def update(
-        self, now: float, look: Viewpoint, poses: Poses = (), bumps: BumpsOf = (), n_edge_rays: int | None = None
+        self, now: float, look: Viewpoint, poses: Poses = (), bumps: BumpsByObject = (), n_edge_rays: int | None = None
     ) -> bool:
         """Once a frame: ask for another look once it rests; whether what is seen came or went with that, see
         `is_away`. now: seconds of a steady clock."""

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from app.document import Document
     from engine.deform.pose import Poses
-    from engine.material.bumps import BumpsOf
+    from engine.material.bumps import BumpsByObject
     from engine.material.layer import Layer
     from engine.measured.measurement import Measurement
     from engine.scene.description import Camera
@@ -100,7 +100,7 @@ class LookFrom(Request):
     camera: Camera | None = None
     resolution: tuple[int, int] | None = None
     poses: Poses = ()
-    bumps: BumpsOf = ()
+    bumps: BumpsByObject = ()
     n_edge_rays: int | None = 0
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from app.commands.maps import scene_folder
 from app.document import Document, ObjectState
 from app.measurements import measurement_in
-from engine.material.maps import split_image_name
+from engine.material.layer_maps import split_image_name
 from engine.scene.builtin import builtin_environments, scene_path
 
 

@@ -13,7 +13,7 @@ from app.messages import OpenScene, SceneOpened
 from app.sources import source_of
 from app.view_state import Viewpoint
 from engine.deform.pose import Poses
-from engine.material.bumps import BumpsOf
+from engine.material.bumps import BumpsByObject
 from engine.scene.description import SceneDescription
 
 
@@ -58,7 +58,7 @@ class Opening:
         return look if resolution is None else look._replace(resolution=resolution)
 
     @property
-    def bumps(self) -> BumpsOf:
+    def bumps(self) -> BumpsByObject:
         """Under which bumps it is seen first, where they are not the scene's own."""
         return () if self.session is None else self.session.document.new_bumps
 

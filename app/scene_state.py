@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from app.document import RGB, Document, LightState
 from engine.material.layer import Layer, object_of
-from engine.material.maps import MapMeans
+from engine.material.layer_maps import MapMeans
 
 Float64Array = NDArray[np.float64]
 

@@ -271,7 +271,7 @@ def planned_edge_rays(description: SceneDescription) -> int:
     """Rays through pixels at edges: for a scene whose materials have highlights twice as many as for a matt one, since
     on narrow rims light differs from one to the next. By the scene's file: edits do not trace the view anew."""
     models = {layer.model for each in description.objects for layer in each.layers}
-    return 8 if all(MODELS[name].is_matt for name in models if name in MODELS) else 16
+    return 8 if all(MODELS[name].is_diffuse for name in models if name in MODELS) else 16
 
 
 def edge_reason(n_rays: int) -> str:

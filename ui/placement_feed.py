@@ -232,7 +232,7 @@ class PlacementFeed(PictureSource):
         renderer = self.renderer
         there = {object_of(key) for key in set(renderer.layer_keys) - self._plain.keys()}
         for name in self._plain.keys() & set(renderer.layer_keys) & there:
-            is_metal = not any(layer.model.is_matt for layer in document.object(name).layers)
+            is_metal = not any(layer.model.is_diffuse for layer in document.object(name).layers)
             if not (is_metal and _talk(editor).lacks_bounces):
                 renderer.remove_layer(name)
 

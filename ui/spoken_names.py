@@ -22,7 +22,7 @@ def spoken(document: Document, text: str) -> str:
 
 def _spoken_layer(key: str, layer: Layer, text: str) -> str:
     labels = {factor.name: factor.word for factor in all_factors(layer.model)}
-    labels |= {parameter.name: parameter.label for parameter in layer.table}
+    labels |= {parameter.name: parameter.label for parameter in layer.parameter_table}
     name = f"{object_of(key)} / {layer.title}"
 
     def said(found: re.Match[str]) -> str:

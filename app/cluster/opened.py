@@ -14,7 +14,7 @@ from app.scene_state import scene_state
 from app.stills import StillProgress
 from engine.errors import InsituError
 from engine.safe_files import record_files
-from engine.material.maps import Images
+from engine.material.layer_maps import Images
 
 if TYPE_CHECKING:
     from app.cluster.dask import Cluster

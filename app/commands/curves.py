@@ -153,7 +153,7 @@ class CollapseOperators:
         operators = layer.operators(self.factor)
         if not operators:
             return document
-        return _with_operators(document, self, [collapse(operators, layer.generated(self.factor))])
+        return _with_operators(document, self, [collapse(operators, layer.generated_curve(self.factor))])
 
 
 @dataclass(frozen=True)

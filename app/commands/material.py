@@ -96,10 +96,10 @@ def operators_of_copy(source: Layer, factor: str, onto: Layer, onto_factor: str)
     it is, in the place of what is generated below it.
     """
     gamma = np.linspace(0.0, np.pi / 2, 91)
-    there, here = source.generated(factor)(gamma), onto.generated(onto_factor)(gamma)
+    there, here = source.generated_curve(factor)(gamma), onto.generated_curve(onto_factor)(gamma)
     if np.allclose(there, here, rtol=1e-9, atol=0.0):
         return source.operators(factor)
-    return (collapse(source.operators(factor), source.generated(factor)),)
+    return (collapse(source.operators(factor), source.generated_curve(factor)),)
 
 
 def _editable_object(document: Document, name: str) -> ObjectState:

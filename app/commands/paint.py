@@ -14,7 +14,7 @@ from app.document import Document, split_key
 from app.linked_layers import Layers
 from engine.errors import InsituError
 from engine.material.layer import Layer
-from engine.material.maps import LayerMaps
+from engine.material.layer_maps import LayerMaps
 from engine.material.strokes import MAX_DABS, MAX_STROKES, Stroke, Strokes
 
 
@@ -37,9 +37,9 @@ class Paint:
             raise InsituError(f"{self.key}: its map is full, it holds {MAX_DABS} dabs; undo some strokes or clear it")
         if self.begins or not strokes:
             value = 1.0 - self.stroke.value if maps.weight_invert else self.stroke.value
-            strokes = strokes.begun(replace(self.stroke, value=value))
+            strokes = strokes.with_stroke(replace(self.stroke, value=value))
         else:
-            strokes = strokes.gone_on(self.stroke)
+            strokes = strokes.with_dabs(self.stroke)
         for key in blended_with(document, self.key):
             layer = document.layer(key)
             document = document.with_layer(key, layer.replace(maps=replace(layer.maps, strokes=strokes)))

@@ -20,7 +20,7 @@ from app.machine.paths import written_path
 from engine.curve.operators import Operator, TabulatedCurve
 from engine.errors import LoadError
 from engine.material.layer import Layer
-from engine.material.maps import LayerMaps, map_values
+from engine.material.layer_maps import LayerMaps, map_values
 from engine.material.parameters import FRESNEL, Value
 from engine.measured.measurement import Measurement
 from engine.scene.description import LayerDescription, Maps, Name, Number, Parameter, Text

@@ -24,7 +24,7 @@ from engine.deform.deformers import KINDS
 from engine.errors import InsituError
 from engine.material.bumps import bump_fields
 from engine.material.layer import Layer
-from engine.material.maps import map_fields
+from engine.material.layer_maps import map_fields
 from engine.scene.camera_moves import orbited
 from engine.scene.complaints import first_complaint
 from engine.scene.description import Camera
@@ -140,7 +140,7 @@ class LayerNode(Node):
         return self._editing.document.layer(self._path)
 
     def _names(self) -> Sequence[str]:
-        return (*(parameter.name for parameter in self._layer.table), "visible", "frozen", *map_fields())
+        return (*(parameter.name for parameter in self._layer.parameter_table), "visible", "frozen", *map_fields())
 
 
 class Curve:

@@ -29,7 +29,7 @@ from engine.indirect.light import IndirectLight
 from engine.indirect.representation import GatherPolynomial
 from engine.indirect.series import BounceSeries
 from engine.material.layer import Layer, object_of
-from engine.material.maps import Images
+from engine.material.layer_maps import Images
 from engine.planner import LayerPlan, Plan, plan_scene
 from engine.render._layer_kernels import add_points
 from engine.render.bounces import planned_bounces

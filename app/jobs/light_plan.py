@@ -21,7 +21,7 @@ from app.jobs.layer_data import shape_of
 from app.placement.messages import ComputeTransport
 from app.scene_state import LayerState
 from engine.material.layer import Layer
-from engine.material.maps import LayerMaps
+from engine.material.layer_maps import LayerMaps
 from engine.material.parameters import FRESNEL
 from engine.render.light_pilot import LEAST, LightNeed, needed_light, pays
 from engine.render.still import StillLayer

@@ -14,7 +14,7 @@ from app.placement.messages import MapsRefused, MapsSampled, SampleMaps
 from engine.colour import encode_srgb
 from engine.errors import LoadError
 from engine.material.layer import object_of
-from engine.material.maps import Images
+from engine.material.layer_maps import Images
 from engine.material.strokes import Strokes
 from engine.render.canvas import Canvas
 from engine.render.surface_maps import MapSampler
@@ -63,7 +63,7 @@ class MapTasks:
 
     def _work(self, sampler: MapSampler, i_object: int, images: Images) -> _Begun:
         """What strokes are painted on; made anew where they are those of the last time: files were written since."""
-        place = (i_object, images.unpainted)
+        place = (i_object, images.without_strokes)
         begun = self._begun.pop(place, None)
         if begun is None or begun.last == images or not images.strokes:
             canvas = sampler.canvas(i_object, images)

@@ -23,7 +23,7 @@ from engine.errors import InsituError
 from engine.safe_files import resolve_inside
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
-from engine.measured.tables import ArrayStore, is_known, read_measurement, table_of
+from engine.measured.tables import ArrayStore, is_table_loaded, read_measurement, table_of
 from engine.planner import band_counts
 from engine.render.tabulate import left_out
 from engine.generators import map_steps
@@ -62,7 +62,7 @@ def described_paths(names: Iterable[str], folder: Path, scene: Path) -> dict[str
 def ensure_tables(layers: Iterable[Layer], store: ArrayStore | None) -> Generator[Response | None, None, None]:
     """Read what these layers were measured as where this process has no table of it, as one that has just been started.
     Raises InsituError where a file has changed since."""
-    missing = [(file, number) for file, number in measured_files(layers) if not is_known(number)]
+    missing = [(file, number) for file, number in measured_files(layers) if not is_table_loaded(number)]
     found = yield from read_files({file: Path(file) for file, _ in missing}, store)
     for file, number in missing:
         _check_unchanged(file, number, found[file])
@@ -70,7 +70,7 @@ def ensure_tables(layers: Iterable[Layer], store: ArrayStore | None) -> Generato
 
 def hand_out(request: HandOutTable, store: ArrayStore | None) -> Generator[Response | None, None, None]:
     """The table of a file. Raises InsituError, as for one that is not the file that was asked for any more."""
-    if is_known(request.number):
+    if is_table_loaded(request.number):
         measurement = replace(table_of(request.number).measurement, file=request.file)
     else:
         measurement = (yield from read_files({request.file: Path(request.file)}, store))[request.file]

@@ -27,7 +27,7 @@ from app.scene_state import LayerState, SceneState, layer_state, scene_state
 from engine.deform.parts import NOTHING
 from engine.deform.pose import Deformation, Moment
 from engine.deform.wrinkle import wrinkles
-from engine.material.maps import Images
+from engine.material.layer_maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.planner import RenderSettings, band_counts
 from engine.scene.builtin import ASSETS

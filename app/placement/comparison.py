@@ -34,7 +34,7 @@ from app.placement.transport_talk import CONTRACT_PATIENCE, TransportTalk
 from app.placement.wishes import same_coefficients
 from app.scene_state import LayerState, layer_state
 from engine.material.layer import Layer
-from engine.material.maps import LayerMaps
+from engine.material.layer_maps import LayerMaps
 from engine.planner import RenderSettings
 
 Samples = Callable[[str, LayerMaps], NDArray[np.float16] | None]

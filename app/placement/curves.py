@@ -16,7 +16,7 @@ from app.scene_state import LayerState, SceneState, layer_state, scene_state
 from engine.curve.operators import HALF_PI
 from engine.material import MODELS
 from engine.material.layer import Layer, object_of
-from engine.material.maps import Images, MapMeans
+from engine.material.layer_maps import Images, MapMeans
 from engine.material.measured_model import MeasuredModel
 from engine.material.model import Model
 from engine.planner import MOST_BANDS, bands_for_sharpest

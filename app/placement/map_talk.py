@@ -22,7 +22,7 @@ from app.placement.curves import Curves
 from app.placement.events import LayerMapsChanged
 from app.placement.messages import MapsRefused, MapsSampled, SampleMaps
 from engine.material.layer import object_of
-from engine.material.maps import Images, LayerMaps
+from engine.material.layer_maps import Images, LayerMaps
 from engine.material.strokes import Strokes
 
 MOST_KEPT = 24
@@ -91,7 +91,7 @@ class MapTalk:
         self._known.pop(surface, None)
         self._forget_begun(surface)
         self._known[surface] = response
-        self._newest[surface[0], response.images.unpainted] = response
+        self._newest[surface[0], response.images.without_strokes] = response
         self._curves.map_means[surface] = response.means
         shown = {id(each) for each in self._shown.values()}
         spare = [key for key, each in self._known.items() if id(each) not in shown and each is not response]
@@ -108,10 +108,10 @@ class MapTalk:
     def _forget_begun(self, surface: Surface) -> None:
         """A stroke went on: what it was in the frames before is of no further use."""
         for place, images in list(self._known):
-            if place == surface[0] and surface[1].strokes.are_in_hand(images.strokes):
+            if place == surface[0] and surface[1].strokes.extends_last_stroke(images.strokes):
                 del self._known[place, images]
         for place, images in list(self._curves.map_means):
-            if place == surface[0] and surface[1].strokes.are_in_hand(images.strokes):
+            if place == surface[0] and surface[1].strokes.extends_last_stroke(images.strokes):
                 del self._curves.map_means[place, images]
 
     def refuse(self, response: MapsRefused, history: History[Document]) -> bool:
@@ -185,15 +185,15 @@ class MapTalk:
         """Whether the worker is still at an earlier part of a stroke: asked for more it would drop that, and nothing
         would be seen before the hand rests."""
         return any(
-            wanted[0] == awaited[0] and wanted[1].unpainted == awaited[1].unpainted
-            and wanted[1].strokes.are_in_hand(awaited[1].strokes)
+            wanted[0] == awaited[0] and wanted[1].without_strokes == awaited[1].without_strokes
+            and wanted[1].strokes.extends_last_stroke(awaited[1].strokes)
             for awaited in self._awaited for wanted in missing
         )  # fmt: skip
 
     def _painted_so_far(self, surface: Surface) -> MapsSampled | None:
         """While a stroke goes on: the newest of it that is here, whose mean stands for that to come."""
-        newest = self._newest.get((surface[0], surface[1].unpainted))
-        if newest is None or not surface[1].strokes.goes_on_from(newest.images.strokes):
+        newest = self._newest.get((surface[0], surface[1].without_strokes))
+        if newest is None or not surface[1].strokes.extends(newest.images.strokes):
             return None
         self._curves.map_means.setdefault(surface, newest.means)
         return newest

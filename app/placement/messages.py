@@ -16,7 +16,7 @@ from app.messages import LookFrom, Request, Response
 if TYPE_CHECKING:
     from app.scene_state import LayerState, SceneState
     from engine.material.layer import Layer
-    from engine.material.maps import Images, MapMeans
+    from engine.material.layer_maps import Images, MapMeans
     from engine.planner import RenderSettings, Precision
     from engine.render.picture_error import ErrorEstimate
 

@@ -21,7 +21,7 @@ from engine.deform.shading import BandLight, Lobes, lobes, shade
 from engine.deform.wrinkle import SIDE, wrinkles
 from engine.deform.wrinkle import Wrinkles as WrinkleMap
 from engine.deform.zonal import Zonal
-from engine.material.maps import Images
+from engine.material.layer_maps import Images
 from engine.scene.load import Scene
 from engine.scene.surface_kinds import DeformSurface
 from engine.scene.surface_kinds import Detail as PatchSays

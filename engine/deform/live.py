@@ -36,7 +36,7 @@ from engine.deform.transfer import N_RAYS, unshadowed
 from engine.deform.zonal import Zonal, fit
 from engine.light.environment import triangle_integrals
 from engine.material.layer import Layer
-from engine.material.maps import Images
+from engine.material.layer_maps import Images
 from engine.render.still import StillProgress
 from engine.scene.description import CameraDescription
 from engine.scene.load import Scene

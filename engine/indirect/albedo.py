@@ -75,7 +75,7 @@ def _common_bands(
     eyes = np.stack([np.sin(eyes) * np.cos(turns), np.sin(eyes) * np.sin(turns), np.cos(eyes)], axis=1)
     found = np.zeros((len(eyes), n_a, n_b))
     kernels.albedo_bands(
-        model.number, model.bound(np.array(quotient_parameters)), model.factors[0].gamma, kind_b, pole_of([model_name]),
+        model.number, model.bind_parameters(np.array(quotient_parameters)), model.factors[0].gamma, kind_b, pole_of([model_name]),
         eyes.astype(np.float32), cosine_tables(_N_RAYS), pole_tables(_N_RAYS), found,
     )  # fmt: skip
     return found.reshape(N_VIEWS, N_AZIMUTHS, n_a, n_b).mean(axis=1) / N_VIEWS
@@ -91,7 +91,7 @@ def equivalent_albedo(layer: Layer, bands: tuple[int, ...]) -> NDArray[np.float6
 
 def directional_albedo(layer: Layer, bands: tuple[int, ...]) -> NDArray[np.float64]:
     """Of light from one direction, over the equivalent albedo, (N_SLANTS, 3); 1 of a matt layer."""
-    return np.ones((N_SLANTS, 3)) if layer.model.is_matt else slant_of(*_bands_and_curves(layer, bands))
+    return np.ones((N_SLANTS, 3)) if layer.model.is_diffuse else slant_of(*_bands_and_curves(layer, bands))
 
 
 def _bands_and_curves(

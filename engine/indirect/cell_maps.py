@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from engine.errors import LoadError
 from engine.indirect.equivalence import N_SLANTS
 from engine.indirect.layers import IndirectLayer, is_glossy
-from engine.material.maps import Images, LayerMaps, factor_of_means
+from engine.material.layer_maps import Images, LayerMaps, factor_of_means
 from engine.scene.surface_uvs import corner_uvs, positions_at, uvs_at
 from engine.texture.texture_store import sample_images
 from engine.texture.stroke_painting import PaintedPoints
@@ -145,7 +145,7 @@ class CellMaps:
         None without images, or where these cannot be read: the mean was known, and has to do."""
         if layer.maps.is_plain:
             return None
-        images = layer.maps.images.unpainted
+        images = layer.maps.images.without_strokes
         try:
             places = self._kept.pop((layer.i_object, images), None)
             if places is None:

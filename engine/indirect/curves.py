@@ -29,7 +29,7 @@ class LayerCurves:
     @property
     def bound_parameters(self) -> NDArray[np.float64]:
         """The quotient parameters as kernels of this process take them."""
-        return self.model.bound(np.asarray(self.quotient_parameters, np.float64))
+        return self.model.bind_parameters(np.asarray(self.quotient_parameters, np.float64))
 
     def optics(self, folded: bool = False) -> kernels.ReflectingLayer:
         """For the kernels; folded: no angle need be found where the only curve is the same at all of them."""
@@ -44,7 +44,7 @@ class LayerCurves:
 
 def any_glossy(model_names: Iterable[str]) -> bool:
     """Whether what an object with layers of these models sends on depends on the direction."""
-    return not all(MODELS[name].is_matt for name in model_names)
+    return not all(MODELS[name].is_diffuse for name in model_names)
 
 
 def pole_of(model_names: Iterable[str]) -> int:

@@ -10,7 +10,7 @@ from engine.indirect.albedo import N_VIEW_SAMPLES, directional_albedo, equivalen
 from engine.indirect.curves import LayerCurves
 from engine.indirect.equivalence import N_SLANTS
 from engine.material.layer import Layer
-from engine.material.maps import LayerMaps
+from engine.material.layer_maps import LayerMaps
 from engine.scene.hits import PrimaryHits
 
 
@@ -65,7 +65,7 @@ def even_slant(layer: IndirectLayer) -> IndirectLayer:
 
 def is_glossy(layer: IndirectLayer) -> bool:
     """Whether what it sends on depends on the direction."""
-    return not layer.sent.model.is_matt
+    return not layer.sent.model.is_diffuse
 
 
 def albedos_of(layers: Sequence[IndirectLayer], n_objects: int) -> NDArray[np.float64]:

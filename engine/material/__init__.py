@@ -20,7 +20,7 @@ def _models() -> list[Model]:
     names = [name for _, name, _ in pkgutil.iter_modules(__path__) if not name.startswith("_")]
     modules = [importlib.import_module(f"{__name__}.{name}") for name in names]
     found: list[Model] = [module.MODEL for module in modules if hasattr(module, "MODEL")]
-    return sorted(found, key=lambda model: (not model.is_matt, model.label))
+    return sorted(found, key=lambda model: (not model.is_diffuse, model.label))
 
 
 MODELS: dict[str, Model] = {model.name: model for model in _models()}

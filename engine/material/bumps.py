@@ -18,7 +18,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from engine.material.maps import MAX_NAME, MAX_REPEATS, TextureTransform, Wrap, offset_value, wrap_value
+from engine.material.layer_maps import MAX_NAME, MAX_REPEATS, TextureTransform, Wrap, offset_value, wrap_value
 from engine.material.parameters import ParameterError
 
 MAX_STRENGTH = 10.0
@@ -28,11 +28,11 @@ DEFAULT_HEIGHT = 0.01
 
 @dataclass(frozen=True)
 class Bumps:
-    """Of one object. Names are files, as those of textures (`engine.material.maps.LayerMaps`); one of the two at most.
+    """Of one object. Names are files, as those of textures (`engine.material.layer_maps.LayerMaps`); one of the two at most.
 
     bump_strength: 0 is as without them. bump_height: metres between a bump map's black and its white; negative ones are
     pressed in. bump_repeats: how often the image repeats along u and v; bump_offset and bump_wrap: see
-    `engine.material.maps.TextureTransform`.
+    `engine.material.layer_maps.TextureTransform`.
     """
 
     normal_map: str = ""
@@ -59,7 +59,7 @@ class Bumps:
         return "bump_map" if self.bump_map else "normal_map"
 
     @property
-    def are_flat(self) -> bool:
+    def is_flat(self) -> bool:
         """Whether they turn nothing, whatever is in the image."""
         return not self.file or self.bump_strength == 0.0 or (bool(self.bump_map) and self.bump_height == 0.0)
 
@@ -70,7 +70,7 @@ class Bumps:
 
 
 # By the names of objects.
-BumpsOf = tuple[tuple[str, Bumps], ...]
+BumpsByObject = tuple[tuple[str, Bumps], ...]
 NO_BUMPS = Bumps()
 BUMP_KINDS = ("normal_map", "bump_map")
 

@@ -34,7 +34,7 @@ OWN = -1
 
 # Places of the eight quotient parameters, by model; the last says of any whether it is a layer's second Fresnel term.
 N_QUOTIENT_PARAMETERS = 8
-RISES = 7
+FRESNEL_TERM = 7
 ROUGH_DISTRIBUTION = 0  # rough_conductor: GGX or BECKMANN
 ROUGH_ALPHA = 1
 FACING_REFLECTANCE = 0  # blinn_phong and both of Ashikhmin and Shirley

@@ -19,7 +19,7 @@ class Lambert(Model):
     label = "Diffuse"
     tooltip = "Light scattered evenly, as by paper or chalk."
     kind = kinds.LAMBERT
-    is_matt = True
+    is_diffuse = True
     factors = (THETA_I,)
     view_factor = THETA_O
     parameters = (

@@ -18,7 +18,7 @@ from engine.curve.bands import band_values
 from engine.curve.operators import Edit, apply_operators
 from engine.material import kinds
 from engine.material.fresnel import rise
-from engine.material.maps import LayerMaps
+from engine.material.layer_maps import LayerMaps
 from engine.material.model import Model, channels, find_parameter
 from engine.material.parameters import FRESNEL, Parameter, Value
 
@@ -95,7 +95,7 @@ class Layer:
         return known.get(self.name, self.name)
 
     @property
-    def table(self) -> tuple[Parameter, ...]:
+    def parameter_table(self) -> tuple[Parameter, ...]:
         """What a person may set: the parameters of the model, and R where it has one."""
         return self.model.parameters if self.fresnel is None else (*self.model.parameters, FRESNEL)
 
@@ -114,13 +114,13 @@ class Layer:
         """The operators on a curve, lowest first. Raises ParameterError for a curve the model does not have."""
         return dict(self.edits).get(self.model.leader(factor), ())
 
-    def generated(self, factor: str) -> GeneratedCurve:
+    def generated_curve(self, factor: str) -> GeneratedCurve:
         """The curve below all operators."""
         return GeneratedCurve(self.model, self.model.leader(factor), self.parameters)
 
     def curve(self, factor: str) -> FinalCurve:
         """The curve with its operators on top, at least 0: a callable, angles (N,) to values (N, 3)."""
-        return FinalCurve(apply_operators(self.operators(factor), self.generated(factor)))
+        return FinalCurve(apply_operators(self.operators(factor), self.generated_curve(factor)))
 
     def coefficients(self, factor: str, n_bands: int) -> Float64Array:
         """Band values of the curve, (J, 3) [BenArtzi07, eq. 4.17]. Raises BandCountError."""
@@ -134,7 +134,7 @@ class Layer:
     def quotient_parameters(self) -> Float64Array:
         """What the quotient's kernel needs, (8,)."""
         q = self.model.quotient_parameters(self.values)
-        q[kinds.RISES] = float(self.rises)
+        q[kinds.FRESNEL_TERM] = float(self.rises)
         return q
 
     def brdf(self, wi: Float64Array, wo: Float64Array) -> Float64Array:
@@ -155,7 +155,7 @@ class Layer:
 
     def with_parameter(self, name: str, value: object) -> Layer:
         """The layer with one parameter set. Raises ParameterError for an unknown one or a refused value."""
-        accepted = find_parameter(self.model.name, self.table, name).accept(value)
+        accepted = find_parameter(self.model.name, self.parameter_table, name).accept(value)
         return self.replace(parameters=tuple((key, accepted if key == name else old) for key, old in self.parameters))
 
     def with_operators(self, factor: str, operators: Sequence[Edit]) -> Layer:
@@ -168,7 +168,7 @@ class Layer:
         own = tuple(pair for pair in self.parameters if pair[0] != FRESNEL.name)
         return self.replace(parameters=own if value is None else (*own, (FRESNEL.name, FRESNEL.accept(value))))
 
-    def sharing(self, other: Layer) -> Layer:
+    def with_curves_of(self, other: Layer) -> Layer:
         """This layer with another's curves: the operators of those that both models have, and the parameters that drive
         curves in both tables alike; where it is the second term of the other, all. Itself where nothing differs."""
         if self.rises or other.rises:
@@ -177,7 +177,7 @@ class Layer:
         curves = self.model.curve_names & other.model.curve_names
         edits = {name: operators for name, operators in self.edits if name not in curves}
         edits |= {name: operators for name, operators in other.edits if name in curves}
-        driving = self.model.driving & other.model.driving
+        driving = self.model.driving_parameters & other.model.driving_parameters
         values = self.values | {p.name: other.values[p.name] for p in driving}
         shared = self.replace(parameters=tuple(values.items()), edits=tuple(sorted(edits.items())))
         return self if shared == self else shared

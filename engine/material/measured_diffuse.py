@@ -12,7 +12,7 @@ class MeasuredDiffuse(MeasuredModel):
     name = "measured_diffuse"
     label = "Measured, diffuse part"
     tooltip = "What a measured surface scatters evenly."
-    is_matt = True
+    is_diffuse = True
     part = "diffuse"
     factors = (THETA_I,)
     view_factor = THETA_O

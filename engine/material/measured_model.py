@@ -11,7 +11,7 @@ from engine.material import kinds
 from engine.material.model import Float64Array, Model, Parameters, channels, number
 from engine.material.parameters import Parameter
 from engine.measured.coordinates import node_angles
-from engine.measured.measurement import NOTHING, OVER_HALF, Measurement, Part
+from engine.measured.measurement import NO_MEASUREMENT, HALF_ANGLE_CURVES, Measurement, Part
 
 PARTS: dict[Part, int] = {"diffuse": kinds.DIFFUSE, "specular": kinds.SPECULAR, "whole": kinds.WHOLE}
 
@@ -53,7 +53,7 @@ class MeasuredModel(Model):
         if not measurement.is_read or number(params, "smoothing") == 0.0:
             return None
         name = self.curve_of.get(factor_name, factor_name)
-        return node_angles(name in OVER_HALF), measurement.nodes(name)
+        return node_angles(name in HALF_ANGLE_CURVES), measurement.nodes(name)
 
     def scale(self, params: Parameters) -> Float64Array:
         return channels(params, "scale") * getattr(measurement_of(params), self.part)
@@ -64,7 +64,7 @@ class MeasuredModel(Model):
         q[kinds.CHANNEL], q[kinds.PART] = kinds.MEAN, PARTS[self.part]
         return q
 
-    def bound(self, q: Float64Array) -> Float64Array:
+    def bind_parameters(self, q: Float64Array) -> Float64Array:
         bound = np.array(q, float)
         if q[kinds.TABLE]:
             from engine.measured.tables import table_of
@@ -79,7 +79,7 @@ class MeasuredModel(Model):
         if not measurement.is_read:
             above = (wi[:, 2] > kinds.GRAZING) & (wo[:, 2] > kinds.GRAZING)
             return channels(params, "scale") * np.where(above, 1.0 / np.pi, 0.0)[:, None]
-        from engine.measured.evaluate import evaluate_part
+        from engine.measured.table_lookup import evaluate_part
         from engine.measured.tables import table_of
 
         table = table_of(measurement.number)
@@ -100,7 +100,7 @@ def parameters(*curves: str) -> tuple[Parameter, ...]:
         Parameter(
             "file",
             "file",
-            NOTHING,
+            NO_MEASUREMENT,
             "Measured",
             "The file the reflection was measured in; curves are factors fitted to it, and what they leave is kept.",
             (*curves, "scale", "quotient"),  # type: ignore[arg-type]

@@ -60,7 +60,7 @@ class Model(ABC):
 
     quotient: rho_q cos_i as f(q, ix, iy, iz, ox, oy, oz) of the quotient parameters and two local directions above the
     horizon, finite and at least 0; a static method of assignments and conditions that calls nothing but `math`, because
-    it is compiled, and translated to GLSL; None where `kind` names one that is compiled already. is_matt: sends light
+    it is compiled, and translated to GLSL; None where `kind` names one that is compiled already. is_diffuse: sends light
     on about evenly. highlight_in_quotient: a part of its distribution over the half vector stands there and in no
     curve. shared: by name, the curve that a curve always equals. is_coloured: the quotient differs by colour, and
     q[CHANNEL] says which is wanted, MEAN for one number. needs_file: it is made by importing a file, and not chosen.
@@ -71,7 +71,7 @@ class Model(ABC):
     tooltip: ClassVar[str]
     kind: ClassVar[int] = kinds.OWN
     quotient: ClassVar[Callable[..., float] | None] = None
-    is_matt: ClassVar[bool] = False
+    is_diffuse: ClassVar[bool] = False
     highlight_in_quotient: ClassVar[bool] = False
     is_coloured: ClassVar[bool] = False
     needs_file: ClassVar[bool] = False
@@ -100,7 +100,7 @@ class Model(ABC):
         """What a curve was fitted to, where it is worth seeing beside it: angles (N,) and values (N, 3)."""
         return None
 
-    def bound(self, q: Float64Array) -> Float64Array:
+    def bind_parameters(self, q: Float64Array) -> Float64Array:
         """Quotient parameters as kernels of this process take them: addresses in place of what names a table."""
         return q
 
@@ -125,7 +125,7 @@ class Model(ABC):
         return frozenset(factor.name for factor in there if factor.name not in self.shared)
 
     @property
-    def driving(self) -> frozenset[Parameter]:
+    def driving_parameters(self) -> frozenset[Parameter]:
         """The parameters that drive a curve."""
         return frozenset(parameter for parameter in self.parameters if {"A", "B", "o"}.intersection(parameter.drives))
 

@@ -104,30 +104,30 @@ class Strokes:
             return self
         return Strokes(tuple(stroke.about((x, y, z)) for stroke in self.strokes))
 
-    def begun(self, stroke: Stroke) -> Strokes:
+    def with_stroke(self, stroke: Stroke) -> Strokes:
         """With one more on top."""
         return Strokes((*self.strokes, stroke))
 
-    def gone_on(self, more: Stroke) -> Strokes:
+    def with_dabs(self, more: Stroke) -> Strokes:
         """With the newest gone on by another's dabs."""
         newest = self.strokes[-1]
         return Strokes((*self.strokes[:-1], newest.extended(more.about(newest.origin).dabs)))
 
-    def goes_on_from(self, other: Strokes) -> bool:
+    def extends(self, other: Strokes) -> bool:
         """Whether they are the others, of which the newest has gone on or others have followed."""
         n = len(other.strokes)
         if n == 0 or len(self.strokes) < n:
             return n == 0
         return self.strokes[: n - 1] == other.strokes[:-1] and self.strokes[n - 1].continues(other.strokes[-1])
 
-    def are_in_hand(self, other: Strokes) -> bool:
+    def extends_last_stroke(self, other: Strokes) -> bool:
         """Whether they are the others with the newest stroke further along: the same drag."""
-        return bool(other) and len(self.strokes) == len(other.strokes) and self != other and self.goes_on_from(other)
+        return bool(other) and len(self.strokes) == len(other.strokes) and self != other and self.extends(other)
 
     def __reduce__(self) -> tuple[Callable[..., Strokes], tuple[Any, ...]]:
         """Pickled as one array, which crosses between processes in shared memory."""
         brushes = tuple((*_brush(stroke).values(), stroke.origin, len(stroke.dabs)) for stroke in self.strokes)
-        return _unpacked, (brushes, np.frombuffer(b"".join(stroke.dabs for stroke in self.strokes), np.uint8))
+        return _unpack, (brushes, np.frombuffer(b"".join(stroke.dabs for stroke in self.strokes), np.uint8))
 
 
 def pack_dabs(places: ArrayLike, normals: ArrayLike) -> bytes:
@@ -169,7 +169,7 @@ def _brush(stroke: Stroke) -> dict[str, float]:
     return {name: getattr(stroke, name) for name in ("radius", "value", "strength", "hardness")}
 
 
-def _unpacked(brushes: Iterable[tuple[float, float, float, float, Place, int]], dabs: NDArray[np.uint8]) -> Strokes:
+def _unpack(brushes: Iterable[tuple[float, float, float, float, Place, int]], dabs: NDArray[np.uint8]) -> Strokes:
     """What `Strokes.__reduce__` took apart."""
     strokes, begin = [], 0
     for radius, value, strength, hardness, origin, n_bytes in brushes:

@@ -26,7 +26,7 @@ Float64Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Scattered:
+class ScatteredSamples:
     """Samples: directions wi, wo (N, 3) in the local frame, reflection (N, 3), 1/sr, linear Rec. 709, at least 0.
 
     n_below: how many more lay below the horizon, or were negative, and are left out.
@@ -43,7 +43,7 @@ def read_cornell(path: Path) -> bytes:
     return read_regular_file(path, MAX_BYTES)
 
 
-def scattered_samples(data: bytes, path: Path) -> Scattered:
+def scattered_samples(data: bytes, path: Path) -> ScatteredSamples:
     """What is in a file. Raises LoadError."""
     numbers = _numbers(data, path)
     n = int(numbers[0]) if len(numbers) and numbers[0] == int(numbers[0]) else 0
@@ -62,7 +62,7 @@ def scattered_samples(data: bytes, path: Path) -> Scattered:
     if good.sum() < FEWEST_SAMPLES:
         raise LoadError(path, "samples above the horizon", int(good.sum()), f"{FEWEST_SAMPLES} at least")
     values = np.maximum(rows[good, 4:] @ rgb_weights(wavelengths), 0.0)
-    return Scattered(wi[good], wo[good], values, int((~good).sum()))
+    return ScatteredSamples(wi[good], wo[good], values, int((~good).sum()))
 
 
 def _numbers(data: bytes, path: Path) -> Float64Array:

@@ -93,12 +93,12 @@ def factors_of(channels: Sequence[tuple[Float64Array | float, ...]]) -> Factors:
 def _fit_channel(samples: Float64Array, weights: Float64Array, slants: list[Float64Array]) -> tuple[Float64Array | float, ...]:
     """d, g (91,), s, G (91,), H (91,), and w, P (91,), Q (91,) of one colour."""
     strength, slant = _diffuse(samples, weights, slants)
-    matt = strength * _at_slants(slant, slants[0]) * _at_slants(slant, slants[1])
-    over_h, over_d = _specular(np.maximum(samples - matt, 0.0), matt, weights)
+    diffuse_part = strength * _at_slants(slant, slants[0]) * _at_slants(slant, slants[1])
+    over_h, over_d = _specular(np.maximum(samples - diffuse_part, 0.0), diffuse_part, weights)
     over_h, over_d = (np.append(curve, curve[-1]) for curve in (over_h, over_d))
     shine = max(over_h.max() * over_d.max(), LEAST_STRENGTH)
     cloth = _fit_cloth(samples, weights, slants)
-    return max(strength, LEAST_STRENGTH), slant, shine, _scaled(over_d), _scaled(over_h), *cloth
+    return max(strength, LEAST_STRENGTH), slant, shine, _normalize_curve(over_d), _normalize_curve(over_h), *cloth
 
 
 def _fit_cloth(samples: Float64Array, weights: Float64Array, slants: list[Float64Array]) -> tuple[float, Float64Array, Float64Array]:
@@ -111,12 +111,12 @@ def _fit_cloth(samples: Float64Array, weights: Float64Array, slants: list[Float6
     counted = _sums(flat, weights)
     rows = weights.sum(axis=(1, 2))
     for _ in range(_STEPS):
-        q = _solved(((log - p[nodes[0]] - p[nodes[1]]) * weights).sum(axis=(1, 2)), rows)
+        q = _solve_nodes(((log - p[nodes[0]] - p[nodes[1]]) * weights).sum(axis=(1, 2)), rows)
         left = (log - p[nodes[0]] - p[nodes[1]] - q[:, None, None]) * weights
-        p = p + 0.5 * _solved(_sums(flat, left), counted)
+        p = p + 0.5 * _solve_nodes(_sums(flat, left), counted)
     middles = (np.arange(_SLANTS) + 0.5) * (N_NODES_LESS / _SLANTS)
     slant, half = np.exp(np.interp(np.arange(N_NODES), middles, p)), np.exp(np.append(q, q[-1]))
-    return float(slant.max() ** 2 * half.max()), _scaled(slant), _scaled(half)
+    return float(slant.max() ** 2 * half.max()), _normalize_curve(slant), _normalize_curve(half)
 
 
 def _sums(rings: NDArray[np.integer], values: Float64Array) -> Float64Array:
@@ -124,7 +124,7 @@ def _sums(rings: NDArray[np.integer], values: Float64Array) -> Float64Array:
     return np.bincount(rings, np.tile(values.ravel(), 2), _SLANTS).astype(float)
 
 
-def _scaled(curve: Float64Array) -> Float64Array:
+def _normalize_curve(curve: Float64Array) -> Float64Array:
     """With a maximum of 1, and nowhere 0."""
     peak = curve.max()
     return np.maximum(curve / peak, LEAST) if peak > 0.0 else np.ones_like(curve)
@@ -153,20 +153,20 @@ def _diffuse(samples: Float64Array, weights: Float64Array, slants: list[Float64A
     return peak * peak, np.maximum(nodes / peak, LEAST)
 
 
-def _specular(above: Float64Array, matt: Float64Array, weights: Float64Array) -> tuple[Float64Array, Float64Array]:
+def _specular(above: Float64Array, diffuse_part: Float64Array, weights: Float64Array) -> tuple[Float64Array, Float64Array]:
     """H (90,) over theta_h and G (90,) over theta_d of the product that lies on the matt part."""
     over_d = np.ones(above.shape[1])
     total = weights.sum(axis=(1, 2))
     over_h = np.divide((above * weights).sum(axis=(1, 2)), total, out=np.zeros_like(total), where=total > 0.0)
     for _ in range(_STEPS):
         fit = over_h[:, None, None] * over_d[:, None]
-        relative = weights / (matt + fit + DARK) ** 2
-        over_h = _solved(np.einsum("hdp,hdp,d->h", relative, above, over_d), np.einsum("hdp,d->h", relative, over_d**2))
-        over_d = _solved(np.einsum("hdp,hdp,h->d", relative, above, over_h), np.einsum("hdp,h->d", relative, over_h**2))
+        relative = weights / (diffuse_part + fit + DARK) ** 2
+        over_h = _solve_nodes(np.einsum("hdp,hdp,d->h", relative, above, over_d), np.einsum("hdp,d->h", relative, over_d**2))
+        over_d = _solve_nodes(np.einsum("hdp,hdp,h->d", relative, above, over_h), np.einsum("hdp,h->d", relative, over_h**2))
     return over_h, over_d
 
 
-def _solved(products: Float64Array, squares: Float64Array) -> Float64Array:
+def _solve_nodes(products: Float64Array, squares: Float64Array) -> Float64Array:
     """The least squares value of each node; of nodes that no sample has, that of the nearest one."""
     known = squares > 1e-12 * squares.max(initial=0.0)
     if not known.any():

@@ -21,12 +21,12 @@ RGB = tuple[float, float, float]
 
 # The factors of both parts: of light and view, then of difference and half angle; and of the whole, P and Q.
 CURVES = ("theta_i", "theta_o", "theta_d", "theta_h", "p", "q")
-OVER_HALF = ("theta_h", "q")
+HALF_ANGLE_CURVES = ("theta_h", "q")
 # Of files that can be read: MERL's grids and Cornell's scattered samples.
 ENDINGS = (".binary", ".brdf")
 # Nodes over which a smoothing of 1 averages, to either side.
 _WIDEST = 8.0
-EVEN: RGB = (1.0 / np.pi, 1.0 / np.pi, 1.0 / np.pi)
+UNIT_RGB: RGB = (1.0 / np.pi, 1.0 / np.pi, 1.0 / np.pi)
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,9 @@ class Measurement:
 
     file: str
     number: int = 0
-    diffuse: RGB = EVEN
-    specular: RGB = EVEN
-    whole: RGB = EVEN
+    diffuse: RGB = UNIT_RGB
+    specular: RGB = UNIT_RGB
+    whole: RGB = UNIT_RGB
     curves: tuple[bytes, ...] = ()
     report: FitReport | None = None
 
@@ -64,21 +64,21 @@ class Measurement:
         """A factor at its nodes (91, 3), smoothed where that is above 0, at most 1."""
         if not self.curves:
             return np.ones((N_NODES, 3))
-        return smoothed(self.curves[CURVES.index(name)], smoothing)
+        return smooth_curve(self.curves[CURVES.index(name)], smoothing)
 
     def curve(self, name: str, gamma: Float64Array, smoothing: float = 0.0) -> Float64Array:
         """A factor at angles (N,): (N, 3)."""
         values = self.nodes(name, smoothing)
-        position = node_position(np.asarray(gamma, float), name in OVER_HALF)
+        position = node_position(np.asarray(gamma, float), name in HALF_ANGLE_CURVES)
         nodes = np.arange(N_NODES)
         return np.stack([np.interp(position, nodes, values[:, c]) for c in range(3)], axis=1)
 
 
-NOTHING = Measurement("")
+NO_MEASUREMENT = Measurement("")
 
 
 @lru_cache(maxsize=64)
-def smoothed(curve: bytes, smoothing: float) -> Float64Array:
+def smooth_curve(curve: bytes, smoothing: float) -> Float64Array:
     """The nodes of a curve (91, 3), of smoothing > 0 their geometric mean under a bell: ratios are what noise has."""
     values = np.frombuffer(curve, np.float32).reshape(N_NODES, 3).astype(float)
     if smoothing > 0.0:

@@ -21,12 +21,12 @@ from engine.errors import InsituError, LoadError
 from engine.measured.coordinates import N_NODES, SHAPE
 from engine.measured.cornell import SUFFIX as CORNELL
 from engine.measured.cornell import read_cornell, scattered_samples
-from engine.measured.fill import Filled, fill_samples
+from engine.measured.fill_gaps import FilledTable, fill_samples
 from engine.measured.fit import METHOD, Factors, fit_factors
 from engine.measured.measurement import CURVES, ENDINGS, FitReport, Measurement
 from engine.measured.merl import merl_samples, read_merl
-from engine.measured.scattered import METHOD as SCATTERED_METHOD
-from engine.measured.scattered import fit_scattered
+from engine.measured.scattered_fit import METHOD as SCATTERED_METHOD
+from engine.measured.scattered_fit import fit_scattered
 from engine.stored_arrays import ArrayReader, Arrays
 
 Made = TypeVar("Made")
@@ -74,7 +74,7 @@ def table_of(number: int) -> Table:
     return _tables[number]
 
 
-def is_known(number: int) -> bool:
+def is_table_loaded(number: int) -> bool:
     """Whether this process has that table."""
     return number in _tables
 
@@ -99,7 +99,7 @@ def read_measurement(path: Path, store: ArrayStore | None = None) -> Steps:
     if kept is not None:
         add_table(*kept)
         return kept[1]
-    filled, factors, method = yield from _made_of(data, path)
+    filled, factors, method = yield from _fit_file(data, path)
     report = FitReport(filled.n_missing, filled.n_below, factors.error, factors.error_whole, method)
     arrays = _arrays(filled.table, factors, report)
     if store is not None:
@@ -109,7 +109,7 @@ def read_measurement(path: Path, store: ArrayStore | None = None) -> Steps:
     return measurement
 
 
-def _made_of(data: bytes, path: Path) -> Generator[tuple[float, str], None, tuple[Filled, Factors, str]]:
+def _fit_file(data: bytes, path: Path) -> Generator[tuple[float, str], None, tuple[FilledTable, Factors, str]]:
     """A table, its factors, and how they were found."""
     text = f"fitting factors to {path.name}"
     if path.suffix.lower() == CORNELL:

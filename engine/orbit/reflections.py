@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.layer import Layer
-from engine.material.maps import LayerMaps
+from engine.material.layer_maps import LayerMaps
 from engine.orbit import _slice_kernels
 from engine.orbit.slice_levels import SliceLevels
 from engine.orbit.slices import Slices, matt_reflectance, slicing

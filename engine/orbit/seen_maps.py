@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.layer import Layer
-from engine.material.maps import Images
+from engine.material.layer_maps import Images
 from engine.orbit import _footprint_kernels as kernels
 from engine.orbit.picture import Rows, Seen
 from engine.render.surface_maps import painted, sample_images

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.material.maps import Images, MapMeans
+from engine.material.layer_maps import Images, MapMeans
 from engine.material.strokes import Strokes
 from engine.scene.hits import PrimaryHits
 from engine.scene.load import Scene

@@ -57,7 +57,7 @@ def evaluate_by_curves(layer: Layer, wi: np.ndarray, wo: np.ndarray) -> np.ndarr
 
 def _quotients(layer: Layer, q: np.ndarray, wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
     """ρ_q cosθi (N, 3): the same in all colours, but of models that are coloured."""
-    model, q = layer.model, np.array(layer.model.bound(q))
+    model, q = layer.model, np.array(layer.model.bind_parameters(q))
     value = np.empty((3, len(wi)))
     for channel in range(3 if model.is_coloured else 1):
         if model.is_coloured:

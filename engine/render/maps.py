@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.layer import Layer
-from engine.material.maps import LayerMaps
+from engine.material.layer_maps import LayerMaps
 from engine.render.surface_maps import MapSampler, look_up, painted
 from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.material.maps import Images, LayerMaps
+from engine.material.layer_maps import Images, LayerMaps
 from engine.material.strokes import Strokes
 from engine.render.canvas import Canvas, SeenMaps, mean_maps, spread_points
 from engine.scene.hits import PrimaryHits

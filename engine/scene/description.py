@@ -24,7 +24,7 @@ from pydantic import (
 )
 
 from engine.material.bumps import BUMP_KINDS, NO_BUMPS, Bumps, bump_values, bumps_from
-from engine.material.maps import LayerMaps, map_fields, map_values, maps_from
+from engine.material.layer_maps import LayerMaps, map_fields, map_values, maps_from
 from engine.material.parameters import ParameterError
 from engine.scene.complaints import first_complaint
 from engine.scene.surface_kinds import NO_SURFACE, DeformSurface

@@ -21,7 +21,7 @@ import numpy.typing as npt
 from engine.errors import LoadError
 from engine.safe_files import read_regular_file, resolve_inside
 from engine.material.bumps import NO_BUMPS, Bumps
-from engine.material.maps import LayerMaps
+from engine.material.layer_maps import LayerMaps
 from engine.scene.description import LayerDescription
 from engine.scene.glb import JsonObject, parse_glb
 from engine.scene.gltf_file import FLOATS, INTEGERS, SHARES, GltfFile

@@ -21,7 +21,7 @@ import math
 from dataclasses import dataclass
 
 from engine.material.bumps import MAX_STRENGTH, NO_BUMPS, Bumps
-from engine.material.maps import LayerMaps
+from engine.material.layer_maps import LayerMaps
 from engine.scene.description import MAX_RADIANCE, LayerDescription
 from engine.scene.glb import JsonObject
 from engine.scene.gltf_textures import GltfImages, TextureUse

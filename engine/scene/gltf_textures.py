@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine.errors import LoadError
-from engine.material.maps import MAX_REPEATS, TextureTransform, Wrap
+from engine.material.layer_maps import MAX_REPEATS, TextureTransform, Wrap
 from engine.scene.glb import JsonObject
 from engine.scene.gltf_images import image_bytes
 from engine.texture.texture_files import image_size, read_texture, reduction

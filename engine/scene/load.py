@@ -18,7 +18,7 @@ import numpy.typing as npt
 from engine.errors import LoadError
 from engine.safe_files import record_files, resolve_inside
 from engine.material.bumps import Bumps
-from engine.material.maps import Images, split_image_name
+from engine.material.layer_maps import Images, split_image_name
 from engine.scene.box_projection import box_frame
 from engine.scene.defects import count_defects
 from engine.scene.description import Camera, SceneDescription, load_description

@@ -70,7 +70,7 @@ class Relief:
         for i, described in enumerate(scene.description.objects):
             try:
                 slopes = (
-                    None if described.is_lamp or described.bumps.are_flat else scene.textures.slopes(described.bumps)
+                    None if described.is_lamp or described.bumps.is_flat else scene.textures.slopes(described.bumps)
                 )
             except LoadError as error:
                 # A new one: where it was raised, which it remembers, the scene was at hand.

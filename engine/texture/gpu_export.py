@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.material.maps import WRAPS
+from engine.material.layer_maps import WRAPS
 from engine.material.strokes import HARDEST
 
 if TYPE_CHECKING:
-    from engine.material.maps import LayerMaps
+    from engine.material.layer_maps import LayerMaps
     from engine.material.strokes import Strokes
     from engine.texture.pyramid import Pyramid
     from engine.texture.texture_store import TextureStore

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine import lanes
-from engine.material.maps import AS_IT_IS, WRAPS, TextureTransform
+from engine.material.layer_maps import IDENTITY_TRANSFORM, WRAPS, TextureTransform
 from engine.texture import _pyramid_kernels as kernels
 from engine.threads import even_parts, on_threads
 
@@ -33,7 +33,7 @@ class Pyramid:
     flat: NDArray[np.float32]
     n_channels: int
     shapes: tuple[tuple[int, int], ...]
-    transform: TextureTransform = AS_IT_IS
+    transform: TextureTransform = IDENTITY_TRANSFORM
 
     @property
     def texels(self) -> NDArray[np.float32]:

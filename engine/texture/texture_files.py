@@ -25,7 +25,7 @@ from engine.errors import LoadError
 from engine.light import resampling
 from engine.light.image_files import read_radiance_image
 from engine.light.resampling import block_means
-from engine.material.maps import Space
+from engine.material.layer_maps import Space
 
 MAX_IMAGE_BYTES = 1 << 30
 MAX_SIDE = 16_384

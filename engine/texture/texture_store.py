@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from engine.errors import LoadError
 from engine.safe_files import local_path, read_regular_file, resolve_inside
 from engine.material.bumps import Bumps
-from engine.material.maps import Images, Space, split_image_name
+from engine.material.layer_maps import Images, Space, split_image_name
 from engine.texture.texture_files import MAX_IMAGE_BYTES, Image, read_texture, read_weight
 from engine.texture.pyramid import Pyramid, make_pyramid
 from engine.texture.slopes import read_heights, read_normal_map

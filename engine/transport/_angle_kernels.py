@@ -19,7 +19,7 @@ from engine.material.kinds import (
     GGX,
     GRAZING,
     LAMBERT,
-    RISES,
+    FRESNEL_TERM,
     ROUGH_ALPHA,
     ROUGH_CONDUCTOR,
     ROUGH_DISTRIBUTION,
@@ -181,7 +181,7 @@ def tint(colours_number, q, lights, x, y, z, ox, oy, oz, weights, colours, quoti
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
 def _rise(q, x, y, z, ox, oy, oz, weights):
     """weights (n,) *= (1 - cos θ_d)^5 where the layer is a second Fresnel term."""
-    if q[RISES] > 0.0:
+    if q[FRESNEL_TERM] > 0.0:
         for i in range(x.shape[0]):
             sx, sy, sz = x[i] + ox, y[i] + oy, z[i] + oz
             away = max(np.float32(1.0) - np.float32(0.5) * np.sqrt(sx * sx + sy * sy + sz * sz), np.float32(0.0))

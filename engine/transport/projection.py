@@ -66,7 +66,7 @@ def project_points(hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, lay
         np.empty(n_points, np.int64),
         np.empty(n_points * n_a * n_b, np.uint32),
     )
-    q = np.array(model.bound(np.asarray(layer.quotient_parameters, np.float64)))
+    q = np.array(model.bind_parameters(np.asarray(layer.quotient_parameters, np.float64)))
     tolerance = np.float32(light.lighting.tolerance)
     optics = kernels.Optics(model.number, q, kind_a, kind_b, n_a, n_b, tolerance, model.colours_number)
     surface = kernels.Viewed(hits.position, hits.tangent, hits.normal, hits.wo)

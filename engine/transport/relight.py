@@ -185,7 +185,7 @@ def _reflection(layer: Layer) -> kernels.Reflection:
     if not model.colours_number and all((curve == curve[:, :1]).all() for curve in curves):
         curves = [curve[:, :1] for curve in curves]
     kinds = [factor.gamma for factor in model.factors]
-    q = np.array(model.bound(layer.quotient_parameters()))
+    q = np.array(model.bind_parameters(layer.quotient_parameters()))
     second = curves[1] if len(curves) > 1 else np.ones((1, curves[0].shape[1]), np.float32)
     return kernels.Reflection(
         model.number, q, kinds[0], kinds[-1], model.colours_number, np.ascontiguousarray(curves[0]),

@@ -13,7 +13,7 @@ from app.files.session import load_session, save_session
 from app.set_path import set_path
 from app.view_state import ViewState
 from engine.errors import InsituError
-from engine.material.maps import LayerMaps
+from engine.material.layer_maps import LayerMaps
 
 SET = {
     "texture": "wood/oak.png", "texture_space": "linear", "texture_scale": [2, 0.1 + 0.2], "texture_strength": 1 / 3,

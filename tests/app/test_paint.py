@@ -19,7 +19,7 @@ from app.placement.events import LayerMapsChanged
 from app.placement.messages import MapsSampled, SampleMaps
 from app.view_state import ViewState
 from engine.errors import InsituError
-from engine.material.maps import LayerMaps, MapMeans
+from engine.material.layer_maps import LayerMaps, MapMeans
 from engine.material.strokes import MAX_DABS, Stroke, pack_dabs
 from tests.app.fake_worker import FakeClient
 

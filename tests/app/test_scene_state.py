@@ -9,7 +9,7 @@ from app.commands.light import SetIntensity
 from app.document import Document, document_from_description
 from app.placement.curves import Curves
 from app.scene_state import layer_state, scene_state
-from engine.material.maps import MapMeans, maps_from
+from engine.material.layer_maps import MapMeans, maps_from
 from engine.scene.description import parse_description
 from tests.app.fake_worker import SCENE
 

@@ -22,7 +22,7 @@ from app.messages import Failed, HandOutTable, TableHandedOut
 from app.reading import measured_layers
 from app.view_state import OpenPanel, SetView, ViewState
 from engine.curve.operators import Operator
-from engine.measured.evaluate import evaluate_table
+from engine.measured.table_lookup import evaluate_table
 from tests.naive.measured import analytic_samples, drawn_measurement
 from tests.ui.conftest import opened
 from tests.ui.stand_in import StandInClient
@@ -87,7 +87,7 @@ def test_sphere_and_plots_follow_the_curve(window: HeadlessWindow) -> None:
     editor.do(SetOperators("teapot.1", "theta_h", (dark,)))
     board = settled(window)
     gain = editor.document.layer("teapot.1").curve("theta_h")(np.array([0.2])) / (
-        editor.document.layer("teapot.1").generated("theta_h")(np.array([0.2]))
+        editor.document.layer("teapot.1").generated_curve("theta_h")(np.array([0.2]))
     )
     assert board.lobe is not None and board.lobe.values == pytest.approx(lobe.values * gain, rel=1e-3)
     assert board.albedo is not None and board.albedo.equivalent == pytest.approx(albedo.equivalent * gain[0], rel=1e-3)

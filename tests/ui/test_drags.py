@@ -148,7 +148,7 @@ def test_one_channel_is_edited_alone(window: HeadlessWindow) -> None:
     assert made.channels == (True, False, False)
     gamma = np.array([core(made.regions)])
     layer = window.shell.editor.document.layer(KEY)
-    change = layer.curve(FACTOR)(gamma) - layer.generated(FACTOR)(gamma)
+    change = layer.curve(FACTOR)(gamma) - layer.generated_curve(FACTOR)(gamma)
     assert change[0, 0] > 0.0
     assert change[0, 1] == change[0, 2] == 0.0
 

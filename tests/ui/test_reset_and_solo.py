@@ -79,7 +79,7 @@ def test_right_click_puts_back_what_the_scene_has_and_else_the_default(window: H
 
 def default_of(window: HeadlessWindow, key: str, name: str) -> object:
     """The model's own default of a parameter."""
-    return {p.name: p.default for p in window.shell.editor.document.layer(key).table}[name]
+    return {p.name: p.default for p in window.shell.editor.document.layer(key).parameter_table}[name]
 
 
 def test_right_click_leaves_fixed_objects_alone(window: HeadlessWindow) -> None:

@@ -9,7 +9,7 @@ from imgui_bundle import ImVec2, imgui
 from app.commands.surfaces import SetBumps
 from app.document import ObjectState
 from engine.material.bumps import MAX_HEIGHT, MAX_STRENGTH
-from engine.material.maps import MAX_REPEATS
+from engine.material.layer_maps import MAX_REPEATS
 from ui import theme as look
 from ui.panels import fields, widgets
 from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag

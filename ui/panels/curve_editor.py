@@ -69,7 +69,7 @@ def selected_curves(context: PanelContext) -> DrawnCurves | None:
         return None
     state = context.document.object(selection.object)
     editable = state.editable and not context.document.is_frozen(selection.key)
-    return DrawnCurves(selection.key, factor, layer, layer.generated(factor), layer.operators(factor), editable)
+    return DrawnCurves(selection.key, factor, layer, layer.generated_curve(factor), layer.operators(factor), editable)
 
 
 def _draw_empty(context: PanelContext) -> None:

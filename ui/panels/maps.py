@@ -9,7 +9,7 @@ from imgui_bundle import ImVec2, imgui
 
 from app.commands.maps import SetMap
 from app.commands.paint import ClearMap
-from engine.material.maps import MAX_REPEATS, SPACES, LayerMaps
+from engine.material.layer_maps import MAX_REPEATS, SPACES, LayerMaps
 from ui import theme as look
 from ui.panels import fields, paint, widgets
 from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, ReloadImages

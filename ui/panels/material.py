@@ -49,7 +49,7 @@ def _material(context: PanelContext) -> list[Action]:
     actions += _heading(context, selection, layer, editable)
     imgui.begin_disabled(not editable)
     actions += _model(context, selection.key, layer, width)
-    for parameter in layer.table:
+    for parameter in layer.parameter_table:
         actions += _parameter(context, selection.key, layer, parameter, width)
     if _shows_images(context, layer):
         actions += maps.draw(context, selection.key, layer.maps, width)
@@ -132,7 +132,7 @@ def _fresnel_switch(context: PanelContext, key: str, layer: Layer) -> list[Actio
 
 def _label_width(context: PanelContext, layer: Layer) -> float:
     """A column, at scale 1, in which the model's longest label fits, within limits."""
-    longest = max((widgets.rich_width(widgets.subscripted(p.label)) for p in layer.table), default=0.0)
+    longest = max((widgets.rich_width(widgets.subscripted(p.label)) for p in layer.parameter_table), default=0.0)
     return min(max(longest / context.theme.scale + 10.0, widgets.LABEL_WIDTH), LARGEST_LABEL)
 
 

@@ -10,7 +10,7 @@ from app.commands.maps import SetMap
 from app.commands.paint import BlendByMap, Paint, blended_with
 from app.document import layer_key
 from engine.material.layer import object_of
-from engine.material.maps import LayerMaps
+from engine.material.layer_maps import LayerMaps
 from ui import theme as look
 from ui.brush import along, spots_at, stroke_at
 from ui.panels import fields, widgets

@@ -14,7 +14,7 @@ from app.files.material_file import load_material
 from app.measurements import measurement_in
 from engine.material import MODELS, make_layer
 from engine.measured.coordinates import above_horizon, grid_directions
-from engine.measured.evaluate import evaluate_table
+from engine.measured.table_lookup import evaluate_table
 from engine.measured.merl import merl_samples, read_merl
 from engine.measured.tables import read_measurement, table_of
 from engine.render.tabulate import left_out, tabulate_layers

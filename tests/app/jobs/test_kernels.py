@@ -28,7 +28,7 @@ from app.placement.messages import (
     SampleMaps,
     StageDone,
 )
-from engine.material.maps import Images
+from engine.material.layer_maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from tests.app.jobs.ball_and_lamp import compute, opened
 

@@ -11,7 +11,7 @@ from app.jobs.maps import thumbnail
 from app.jobs.tasks import Tasks
 from app.messages import SceneSeen
 from app.placement.messages import MapsRefused, MapsSampled, SampleMaps
-from engine.material.maps import Images
+from engine.material.layer_maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.texture.pyramid import make_pyramid
 from tests.opened import open_in_process, run_in_process
@@ -68,6 +68,6 @@ def test_strokes_are_painted_where_the_eye_sees_them_also_without_texture_coordi
     assert weight.max() == 1.0 and (found.samples[:, :3] == 1.0).all() and 0.0 < found.means.weight < 1.0
     assert found.thumbnails["weight"].max() == 255
     dab = Stroke(0.05, dabs=pack_dabs([0.06, -0.06, 1.0], [0.0, 0.0, 1.0]))
-    more = Images(weight_start=0.0, strokes=images.strokes.gone_on(dab))
+    more = Images(weight_start=0.0, strokes=images.strokes.with_dabs(dab))
     (then,) = run_in_process(tasks, SampleMaps((("bare.0", more),)))
     assert isinstance(then, MapsSampled) and then.means.weight > found.means.weight

@@ -15,7 +15,7 @@ from app.messages import (
     TableHandedOut,
 )
 from app.placement.messages import Contract
-from engine.measured.measurement import NOTHING
+from engine.measured.measurement import NO_MEASUREMENT
 from tests.app.jobs.faulty_tasks import compute
 
 
@@ -110,7 +110,7 @@ def test_a_table_is_wanted_whatever_scene_is_open() -> None:
     standing.add(Cancel(id=4))
     standing.add(OpenScene("other", id=5))
     assert ids(standing) == [5, 2]
-    standing.settle(TableHandedOut(NOTHING, np.zeros(0, np.float32), id=2))
+    standing.settle(TableHandedOut(NO_MEASUREMENT, np.zeros(0, np.float32), id=2))
     assert ids(standing) == [5]
 
 

@@ -12,7 +12,7 @@ from app.messages import WorkerRestarted
 from app.placement.events import ComparedRefined, LayerMapsChanged
 from app.placement.messages import ComputeTransport, MapsRefused, MapsSampled, SampleMaps
 from app.view_state import SetView
-from engine.material.maps import Images, MapMeans
+from engine.material.layer_maps import Images, MapMeans
 from engine.material.strokes import make_stroke, pack_dabs
 from tests.app.fake_worker import SCENE, FakeClient
 from tests.app.placement.test_comparison import EXACT, remember

@@ -13,7 +13,7 @@ from engine.deform.reflectance import Reflectance, albedos, reflectance
 from engine.light.environment import LUMINANCE, constant_environment
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
-from engine.material.maps import LayerMaps
+from engine.material.layer_maps import LayerMaps
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.scene.load import Scene, load_scene
 from engine.scene.raycaster import RayCaster

@@ -17,7 +17,7 @@ from engine.indirect.layers import IndirectLayer, indirect_layer
 from engine.indirect.series import BounceSeries
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
-from engine.material.maps import LayerMaps
+from engine.material.layer_maps import LayerMaps
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.render.indirect import indirect_radiance
 from engine.render.path_tracer import trace_halves
@@ -199,7 +199,7 @@ def test_light_between_textured_walls_has_the_mean_of_paths(folder: Path) -> Non
 
 
 def bands_of(layer: Layer) -> tuple[int, int]:
-    return (16, 1) if layer.model.is_matt else (64, 16)
+    return (16, 1) if layer.model.is_diffuse else (64, 16)
 
 
 def mean_and_chance(ours: NDArray[np.floating], halves: NDArray[np.floating]) -> tuple[float, float]:

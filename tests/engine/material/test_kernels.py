@@ -83,7 +83,7 @@ def product_of_factors(layer, wi, wo):
     for factor in model.factors + ((model.view_factor,) if model.view_factor else ()):
         found = all_gammas(factor.gamma, q, wi, wo)
         inside = found <= math.pi / 2
-        product = product * layer.generated(factor.name)(np.minimum(found, math.pi / 2)) * inside[:, None]
+        product = product * layer.generated_curve(factor.name)(np.minimum(found, math.pi / 2)) * inside[:, None]
     return product
 
 

@@ -35,7 +35,7 @@ def test_edits_survive_parameters(copper):
     # The operator sits on whatever alpha generates.
     for alpha in (0.1, 0.5):
         layer = copper.with_operators("theta_h", [LIFT]).with_parameter("alpha", alpha)
-        difference = layer.curve("theta_h")(GAMMA) - layer.generated("theta_h")(GAMMA)
+        difference = layer.curve("theta_h")(GAMMA) - layer.generated_curve("theta_h")(GAMMA)
         inside = (GAMMA >= 0.4) & (GAMMA <= 0.6)
         assert difference[inside] == pytest.approx(np.full((inside.sum(), 3), 2.0))
 

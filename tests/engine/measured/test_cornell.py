@@ -8,7 +8,7 @@ import pytest
 from engine.errors import LoadError
 from engine.measured.coordinates import above_horizon, directions_at
 from engine.measured.cornell import read_cornell, scattered_samples
-from engine.measured.evaluate import evaluate_table
+from engine.measured.table_lookup import evaluate_table
 from engine.measured.measurement import Measurement
 from engine.measured.spectrum import rgb_weights
 from engine.measured.tables import read_measurement, table_of

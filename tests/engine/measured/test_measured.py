@@ -16,7 +16,7 @@ from engine.material.kinds import CHANNEL
 from engine.material.layer import Layer
 from engine.measured import tables
 from engine.measured.coordinates import above_horizon, node_angles
-from engine.measured.evaluate import evaluate_table
+from engine.measured.table_lookup import evaluate_table
 from engine.measured.fit import fit_factors
 from engine.measured.measurement import Measurement
 from engine.measured.tables import read_measurement, table_of
@@ -135,7 +135,7 @@ def test_the_colours_of_many_directions_are_those_of_each(measurement: Measureme
     # What the projection looks up at once against one direction and one colour after the other: but for rounding.
     model = MODELS[name]
     layer = make_layer(model, {"file": measurement})
-    q, wi, wo = np.array(model.bound(layer.quotient_parameters())), hemisphere(200, 6), hemisphere(1, 7)[0]
+    q, wi, wo = np.array(model.bind_parameters(layer.quotient_parameters())), hemisphere(200, 6), hemisphere(1, 7)[0]
     wi[:20] = wo * [-1, -1, 1] + 1e-3 * hemisphere(20, 8)  # about the highlight's tip
     wi[20:40, 2] *= -1.0
     x, y, z = np.ascontiguousarray(wi.T, np.float32)
@@ -177,7 +177,7 @@ def test_what_was_forged_is_made_again(
         raise LookupError("made again")
 
     monkeypatch.setattr(tables, "_tables", {})
-    monkeypatch.setattr(tables, "_made_of", made_again)
+    monkeypatch.setattr(tables, "_fit_file", made_again)
     ((key, arrays),) = kept.arrays.items()
     forgeries = [*forged_shapes(arrays), *forged_numbers({"samples": arrays["samples"], "curves": arrays["curves"]})]
     for what, forged in forgeries[::4]:

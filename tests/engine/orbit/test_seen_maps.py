@@ -9,7 +9,7 @@ from PIL import Image
 
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.material.maps import LayerMaps
+from engine.material.layer_maps import LayerMaps
 from engine.orbit.picture import PointMesh
 from engine.orbit.seen_maps import factors, footprints_of
 from engine.orbit.shading_points import shading_points

@@ -11,7 +11,7 @@ from PIL import Image
 from engine.errors import LoadError
 from engine.material import MODELS
 from engine.material.layer import Layer
-from engine.material.maps import Images, LayerMaps, MapMeans
+from engine.material.layer_maps import Images, LayerMaps, MapMeans
 from engine.render.maps import MapFactors
 from engine.render.surface_maps import MapSampler, look_up, uvs_at
 from engine.scene.description import load_description, parse_description

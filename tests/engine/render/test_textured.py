@@ -11,7 +11,7 @@ from engine.indirect.series import BounceSeries
 from engine.light.environment import constant_environment
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
-from engine.material.maps import LayerMaps
+from engine.material.layer_maps import LayerMaps
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.planner import plan_scene
 from engine.render.indirect import indirect_radiance

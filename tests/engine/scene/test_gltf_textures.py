@@ -13,7 +13,7 @@ from PIL import Image
 
 from engine.errors import LoadError
 from engine.material.bumps import Bumps
-from engine.material.maps import LayerMaps
+from engine.material.layer_maps import LayerMaps
 from engine.render.surface_maps import look_up, uvs_at
 from engine.scene.gltf import GlbModel, read_glb
 from engine.scene.load import load_scene

@@ -208,7 +208,7 @@ def test_a_large_exr_is_its_means(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("small_limit")
 def test_a_store_tells_once_what_is_shown_smaller(tmp_path: Path) -> None:
-    from engine.material.maps import Images
+    from engine.material.layer_maps import Images
 
     (tmp_path / "a.png").write_bytes(png(np.zeros((16, 16), np.uint8)))
     store = TextureStore(tmp_path / "scene.toml")

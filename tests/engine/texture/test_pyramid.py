@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.material.maps import TextureTransform
+from engine.material.layer_maps import TextureTransform
 from engine.texture.pyramid import MOST_PROBES, Pyramid, make_pyramid
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.material.maps import Images, LayerMaps, map_values, maps_from
+from engine.material.layer_maps import Images, LayerMaps, map_values, maps_from
 from engine.material.parameters import ParameterError
 from engine.material.strokes import MAX_DABS, Stroke, Strokes, pack_dabs
 from engine.render.surface_maps import MapSampler
@@ -64,21 +64,21 @@ def test_what_goes_on_is_as_what_was_painted_at_once() -> None:
     points = PaintedPoints(np.full(len(PLANE), 0.3, np.float32), PLANE, np.tile(np.float32(UP), (len(PLANE), 1)))
     for _ in range(3):
         ways = rng.uniform(-1.0, 1.0, (6, 3)) * [1, 1, 0]
-        done = done.begun(stroke(tuple(ways[0]), value=float(rng.uniform()), strength=0.7))
+        done = done.with_stroke(stroke(tuple(ways[0]), value=float(rng.uniform()), strength=0.7))
         points.weights(done)
         for way in ways[1:]:
-            done = done.gone_on(stroke(tuple(way)))
+            done = done.with_dabs(stroke(tuple(way)))
             newest = points.weights(done)
     np.testing.assert_array_equal(newest, painted(*done.strokes, base=0.3))
     before = Strokes(done.strokes[:1])
-    other = before.begun(stroke((0.0, 0.5, 0.0)))
+    other = before.with_stroke(stroke((0.0, 0.5, 0.0)))
     np.testing.assert_array_equal(points.weights(before), painted(*before.strokes, base=0.3))  # undone
     np.testing.assert_array_equal(points.weights(other), painted(*other.strokes, base=0.3))  # and painted on
     many = Strokes(tuple(stroke((0.1 * i - 1.0, 0.0, 0.0), strength=0.4) for i in range(MOST_BACK + 4)))
     for n in (len(many.strokes), 2, MOST_BACK, 0, 1):  # further back than is kept, and less far
         part = Strokes(many.strokes[:n])
         np.testing.assert_array_equal(points.weights(part), painted(*part.strokes, base=0.3))
-    assert done.goes_on_from(before) and not before.goes_on_from(done)
+    assert done.extends(before) and not before.extends(done)
     twice = Strokes(2 * done.strokes[-1:])
     points.weights(Strokes(twice.strokes[:1]))
     np.testing.assert_array_equal(points.weights(twice), painted(*twice.strokes, base=0.3))
@@ -167,7 +167,7 @@ def test_strokes_stay_where_they_are_in_the_world_in_far_scenes() -> None:
         offset = np.subtract(FAR, (x, y, z))
         far = Stroke(0.2, hardness=1.0, dabs=pack_dabs([[0.12, 0.1, 0.0] + offset], [UP]), origin=(x, y, z))
         more = Stroke(0.2, dabs=pack_dabs([[0.2, 0.1, 0.0]], [UP]), origin=FAR)
-        strokes = Strokes((far,)).gone_on(more)
+        strokes = Strokes((far,)).with_dabs(more)
         found = seen_on_a_quad(FAR, Images(weight_start=0.0, strokes=strokes))
         np.testing.assert_allclose(found, expected, atol=5e-3)  # an edge of a centimetre, places to 0.03 mm
         again = maps_from({"strokes": map_values(LayerMaps(strokes=strokes))["strokes"]}).strokes

@@ -14,7 +14,7 @@ import pytest
 from engine.curve.operators import Operator
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
-from engine.measured.evaluate import evaluate_table
+from engine.measured.table_lookup import evaluate_table
 from engine.measured.measurement import Measurement
 from engine.measured.tables import read_measurement, table_of
 from engine.generators import run_to_end

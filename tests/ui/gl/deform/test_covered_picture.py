@@ -20,7 +20,7 @@ from engine.deform.zonal import Zonal
 from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
-from engine.material.maps import LayerMaps
+from engine.material.layer_maps import LayerMaps
 from engine.material.strokes import Stroke, Strokes
 from engine.scene.camera_moves import orbited
 from engine.scene.load import Scene, load_scene

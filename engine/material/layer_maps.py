@@ -55,7 +55,7 @@ class TextureTransform(NamedTuple):
         return quarters.get(self.rotation % 360.0) or (math.cos(angle), math.sin(angle))
 
 
-AS_IT_IS = TextureTransform()
+IDENTITY_TRANSFORM = TextureTransform()
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ class Images:
     weight: str = ""
     weight_start: float = 1.0
     strokes: Strokes = Strokes()
-    texture_transform: TextureTransform = AS_IT_IS
+    texture_transform: TextureTransform = IDENTITY_TRANSFORM
 
     @property
     def is_of_files(self) -> bool:
@@ -141,7 +141,7 @@ class Images:
         return bool(self.weight or self.strokes or self.weight_start != 1.0)
 
     @property
-    def unpainted(self) -> Images:
+    def without_strokes(self) -> Images:
         """What the strokes are on."""
         return dataclasses.replace(self, strokes=Strokes())
 

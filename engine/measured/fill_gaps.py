@@ -16,7 +16,7 @@ from engine.measured.coordinates import above_horizon
 
 
 @dataclass(frozen=True, eq=False)
-class Filled:
+class FilledTable:
     """A table (90, 90, 180, 3) float32 without gaps, where it was `measured` (90, 90, 180), and how many samples of it
     were filled: missing above the horizon, and below it."""
 
@@ -26,7 +26,7 @@ class Filled:
     n_below: int
 
 
-def fill_samples(samples: NDArray[np.float32]) -> Filled | None:
+def fill_samples(samples: NDArray[np.float32]) -> FilledTable | None:
     """The samples with all that are negative in any channel filled; None where there is no other."""
     measured: NDArray[np.bool_] = np.asarray((samples >= 0.0).all(axis=-1))
     if not measured.any():
@@ -39,11 +39,11 @@ def fill_samples(samples: NDArray[np.float32]) -> Filled | None:
     _fill_around(table, known, above)
     for axis in (1, 0, 2):
         if not known.all():
-            table, known = _carried_on(table, known, axis)
-    return Filled(table, measured & above, n_missing, n_below)
+            table, known = _extrapolate(table, known, axis)
+    return FilledTable(table, measured & above, n_missing, n_below)
 
 
-def _carried_on(
+def _extrapolate(
     table: NDArray[np.float32], known: NDArray[np.bool_], axis: int
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """What is not known takes the last known sample along an axis, or the first where there is none before."""

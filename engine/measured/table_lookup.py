@@ -39,9 +39,9 @@ def evaluate_part(
     whole = evaluate_table(table, wi, wo)
     theta_i, theta_o = (np.arccos(np.clip(v[:, 2], 0.0, 1.0)) for v in (wi, wo))
     factors = (measurement.curve(name, at, smoothing) for name, at in (("theta_i", theta_i), ("theta_o", theta_o)))
-    matt = np.asarray(measurement.diffuse)
+    diffuse_part = np.asarray(measurement.diffuse)
     for factor in factors:
-        matt = matt * factor
-    parts = {"diffuse": np.minimum(whole, matt), "specular": np.maximum(whole - matt, 0.0), "whole": whole}
+        diffuse_part = diffuse_part * factor
+    parts = {"diffuse": np.minimum(whole, diffuse_part), "specular": np.maximum(whole - diffuse_part, 0.0), "whole": whole}
     value = parts[part]
     return np.where(above[:, None], value, 0.0)

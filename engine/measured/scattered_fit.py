@@ -22,8 +22,8 @@ from engine.measured.coordinates import (
     half_and_difference,
     node_position,
 )
-from engine.measured.cornell import Scattered
-from engine.measured.fill import Filled
+from engine.measured.cornell import ScatteredSamples
+from engine.measured.fill_gaps import FilledTable
 from engine.measured.fit import DARK, LEAST, LEAST_STRENGTH, Factors, factors_of
 
 Float64Array = NDArray[np.float64]
@@ -41,7 +41,7 @@ _REACH = 0.06  # how far a sample tells of others, in shares of the angles
 _AWAY = np.radians(25.0)
 
 
-def fit_scattered(samples: Scattered) -> Iterator[float | tuple[Filled, Factors]]:
+def fit_scattered(samples: ScatteredSamples) -> Iterator[float | tuple[FilledTable, Factors]]:
     """A table and its factors; yields the share done, then both."""
     angles = _Angles(samples.wi, samples.wo)
     found = []
@@ -74,15 +74,15 @@ def _fit_channel(values: Float64Array, angles: _Angles) -> tuple[Float64Array | 
     """d, g, s, G, H and w, P, Q of one colour."""
     light, view, difference, half = (angles.hats(name) for name in ("light", "view", "difference", "half"))
     away = values[angles.half > _AWAY]
-    matt = max(float(np.quantile(away, _QUANTILE)) if len(away) else 0.0, LEAST_STRENGTH)
+    diffuse_part = max(float(np.quantile(away, _QUANTILE)) if len(away) else 0.0, LEAST_STRENGTH)
     first = np.concatenate([
-        np.full(_N_COARSE, 0.5 * np.log(matt)), np.zeros(_N_COARSE),
-        _first_guess(half, np.maximum(values - matt, 0.03 * values) + 0.01 * DARK),
+        np.full(_N_COARSE, 0.5 * np.log(diffuse_part)), np.zeros(_N_COARSE),
+        _first_guess(half, np.maximum(values - diffuse_part, 0.03 * values) + 0.01 * DARK),
     ])  # fmt: skip
     logs = _solve(first, values, light + view, np.concatenate([difference, half], axis=1))
     slant, over_d, over_h = (_nodes(part) for part in np.split(logs, [_N_COARSE, 2 * _N_COARSE]))
     strengths = [max(float(a.max() * b.max()), LEAST_STRENGTH) for a, b in ((slant, slant), (over_d, over_h))]
-    return strengths[0], _scaled(slant), strengths[1], _scaled(over_d), _scaled(over_h), *_fit_cloth(values, angles)
+    return strengths[0], _normalize_curve(slant), strengths[1], _normalize_curve(over_d), _normalize_curve(over_h), *_fit_cloth(values, angles)
 
 
 def _solve(first: Float64Array, values: Float64Array, slants: Float64Array, highlight: Float64Array) -> Float64Array:
@@ -94,9 +94,9 @@ def _solve(first: Float64Array, values: Float64Array, slants: Float64Array, high
         smooth[k * len(coarse) : k * len(coarse) + len(part), k * _N_COARSE : k * _N_COARSE + part.shape[1]] = part
     target = np.log(values + DARK)
     for _ in range(_STEPS):
-        matt, shine = np.exp(slants @ logs[:_N_COARSE]), np.exp(highlight @ logs[_N_COARSE:])
-        fit = matt + shine + DARK
-        rows = np.concatenate([slants * (matt / fit)[:, None], highlight * (shine / fit)[:, None]], axis=1)
+        diffuse_part, shine = np.exp(slants @ logs[:_N_COARSE]), np.exp(highlight @ logs[_N_COARSE:])
+        fit = diffuse_part + shine + DARK
+        rows = np.concatenate([slants * (diffuse_part / fit)[:, None], highlight * (shine / fit)[:, None]], axis=1)
         # Not by @: the threads of its library take ten times as long where the processors are busy.
         square = np.einsum("ni,nj->ij", rows, rows) + smooth.T @ smooth + _DAMPING * np.eye(n)
         step = np.linalg.solve(square, rows.T @ (target - np.log(fit)) - smooth.T @ (smooth @ logs))
@@ -121,7 +121,7 @@ def _fit_cloth(values: Float64Array, angles: _Angles) -> tuple[float, Float64Arr
         square[part, part] += _bending(n).T @ _bending(n)
     found = np.linalg.solve(square, rows.T @ np.log(values + DARK))
     p, q = (_nodes(part) for part in np.split(found, [_N_COARSE]))
-    return float(p.max() ** 2 * q.max()), _scaled(p), _scaled(q)
+    return float(p.max() ** 2 * q.max()), _normalize_curve(p), _normalize_curve(q)
 
 
 def _first_guess(hats: Float64Array, values: Float64Array) -> Float64Array:
@@ -136,7 +136,7 @@ def _nodes(logs: Float64Array) -> Float64Array:
     return np.asarray(np.exp(np.interp(np.linspace(0.0, len(logs) - 1.0, N_NODES), np.arange(len(logs)), logs)))
 
 
-def _scaled(curve: Float64Array) -> Float64Array:
+def _normalize_curve(curve: Float64Array) -> Float64Array:
     return np.maximum(curve / curve.max(), LEAST)
 
 
@@ -147,9 +147,9 @@ def _at(curve: Float64Array, angle: Float64Array, is_half: bool = False) -> Floa
 
 
 def _product(factors: Factors, angles: _Angles) -> Float64Array:
-    matt = factors.diffuse * _at(factors.slant, angles.light) * _at(factors.slant, angles.view)
+    diffuse_part = factors.diffuse * _at(factors.slant, angles.light) * _at(factors.slant, angles.view)
     shine = _at(factors.theta_d, angles.difference) * _at(factors.theta_h, angles.half, True)
-    return np.asarray(matt + factors.specular * shine)
+    return np.asarray(diffuse_part + factors.specular * shine)
 
 
 def _cloth(factors: Factors, angles: _Angles) -> Float64Array:
@@ -162,7 +162,7 @@ def _log_rms(values: Float64Array, fit: Float64Array) -> float:
     return float(np.sqrt((apart * apart).mean()))
 
 
-def _table(samples: Scattered, factors: Factors, angles: _Angles) -> Filled:
+def _table(samples: ScatteredSamples, factors: Factors, angles: _Angles) -> FilledTable:
     """The product of the factors on the grid, times what samples near by have beyond it."""
     from scipy.spatial import cKDTree
 
@@ -183,7 +183,7 @@ def _table(samples: Scattered, factors: Factors, angles: _Angles) -> Filled:
     table = np.maximum(np.exp(_between(logs)) - DARK, 0.0).astype(np.float32)
     above = ((wi[:, 2] > 0.0) & (wo[:, 2] > 0.0)).reshape(coarse)
     measured = np.repeat((told > 0.5).reshape(coarse) & above, _EVERY, axis=2)
-    return Filled(table, measured, _EVERY * int(above.sum()) - int(measured.sum()), samples.n_below)
+    return FilledTable(table, measured, _EVERY * int(above.sum()) - int(measured.sum()), samples.n_below)
 
 
 def _places(angles: _Angles, mirrored: bool = False) -> Float64Array:
