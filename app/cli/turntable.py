@@ -23,7 +23,7 @@ from app.project import Project
 from app.stills import ENDINGS, picture_bytes
 from engine.colour import ToneMapping
 from engine.errors import InsituError
-from engine.light.image_files import read_radiance_image
+from engine.light.radiance_files import read_radiance_image
 from engine.texture.texture_files import read_texture
 
 RECORD = ".turntable"

@@ -22,7 +22,7 @@ from app.sky import sky_of
 from engine.deform.pose import Poses
 from engine.deform.posed_scene import posed
 from engine.errors import InsituError
-from engine.light.environment import Environment, downsampled, load_environment
+from engine.light.environment import Environment, downsample, load_environment
 from engine.planner import planned_edge_rays
 from engine.scene.hits import tracing_primary
 from engine.scene.load import Scene
@@ -118,7 +118,7 @@ class Bench:
             return SkyImage(np.zeros((1, 2, 3), np.float32), id=self.view_id)
         environment = sky.environment
         if environment.radiance.shape[0] > BACKGROUND_HEIGHT:
-            environment = downsampled(environment, BACKGROUND_HEIGHT)
+            environment = downsample(environment, BACKGROUND_HEIGHT)
         return SkyImage(environment.radiance * np.float32(sky.scale), sky.environment.notes, id=self.view_id)
 
     def _environment(self, path: Path, mapping: str) -> Environment:

@@ -46,7 +46,7 @@ from app.placement.messages import (
     StageFootprint,
 )
 from app.scene_state import LayerState
-from engine.light.environment import downsampled
+from engine.light.environment import downsample
 from engine.material.layer import Layer
 from engine.planner import RenderSettings, Precision, band_counts
 from engine.render.light_pilot import LightNeed
@@ -302,7 +302,7 @@ class PlacementWork(ModeWork):
     ) -> Steps:
         clock = _Clock(quality.name)
         if quality is DRAG and sky.environment is not None:
-            sky = replace(sky, environment=downsampled(sky.environment, DRAG_ENVIRONMENT_HEIGHT))
+            sky = replace(sky, environment=downsample(sky.environment, DRAG_ENVIRONMENT_HEIGHT))
         key = self._light_key(sky, placement.scene, quality) if quality.name == FINAL.name else ""
         light = yield from self._final_light(placement, sky, quality, key, clock)
         total = (

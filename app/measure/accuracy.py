@@ -13,7 +13,7 @@ from PIL import Image
 from app.measure.speed import ComputedLayer, Precomputed
 from app.measure.subject import Subject
 from engine.light.environment import Environment
-from engine.light.image_files import read_radiance_image
+from engine.light.radiance_files import read_radiance_image
 from engine.material.layer import Layer
 from engine.render.integrator import integrate_direct
 from engine.render.still import compose

@@ -28,7 +28,7 @@ from app.measure.accuracy import reference_folder
 from app.measure.markdown import table
 from app.measure.plots import save_figure
 from app.project import Project, open_project
-from engine.light.lights import cut_lights
+from engine.light.triangle_lights import cut_lights
 from engine.scene.hits import PrimaryHits, trace_primary
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.visibility.grid import coherent_visibility

@@ -19,7 +19,7 @@ from engine.indirect._ray_kernels import EVEN
 from engine.indirect.cell_maps import CellMaps
 from engine.indirect.equivalence import N_SLANTS
 from engine.light.emitters import EmitterPatches
-from engine.light.lights import TriangleLights
+from engine.light.triangle_lights import TriangleLights
 from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.threads import on_threads

@@ -24,7 +24,7 @@ from engine.indirect.cells import NO_TURN, Cells, Rays
 from engine.indirect.layers import IndirectLayer, is_glossy
 from engine.indirect.rays import pole_tables
 from engine.light.emitters import EmitterPatches
-from engine.light.lights import TriangleLights
+from engine.light.triangle_lights import TriangleLights
 from engine.material import kinds
 from engine.scene.raycaster import Intersections
 from engine.sphere.geodesic import locate

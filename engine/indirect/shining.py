@@ -17,7 +17,7 @@ from engine.indirect._second_kernels import SampledLights
 from engine.indirect.cells import patch_lights, sky_lights
 from engine.indirect.second_bounce import lamps_of
 from engine.light.emitters import EmitterPatches
-from engine.light.lights import TriangleLights, cut_lights
+from engine.light.triangle_lights import TriangleLights, cut_lights
 from engine.transport.lighting import mean_radiance
 from engine.transport.pipeline import Placement, SkyState
 
@@ -51,7 +51,7 @@ def in_units(
     mean = mean_radiance(cut, patches, own)
     unit = math.ldexp(1.0, math.frexp(mean)[1])
     if cut is not None:
-        cut = cut.scaled(own / unit)
+        cut = cut.scale_by(own / unit)
     if patches is not None:
         patches = replace(patches, radiance=(patches.radiance / np.float64(unit)).astype(np.float32))
     return cut, patches, unit * common if common > 0.0 else unit

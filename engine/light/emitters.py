@@ -2,7 +2,7 @@
 
 Every emitting triangle is a root; a node is halved at the middle of its longest edge, which keeps patches well shaped.
 Which one is halved next is said by an importance: of the area alone (`emitter_patches`: even in area, no emitter finer
-than another), or of what a patch does at the points that see it (`emitter_tree` with `seen_importance`). By area, large
+than another), or of what a patch does at the points that see it (`emitter_tree` with `visible_importance`). By area, large
 panels far away use the patches up: a stairwell with thirteen lamps was 9 % off with 256 patches and 3 % with 4,096.
 
 One-sided: a patch shines to the side its normal points to, given by the order of its corners (counter-clockwise seen
@@ -102,7 +102,7 @@ def emitter_tree(
         raise ValueError("emitters hold values that are not finite, or negative radiance")
     if n_leaves < 1:
         raise ValueError(f"n_patches = {n_leaves}, expected at least 1")
-    shining = shining_triangles(corners, emitted)
+    shining = emitting_triangles(corners, emitted)
     corners, emitted = corners[shining], emitted[shining]
     nodes, root, child = _halve(corners, n_leaves, importance or (lambda halves, roots: _areas(halves)))
     first, split = _first_leaves(child, len(corners)), np.flatnonzero(child >= 0)
@@ -116,12 +116,12 @@ def emitter_tree(
     )  # fmt: skip
 
 
-def shining_triangles(corners: Float64Array, radiance: Float64Array) -> NDArray[np.bool_]:
+def emitting_triangles(corners: Float64Array, radiance: Float64Array) -> NDArray[np.bool_]:
     """Which triangles (T, 3, 3) have area and radiance (T, 3)."""
     return (_areas(corners) > 0.0) & (radiance > 0.0).any(axis=1)
 
 
-def merged_triangles(corners: Float64Array, radiance: Float64Array, most: int) -> tuple[Float64Array, Float64Array]:
+def merge_triangles(corners: Float64Array, radiance: Float64Array, most: int) -> tuple[Float64Array, Float64Array]:
     """At most about so many triangles in the place of many that shine (T, 3, 3), with radiance (T, 3).
 
     Those that stand together, face alike and shine alike become one that faces as the sum of their area vectors, has
@@ -142,7 +142,7 @@ def merged_triangles(corners: Float64Array, radiance: Float64Array, most: int) -
     _, kinds = np.unique(radiance, axis=0, return_inverse=True)
     order = np.argsort(kinds.ravel(), kind="stable")
     groups = np.split(order, np.cumsum(np.bincount(kinds.ravel()))[:-1])
-    spread = [_spread(features[group], power[group]) for group in groups]
+    spread = [_weighted_variance(features[group], power[group]) for group in groups]
     while len(groups) < most:
         widest = int(np.argmax(spread))
         group = groups[widest]
@@ -151,8 +151,8 @@ def merged_triangles(corners: Float64Array, radiance: Float64Array, most: int) -
         if spread[widest] <= 0.0 or below.all() or not below.any():
             break
         for place, half in ((widest, group[below]), (len(groups), group[~below])):
-            groups[place : place + 1], spread[place : place + 1] = [half], [_spread(features[half], power[half])]
-    merged = np.array([_merged(corners[group], vectors[group]) for group in groups])
+            groups[place : place + 1], spread[place : place + 1] = [half], [_weighted_variance(features[half], power[half])]
+    merged = np.array([_merge_group(corners[group], vectors[group]) for group in groups])
     return merged, radiance[[group[0] for group in groups]]
 
 
@@ -167,7 +167,7 @@ def merged_by_object(
     for one in np.unique(objects[areas > 0.0]):
         mine = (objects == one) & (areas > 0.0)
         wanted = max(round(most * areas[mine].sum() / areas.sum()), FEWEST_OF_AN_OBJECT)
-        pieces, _ = merged_triangles(corners[mine], np.ones((int(mine.sum()), 3)), wanted)
+        pieces, _ = merge_triangles(corners[mine], np.ones((int(mine.sum()), 3)), wanted)
         merged.append(pieces)
         owners.append(np.full(len(pieces), one, objects.dtype))
     return np.concatenate(merged), np.concatenate(owners)
@@ -185,14 +185,14 @@ def _without_slivers(corners: Float64Array, radiance: Float64Array, longest: flo
     return corners, radiance
 
 
-def _spread(features: Float64Array, weights: Float64Array) -> float:
+def _weighted_variance(features: Float64Array, weights: Float64Array) -> float:
     """Weighted squared distance of features (K, D) from their mean."""
     middle = np.average(features, axis=0, weights=weights)
     return float(weights @ ((features - middle) ** 2).sum(axis=1))
 
 
-def _merged(corners: Float64Array, vectors: Float64Array) -> Float64Array:
-    """The triangle (3, 3) for some (K, 3, 3) of these area vectors (K, 3), see `merged_triangles`."""
+def _merge_group(corners: Float64Array, vectors: Float64Array) -> Float64Array:
+    """The triangle (3, 3) for some (K, 3, 3) of these area vectors (K, 3), see `merge_triangles`."""
     if len(corners) == 1:
         return corners[0]
     vector = vectors.sum(axis=0)
@@ -211,7 +211,7 @@ def _merged(corners: Float64Array, vectors: Float64Array) -> Float64Array:
     return np.asarray(middle + height.max() * normal + scale * shape)
 
 
-def seen_importance(triangles: Float64Array, radiance: Float64Array, points: Float64Array, normals: Float64Array, seen: Float64Array) -> Importance:
+def visible_importance(triangles: Float64Array, radiance: Float64Array, points: Float64Array, normals: Float64Array, seen: Float64Array) -> Importance:
     """What patches of the triangles (T, 3, 3) with radiance (T, 3) do at points (P, 3): for `emitter_tree`.
 
     seen (P, T): the share of each triangle that is seen from each point. A patch brings a point the share

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from engine.colour import encode_srgb
 from engine.errors import LoadError
-from engine.light.image_files import read_radiance_image
+from engine.light.radiance_files import read_radiance_image
 from engine.light.resampling import area_average
 from engine.threads import even_parts, on_threads
 
@@ -107,8 +107,8 @@ def load_environment(path: str | Path, mapping: Mapping = "latlong") -> Environm
     if mapping == "angular":
         if image.shape[0] != image.shape[1]:
             raise LoadError(file, "size", f"{image.shape[1]} x {image.shape[0]}", "a square angular map")
-        image = _blackened_outside_disc(image)
-    image = _finite(image, notes)
+        image = _blacken_outside_disc(image)
+    image = _make_finite(image, notes)
     negative = image < 0.0
     n_negative = int(negative.any(axis=2).sum())
     if n_negative:
@@ -126,7 +126,7 @@ def texel_solid_angles(height: int, width: int) -> NDArray[np.float64]:
 
 
 @lru_cache(maxsize=4)
-def downsampled(environment: Environment, height: int) -> Environment:
+def downsample(environment: Environment, height: int) -> Environment:
     """The environment averaged over solid angle to `height` rows, same proportions; itself where it is no larger."""
     if height < 1:
         raise ValueError(f"height = {height}, expected at least 1")
@@ -138,7 +138,7 @@ def downsampled(environment: Environment, height: int) -> Environment:
 
 
 @lru_cache(maxsize=2)
-def interpolated(environment: Environment) -> Environment:
+def upsample_interpolated(environment: Environment) -> Environment:
     """The environment as `evaluate` has it, by up to four times as many texels, of the same light in all.
 
     A sun of few texels is as wide as interpolation makes it, and so are its shadows' edges: with texels of constant
@@ -172,7 +172,7 @@ def triangle_integrals(environment: Environment, rotation: float, level: int) ->
     # Imported here: this module also serves processes that only show environments and must start without the compiler.
     from engine.light.triangle_integrals import integrate_over_triangles
 
-    smaller = downsampled(environment, _MOST_INTEGRATED_ROWS)
+    smaller = downsample(environment, _MOST_INTEGRATED_ROWS)
     turn = math.radians(rotation % 360.0)
     integrals = integrate_over_triangles(smaller.radiance, smaller.light_above, turn, level)
     integrals.flags.writeable = False
@@ -213,7 +213,7 @@ def _bilinear(image: NDArray[np.float32], row: NDArray, column: NDArray) -> NDAr
     return upper * (1 - down) + lower * down
 
 
-def _finite(image: NDArray[np.float32], notes: list[str]) -> NDArray[np.float32]:
+def _make_finite(image: NDArray[np.float32], notes: list[str]) -> NDArray[np.float32]:
     """What is too bright for its file as bright as its brightest pixel, and as half floats reach; what is no number or
     infinitely dark, black."""
     bad = ~np.isfinite(image)
@@ -227,7 +227,7 @@ def _finite(image: NDArray[np.float32], notes: list[str]) -> NDArray[np.float32]
     return np.nan_to_num(image, nan=0.0, posinf=brightest, neginf=0.0)
 
 
-def _blackened_outside_disc(image: NDArray[np.float32]) -> NDArray[np.float32]:
+def _blacken_outside_disc(image: NDArray[np.float32]) -> NDArray[np.float32]:
     """Outside the disc an angular map holds captions and rubbish; it must not count as light, nor as a fault."""
     size = image.shape[0]
     place = (2.0 * np.arange(size) + 1.0) / size - 1.0

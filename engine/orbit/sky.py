@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from engine.light.environment import LUMINANCE, Environment, interpolated, triangle_integrals
+from engine.light.environment import LUMINANCE, Environment, upsample_interpolated, triangle_integrals
 from engine.orbit._incident_kernels import N_ASKED
 from engine.sphere.geodesic import geodesic, triangle_solid_angles
 
@@ -77,7 +77,7 @@ def _unturned(environment: Environment | None) -> tuple[Float32Array, Float32Arr
     fine = geodesic(_FINE)
     powers = np.zeros((fine.n_triangles, 3))
     if environment is not None:
-        environment = interpolated(environment)
+        environment = upsample_interpolated(environment)
         powers = triangle_integrals(environment, 0.0, _FINE)
     suns = _suns(powers)
     rest = powers.copy()

@@ -35,7 +35,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.light.lights import TriangleLights, cut_lights
+from engine.light.triangle_lights import TriangleLights, cut_lights
 from engine.render.path_tracer import trace_halves
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import StillLayer, StillProgress, by_object, layer_radiance, shape_of
@@ -287,7 +287,7 @@ def _direct(
     if sky.environment is not None:
         sun_level = quality.max_level + FINER_SUN_LEVELS
         cut = cut_lights(
-            sky.environment, FINER * quality.n_lights, sky.rotation, quality.max_level, sun_level=sun_level
+            sky.environment, FINER * quality.n_lights, sky.rotation, quality.max_level, peak_level=sun_level
         )
     tree = placement.emitters(FINER_PATCHES * quality.n_patches)
     yield StillProgress(0.0, WHAT)

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.light.environment import LUMINANCE, downsampled
+from engine.light.environment import LUMINANCE, downsample
 from engine.scene.load import Scene
 from engine.transport.pipeline import SkyState
 
@@ -135,7 +135,7 @@ def _by_solid_angle(by_area: Float64Array, distance: Float64Array, facing: Float
 def _brightness(sky: SkyState) -> Float64Array:
     """Luminance on a regular (H, W) lat-long grid, blurred by a cell: what is interpolated reaches over texels."""
     assert sky.environment is not None
-    small = downsampled(sky.environment, _MOST_ROWS)
+    small = downsample(sky.environment, _MOST_ROWS)
     repeat = -(-_FEWEST_ROWS // len(small.radiance))
     across = max(repeat, -(-2 * _FEWEST_ROWS // small.radiance.shape[1]))
     height, width = len(small.radiance) * repeat, small.radiance.shape[1] * across

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from engine.indirect.fineness import FINE
-from engine.light.lights import cut_lights
+from engine.light.triangle_lights import cut_lights
 from engine.planner import Cost, Plan
 from engine.render.indirect import direct_mean, indirect_layers, models_of
 from engine.render.indirect_pilot import IndirectCost, indirect_cost
@@ -98,7 +98,7 @@ def _light_of(placement: Placement, samples: Mapping[int, np.ndarray], sky: SkyS
     quality, cut = still_quality(plan), None
     if sky.environment is not None:
         cut = cut_lights(
-            sky.environment, quality.n_lights, sky.rotation, quality.max_level, sun_level=quality.sun_level
+            sky.environment, quality.n_lights, sky.rotation, quality.max_level, peak_level=quality.sun_level
         )
     lighting = prepare_lighting(cut, placement.emitters(quality.n_patches), quality.tolerance, not plan.needs_sphere)
     sphere = empty_visibility(placement.hits, placement.sphere.targets)

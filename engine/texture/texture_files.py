@@ -3,7 +3,7 @@
 Told by content, not by name. The header is read, and the size it claims judged, before a pixel is decoded: a file of
 600 kB can hold a square of 13,000. An image of more than `MAX_PIXELS` is shown at a half or a quarter of its size,
 texels the means of what they cover, in linear numbers: a JPEG is not even decoded beyond that size, others are
-converted a band at a time, very large OpenEXR images read so (`engine.light.image_files`). Numbers leave linear: 8-bit
+converted a band at a time, very large OpenEXR images read so (`engine.light.radiance_files`). Numbers leave linear: 8-bit
 images are decoded by sRGB (IEC 61966-2-1) unless told otherwise, 16-bit and OpenEXR images are linear unless told
 otherwise.
 """
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from engine.colour import decode_srgb
 from engine.errors import LoadError
 from engine.light import resampling
-from engine.light.image_files import read_radiance_image
+from engine.light.radiance_files import read_radiance_image
 from engine.light.resampling import block_means
 from engine.material.layer_maps import Space
 

@@ -1,6 +1,6 @@
 """The tree of emitters for the points of a picture: where its leaves lie is said by what they do there.
 
-Some hundred points, drawn evenly from the picture, say how finely each emitter is needed (`seen_importance`), and a few
+Some hundred points, drawn evenly from the picture, say how finely each emitter is needed (`visible_importance`), and a few
 rays from each of them to every emitting triangle how much of it they see: a lamp behind a wall gets few leaves.
 """
 
@@ -13,9 +13,9 @@ from engine.light.emitters import (
     EmitterTree,
     emitter_patches,
     emitter_tree,
-    merged_triangles,
-    seen_importance,
-    shining_triangles,
+    merge_triangles,
+    visible_importance,
+    emitting_triangles,
 )
 from engine.scene.hits import PrimaryHits
 from engine.scene.load import Scene
@@ -38,11 +38,11 @@ def emitters_for(scene: Scene, caster: RayCaster, hits: PrimaryHits, n_leaves: i
         return None
     corners = scene.vertices[scene.triangles[shining]].astype(np.float64)
     radiance = scene.emission[scene.object_of_triangle[shining]].astype(np.float64)
-    lit = shining_triangles(corners, radiance)
+    lit = emitting_triangles(corners, radiance)
     corners, radiance = corners[lit], radiance[lit]
     if not len(corners):
         return None
-    corners, radiance = merged_triangles(corners, radiance, max(n_leaves // 2, FEWEST_MERGED))
+    corners, radiance = merge_triangles(corners, radiance, max(n_leaves // 2, FEWEST_MERGED))
     if len(hits.pixel) == 0:
         return emitter_tree(corners, radiance, n_leaves)
     rows = np.unique(np.linspace(0, len(hits.pixel) - 1, N_POINTS).astype(np.int32))
@@ -54,7 +54,7 @@ def emitters_for(scene: Scene, caster: RayCaster, hits: PrimaryHits, n_leaves: i
     # a = 0.2 on too many leaves go to what nobody sees: a storeroom's light was 0.53 % off, for 0.30 %.
     seen = (n_seen + UNSURE) / (N_RAYS + 2.0 * UNSURE)
     points, normals = hits.position[rows].astype(np.float64), hits.horizon[rows].astype(np.float64)
-    return emitter_tree(corners, radiance, n_leaves, seen_importance(corners, radiance, points, normals, seen))
+    return emitter_tree(corners, radiance, n_leaves, visible_importance(corners, radiance, points, normals, seen))
 
 
 def _sees(

@@ -16,7 +16,7 @@ import numpy as np
 
 from engine.light.emitters import EmitterPatches, EmitterTree
 from engine.light.environment import LUMINANCE
-from engine.light.lights import SUN_SHARE, TriangleLights
+from engine.light.triangle_lights import PEAK_SHARE, TriangleLights
 from engine.transport._emitter_kernels import Around, Emitters, Leaves
 from engine.transport._projection_kernels import SkyLights
 from engine.visibility.targets import VISIBILITY_LEVEL, Targets
@@ -106,7 +106,7 @@ def _sky(sky: TriangleLights | None, unit: float, own_rays: bool) -> tuple[SkyLi
     )
     directions = np.ascontiguousarray(sky_centre[is_fine], np.float32)
     luminance = sky_power @ LUMINANCE.astype(np.float32)
-    bright = luminance[is_fine] > 0.25 * SUN_SHARE * luminance.sum(dtype=np.float64)
+    bright = luminance[is_fine] > 0.25 * PEAK_SHARE * luminance.sum(dtype=np.float64)
     parents = None if own_rays else first[is_fine].astype(np.int32)
     neighbours = nearest_neighbours(directions)
     targets = Targets(

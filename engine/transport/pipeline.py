@@ -12,7 +12,7 @@ import numpy as np
 
 from engine.light.emitters import EmitterPatches, EmitterTree, emitter_patches
 from engine.light.environment import Environment
-from engine.light.lights import cut_lights
+from engine.light.triangle_lights import cut_lights
 from engine.planner import RenderSettings
 from engine.scene.hits import PrimaryHits, trace_primary
 from engine.scene.load import Scene
@@ -34,7 +34,7 @@ class Quality:
     Every `stride`-th pixel; sky lights; leaves of the tree of emitters; deepest sky triangle; how many bands γ may bend
     over a light. own_rays: trace the lights of the cut alone, without the sphere's visibility; where that is known all
     the same, a stage on the way takes it. stays: this picture is the last, which is the same whatever is known by then.
-    sun_level: the level that suns are split to, see `engine.light.lights`.
+    sun_level: the level that suns are split to, see `engine.light.triangle_lights`.
     """
 
     name: str
@@ -143,7 +143,7 @@ class Placement:
                 sky.rotation,
                 quality.max_level,
                 seen=seen,
-                sun_level=quality.sun_level,
+                peak_level=quality.sun_level,
             )
         lighting = prepare_lighting(cut, self.emitters(quality.n_patches), quality.tolerance, own_rays, sky.scale)
         fine = empty_visibility(self.hits, lighting.fine_targets)

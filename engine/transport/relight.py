@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from engine.curve.operators import HALF_PI
-from engine.light.environment import Environment, downsampled, triangle_integrals
+from engine.light.environment import Environment, downsample, triangle_integrals
 from engine.material.layer import Layer
 from engine.scene.hits import PrimaryHits
 from engine.sphere.geodesic import geodesic
@@ -81,7 +81,7 @@ def light_coefficients(environment: Environment, rotation: float, scale: float =
 
     A wavelet's coefficient is that of the triangles' power, times what its product with a row's sums to.
     """
-    power = triangle_integrals(downsampled(environment, SKY_HEIGHT), rotation, VISIBILITY_LEVEL)
+    power = triangle_integrals(downsample(environment, SKY_HEIGHT), rotation, VISIBILITY_LEVEL)
     return np.ascontiguousarray(forward(scale * power) * _measures()[:, None], np.float32)
 
 

@@ -20,7 +20,7 @@ from engine.indirect import lattice
 from engine.indirect.fineness import STILL, Fineness
 from engine.indirect.light import IndirectLight
 from engine.indirect.series import BounceSeries
-from engine.light.image_files import read_radiance_image
+from engine.light.radiance_files import read_radiance_image
 from engine.orbit.live import Orbit
 from engine.render.error_estimate import inside, judge, judge_drawn
 from engine.render.indirect import find_indirect, noise_in, reflected_light

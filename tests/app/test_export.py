@@ -26,7 +26,7 @@ from app.stills import render_picture
 from app.view_state import SetView
 from engine.curve.operators import Operator
 from engine.errors import InsituError
-from engine.light.image_files import read_radiance_image
+from engine.light.radiance_files import read_radiance_image
 from engine.material import MODELS, make_layer
 from engine.render.integrator import evaluate_layers
 from engine.scene.ply import parse_ply

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine.light.image_files import read_radiance_image
+from engine.light.radiance_files import read_radiance_image
 from tests.app.cli.command_line import SCENE, run
 from tests.app.limits import largest_file
 

@@ -16,7 +16,7 @@ from app.project import open_project
 from app.stills import render_project
 from engine.errors import InsituError
 from engine.indirect.series import BounceSeries
-from engine.light.image_files import read_radiance_image
+from engine.light.radiance_files import read_radiance_image
 from engine.scene.description import Camera
 from tests.app.files.test_brdf_files import insitu
 from tests.app.machine.test_outputs import as_on_a_full_disk

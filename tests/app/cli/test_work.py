@@ -12,7 +12,7 @@ from app.cli.precompute import precompute as fill_cache
 from app.jobs.cache import Store
 from app.project import open_project
 from engine.errors import InsituError
-from engine.light.image_files import read_radiance_image
+from engine.light.radiance_files import read_radiance_image
 from tests.app.cli.command_line import SCENE, Recorder, run
 from tests.app.limits import small_disk
 

@@ -24,7 +24,7 @@ from app.measure.rooms import (
 from app.project import Project, open_project, with_edges
 from app.stills import render_picture
 from engine.indirect.series import BounceSeries
-from engine.light.image_files import read_radiance_image
+from engine.light.radiance_files import read_radiance_image
 from engine.render.integrator import integrate_direct
 from engine.transport.pipeline import Placement
 

@@ -8,8 +8,8 @@ from engine.light.emitters import (
     emitter_patches,
     emitter_tree,
     merged_by_object,
-    merged_triangles,
-    seen_importance,
+    merge_triangles,
+    visible_importance,
     solid_angles,
 )
 from engine.sphere.geodesic import geodesic
@@ -214,7 +214,7 @@ def test_leaves_go_where_emitters_are_seen_from_near() -> None:
     points = np.random.default_rng(2).uniform([-0.2, 0.0, -0.2], [0.2, 0.0, 0.2], (64, 3))
     normals, seen = np.tile([0.0, 1.0, 0.0], (64, 1)), np.ones((64, 6))
     seen[:, :4], seen[:, 4:] = 0.5, 0.0
-    tree = emitter_tree(triangles, radiance, 100, seen_importance(triangles, radiance, points, normals, seen))
+    tree = emitter_tree(triangles, radiance, 100, visible_importance(triangles, radiance, points, normals, seen))
     below = np.bincount(np.searchsorted(tree.first[:6], np.arange(100), side="right") - 1, minlength=6)
     assert below[2:4].sum() > 2 * below[:2].sum() and (below[4:] == 1).all() and below.sum() == 100
 
@@ -238,7 +238,7 @@ def panel() -> np.ndarray:
 def test_a_bulb_of_many_triangles_is_merged_into_few(distance: float) -> None:
     triangles, places = bulb(0.1), np.random.default_rng(5).normal(size=(20, 3))
     places *= distance / np.linalg.norm(places, axis=1, keepdims=True)
-    merged, radiance = merged_triangles(triangles, np.ones((len(triangles), 3)), 128)
+    merged, radiance = merge_triangles(triangles, np.ones((len(triangles), 3)), 128)
     assert len(merged) == len(radiance) == 128
     # A sphere covers 2 pi (1 - cos) with sin = R / d; what stands for it lies on its outside.
     expected = 2.0 * np.pi * (1.0 - np.sqrt(1.0 - (0.1 / distance) ** 2))
@@ -248,7 +248,7 @@ def test_a_bulb_of_many_triangles_is_merged_into_few(distance: float) -> None:
 
 
 def test_a_panel_of_many_triangles_shines_as_two_do() -> None:
-    merged, _ = merged_triangles(panel(), np.ones((1250, 3)), 64)
+    merged, _ = merge_triangles(panel(), np.ones((1250, 3)), 64)
     places = np.array([[0.0, 0.0, 0.0], [0.3, 0.8, 0.2], [1.0, 0.5, 0.0], [0.5, 0.9, 0.5]])
     np.testing.assert_allclose(merged[:, :, 1], 1.0, atol=1e-9)
     found, expected = (solid_angles(each, places).sum(axis=1) for each in (merged, SQUARE))
@@ -257,9 +257,9 @@ def test_a_panel_of_many_triangles_shines_as_two_do() -> None:
 
 def test_few_triangles_are_not_merged_and_radiances_never_mixed() -> None:
     triangles, radiance = panel(), np.ones((1250, 3))
-    assert merged_triangles(triangles, radiance, 1250)[0] is triangles
+    assert merge_triangles(triangles, radiance, 1250)[0] is triangles
     radiance[::3] = [5.0, 1.0, 0.5]
-    merged, found = merged_triangles(triangles, radiance, 40)
+    merged, found = merge_triangles(triangles, radiance, 40)
     assert len(merged) == 40
     areas = np.linalg.norm(np.cross(*(merged[:, 1:] - merged[:, :1]).transpose(1, 0, 2)), axis=1) / 2
     for colour in ([1.0, 1.0, 1.0], [5.0, 1.0, 0.5]):

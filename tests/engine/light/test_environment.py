@@ -11,8 +11,8 @@ from engine.light.environment import (
     LUMINANCE,
     Environment,
     constant_environment,
-    downsampled,
-    interpolated,
+    downsample,
+    upsample_interpolated,
     load_environment,
     texel_solid_angles,
     tone_mapped_thumbnail,
@@ -129,7 +129,7 @@ def test_angular_map_against_the_latlong_of_the_same_place(shared_data: Path) ->
     probe = load_environment(shared_data / "probes" / "ennis_probe.hdr", "angular")
     latlong = load_environment(shared_data / "probes" / "ennis_latlong_256.hdr")
     assert probe.radiance.shape == (512, 1024, 3)
-    reduced = np.maximum(downsampled(probe, 128).radiance @ LUMINANCE, 1e-3)
+    reduced = np.maximum(downsample(probe, 128).radiance @ LUMINANCE, 1e-3)
     other = np.maximum(latlong.radiance @ LUMINANCE, 1e-3)
 
     def correlation(image: np.ndarray) -> float:
@@ -146,8 +146,8 @@ def test_second_angular_map_against_its_latlong(shared_data: Path) -> None:
     probe = load_environment(shared_data / "probes" / "grace_probe.hdr", "angular")
     stored = load_environment(shared_data / "probes" / "grace_latlong_pbrt2_vflipped.exr")
     # That file is upside down and 31.7 times darker (SOURCES.md).
-    other = np.maximum(downsampled(stored, 128).radiance[::-1] @ LUMINANCE, 1e-4)
-    reduced = np.maximum(downsampled(probe, 128).radiance @ LUMINANCE, 1e-4)
+    other = np.maximum(downsample(stored, 128).radiance[::-1] @ LUMINANCE, 1e-4)
+    reduced = np.maximum(downsample(probe, 128).radiance @ LUMINANCE, 1e-4)
     assert np.median(reduced / other) == pytest.approx(31.7, rel=0.05)
     assert np.corrcoef(np.log(reduced).ravel(), np.log(other).ravel())[0, 1] > 0.96
 
@@ -286,7 +286,7 @@ def test_constant_environment() -> None:
 @pytest.mark.parametrize("rows", [1, 2, 7, 32, 50])
 def test_downsampling_keeps_the_light(height: int, width: int, rows: int) -> None:
     environment = noise(height, width)
-    small = downsampled(environment, rows)
+    small = downsample(environment, rows)
     assert small.radiance.shape == (rows, max(1, round(width * rows / height)), 3)
     # An average over solid angle: the integral over the sphere stays, to float32.
     np.testing.assert_allclose(total_power(small), total_power(environment), rtol=3e-7)
@@ -294,7 +294,7 @@ def test_downsampling_keeps_the_light(height: int, width: int, rows: int) -> Non
 
 def test_downsampling_halves_are_plain_means() -> None:
     environment = noise(8, 16)
-    small = downsampled(environment, 4).radiance
+    small = downsample(environment, 4).radiance
     weight = texel_solid_angles(8, 16)[:, None, None]
     blocks = (environment.radiance * weight).reshape(4, 2, 8, 2, 3).sum(axis=(1, 3))
     np.testing.assert_allclose(small, blocks / (2.0 * weight.reshape(4, 2, 1, 1).sum(axis=1)), rtol=1e-6)
@@ -304,7 +304,7 @@ def test_downsampling_keeps_a_lone_sun_and_black() -> None:
     image = np.zeros((90, 180, 3), np.float32)
     image[0, 179] = 1e5
     sun = Environment(image, "sun")
-    small = downsampled(sun, 13)
+    small = downsample(sun, 13)
     np.testing.assert_allclose(total_power(small), total_power(sun), rtol=1e-6)
     # Its light stays in the one texel it lies in; all else is exactly black.
     assert np.count_nonzero(small.radiance) == 3
@@ -313,10 +313,10 @@ def test_downsampling_keeps_a_lone_sun_and_black() -> None:
 
 def test_downsampling_to_no_less_returns_the_same() -> None:
     environment = noise(8, 16)
-    assert downsampled(environment, 8) is environment
-    assert downsampled(environment, 99) is environment
+    assert downsample(environment, 8) is environment
+    assert downsample(environment, 99) is environment
     with pytest.raises(ValueError, match="height = 0"):
-        downsampled(environment, 0)
+        downsample(environment, 0)
 
 
 @pytest.mark.parametrize("scale", [1e-8, 1.0, 1e8])
@@ -347,7 +347,7 @@ def test_thumbnail_shows_the_zenith_on_top() -> None:
 def test_interpolated_is_what_is_shown_and_keeps_the_light() -> None:
     image = np.random.default_rng(5).uniform(0.0, 1.0, (16, 32, 3)).astype(np.float32) ** 4
     environment = Environment(image, "test")
-    finer = interpolated(environment)
+    finer = upsample_interpolated(environment)
     assert finer.radiance.shape == (64, 128, 3)
     light = [np.einsum("hwc,h->c", e.radiance, texel_solid_angles(*e.radiance.shape[:2])) for e in (environment, finer)]
     np.testing.assert_allclose(*light, rtol=1e-4)
@@ -355,6 +355,6 @@ def test_interpolated_is_what_is_shown_and_keeps_the_light() -> None:
     theta, phi = (axis.ravel() for axis in np.meshgrid(theta, phi, indexing="ij"))
     d = np.stack([np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)], axis=1)
     np.testing.assert_allclose(finer.radiance.reshape(-1, 3), environment.evaluate(d), rtol=0.02, atol=1e-3)
-    assert interpolated(constant_environment(2.0)).radiance == pytest.approx(2.0)
+    assert upsample_interpolated(constant_environment(2.0)).radiance == pytest.approx(2.0)
     many = Environment(np.ones((1024, 2, 3), np.float32), "test")
-    assert interpolated(many) is many
+    assert upsample_interpolated(many) is many

@@ -9,7 +9,7 @@ import OpenEXR
 import pytest
 
 from engine.errors import LoadError, plain_line
-from engine.light.image_files import MAX_SIDE, read_radiance_image
+from engine.light.radiance_files import MAX_SIDE, read_radiance_image
 
 HEIGHT, WIDTH = 24, 40
 SCANLINES = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
@@ -188,8 +188,8 @@ def chunk_places(data: bytes, n_chunks: int) -> list[int]:
 @pytest.fixture
 def small_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """Images of more than 256 pixels are too large, and bands are a few rows."""
-    monkeypatch.setattr("engine.light.image_files.MAX_PIXELS", 256)
-    monkeypatch.setattr("engine.light.image_files._BAND_PIXELS", 256)
+    monkeypatch.setattr("engine.light.radiance_files.MAX_PIXELS", 256)
+    monkeypatch.setattr("engine.light.radiance_files._BAND_PIXELS", 256)
 
 
 def quarter_means(image: np.ndarray) -> np.ndarray:
@@ -220,7 +220,7 @@ def test_a_large_exr_is_read_as_its_means(tmp_path: Path, dtype: type, storage: 
 def test_a_large_exr_stands_in_its_display_window(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     path = in_windows(tmp_path / "a.exr", *WINDOWS[name])
     with monkeypatch.context() as unlimited:
-        unlimited.setattr("engine.light.image_files.MAX_PIXELS", 1 << 20)
+        unlimited.setattr("engine.light.radiance_files.MAX_PIXELS", 1 << 20)
         whole = read_radiance_image(path)
     height, width, k = *whole.shape[:2], 1
     while -(-height // k) * -(-width // k) > 256:

@@ -13,7 +13,7 @@ from engine.light.environment import (
     texel_solid_angles,
     triangle_integrals,
 )
-from engine.light.lights import SUN_SHARE, TriangleLights, cut_lights
+from engine.light.triangle_lights import PEAK_SHARE, TriangleLights, cut_lights
 from engine.sphere.geodesic import geodesic, locate, triangle_first_moments
 from tests.naive.sphere import directions_of_texels
 
@@ -119,13 +119,13 @@ def test_a_sun_is_cut_out_finely_and_keeps_its_place(row: int, column: int) -> N
 @pytest.mark.parametrize(("row", "column", "rotation"), [(70, 300, 0.0), (128, 511, 33.0), (255, 0, 0.0)])
 def test_a_sun_is_split_into_pieces_that_have_its_light(row: int, column: int, rotation: float) -> None:
     environment = sun(row, column)
-    whole, lights = (cut_lights(environment, 200, rotation, 5, sun_level=level) for level in (5, 9))
+    whole, lights = (cut_lights(environment, 200, rotation, 5, peak_level=level) for level in (5, 9))
     is_piece = lights.rows < 0
     assert is_piece.any() and lights.level.max() > 5 and lights.level[~is_piece].max() <= 5
     assert (lights.level[is_piece] > 5).all() and lights.level.max() <= 9
     # What holds much of the light is as fine as it may be, and the pieces have the light and the place of the whole.
     power = lights.power.sum(axis=1, dtype=np.float64)
-    assert (lights.level[(power > SUN_SHARE * power.sum()) & (lights.level >= 5)] == 9).all()
+    assert (lights.level[(power > PEAK_SHARE * power.sum()) & (lights.level >= 5)] == 9).all()
     assert lights.solid_angle.sum(dtype=np.float64) == pytest.approx(4.0 * np.pi, rel=1e-6)
     for level, index in zip(whole.level, whole.index, strict=True):
         below = lights.index >> (2 * np.maximum(lights.level.astype(int) - level, 0)) == index
@@ -142,7 +142,7 @@ def test_a_sun_is_split_into_pieces_that_have_its_light(row: int, column: int, r
 
 
 def test_an_even_sky_has_no_sun() -> None:
-    plain, split = (cut_lights(noise(), 300, max_level=4, sun_level=level) for level in (4, 9))
+    plain, split = (cut_lights(noise(), 300, max_level=4, peak_level=level) for level in (4, 9))
     np.testing.assert_array_equal(plain.index, split.index)
 
 
@@ -253,7 +253,7 @@ def test_the_tree_holds_all_triangles() -> None:
     together = (luminance * centre)[below].sum(axis=1)
     assert (np.cross(together, centre[parents]) ** 2).sum(axis=1).max() < 1e-6 * (together**2).sum(axis=1).max()
     np.testing.assert_array_equal(lights.tree.power[lights.rows], lights.power)
-    np.testing.assert_array_equal(lights.scaled(2.0).tree.power, 2 * lights.tree.power)
+    np.testing.assert_array_equal(lights.scale_by(2.0).tree.power, 2 * lights.tree.power)
 
 
 def test_what_every_point_sees_alike_is_cut_as_if_nothing_were_known() -> None:

@@ -9,7 +9,7 @@ from app.measure.accuracy import masked_reference
 from app.project import open_project, with_edges
 from app.stills import render_picture
 from engine.indirect.series import BounceSeries, parse_series
-from engine.light.image_files import read_radiance_image
+from engine.light.radiance_files import read_radiance_image
 from engine.transport.pipeline import Placement
 
 

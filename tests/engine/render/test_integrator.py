@@ -10,7 +10,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from engine.curve.operators import Operator
 from engine.light.emitters import emitter_patches
 from engine.light.environment import Environment, constant_environment, load_environment
-from engine.light.lights import cut_lights
+from engine.light.triangle_lights import cut_lights
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.render.integrator import evaluate_layer, integrate_direct

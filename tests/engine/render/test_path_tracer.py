@@ -10,7 +10,7 @@ from PIL import Image
 
 from engine.curve.operators import Operator
 from engine.light.environment import Environment, constant_environment
-from engine.light.image_files import read_radiance_image
+from engine.light.radiance_files import read_radiance_image
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
 from engine.render.integrator import integrate_direct

@@ -6,7 +6,7 @@ import numpy as np
 
 from engine.light.emitters import EmitterTree, emitter_tree
 from engine.light.environment import Environment
-from engine.light.lights import TriangleLights, cut_lights
+from engine.light.triangle_lights import TriangleLights, cut_lights
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.scene.hits import PrimaryHits

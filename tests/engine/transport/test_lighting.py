@@ -5,7 +5,7 @@ import pytest
 
 from engine.light.emitters import emitter_tree
 from engine.light.environment import Environment, constant_environment
-from engine.light.lights import cut_lights
+from engine.light.triangle_lights import cut_lights
 from engine.sphere.geodesic import geodesic, locate
 from engine.transport import lighting
 from engine.transport.lighting import longest_edges, nearest_neighbours, prepare_lighting

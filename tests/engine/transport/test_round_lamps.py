@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from engine.light.emitters import merged_triangles
+from engine.light.emitters import merge_triangles
 from tests.direct_rooms import polygon_irradiance
 from tests.engine.transport.by_hand import irradiance, light_of, points_at
 
@@ -73,7 +73,7 @@ def tube_irradiance(points: NDArray[np.float64], radius: float, length: float) -
 def found_of(lamp: NDArray[np.float64]) -> NDArray[np.float64]:
     """E / L (P,) as pictures have it, many triangles merged."""
     hits = points_at(PLACES, UP)
-    merged, _ = merged_triangles(lamp, np.ones((len(lamp), 3)), N_PATCHES // 2)
+    merged, _ = merge_triangles(lamp, np.ones((len(lamp), 3)), N_PATCHES // 2)
     return irradiance(hits, light_of(hits, emitters=merged, n_patches=N_PATCHES))[:, 0]
 
 

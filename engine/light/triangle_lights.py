@@ -28,12 +28,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.light.environment import LUMINANCE, Environment, interpolated, triangle_integrals
+from engine.light.environment import LUMINANCE, Environment, upsample_interpolated, triangle_integrals
 from engine.sphere.geodesic import MAX_LEVEL, geodesic, triangle_solid_angles
 
 MIN_LIGHTS = 20
 # A light with more than this share of all the power is a sun's, or a piece of one.
-SUN_SHARE = 0.004
+PEAK_SHARE = 0.004
 # The middles (16, 3) of the parts of a triangle that is cut in four twice.
 _STEPS = (np.array([1.0, 4.0, 7.0, 10.0]) / 12.0).tolist()
 _WITHIN = np.array(
@@ -75,7 +75,7 @@ class TriangleLights:
     tree: LightTree
     rows: NDArray[np.int32]
 
-    def scaled(self, scale: float) -> TriangleLights:
+    def scale_by(self, scale: float) -> TriangleLights:
         """The same lights, `scale` times as bright."""
         factor = np.float64(scale)  # beyond single precision the product may still be within it
         tree = self.tree._replace(power=(self.tree.power * factor).astype(np.float32))
@@ -92,7 +92,7 @@ def cut_lights(
     max_level: int = MAX_LEVEL,
     integrals: NDArray[np.float64] | None = None,
     seen: NDArray[np.floating] | None = None,
-    sun_level: int = 0,
+    peak_level: int = 0,
 ) -> TriangleLights:
     """The environment, turned by `rotation` degrees, as at most `n_lights` triangles (20 + 3 k of them).
 
@@ -106,8 +106,8 @@ def cut_lights(
     if n_lights < MIN_LIGHTS:
         raise ValueError(f"n_lights = {n_lights}, expected at least {MIN_LIGHTS}")
     finest = geodesic(max_level)
-    if sun_level:
-        environment = interpolated(environment)
+    if peak_level:
+        environment = upsample_interpolated(environment)
     if integrals is None:
         integrals = triangle_integrals(environment, rotation, max_level)
     if seen is not None and (len(seen) > finest.n_triangles or finest.n_triangles % len(seen)):
@@ -122,15 +122,15 @@ def cut_lights(
     split = _nodes_to_split(*_importance(luminance, seen, max_level), (n_lights - MIN_LIGHTS) // 3)
     kept = [np.flatnonzero(mask) for mask in _leaves(split)]
     lights = _assemble(kept, powers, moments)
-    return _with_split_suns(lights, environment, rotation, max_level, sun_level)
+    return _with_split_peaks(lights, environment, rotation, max_level, peak_level)
 
 
-def _with_split_suns(
-    lights: TriangleLights, environment: Environment, rotation: float, finest: int, sun_level: int
+def _with_split_peaks(
+    lights: TriangleLights, environment: Environment, rotation: float, finest: int, peak_level: int
 ) -> TriangleLights:
     """The lights, of which those of the finest level, and their pieces, are split while they hold much of the whole."""
-    bright = SUN_SHARE * float(lights.power.astype(np.float64).sum())
-    for level in range(finest, sun_level):
+    bright = PEAK_SHARE * float(lights.power.astype(np.float64).sum())
+    for level in range(finest, peak_level):
         suns = (lights.level == level) & (lights.power.sum(axis=1) > bright)
         if not suns.any():
             break

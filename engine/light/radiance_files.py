@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from engine.errors import LoadError
 from engine.safe_files import local_path
-from engine.light.primaries import to_rec709, xyz_to_rec709
+from engine.light.rgb_primaries import to_rec709, xyz_to_rec709
 from engine.light.resampling import block_means, reduction
 
 MAX_FILE_BYTES = 1 << 30
@@ -124,17 +124,17 @@ def _read_exr(file: Path, notes: list[str], is_colour: bool, most_pixels: int) -
         if len(set(kinds)) > 1 or kinds[0] not in ("float16", "float32"):
             raise LoadError(file, "types of channels R, G, B", ", ".join(kinds), "all half or all float")
         data = np.stack([plane.astype(np.float32) for plane in planes], axis=2)
-        image = _displayed(lambda first, last: data[first - top : last + 1 - top], header, most_pixels, notes)
+        image = _crop_to_display_window(lambda first, last: data[first - top : last + 1 - top], header, most_pixels, notes)
     else:
         with _exr_rows(file, header) as read_rows:
-            image = _displayed(read_rows, header, most_pixels, notes)
+            image = _crop_to_display_window(read_rows, header, most_pixels, notes)
     said = header.get("chromaticities")
     if said is None or not is_colour:
         return image
     if not isinstance(said, tuple):  # an attribute of that name and another type
         notes.append("chromaticities that are none, taken for Rec. 709's")
         return image
-    return _in_rec709(image, [float(each) for each in said], notes)
+    return _convert_to_rec709(image, [float(each) for each in said], notes)
 
 
 @contextmanager
@@ -146,14 +146,14 @@ def _exr_rows(file: Path, header: dict[str, Any]) -> Iterator[ReadRows]:
     kinds: dict[str, type[np.floating]] = {"HALF": np.float16, "FLOAT": np.float32}
 
     def read_rows(first: int, last: int) -> NDArray[np.float32]:
-        with silenced_library():
+        with silence_library():
             planes = opened.channels("RGB", named["R"], first, last)
         shape = last - first + 1, right - left + 1
         return np.stack([np.frombuffer(p, kinds[str(named["R"])]).reshape(shape).astype(np.float32) for p in planes], 2)
 
     try:
         with _for_library(file) as source:
-            with silenced_library():
+            with silence_library():
                 opened = OpenEXR.InputFile(source)
             described = opened.header()["channels"]
             named = {name: described[name].type for name in "RGB"}
@@ -168,7 +168,7 @@ def _exr_rows(file: Path, header: dict[str, Any]) -> Iterator[ReadRows]:
         raise LoadError(file, "OpenEXR pixels", str(error), expected) from None
 
 
-def _displayed(read_rows: ReadRows, header: dict[str, Any], most_pixels: int, notes: list[str]) -> NDArray[np.float32]:
+def _crop_to_display_window(read_rows: ReadRows, header: dict[str, Any], most_pixels: int, notes: list[str]) -> NDArray[np.float32]:
     """The display window of an image whose file has the data window: more is cut away, what is missing is black."""
     (x0, y0), (x1, y1) = _window(header, "displayWindow")
     (left, top), (right, bottom) = _window(header, "dataWindow")
@@ -201,7 +201,7 @@ def _window(header: dict[str, Any], name: str) -> tuple[tuple[int, int], tuple[i
     return (int(left), int(top)), (int(right), int(bottom))
 
 
-def _in_rec709(image: NDArray[np.float32], chromaticities: list[float], notes: list[str]) -> NDArray[np.float32]:
+def _convert_to_rec709(image: NDArray[np.float32], chromaticities: list[float], notes: list[str]) -> NDArray[np.float32]:
     """An image of other primaries in those of Rec. 709."""
     listed = " ".join(f"{each:.4g}" for each in chromaticities)
     try:
@@ -212,10 +212,10 @@ def _in_rec709(image: NDArray[np.float32], chromaticities: list[float], notes: l
     if matrix is None:
         return image
     notes.append(f"primaries {listed}, converted to Rec. 709 (Bradford)")
-    return _transformed(image, matrix)
+    return _transform_colours(image, matrix)
 
 
-def _transformed(image: NDArray[np.float32], matrix: NDArray[np.float64]) -> NDArray[np.float32]:
+def _transform_colours(image: NDArray[np.float32], matrix: NDArray[np.float64]) -> NDArray[np.float32]:
     """The colours by a matrix; what is not finite spoils its own pixel alone."""
     with np.errstate(invalid="ignore", over="ignore"):
         return (image.reshape(-1, 3) @ matrix.T.astype(np.float32)).reshape(image.shape)
@@ -227,7 +227,7 @@ def _open_exr(file: Path, header_only: bool) -> Any:
 
     OpenEXR.setMaxImageSize(MAX_SIDE, MAX_SIDE)  # for the whole process; the library's own default is no limit
     parts, complaint = [], ""
-    with silenced_library() as said:
+    with silence_library() as said:
         try:
             with _for_library(file) as source:
                 parts = OpenEXR.File(source, separate_channels=True, header_only=header_only).parts
@@ -254,7 +254,7 @@ def _for_library(file: Path) -> Iterator[str | BinaryIO]:
 
 
 @contextmanager
-def silenced_library() -> Iterator[list[str]]:
+def silence_library() -> Iterator[list[str]]:
     """Keep the library's remarks out of the terminal: C++ on standard error, Python on standard output.
 
     The lines from standard error are in the list on leaving. Standard error is the whole process's, so that what other
@@ -346,7 +346,7 @@ def _read_hdr(file: Path, notes: list[str], most_pixels: int) -> NDArray[np.floa
         means = _means(read[..., :3].astype(np.float32) * scale[read[..., 3:]], k)
         image[start // k : start // k + len(means)] = means
         quads[0] = read[-1]
-    return _as_its_header_says(_upright(image, first, second), header, notes)
+    return _apply_header(_orient_scanlines(image, first, second), header, notes)
 
 
 class _Side(NamedTuple):
@@ -357,7 +357,7 @@ class _Side(NamedTuple):
     n: int
 
 
-def _upright(image: NDArray[np.float32], first: _Side, second: _Side) -> NDArray[np.float32]:
+def _orient_scanlines(image: NDArray[np.float32], first: _Side, second: _Side) -> NDArray[np.float32]:
     """Scanlines (first, second, 3) as rows from the top, pixels from the left; Y grows upwards."""
     for k, side in enumerate((first, second)):
         if side.grows != (side.axis == b"X"):
@@ -365,7 +365,7 @@ def _upright(image: NDArray[np.float32], first: _Side, second: _Side) -> NDArray
     return np.ascontiguousarray(image if first.axis == b"Y" else image.swapaxes(0, 1))
 
 
-def _as_its_header_says(
+def _apply_header(
     image: NDArray[np.float32], header: dict[bytes, list[bytes]], notes: list[str]
 ) -> NDArray[np.float32]:
     """What EXPOSURE, COLORCORR, FORMAT and PRIMARIES make of the numbers."""
@@ -380,9 +380,9 @@ def _as_its_header_says(
         image = image * factor.astype(np.float32)
     if header.get(b"FORMAT", [b""])[-1] == b"32-bit_rle_xyze":
         notes.append("CIE XYZ, converted to Rec. 709")
-        return _transformed(image, xyz_to_rec709())
+        return _transform_colours(image, xyz_to_rec709())
     primaries = _floats(header.get(b"PRIMARIES", [b""])[-1], 8)
-    return image if primaries is None or not any(primaries) else _in_rec709(image, primaries, notes)
+    return image if primaries is None or not any(primaries) else _convert_to_rec709(image, primaries, notes)
 
 
 def _floats(value: bytes, count: int) -> list[float] | None:
