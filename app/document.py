@@ -30,7 +30,7 @@ from engine.material.model import Factor, Model
 from engine.plan_lines import LineValue
 from engine.scene.description import ObjectDescription, SceneDescription
 from engine.scene.rig import Animations
-from engine.scene.surface_kinds import NO_SURFACE, SURFACES, DeformSurface, SurfacesOf
+from engine.scene.surface_kinds import NO_SURFACE, SURFACES, DeformSurface, SurfacesByObject
 
 Mapping = Literal["latlong", "angular"]
 Kind = Literal[
@@ -191,7 +191,7 @@ class Document:
         return tuple((state.name, state.new_bumps) for state in self.objects if state.new_bumps is not None)
 
     @property
-    def new_surfaces(self) -> SurfacesOf:
+    def new_surfaces(self) -> SurfacesByObject:
         """The surfaces for Deform of all objects that are not as the scene's file has them, by name."""
         return tuple((state.name, state.new_surface) for state in self.objects if state.new_surface is not None)
 

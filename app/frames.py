@@ -26,9 +26,9 @@ from engine.errors import InsituError
 from engine.indirect.beyond import BRIGHTEST, held
 from engine.indirect.series import BounceSeries
 from engine.planner import N_LIGHTS, N_PATCHES
-from engine.scene.camera_moves import orbited
+from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import Camera
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
 
 Report = Callable[[StillProgress], None]
@@ -80,7 +80,7 @@ def draw_here(
 def drawer_of(project: Project, frames: Frames) -> Drawer:
     """Who draws these frames. Raises InsituError where the scene has no animation."""
     if not frames.animated:
-        seen = [project.scene.seen_from(camera) for camera in cameras(own_camera(project.scene), frames.count)]
+        seen = [project.scene.from_camera(camera) for camera in cameras(own_camera(project.scene), frames.count)]
         return _Orbiting(project, frames, seen) if frames.mode == "orbit" else _Stills(project, frames, seen)
     poses = poses_of(project, frames.count)
     if frames.mode == "deform":
@@ -102,7 +102,7 @@ def own_camera(scene: Scene) -> Camera:
 
 def cameras(camera: Camera, count: int) -> list[Camera]:
     """Once around the target, from the camera itself on."""
-    return [camera, *(orbited(camera, 2.0 * math.pi * i / count, 0.0) for i in range(1, count))]
+    return [camera, *(orbit_camera(camera, 2.0 * math.pi * i / count, 0.0) for i in range(1, count))]
 
 
 def poses_of(project: Project, count: int) -> list[Poses]:
@@ -114,8 +114,8 @@ def poses_of(project: Project, count: int) -> list[Poses]:
 
 
 def _in_poses(project: Project, poses: Poses) -> Scene:
-    bumped = posed(project.resting, poses).bumped(dict(project.document.new_bumps))
-    return bumped.seen_from(None, project.scene.resolution)
+    bumped = posed(project.resting, poses).with_bumps(dict(project.document.new_bumps))
+    return bumped.from_camera(None, project.scene.resolution)
 
 
 class _Stills:

@@ -32,7 +32,7 @@ from engine.scene.toml_text import parse_toml
 
 if TYPE_CHECKING:
     from engine.material.layer import Layer
-    from engine.scene.load import Scene
+    from engine.scene.scene_loader import Scene
     from engine.transport.pipeline import SkyState
 
 
@@ -115,13 +115,13 @@ class Project:
         old, scene, at_rest = self.document, self.scene, self.resting
         shape = document.poses, document.new_bumps, emission_of(document)
         if shape != (old.poses, old.new_bumps, emission_of(old)):
-            at_rest = at_rest.shining(dict(emission_of(document)))
-            scene = posed(at_rest, document.poses).bumped(dict(document.new_bumps))
-            scene = scene.seen_from(self.scene.description.camera, self.scene.resolution)
-            scene.relief.require()
-        turned = scene.description.seen_from(look.camera) != scene.description
+            at_rest = at_rest.with_emission(dict(emission_of(document)))
+            scene = posed(at_rest, document.poses).with_bumps(dict(document.new_bumps))
+            scene = scene.from_camera(self.scene.description.camera, self.scene.resolution)
+            scene.bump_normals.check_images()
+        turned = scene.description.from_camera(look.camera) != scene.description
         if turned or look.resolution not in (None, scene.resolution):
-            scene = scene.seen_from(look.camera, look.resolution)
+            scene = scene.from_camera(look.camera, look.resolution)
         project = replace(self, document=document, scene=scene, at_rest=at_rest)
         if "sky" in vars(self) and replace(document.light, intensity=1.0) == replace(old.light, intensity=1.0):
             vars(project)["sky"] = self.sky
@@ -165,7 +165,7 @@ def open_project(
     Raises InsituError with one line for a person.
     """
     from engine.deform.posed_scene import posed
-    from engine.scene.load import load_scene
+    from engine.scene.scene_loader import load_scene
 
     source = source_of(find_source(name))
     session = None if source.session is None else load_session(source.session)
@@ -175,7 +175,7 @@ def open_project(
         require_memory_for(resolution)  # before a mesh is read
     named = source.scene if session is None else session.document.source
     path = scene_path(named)
-    scene = load_scene(path, resolution).seen_from(look.camera)
+    scene = load_scene(path, resolution).from_camera(look.camera)
     require_memory_for(scene.resolution)
     document = read_measurements(
         document_from_description(named, scene.description, scene.animations), scene.folder, path
@@ -186,9 +186,9 @@ def open_project(
         document = read_measurements(fit_session(session, document, str(source.session)))
     for where, value in values:
         document = read_measurements(set_path(document, where, value).apply(document))
-    at_rest = scene.shining(dict(emission_of(document)))
-    scene = posed(at_rest, document.poses).bumped(dict(document.new_bumps))
-    scene.relief.require()
+    at_rest = scene.with_emission(dict(emission_of(document)))
+    scene = posed(at_rest, document.poses).with_bumps(dict(document.new_bumps))
+    scene.bump_normals.check_images()
     sessions = () if source.session is None else (source.session,)
     inputs_are((*scene.files, *files_of_document(document), *sessions))
     if session is None:

@@ -215,7 +215,7 @@ class SceneTalk:
 
     def _seen(self, scene: OpenedScene, seen: SceneSeen) -> OpenedScene:
         """A scene as it was traced; the renderer is to be told of it."""
-        described = scene.description.seen_from(self.tracing.seen.camera)
+        described = scene.description.from_camera(self.tracing.seen.camera)
         self._shown = [SceneFrame(self.tracing.scene, scene.document.source, described, seen.frame)]
         self.opened = scene = replace(scene, view_id=seen.id)
         return scene

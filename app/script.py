@@ -28,7 +28,7 @@ from engine.errors import LoadError
 from engine.safe_files import resolved
 from engine.plan_lines import LineValue
 from engine.scene.camera_moves import Side
-from engine.scene.complaints import first_complaint
+from engine.scene.validation_errors import first_validation_error
 from engine.scene.description import Number, Parameter, Text
 from engine.scene.toml_text import load_toml
 
@@ -424,7 +424,7 @@ def parse_script(tree: dict[str, Any], file: Path, folder: Path) -> tuple[Step, 
     try:
         record = ScriptRecord.model_validate(tree)
     except ValidationError as error:
-        raise first_complaint(error, tree, file, ScriptRecord) from None
+        raise first_validation_error(error, tree, file, ScriptRecord) from None
     for number, step in enumerate(record.steps):
         if step.capture is not None and Path(step.capture).suffix.lower() != ".png":
             raise LoadError(file, f"step {number}: capture", step.capture, "a file name that ends in .png")

@@ -8,7 +8,7 @@ from pathlib import Path
 from app.document import CONSTANT_ENVIRONMENT, SCENE_ENVIRONMENT, LightState
 from engine.light.environment import Environment, constant_environment, load_environment
 from engine.scene.builtin import builtin_environments
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.transport.pipeline import SkyState
 
 Load = Callable[[Path, str], Environment]

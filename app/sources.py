@@ -1,6 +1,6 @@
 """What a person can name to be opened: by its ending, before anything of it is read.
 
-A scene is a built-in one's name, a scene file, or a mesh, which stands on a floor of its own (`engine.scene.stage`). A
+A scene is a built-in one's name, a scene file, or a mesh, which stands on a floor of its own (`engine.scene.mesh_scene`). A
 session names a scene. Light alone opens the built-in scene under it.
 """
 

@@ -48,7 +48,7 @@ from engine.render.still import (
     still_quality,
     with_maps,
 )
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
 from engine.generators import run_to_end
 from engine.transport.pipeline import Placement

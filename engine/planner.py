@@ -37,7 +37,7 @@ from engine.plan_lines import MODE_LINES, MAX_BANDS_OVERRIDDEN, PICTURE_LINES, L
 
 if TYPE_CHECKING:
     from engine.scene.description import SceneDescription
-    from engine.scene.load import Scene
+    from engine.scene.scene_loader import Scene
 
 MOST_BANDS = 128
 # Bands of a curve that can be edited, over each angle: highlights need many, what varies slowly few.

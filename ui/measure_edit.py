@@ -28,7 +28,7 @@ WARM_UP = 1
 def measure(
     source: str, path: str, value: Any, resolution: tuple[int, int] | None, repetitions: int
 ) -> tuple[Figures, Pictures]:
-    """Times, and the pictures (H, W, 3) `before`, `framed` (the first frame after the edit) and `exact`."""
+    """Times, and the pictures (H, W, 3) `before`, `frame_box` (the first frame after the edit) and `exact`."""
     with contextlib.closing(EditorRig(source, resolution)) as bench:
         bench.switch(path.partition(".")[0])
         pictures = {"before": bench.renderer.linear_image()}

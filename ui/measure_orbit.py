@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from engine.scene.camera_moves import orbited
+from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import Camera
 from ui.gl.context import GraphicsError, create_headless_context, describe_context
 from ui.gl.moving import shader_bytes
@@ -71,7 +71,7 @@ def _worked(project: Project, n_points: int) -> Orbit:
 
 
 def _turned(camera: Camera, k: int) -> Camera:
-    moved = orbited(camera, np.radians(DEGREES_A_FRAME) * k, 0.0)
+    moved = orbit_camera(camera, np.radians(DEGREES_A_FRAME) * k, 0.0)
     return camera.model_copy(update={"position": moved.position})
 
 

@@ -56,12 +56,12 @@ from app.view_state import SetView, ViewCommand, Viewpoint
 from engine.errors import InsituError
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from engine.scene.camera_moves import (
-    dollied,
-    framed,
-    levelled,
-    orbited,
-    panned,
-    seen_from_side,
+    dolly_camera,
+    frame_box,
+    level_horizon,
+    orbit_camera,
+    pan_camera,
+    view_from_side,
     with_focal_length,
 )
 from engine.scene.description import Camera
@@ -220,20 +220,20 @@ def _moved(editor: Editor, move: MoveCamera) -> Camera:
     """The camera as a step moves it."""
     camera = editor.looks.own_camera if move.own else editor.looks.camera
     if move.side is not None:
-        camera = seen_from_side(camera, move.side)
+        camera = view_from_side(camera, move.side)
     if move.focal is not None:
         camera = with_focal_length(camera, move.focal)
     if move.frame is not None:
         names = [state.name for state in editor.document.objects]
         box = editor.looks.box_of(None if move.frame == "all" and "all" not in names else move.frame)
-        camera = framed(camera, box, editor.looks.aspect)
+        camera = frame_box(camera, box, editor.looks.aspect)
     if move.orbit is not None:
-        camera = orbited(camera, *map(math.radians, move.orbit))
+        camera = orbit_camera(camera, *map(math.radians, move.orbit))
     if move.pan is not None:
-        camera = panned(camera, *move.pan)
+        camera = pan_camera(camera, *move.pan)
     if move.dolly is not None:
-        camera = dollied(camera, move.dolly)
-    return levelled(camera) if move.level else camera
+        camera = dolly_camera(camera, move.dolly)
+    return level_horizon(camera) if move.level else camera
 
 
 def _choose_mode(editor: Editor, name: str) -> None:

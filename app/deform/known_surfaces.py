@@ -8,20 +8,20 @@ from dataclasses import replace
 from app.commands import SetSurface
 from app.document import Document
 from app.history import History
-from engine.scene.surface_kinds import SurfacesOf
+from engine.scene.surface_kinds import SurfacesByObject
 
 
 class KnownSurfaces:
     """What of one scene's surfaces is known to work; to begin with what its file says."""
 
     def __init__(self) -> None:
-        self._surfaces: SurfacesOf = ()
+        self._surfaces: SurfacesByObject = ()
 
-    def worked(self, surfaces: SurfacesOf) -> None:
+    def worked(self, surfaces: SurfacesByObject) -> None:
         """A picture came of these."""
         self._surfaces = surfaces
 
-    def go_back(self, history: History[Document], refused: SurfacesOf) -> bool:
+    def go_back(self, history: History[Document], refused: SurfacesByObject) -> bool:
         """Take images that were refused out of the document; whether there were any.
 
         Where choosing one was the last step, that step is gone as if it had never been; else it is replaced.

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from engine.deform.parts import Numbers, Told
     from engine.deform.pose import Poses
     from engine.scene.description import Camera
-    from engine.scene.surface_kinds import SurfacesOf
+    from engine.scene.surface_kinds import SurfacesByObject
 
 
 class Traced(NamedTuple):
@@ -41,7 +41,7 @@ class PrepareDeform(Request):
     scene: SceneState
     n_bounces: int = 0
     posed: tuple[str, ...] = ()
-    surfaces: SurfacesOf = ()
+    surfaces: SurfacesByObject = ()
     traced: Traced | None = None
     n_rays: int = 1000
     n_lobes: int = 4

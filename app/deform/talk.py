@@ -33,7 +33,7 @@ from app.view_state import ViewState
 from engine.deform.parts import NOTHING, Numbers
 from engine.deform.pose import Poses
 from engine.scene.description import Camera
-from engine.scene.surface_kinds import SurfacesOf
+from engine.scene.surface_kinds import SurfacesByObject
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class DeformWish(OrbitWish):
     document says of surfaces; traced: what paths are to show beside them."""
 
     posed: tuple[str, ...] = ()
-    surfaces: SurfacesOf = ()
+    surfaces: SurfacesByObject = ()
     traced: Traced | None = None
     n_rays: int = 1000
     n_lobes: int = 4

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 
 
 def ply_bytes(scene: Scene, index: int) -> bytes:

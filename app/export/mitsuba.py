@@ -28,7 +28,7 @@ from app.project import Project
 from engine.material.layer import Layer, object_of
 from engine.render.image_files import exr_bytes
 from engine.render.surface_maps import mean_factor
-from engine.scene.frames import object_axes
+from engine.scene.local_frames import object_axes
 from engine.generators import run_to_end
 
 RENDER = Path(__file__).with_name("render.py")

@@ -30,7 +30,7 @@ from app.machine.atomic import save_file
 from app.measurements import with_full_paths
 from engine.errors import InsituError, LoadError
 from engine.safe_files import resolved
-from engine.scene.complaints import first_complaint
+from engine.scene.validation_errors import first_validation_error
 from engine.scene.description import LayerDescription, Text
 from engine.scene.toml_text import check_version, load_toml, parse_toml, toml_lines, toml_value
 
@@ -124,7 +124,7 @@ def _material(tree: dict[str, Any], file: str) -> Material:
     try:
         record = MaterialRecord.model_validate(tree)
     except ValidationError as error:
-        raise first_complaint(error, tree, file, MaterialRecord) from None
+        raise first_validation_error(error, tree, file, MaterialRecord) from None
     plain = layers_from_descriptions(file, record.name, record.layers)
     beyond = next((i for i in (*record.hidden, *(c.layer for c in record.curves)) if i >= len(plain)), None)
     if beyond is not None:

@@ -38,7 +38,7 @@ from engine.material.layer import object_of, place_of
 from engine.material.parameters import ParameterError
 from engine.planner import N_PATCHES
 from engine.plan_lines import PICTURE_LINES, LineValue, checked_bands, checked_line
-from engine.scene.complaints import first_complaint
+from engine.scene.validation_errors import first_validation_error
 from engine.scene.description import MAX_BOUNCES, MAX_OBJECTS, Camera, Name, Number, Pixels, Radiance, Text
 from engine.scene.surface_kinds import DeformSurface
 from engine.scene.toml_text import check_version, parse_toml_bytes, toml_lines, toml_value
@@ -324,7 +324,7 @@ def parse_session(data: bytes, path: Path, folder: Path | None) -> Session:
     try:
         record = SessionRecord.model_validate(tree)
     except ValidationError as error:
-        raise first_complaint(error, tree, path, SessionRecord) from None
+        raise first_validation_error(error, tree, path, SessionRecord) from None
     objects = tuple(_object(str(path), folder, each) for each in record.objects)
     light = LightState(**{**record.light.model_dump(), "environment": full_path(record.light.environment, folder)})
     document = Document(full_path(record.scene, folder), objects, check_light(light, str(path)), record.first_bands)

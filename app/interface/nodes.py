@@ -25,8 +25,8 @@ from engine.errors import InsituError
 from engine.material.bumps import bump_fields
 from engine.material.layer import Layer
 from engine.material.layer_maps import map_fields
-from engine.scene.camera_moves import orbited
-from engine.scene.complaints import first_complaint
+from engine.scene.camera_moves import orbit_camera
+from engine.scene.validation_errors import first_validation_error
 from engine.scene.description import Camera
 from engine.scene.surface_kinds import SURFACES
 
@@ -253,7 +253,7 @@ class CameraNode:
         try:
             self._editing.look_from(Camera(**tree))
         except ValidationError as error:
-            raise InsituError(first_complaint(error, tree, "camera", Camera).reason) from None
+            raise InsituError(first_validation_error(error, tree, "camera", Camera).reason) from None
 
     def __repr__(self) -> str:
         return f"<camera: {', '.join(f'{name} {value}' for name, value in self._values.items())}>"
@@ -261,7 +261,7 @@ class CameraNode:
     def orbit(self, degrees: float, up: float = 0.0) -> None:
         """Turn it about its target by so many degrees to the right, and up."""
         camera = Camera(**self._values)
-        self._editing.look_from(orbited(camera, math.radians(degrees), math.radians(up)))
+        self._editing.look_from(orbit_camera(camera, math.radians(degrees), math.radians(up)))
 
     @property
     def _values(self) -> dict[str, Any]:

@@ -94,7 +94,7 @@ class Pictures:
         document, scene = project.document, project.scene
         posed = [name for name, _ in document.poses]
         if self._deform is None or self._deform[0] != document.new_bumps:
-            resting = project.resting.bumped(dict(document.new_bumps))
+            resting = project.resting.with_bumps(dict(document.new_bumps))
             self._deform = document.new_bumps, prepared_deform(project, resting, posed)
         deform = self._deform[1]
         deform.shine({name: tuple(scene.emission[i].tolist()) for i, name in enumerate(scene.object_names)})

@@ -24,8 +24,8 @@ from engine.deform.posed_scene import posed
 from engine.errors import InsituError
 from engine.light.environment import Environment, downsample, load_environment
 from engine.planner import planned_edge_rays
-from engine.scene.hits import tracing_primary
-from engine.scene.load import Scene
+from engine.scene.primary_hits import trace_primary_steps
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
 from engine.transport.pipeline import Placement, SkyState
 
@@ -87,8 +87,8 @@ class Bench:
             raise InsituError("no scene is open")
         scene, caster = seen.posed(request.poses)
         n_edge_rays = planned_edge_rays(scene.description) if request.n_edge_rays is None else request.n_edge_rays
-        scene = scene.bumped(dict(request.bumps)).seen_from(request.camera, request.resolution)
-        hits = yield from tracing_primary(scene, caster, n_edge_rays=n_edge_rays)
+        scene = scene.with_bumps(dict(request.bumps)).from_camera(request.camera, request.resolution)
+        hits = yield from trace_primary_steps(scene, caster, n_edge_rays=n_edge_rays)
         placement = Placement(scene, caster, hits=hits)
         self._scene, self._loaded = seen, _Loaded()
         self._placement, self.view_id = placement, request.id
@@ -147,7 +147,7 @@ class _Loaded:
 
 def _view_key(placement: Placement, geometry: str) -> str:
     """What transport hangs on of the view: the surfaces, and where bumps turn their normals these as well."""
-    if not placement.scene.relief.objects:
+    if not placement.scene.bump_normals.objects:
         return geometry
     return content_key(geometry, placement.hits.normal)
 

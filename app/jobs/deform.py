@@ -31,7 +31,7 @@ from app.messages import Progress
 from app.mode import ModeWork
 from app.orbit.messages import OrbitAdvanced, OrbitDrawn, OrbitUnknown
 from engine.scene.description import CameraDescription
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.stored_arrays import ArrayReader, Arrays, UnsoundArrays
 from engine.transport.pipeline import SkyState
 
@@ -109,7 +109,7 @@ class DeformWork(ModeWork):
         layers, n_bounces = layers_by_object(deform.scene, request.scene.layers), request.n_bounces or 1
         made_of = wanted, request.scene, n_bounces
         if self._truth is None or self._truth[0] != made_of:
-            scene = deform.scene.seen_from(wanted.camera, wanted.resolution)
+            scene = deform.scene.from_camera(wanted.camera, wanted.resolution)
             self._truth = made_of, Truth(scene, wanted.poses)
         truth = self._truth[1]
         yield PathsTraced(truth.n_passes, N_PASSES)
@@ -126,7 +126,7 @@ class DeformWork(ModeWork):
             yield OrbitUnknown()
             return
         started = time.monotonic()
-        camera = deform.scene.seen_from(request.camera).description.camera
+        camera = deform.scene.from_camera(request.camera).description.camera
         told = None if request.known is None else deform.told(camera, request.poses, request.known)
         if told is not None:
             picture = _NO_PICTURE
@@ -149,7 +149,7 @@ class DeformWork(ModeWork):
             return
 
         def drawing(wanted: DrawDeform) -> Generator[None, None, NDArray[np.float32]]:
-            camera = deform.scene.seen_from(wanted.camera).description.camera
+            camera = deform.scene.from_camera(wanted.camera).description.camera
             yield
             return deform.draw(camera, wanted.resolution, wanted.poses, wanted.quality)
 

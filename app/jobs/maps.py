@@ -18,8 +18,8 @@ from engine.material.layer_maps import Images
 from engine.material.strokes import Strokes
 from engine.render.canvas import Canvas
 from engine.render.surface_maps import MapSampler
-from engine.scene.hits import PrimaryHits
-from engine.scene.load import PROJECTED
+from engine.scene.primary_hits import PrimaryHits
+from engine.scene.scene_loader import PROJECTED_NOTE
 from engine.texture.pyramid import Pyramid
 from engine.transport.pipeline import Placement
 
@@ -58,7 +58,7 @@ class MapTasks:
         if images.strokes:
             thumbnails["weight"] = begun.thumbnail.of(seen.weight)
         by_box = images.is_of_files and not scene.has_uvs[i_object]
-        note = f"{object_of(key)}: {PROJECTED}" if by_box else ""
+        note = f"{object_of(key)}: {PROJECTED_NOTE}" if by_box else ""
         return MapsSampled(key, images, samples, seen.means, thumbnails, note)
 
     def _work(self, sampler: MapSampler, i_object: int, images: Images) -> _Begun:

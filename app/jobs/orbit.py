@@ -38,7 +38,7 @@ from engine.deform.pose import Poses
 from engine.deform.posed_scene import posed
 from engine.material.bumps import Bumps
 from engine.material.layer import Layer
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
 from engine.generators import map_steps
 from engine.transport.pipeline import SkyState
@@ -137,7 +137,7 @@ class OrbitWork(ModeWork):
         orbit = self._orbit
         if orbit is not None:
             was_done = orbit.is_done
-            orbit.look(orbit.scene.seen_from(request.camera).description.camera)
+            orbit.look(orbit.scene.from_camera(request.camera).description.camera)
             if was_done and not orbit.is_done:
                 yield OrbitAdvanced(orbit.version, False, orbit.n_bytes, id=self._prepared)
 
@@ -160,7 +160,7 @@ class OrbitWork(ModeWork):
         started, sky = time.monotonic(), self._bench.sky(request.scene.light)
         scene, caster = self._standing(request.poses)
         seen, layers = (
-            scene.seen_from(request.camera, request.resolution),
+            scene.from_camera(request.camera, request.resolution),
             layers_by_object(scene, request.scene.layers),
         )
         picture = yield from map_steps(plain_picture(seen, caster, layers, sky, request.resolution), lambda step: None)
@@ -220,7 +220,7 @@ def _prepared_sky(sky: SkyState, text: str) -> Steps:
 
 def _drawing(orbit: Orbit, wanted: DrawOrbit) -> Generator[StillProgress, None, NDArray[np.float32]]:
     """The picture that is asked for, piece by piece."""
-    camera = orbit.scene.seen_from(wanted.camera).description.camera
+    camera = orbit.scene.from_camera(wanted.camera).description.camera
     return orbit.drawing(camera, wanted.resolution, wanted.quality, wanted.n_coefficients, has_soft_edges=True)
 
 

@@ -50,7 +50,7 @@ from engine.light.environment import downsample
 from engine.material.layer import Layer
 from engine.planner import RenderSettings, Precision, band_counts
 from engine.render.light_pilot import LightNeed
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.generators import map_steps
 from engine.stored_arrays import ArrayReader, Arrays, n_bytes_of
 from engine.transport.bandstore import BandStore

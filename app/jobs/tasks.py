@@ -30,7 +30,7 @@ from app.mode import Mode
 from app.modes import MODES
 from app.naming import named
 from engine.scene.builtin import scene_path
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from engine.scene.picture_frame import picture_frame
 
 
@@ -80,8 +80,8 @@ class Tasks:
         for work in self._works:
             work.scene_seen()
         placement = self.bench.open_placement
-        flaws = tuple(" ".join(str(error).split()) for error in placement.scene.relief.flaws.values())
-        yield SceneSeen(picture_frame(placement.hits, placement.scene.eye), flaws)
+        flaws = tuple(" ".join(str(error).split()) for error in placement.scene.bump_normals.flaws.values())
+        yield SceneSeen(picture_frame(placement.hits, placement.scene.camera_position), flaws)
 
     def _read(self, request: ReadMeasured) -> Steps:
         yield from read_for(request, self.bench.store)

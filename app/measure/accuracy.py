@@ -17,7 +17,7 @@ from engine.light.radiance_files import read_radiance_image
 from engine.material.layer import Layer
 from engine.render.integrator import integrate_direct
 from engine.render.still import compose
-from engine.scene.hits import PrimaryHits
+from engine.scene.primary_hits import PrimaryHits
 from engine.threads import on_threads
 from engine.transport.pipeline import Placement
 

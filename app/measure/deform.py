@@ -31,7 +31,7 @@ from engine.deform.zonal import fit
 from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.scene.load import Scene, load_scene
+from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points
 from engine.generators import run_to_end

@@ -22,7 +22,7 @@ from app.measure.subject import at_most, open_subject
 from app.placement.curves import Curves
 from app.placement.messages import Freeze, Frozen
 from app.sky import sky_of
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.transport.pipeline import Placement
 
 FIGURE = "gi_memory_growth"

@@ -24,8 +24,8 @@ from engine.light.environment import Environment
 from engine.material.layer import Layer
 from engine.orbit.live import N_POINTS, Orbit
 from engine.render.integrator import integrate_direct
-from engine.scene.camera_moves import orbited
-from engine.scene.hits import PrimaryHits
+from engine.scene.camera_moves import orbit_camera
+from engine.scene.primary_hits import PrimaryHits
 from engine.transport.pipeline import Placement, SkyState
 
 JUDGED, SCENE = ("teatray", "bunny"), "rings"
@@ -149,7 +149,7 @@ def speed_figures(project: Project, effort: OrbitEffort) -> list[Figure]:
     made = time.perf_counter() - begun
     frames = []
     for k in range(effort.n_frames):
-        moved = orbited(camera, np.radians(DEGREES_A_FRAME) * k, 0.0)
+        moved = orbit_camera(camera, np.radians(DEGREES_A_FRAME) * k, 0.0)
         begun = time.perf_counter()
         orbit.draw(camera.model_copy(update={"position": moved.position}), effort.resolution, "moving")
         frames.append(time.perf_counter() - begun)

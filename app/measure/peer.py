@@ -31,7 +31,7 @@ from app.measure.launches import run_program
 from app.project import Project, open_project
 from app.stills import render_picture
 from engine.indirect.series import parse_series
-from engine.scene.hits import PrimaryHits
+from engine.scene.primary_hits import PrimaryHits
 from engine.transport.pipeline import Placement
 
 VARIABLE = "INSITU_PEER_PYTHON"

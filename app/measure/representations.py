@@ -33,7 +33,7 @@ from engine.indirect.representation import FrozenLight, GatherPolynomial, Repres
 from engine.indirect.solver import Solver
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.generators import run_to_end
 from engine.transport.pipeline import Placement
 

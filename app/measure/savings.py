@@ -131,7 +131,7 @@ def _of_pixels(project: Project, most: int) -> Project:
     width, height = project.scene.resolution
     smaller = min((most / (width * height)) ** 0.5, 1.0)
     size = max(round(smaller * width), 1), max(round(smaller * height), 1)
-    return replace(project, scene=project.scene.seen_from(None, size))
+    return replace(project, scene=project.scene.from_camera(None, size))
 
 
 def _draw_everything(project: Project, plan: Plan) -> _Drawn:

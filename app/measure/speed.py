@@ -19,7 +19,7 @@ import numpy as np
 
 from app.measure.subject import Subject, layer_bands, layer_shape
 from engine.material.layer import Layer
-from engine.scene.hits import PrimaryHits
+from engine.scene.primary_hits import PrimaryHits
 from engine.generators import run_to_end
 from engine.transport.bandstore import BandStore, join_tiles
 from engine.transport.pipeline import Placement, Quality

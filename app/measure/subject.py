@@ -8,7 +8,7 @@ from app.document import Document
 from app.project import open_project
 from engine.material.layer import Layer
 from engine.planner import band_counts, bands_for_sharpest
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.transport.pipeline import SkyState
 from engine.transport.projection import LayerShape
 

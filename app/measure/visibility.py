@@ -29,7 +29,7 @@ from app.measure.markdown import table
 from app.measure.plots import save_figure
 from app.project import Project, open_project
 from engine.light.triangle_lights import cut_lights
-from engine.scene.hits import PrimaryHits, trace_primary
+from engine.scene.primary_hits import PrimaryHits, trace_primary
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.visibility.grid import coherent_visibility
 from engine.visibility.points import Visibility, empty_visibility, evaluate_rows

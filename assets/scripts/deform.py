@@ -24,7 +24,7 @@ from engine.deform.posed_scene import posed
 from engine.indirect.beyond import BRIGHTEST, held
 from engine.render.display import display_picture
 from engine.render.path_tracer import render_paths
-from engine.scene.surface_kinds import NO_SURFACE, DeformSurface, SurfacesOf
+from engine.scene.surface_kinds import NO_SURFACE, DeformSurface, SurfacesByObject
 from engine.generators import run_to_end
 from engine.transport.pipeline import Placement
 
@@ -80,12 +80,12 @@ def flap(file: Path) -> None:
     frames[0].save(file, save_all=True, append_images=frames[1:], duration=FRAME_MS, loop=0, optimize=True)
 
 
-def _still(project: Project, surfaces: SurfacesOf, poses: Poses) -> Picture:
+def _still(project: Project, surfaces: SurfacesByObject, poses: Poses) -> Picture:
     deform, scene = _ready(project, tuple(name for name, _ in poses), surfaces), project.resting
     return _shown(deform.draw(scene.description.camera, scene.resolution, poses, "rest"))
 
 
-def _ready(project: Project, bends: tuple[str, ...], surfaces: SurfacesOf = ()) -> Deform:
+def _ready(project: Project, bends: tuple[str, ...], surfaces: SurfacesByObject = ()) -> Deform:
     """surfaces: of objects, by name, instead of the file's."""
     deform = Deform(project.resting, N_POINTS, N_RAYS)
     deform.set_light(project.sky)

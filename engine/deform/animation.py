@@ -39,18 +39,18 @@ def posed(rig: Rig, rest: Pose, triangles: NDArray[np.int32], clip: str, time: f
     if not is_morphed and not moves.any():
         return rest
     # Places before any bone, now and at rest, and what the bones at rest make of the difference.
-    before, normals = rig.binding.morphed(rig.skeleton.weights)
+    before, normals = rig.binding.morph_vertices(rig.skeleton.weights)
     places, positions = before, rest.positions.copy()
     has_normals = np.asarray(rig.binding.normals.any(axis=1))
     if is_morphed:
-        places, normals = rig.binding.morphed(weights)
-        positions += np.einsum("vab,vb->va", rig.rest.linear, places - before)
+        places, normals = rig.binding.morph_vertices(weights)
+        positions += np.einsum("vab,vb->va", rig.rest_pose.linear, places - before)
         for morph in rig.binding.morphs:
             if morph.normals is None and morph_weight(morph, weights) != 0.0:
                 has_normals[morph.vertices] = False
     # The bones' own part of it.
-    linear, turned = rig.rest.linear.copy(), np.empty_like(positions)
-    bones, shares, turns = rig.binding.bones, rig.binding.weights, normal_matrices(rig.rest.matrices + moves)
+    linear, turned = rig.rest_pose.linear.copy(), np.empty_like(positions)
+    bones, shares, turns = rig.binding.bones, rig.binding.weights, normal_matrices(rig.rest_pose.matrices + moves)
     on_threads(
         lambda start, stop: kernels.skin_range(
             places, normals, bones, shares, moves, turns, start, stop, positions, linear, turned
@@ -60,7 +60,7 @@ def posed(rig: Rig, rest: Pose, triangles: NDArray[np.int32], clip: str, time: f
     # Axes from the mesh at rest back to before any bone, there by what targets do, and on.
     if is_morphed:
         linear = linear @ gradients(before, places, triangles)
-    axes = deformed_frames(rest.frames, linear @ rig.rest.inverse)
+    axes = deformed_frames(rest.frames, linear @ rig.rest_pose.inverse)
     about = axes.copy()
     about[has_normals, 2] = turned[has_normals]
     return Pose(positions, orthonormal(about, axes))
@@ -128,7 +128,7 @@ def _bone_moves(rig: Rig, values: Values) -> Float64Array:
     for node, rest in skeleton.parts.items():
         if any((node, path) in values for path in PATHS):
             moved[node] = matrix_of(*(values.get((node, path), part) for path, part in zip(PATHS, rest, strict=True)))
-    places, matrices = rig.binding.places, rig.rest.matrices
+    places, matrices = rig.binding.places, rig.rest_pose.matrices
     moves = np.ascontiguousarray(rig.bone_matrices(moved) - matrices)
     low, high = places.min(axis=0), places.max(axis=0)
     corners = np.array(

@@ -22,7 +22,7 @@ from engine.deform.wrinkle import SIDE, wrinkles
 from engine.deform.wrinkle import Wrinkles as WrinkleMap
 from engine.deform.zonal import Zonal
 from engine.material.layer_maps import Images
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.scene.surface_kinds import DeformSurface
 from engine.scene.surface_kinds import Detail as PatchSays
 from engine.scene.surface_kinds import Wrinkles as WrinklesSay

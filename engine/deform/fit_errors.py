@@ -11,7 +11,7 @@ from engine.deform.pose import orthonormal
 from engine.deform.transfer import TransferPoints, simulate
 from engine.deform.zonal import MAX_LOBES, fit
 from engine.scene.builtin import builtin_scenes
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points
 from engine.generators import map_steps

@@ -39,9 +39,9 @@ from engine.material.layer import Layer
 from engine.material.layer_maps import Images
 from engine.render.still import StillProgress
 from engine.scene.description import CameraDescription
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
-from engine.scene.surface_kinds import DeformSurface, SurfacesOf
+from engine.scene.surface_kinds import DeformSurface, SurfacesByObject
 from engine.sphere.harmonics import project
 from engine.generators import run_to_end
 from engine.transport.pipeline import SkyState
@@ -96,7 +96,7 @@ class Deform:
 
     def shine(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
         """Give emitters, by name, this radiance from now on: it is seen, but lights nothing here."""
-        scene = self.scene.shining(emission)
+        scene = self.scene.with_emission(emission)
         if not np.array_equal(scene.emission, self.scene.emission):
             self.scene = scene
             self.version += 1
@@ -118,7 +118,7 @@ class Deform:
             self._posed = posed
             self.version += 1
 
-    def set_surfaces(self, surfaces: SurfacesOf) -> None:
+    def set_surfaces(self, surfaces: SurfacesByObject) -> None:
         """What is said of the surfaces of objects, by name, from now on, in the place of what the scene's file says.
         Raises LoadError where an image cannot be used."""
         self.scene.textures.load(Images(weight=file) for _, says in surfaces for _, file in says.files)

@@ -17,7 +17,7 @@ from engine.deform.subsurface import Medium, simulate_subsurface
 from engine.deform.transfer import bounced, shadowed
 from engine.deform.zonal import Zonal, about_linear, fit
 from engine.material.layer_maps import Images
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.scene.surface_kinds import DeformSurface
 from engine.generators import map_steps
 

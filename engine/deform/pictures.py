@@ -20,7 +20,7 @@ from engine.deform.shading import shade
 from engine.deform.subject import Float32Array, Subject, albedo
 from engine.render.error_colours import shown
 from engine.scene.description import CameraDescription
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 
 Quality = Literal["moving", "rest"]
 

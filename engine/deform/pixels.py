@@ -13,7 +13,7 @@ from engine.deform.raster import Drawn
 from engine.material.layer_maps import LayerMaps
 from engine.orbit.seen_maps import MOVING_PROBES
 from engine.render.surface_maps import painted, sample_images
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import Intersections
 from engine.texture.pyramid import MOST_PROBES, Pyramid
 

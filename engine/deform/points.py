@@ -17,8 +17,8 @@ from engine.deform.raster import Surface
 from engine.deform.transfer import TransferPoints
 from engine.orbit.lit_sides import lit_sides
 from engine.orbit.shading_points import ShadingPoints, shading_points, with_backs
-from engine.scene.frames import local_frames
-from engine.scene.load import Scene
+from engine.scene.local_frames import local_frames
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.surface_points import SurfacePoints
 from engine.scene.surface_uvs import corner_uvs, uvs_at

@@ -9,7 +9,7 @@ from engine.deform.points import BendingPoints
 from engine.deform.pose import Pose, Poses, Row, check_extent, deformed
 from engine.deform.posed_scene import at_moment, deformers, moment_of, shifted
 from engine.deform.uv_axes import SurfaceAxes
-from engine.scene.load import MAX_EXTENT, Scene
+from engine.scene.scene_loader import MAX_EXTENT, Scene
 
 Float32Array = NDArray[np.float32]
 Int32Array = NDArray[np.int32]

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from engine.deform import animation
 from engine.deform.pose import Deformation, Moment, Pose, Poses, Row, check_extent, deformed
-from engine.scene.frames import local_frames, object_tangents
-from engine.scene.load import MAX_EXTENT, Scene
+from engine.scene.local_frames import local_frames, object_tangents
+from engine.scene.scene_loader import MAX_EXTENT, Scene
 from engine.scene.mesh import face_normals
 
 

@@ -18,7 +18,7 @@ from engine.deform.subject import albedo, is_glossy
 from engine.light.environment import LUMINANCE
 from engine.material.layer import Layer
 from engine.render.surface_maps import painted, sample_images
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.texture.pyramid import Pyramid
 
 Float64Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from engine.deform.shading import BandLight, Lobes
 from engine.material.layer import Layer
 from engine.orbit.slices import matt_reflectance
 from engine.render.surface_maps import mean_factor
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.transport.pipeline import SkyState
 
 Float32Array = NDArray[np.float32]

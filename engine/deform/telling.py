@@ -31,7 +31,7 @@ from engine.deform.pose import Poses
 from engine.deform.posed_points import PosedPoints
 from engine.deform.shading import Lobes
 from engine.deform.subject import Subject, albedo
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.sphere.harmonics import clamped_cosine
 from engine.texture.gpu_export import ImageExporter, image_words, stroke_words
 

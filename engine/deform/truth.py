@@ -13,7 +13,7 @@ from engine.deform.pose import Poses
 from engine.deform.posed_scene import posed
 from engine.render.path_tracer import render_paths
 from engine.render.still import StillProgress
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.transport.pipeline import Placement, SkyState
 
 Float32Array = NDArray[np.float32]

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from engine.deform.points import BendingPoints
 from engine.deform.pose import orthonormal
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 
 Float64Array = NDArray[np.float64]
 Int32Array = NDArray[np.int32]

@@ -32,7 +32,7 @@ from engine.texture.stroke_painting import PaintedPoints
 
 if TYPE_CHECKING:
     from engine.indirect._cell_kernels import CellTable
-    from engine.scene.load import Scene
+    from engine.scene.scene_loader import Scene
 
 Float32Array = NDArray[np.float32]
 _LEAST_ALBEDO = 1e-6

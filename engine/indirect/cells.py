@@ -20,7 +20,7 @@ from engine.indirect.cell_maps import CellMaps
 from engine.indirect.equivalence import N_SLANTS
 from engine.light.emitters import EmitterPatches
 from engine.light.triangle_lights import TriangleLights
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.threads import on_threads
 

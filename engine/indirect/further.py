@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from engine.indirect.gather import MOST_FANS, object_of_rows
 from engine.indirect.smoothing import mean_of_neighbours, neighbours_of
-from engine.scene.hits import PrimaryHits
+from engine.scene.primary_hits import PrimaryHits
 
 # Noise relative to the light: above the first a point asks for one further fan, above the second for as many as it may.
 # Of a hundred points of cornell, stairwell, storeroom and room none is above the first, of `ajar` 0.4, of teatray 5.

@@ -22,7 +22,7 @@ from engine.indirect.cells import CHUNK, Cells, room_for_rays
 from engine.indirect.rays import cosine_tables, pole_tables
 from engine.indirect.second_bounce import SecondRays, joined_records, no_records
 from engine.indirect.turns import Turn, by_turns
-from engine.scene.hits import PrimaryHits
+from engine.scene.primary_hits import PrimaryHits
 from engine.transport._projection_kernels import Viewed
 
 MOST_FANS = 4  # of one gather point

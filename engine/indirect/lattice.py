@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from engine.indirect import _lattice_kernels as kernels
 from engine.scene.edges import nearest_centres
-from engine.scene.hits import PrimaryHits
+from engine.scene.primary_hits import PrimaryHits
 
 COARSEST = 8
 # At least so many blocks over the height of a picture, be it small.

@@ -11,7 +11,7 @@ from engine.indirect.curves import LayerCurves
 from engine.indirect.equivalence import N_SLANTS
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
-from engine.scene.hits import PrimaryHits
+from engine.scene.primary_hits import PrimaryHits
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,8 +20,8 @@ from engine.indirect.photons import Landed, PhotonMap, Photons, Sent, farthest_o
 from engine.indirect.reflection import Fans, SentLight
 from engine.indirect.second_bounce import SecondLight, glossy_tables, inverse_albedo, looks_of, sent_on
 from engine.indirect.smoothing import Smoothing, smoothing_for
-from engine.scene.hits import PrimaryHits
-from engine.scene.load import Scene
+from engine.scene.primary_hits import PrimaryHits
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
 from engine.generators import run_to_end
 

@@ -23,8 +23,8 @@ from engine.indirect._second_kernels import Glossy, SampledLights
 from engine.indirect.cells import CHUNK, Cells
 from engine.indirect.rays import pole_vectors
 from engine.scene.camera import camera_frame, project
-from engine.scene.hits import PrimaryHits
-from engine.scene.load import Scene
+from engine.scene.primary_hits import PrimaryHits
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
 from engine.threads import even_parts, n_threads, on_threads
 
@@ -156,7 +156,7 @@ class PhotonSource:
         faces: NDArray[np.float32], directions: NDArray[np.float32],
     ) -> NDArray[np.bool_]:  # fmt: skip
         """Whether photons land on the side of an object that the picture shows, near to where it does."""
-        to_place = positions - self.scene.eye.astype(np.float32)
+        to_place = positions - self.scene.camera_position.astype(np.float32)
         facing = np.einsum("ni,ni->n", to_place, faces) * np.einsum("ni,ni->n", directions, faces) > 0.0
         camera, (width, height) = self.scene.description.camera, hits.resolution
         before = to_place @ camera_frame(camera)[2] > 0.0
@@ -233,7 +233,7 @@ class PhotonMap:
 def farthest_of(scene: Scene, hits: PrimaryHits, rows: NDArray[np.integer]) -> NDArray[np.float32]:
     """How far from each point a photon counts for it, (p,) metres of a surface that faces the eye."""
     height = 2.0 * math.tan(math.radians(scene.description.camera.fov_y) / 2)
-    return np.asarray(_FARTHEST * height * np.linalg.norm(hits.position[rows] - scene.eye, axis=1), np.float32)
+    return np.asarray(_FARTHEST * height * np.linalg.norm(hits.position[rows] - scene.camera_position, axis=1), np.float32)
 
 
 def land(

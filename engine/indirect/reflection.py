@@ -22,7 +22,7 @@ from engine.indirect.gather import FanSize, Gathered, fan_tables, object_of_rows
 from engine.indirect.photons import Landed, PhotonMap, Sent, land, landed_of, nothing_landed
 from engine.indirect.second_bounce import SecondLight
 from engine.indirect.smoothing import Smoothing, mean_of_fans
-from engine.scene.hits import PrimaryHits
+from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.threads import even_parts, n_threads, on_threads
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect.gather import object_of_rows
-from engine.scene.hits import PrimaryHits
+from engine.scene.primary_hits import PrimaryHits
 
 N_NEIGHBOURS, _N_GUIDE = 24, 9
 # Of the picture's height: how far neighbours may be.

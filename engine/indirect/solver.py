@@ -51,8 +51,8 @@ from engine.indirect.stored import (
     read_smoothing,
     read_table,
 )
-from engine.scene.frames import object_axes
-from engine.scene.hits import PrimaryHits
+from engine.scene.local_frames import object_axes
+from engine.scene.primary_hits import PrimaryHits
 from engine.generators import Result, run_to_end, map_steps
 from engine.stored_arrays import ArrayReader, Arrays
 from engine.transport.footprint import footprint, lattice_rows

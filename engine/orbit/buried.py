@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from engine.indirect.rays import cosine_tables
 from engine.orbit.shading_points import ShadingPoints
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
 
 _RAYS, _AT_ONCE = 8, 4096

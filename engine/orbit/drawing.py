@@ -22,7 +22,7 @@ from engine.orbit.sky import Sky
 from engine.orbit.sun_shadows import sun_shadows
 from engine.orbit.turned import TurnedSamples, leaning_irradiance, turned_irradiance, turned_reflection, turned_samples
 from engine.render.still import StillProgress
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 
 Float32Array = NDArray[np.float32]
 Quality = Literal["moving", "rest", "still"]
@@ -72,7 +72,7 @@ def reflected_light(
         factor = everywhere if term.factor is None else mapped[term.i_object][term.factor]
         points = np.flatnonzero(lit.seen & (lit.points.i_object == term.i_object))
         # While something moves, gloss is as without bumps: it is shaded at points, which are further apart than these.
-        bumpy = term.i_object in scene.relief.objects and (quality != "moving" or term.reflectance is not None)
+        bumpy = term.i_object in scene.bump_normals.objects and (quality != "moving" or term.reflectance is not None)
         evenly = None if bumpy else term.reflectance
         tables = None if bumpy or term.reflectance is not None else reflections.tables(term.layers)
         is_sharp = term.reflectance is None and reflections.is_sharp(term.layers)

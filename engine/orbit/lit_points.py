@@ -17,7 +17,7 @@ from engine.orbit.reflected import no_shades
 from engine.orbit.shading_points import ShadingPoints, with_backs
 from engine.orbit.sky import Sky
 from engine.orbit.visibility import N_UPPER, Bits, see, see_patches
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
 from engine.generators import StepRunner, run_to_end
 

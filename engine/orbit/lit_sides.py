@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
 
 Float64Array = NDArray[np.float64]

@@ -37,7 +37,7 @@ from engine.orbit.sky import make_sky
 from engine.orbit.visibility import N_UPPER, Bits
 from engine.render.still import StillProgress
 from engine.scene.description import CameraDescription
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
 from engine.generators import StepRunner, run_to_end
 from engine.stored_arrays import ArrayReader, Arrays
@@ -132,8 +132,8 @@ class Orbit:
             self._stale()
 
     def shine(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
-        """Give emitters, by name, this radiance from now on, see `Scene.shining`."""
-        scene = self.scene.shining(emission)
+        """Give emitters, by name, this radiance from now on, see `Scene.with_emission`."""
+        scene = self.scene.with_emission(emission)
         if not np.array_equal(scene.emission, self.scene.emission):
             self.scene = scene
             if self._lit is not None:
@@ -141,8 +141,8 @@ class Orbit:
             self._stale()
 
     def set_bumps(self, bumps: Mapping[str, Bumps]) -> None:
-        """What turns normals of objects, by name, from now on, see `Scene.bumped`."""
-        scene = self.scene.bumped(bumps)
+        """What turns normals of objects, by name, from now on, see `Scene.with_bumps`."""
+        scene = self.scene.with_bumps(bumps)
         if scene.description != self.scene.description:
             self.scene = scene
             if self._lit is not None:
@@ -319,7 +319,7 @@ class Orbit:
     @property
     def _are_glossy(self) -> NDArray[np.bool_]:
         found = self._reflections.are_glossy(len(self.scene.smooth))
-        found[list(self.scene.relief.objects)] = True  # in each pixel's own frame, matt or not
+        found[list(self.scene.bump_normals.objects)] = True  # in each pixel's own frame, matt or not
         return found
 
     def _stale(self) -> None:

@@ -16,8 +16,8 @@ from engine.material.layer import Layer
 from engine.orbit.lit_points import LitPoints
 from engine.orbit.picture import Rows, Seen
 from engine.render.path_lobes import N_NUMBERS, Scattering
-from engine.scene.hits import LEAST_COSINE
-from engine.scene.load import Scene
+from engine.scene.primary_hits import LEAST_COSINE
+from engine.scene.scene_loader import Scene
 from engine.threads import on_threads
 
 Float32Array = NDArray[np.float32]

@@ -27,7 +27,7 @@ class MeshPart:
     """points (S, 12): position, row among those with gloss (bits of an int, −1 for none), normal, 0, tangent, 0;
     corners (3 T, 16) of the triangles between them, by object: position, normal of the face, texture coordinates, the
     point on the side that the winding faces and on the other (bits, −1 for none), and what bumps lean along, see
-    `Relief.ways`; triangles, points: first and last of each object's, of the points in several runs; origin (3,): what
+    `BumpNormals.ways`; triangles, points: first and last of each object's, of the points in several runs; origin (3,): what
     positions are relative to; a ball around all, its centre and radius; n_rows: of those with gloss, and n_coefficients
     of each."""
 

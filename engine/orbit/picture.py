@@ -17,8 +17,8 @@ from engine.orbit.sight import Sight
 from engine.scene.camera import camera_frame
 from engine.scene.description import CameraDescription
 from engine.scene.edges import Surface, edge_pixels, ray_offsets, turn_of
-from engine.scene.frames import local_frames, object_tangents
-from engine.scene.load import Scene
+from engine.scene.local_frames import local_frames, object_tangents
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.threads import even_parts, on_threads
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from engine.material.layer import Layer
 from engine.orbit.picture import Rows, Seen
 from engine.render.integrator import evaluate_layers
-from engine.scene.hits import LEAST_COSINE
-from engine.scene.load import Scene
+from engine.scene.primary_hits import LEAST_COSINE
+from engine.scene.scene_loader import Scene
 
 Floats = NDArray[np.float32]
 _AT_ONCE = 65536  # rows

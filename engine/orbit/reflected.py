@@ -21,7 +21,7 @@ from engine.orbit.incident import Incident, hemisphere
 from engine.orbit.picture import Rows, Seen
 from engine.orbit.sky import Sky
 from engine.render.integrator import evaluate_layers
-from engine.scene.hits import LEAST_COSINE
+from engine.scene.primary_hits import LEAST_COSINE
 from engine.threads import even_parts, on_threads
 
 Float32Array = NDArray[np.float32]

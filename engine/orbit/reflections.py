@@ -21,7 +21,7 @@ from engine.orbit.slice_levels import SliceLevels
 from engine.orbit.slices import Slices, matt_reflectance, slicing
 from engine.orbit.visibility import LEVEL
 from engine.render.surface_maps import mean_factor
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.generators import StepRunner, run_to_end
 
 LayersOf = Mapping[int, Sequence[Layer]]

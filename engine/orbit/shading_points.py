@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from engine.orbit.lit_sides import lit_sides
-from engine.scene.frames import object_tangents
-from engine.scene.load import Scene
+from engine.scene.local_frames import object_tangents
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
 from engine.generators import run_to_end
 

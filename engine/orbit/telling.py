@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from engine.orbit.live import Orbit
     from engine.orbit.reflections import Term
     from engine.orbit.shading_points import ShadingPoints
-    from engine.scene.load import Scene
+    from engine.scene.scene_loader import Scene
     from engine.texture.pyramid import Pyramid
 
 _AT_ONCE = 4096  # points: 11 MB at 320 coefficients
@@ -131,7 +131,7 @@ class _Terms:
         if term.factor is not None:
             maps = self.told.maps(term.layers[0].maps)
         bumps = None
-        if term.reflectance is not None and term.i_object in orbit.scene.relief.objects:
+        if term.reflectance is not None and term.i_object in orbit.scene.bump_normals.objects:
             own = orbit.scene.description.objects[term.i_object].bumps
             slopes = self.told.image(orbit.scene.textures.slopes(own))
             bumps = ToldBumps(slopes, own.bump_repeats, own.slope_scale, bool(own.normal_map))
@@ -151,9 +151,9 @@ def _mesh(scene: Scene, lit: LitPoints, n: int) -> MeshPart:
     faces = np.repeat(scene.geometric_normals[source][:, None], 3, axis=1).astype(np.float32)
     sides = np.ascontiguousarray(points.shown[order].swapaxes(1, 2)).view(np.float32)
     bounds = np.searchsorted(scene.object_of_triangle[source], np.arange(len(scene.smooth) + 1)).tolist()
-    for i in scene.relief.objects:
+    for i in scene.bump_normals.objects:
         begin, end = bounds[i], bounds[i + 1]
-        own = scene.relief.ways(i)[source[begin:end] - scene.triangle_ranges[i][0]]
+        own = scene.bump_normals.offset_axes(i)[source[begin:end] - scene.triangle_ranges[i][0]]
         ways[begin:end] = np.einsum("tpk,tki->tpi", _shares(points.within[order[begin:end]]), own)
     corners = np.concatenate([points.corners[order].astype(np.float32), faces, uvs, sides, ways], axis=2)
     runs = [_runs(np.flatnonzero(points.i_object == i)) for i in range(len(scene.smooth))]

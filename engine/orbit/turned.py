@@ -23,8 +23,8 @@ from engine.orbit.picture import Seen
 from engine.orbit.reflected import at_corners, mirrored, suns_of
 from engine.orbit.seen_maps import MOVING_PROBES, footprints_of
 from engine.orbit.sky import Sky, make_sky
-from engine.scene.frames import object_tangents
-from engine.scene.load import Scene
+from engine.scene.local_frames import object_tangents
+from engine.scene.scene_loader import Scene
 from engine.sphere.geodesic import geodesic, triangle_first_moments
 from engine.threads import even_parts, on_threads
 
@@ -57,7 +57,7 @@ def turned_samples(seen: Seen, which: Rows, scene: Scene, i_object: int) -> Turn
         wo = samples.wo[some].astype(np.float64)
         triangle, u, v, own = _places(seen, some)
         uv, across, down = (each[start:stop] for each in footprints)
-        normals = scene.relief.turned(triangle, u, v, own, wo, (uv, across, down))
+        normals = scene.bump_normals.perturb(triangle, u, v, own, wo, (uv, across, down))
         tangents = object_tangents(scene, np.full(len(some), i_object), normals)
         frames[start:stop] = np.stack([tangents, normals, np.cross(tangents, normals)], axis=1)
 
@@ -89,7 +89,7 @@ def _quick_leans(seen: Seen, which: Rows, scene: Scene, i_object: int) -> Float3
         def part(start: int, stop: int) -> None:
             some = which[start:stop]
             uv, across, down = (each[start:stop] for each in footprints)
-            leans[start:stop] = scene.relief.leans(
+            leans[start:stop] = scene.bump_normals.normal_offsets(
                 i_object, *_places(seen, some), seen.samples.wo[some], (uv, across, down), MOVING_PROBES, is_quick=True
             )
 

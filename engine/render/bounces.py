@@ -17,8 +17,8 @@ from engine.indirect.albedo import equivalent_albedo
 from engine.material.layer import Layer
 from engine.planner import usual_bands
 from engine.render.surface_maps import mean_factor
-from engine.scene.hits import object_ids, shading_frames
-from engine.scene.load import Scene
+from engine.scene.primary_hits import object_ids, shading_frames
+from engine.scene.scene_loader import Scene
 from engine.transport.pipeline import Placement
 
 TOLERANCE = 0.005

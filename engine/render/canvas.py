@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from engine.material.layer_maps import Images, MapMeans
 from engine.material.strokes import Strokes
-from engine.scene.hits import PrimaryHits
-from engine.scene.load import Scene
+from engine.scene.primary_hits import PrimaryHits
+from engine.scene.scene_loader import Scene
 from engine.scene.surface_uvs import corner_uvs, positions_at, uvs_at
 from engine.texture.pyramid import Pyramid
 from engine.texture.stroke_painting import PaintedPoints

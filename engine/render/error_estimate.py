@@ -39,7 +39,7 @@ from engine.light.triangle_lights import TriangleLights, cut_lights
 from engine.render.path_tracer import trace_halves
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import StillLayer, StillProgress, by_object, layer_radiance, shape_of
-from engine.scene.hits import PrimaryHits
+from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.transport.lighting import prepare_lighting
 from engine.transport.near import near_leaves
@@ -191,7 +191,7 @@ def inside(hits: PrimaryHits) -> NDArray[np.bool_]:
     framed = np.pad(hits.object_image, 1, constant_values=-1)
     shifts = [framed[dy : dy + height, dx : dx + width] for dy in range(3) for dx in range(3)]
     alike = np.all([shifted == hits.object_image for shifted in shifts], axis=0)
-    return np.asarray(alike.ravel()[hits.pixel] & hits.centred & (hits.share == 1.0))
+    return np.asarray(alike.ravel()[hits.pixel] & hits.is_centred & (hits.share == 1.0))
 
 
 def _nothing(direct: float | None, indirect: float | None) -> Judged:
@@ -265,7 +265,7 @@ def _contrast(hits: PrimaryHits, radiance: NDArray[np.floating]) -> Float64Array
     width, height = hits.resolution
     light, objects = np.zeros((height + 2, width + 2)), np.full((height + 2, width + 2), -1)
     objects[1:-1, 1:-1] = hits.object_image
-    centres = np.flatnonzero(hits.centred)
+    centres = np.flatnonzero(hits.is_centred)
     y, x = (place + 1 for place in np.divmod(hits.pixel[centres], width))
     light[y, x] = radiance[centres].mean(axis=1)
     found = np.zeros(len(hits.pixel))

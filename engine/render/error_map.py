@@ -15,7 +15,7 @@ from scipy.spatial import KDTree
 from engine.render.display import false_colour
 from engine.render.error_colours import shown
 from engine.render.error_estimate import Judged
-from engine.scene.hits import PrimaryHits
+from engine.scene.primary_hits import PrimaryHits
 
 NEIGHBOURS = 12
 OPACITY = 0.8

@@ -17,7 +17,7 @@ from engine.indirect.solver import Solver
 from engine.material.layer import Layer
 from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, StillProgress, by_object
-from engine.scene.hits import PrimaryHits
+from engine.scene.primary_hits import PrimaryHits
 from engine.generators import run_to_end, map_steps
 from engine.transport.pipeline import Placement, SkyState
 

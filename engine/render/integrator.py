@@ -15,8 +15,8 @@ from engine.light.environment import Environment, triangle_integrals
 from engine.material import kinds
 from engine.material.layer import Layer
 from engine.render import _kernels as kernels
-from engine.scene.frames import local_frames
-from engine.scene.hits import PrimaryHits
+from engine.scene.local_frames import local_frames
+from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic
 

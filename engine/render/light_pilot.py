@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from engine.planner import SLOW_ANGLES, MIN_LIGHTS_FOR_SPHERE, RenderSettings, Plan
 from engine.render.still import StillLayer, curves_of, reflected_with, shape_of
-from engine.scene.hits import PrimaryHits
+from engine.scene.primary_hits import PrimaryHits
 from engine.generators import map_steps
 from engine.transport.pipeline import Placement, SkyState, final_quality
 from engine.transport.projection import VisibleLight, project_points

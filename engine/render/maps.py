@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
 from engine.render.surface_maps import MapSampler, look_up, painted
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import Intersections
 from engine.scene.surface_uvs import uvs_at
 from engine.transport.pipeline import Placement

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.light.environment import LUMINANCE, downsample
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.transport.pipeline import SkyState
 
 Float64Array = NDArray[np.float64]

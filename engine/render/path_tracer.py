@@ -25,9 +25,9 @@ from engine.render.maps import MapFactors
 from engine.render.path_lights import EmitterLight, LightSamples, PathLight, SkyLight
 from engine.render.path_lobes import N_NUMBERS, Scattering
 from engine.render.still import Picture, StillProgress, compose
-from engine.scene.frames import local_frames
-from engine.scene.hits import PrimaryHits, emission_towards, object_ids, shading_frames
-from engine.scene.load import Scene
+from engine.scene.local_frames import local_frames
+from engine.scene.primary_hits import PrimaryHits, emission_towards, object_ids, shading_frames
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
 from engine.threads import n_threads, pool
 from engine.transport.pipeline import Placement, SkyState

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from engine.material.layer import Layer
 from engine.render.plain_shading import plain_colour, plain_radiance
-from engine.scene.hits import tracing_primary
-from engine.scene.load import Scene
+from engine.scene.primary_hits import trace_primary_steps
+from engine.scene.scene_loader import Scene
 from engine.scene.picture_frame import picture_frame
 from engine.scene.raycaster import RayCaster
 from engine.transport.pipeline import SkyState
@@ -21,8 +21,8 @@ def plain_picture(
 ) -> Generator[None, None, NDArray[np.float32]]:
     """The radiance (H, W, 3) of a scene as its camera sees it, in resolution (width, height): its objects with these
     layers, by index, in light from the eye, what shines, and the sky behind. In steps."""
-    hits = yield from tracing_primary(scene, caster, resolution)
-    frame = picture_frame(hits, scene.eye)
+    hits = yield from trace_primary_steps(scene, caster, resolution)
+    frame = picture_frame(hits, scene.camera_position)
     picture = np.array(frame.emission_image, np.float32)
     behind = frame.open_image > 0.0
     if sky.environment is not None:

@@ -23,7 +23,7 @@ from engine.planner import Plan
 from engine.render.integrator import integrate_direct
 from engine.render.maps import MapFactors
 from engine.render.surface_maps import MapSampler, SeenMaps
-from engine.scene.hits import PrimaryHits
+from engine.scene.primary_hits import PrimaryHits
 from engine.generators import map_steps
 from engine.threads import n_threads, pool
 from engine.transport.bandstore import BandStore, BandTile

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from engine.material.layer_maps import Images, LayerMaps
 from engine.material.strokes import Strokes
 from engine.render.canvas import Canvas, SeenMaps, mean_maps, spread_points
-from engine.scene.hits import PrimaryHits
-from engine.scene.load import Scene
+from engine.scene.primary_hits import PrimaryHits
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.surface_uvs import pixel_footprints, positions_at, uvs_at
 from engine.texture.pyramid import Pyramid
@@ -96,6 +96,6 @@ def _footprints(
     scene: Scene, caster: RayCaster, hits: PrimaryHits, rows: NDArray[np.integer]
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
     """Where some hits lie on images, and how far their pixels reach, see `pixel_footprints`."""
-    eyes = np.tile(scene.eye.astype(np.float32), (len(rows), 1))
+    eyes = np.tile(scene.camera_position.astype(np.float32), (len(rows), 1))
     found = caster.intersect(eyes, -hits.wo[rows])
     return pixel_footprints(scene, found, hits.places[rows], hits.resolution)

@@ -62,12 +62,12 @@ def is_level(camera: Camera) -> bool:
     return abs(right[1]) <= LEVEL and up[1] >= -LEVEL
 
 
-def levelled(camera: Camera) -> Camera:
+def level_horizon(camera: Camera) -> Camera:
     """With its horizon level, from the same place."""
     return _turned_to(camera, *_level_and_elevation(camera, Y), Y)
 
 
-def orbited(camera: Camera, right: float, up: float) -> Camera:
+def orbit_camera(camera: Camera, right: float, up: float) -> Camera:
     """About its target to its right and up, radians; up to the pole at most."""
     axis = _axis(camera)
     level, elevation = _level_and_elevation(camera, axis)
@@ -75,7 +75,7 @@ def orbited(camera: Camera, right: float, up: float) -> Camera:
     return _turned_to(camera, turned, elevation + up, axis)
 
 
-def panned(camera: Camera, right: float, up: float, depth: float | None = None) -> Camera:
+def pan_camera(camera: Camera, right: float, up: float, depth: float | None = None) -> Camera:
     """To its right and up, in heights of the picture at so many metres before it (None: at its target)."""
     depth = distance(camera) if depth is None else depth
     height = 2.0 * depth * math.tan(math.radians(camera.fov_y) / 2.0)
@@ -84,7 +84,7 @@ def panned(camera: Camera, right: float, up: float, depth: float | None = None) 
     return _placed(camera, np.add(camera.position, gone), np.add(camera.target, gone), camera.up)
 
 
-def dollied(camera: Camera, factor: float, about: npt.ArrayLike | None = None) -> Camera:
+def dolly_camera(camera: Camera, factor: float, about: npt.ArrayLike | None = None) -> Camera:
     """So many times as far from a point (3,), which stays where it is in the picture (None: from its target)."""
     position, target = np.array(camera.position), np.array(camera.target)
     pivot = target if about is None else np.asarray(about, np.float64)
@@ -92,7 +92,7 @@ def dollied(camera: Camera, factor: float, about: npt.ArrayLike | None = None) -
     return _placed(camera, pivot + factor * (position - pivot), pivot + factor * (target - pivot), camera.up)
 
 
-def framed(camera: Camera, box: npt.ArrayLike, aspect: float) -> Camera:
+def frame_box(camera: Camera, box: npt.ArrayLike, aspect: float) -> Camera:
     """In the same direction, so near that a box (2, 3), its least and its largest corner, is seen whole in a picture
     `aspect` times as wide as high."""
     low, high = np.asarray(box, np.float64)
@@ -105,7 +105,7 @@ def framed(camera: Camera, box: npt.ArrayLike, aspect: float) -> Camera:
     return _placed(camera, centre - needed * camera_frame(camera)[2], centre, camera.up)
 
 
-def seen_from_side(camera: Camera, side: Side) -> Camera:
+def view_from_side(camera: Camera, side: Side) -> Camera:
     """From one side of the scene at its target: the front is on +Z, the right on +X, the top on +Y."""
     level, elevation = SIDES[side]
     return _turned_to(camera, np.array(level), elevation, Y)

@@ -26,7 +26,7 @@ from pydantic import (
 from engine.material.bumps import BUMP_KINDS, NO_BUMPS, Bumps, bump_values, bumps_from
 from engine.material.layer_maps import LayerMaps, map_fields, map_values, maps_from
 from engine.material.parameters import ParameterError
-from engine.scene.complaints import first_complaint
+from engine.scene.validation_errors import first_validation_error
 from engine.scene.surface_kinds import NO_SURFACE, DeformSurface
 from engine.scene.toml_text import check_version, load_toml
 from engine.scene.transform import check_transform
@@ -258,7 +258,7 @@ class SceneDescription(_Description):
             seen.add(item.name)
         return self
 
-    def seen_from(self, camera: Camera | None) -> SceneDescription:
+    def from_camera(self, camera: Camera | None) -> SceneDescription:
         """The same from another camera; None: from its own."""
         if camera is None:
             return self
@@ -277,4 +277,4 @@ def parse_description(tree: dict[str, Any], file: str | Path) -> SceneDescriptio
     try:
         return SceneDescription.model_validate(tree)
     except ValidationError as error:
-        raise first_complaint(error, tree, file, SceneDescription) from None
+        raise first_validation_error(error, tree, file, SceneDescription) from None

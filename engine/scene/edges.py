@@ -18,7 +18,7 @@ import numpy.typing as npt
 from engine.scene import _edge_kernels as kernels
 
 if TYPE_CHECKING:
-    from engine.scene.hits import PrimaryHits
+    from engine.scene.primary_hits import PrimaryHits
 
 Float32Array = npt.NDArray[np.float32]
 Int32Array = npt.NDArray[np.int32]
@@ -78,7 +78,7 @@ def edge_pixels(seen: Int32Array, centres: Surface, turn: float, resolution: tup
     return edge.ravel()
 
 
-def grouped(samples: Surface, offsets: Float32Array, turn: float, n_centres: int) -> Groups:
+def group_samples(samples: Surface, offsets: Float32Array, turn: float, n_centres: int) -> Groups:
     """Who shares a point: of samples (F, 1 + n), the centre first, the rays passing at offsets (n, 2).
 
     Where these would be too many beside the n_centres points of a picture, the angle is widened, to where the objects
@@ -104,7 +104,7 @@ def nearest_centres(hits: PrimaryHits, normals: Float32Array, least_alike: Float
 
     normals (P, 3); least_alike (M,): the cosine by which those of an object may differ.
     """
-    rows = np.flatnonzero(~hits.centred).astype(np.int32)
+    rows = np.flatnonzero(~hits.is_centred).astype(np.int32)
     nearest = np.full(len(rows), -1, np.int32)
     kernels.find_nearest(
         rows, hits.pixel, hits.offset, hits.objects, hits.position, normals, hits.row_image,

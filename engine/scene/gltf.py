@@ -27,7 +27,7 @@ from engine.scene.glb import JsonObject, parse_glb
 from engine.scene.gltf_file import FLOATS, INTEGERS, SHARES, GltfFile
 from engine.scene.gltf_materials import PartMaterial, read_material
 from engine.scene.gltf_nodes import MeshNode, placed_meshes
-from engine.scene.gltf_rig import Attached, RigReader
+from engine.scene.gltf_rig import PrimitiveRig, RigReader
 from engine.scene.gltf_textures import GltfImages
 from engine.scene.mesh import (
     MAX_COORDINATE,
@@ -35,7 +35,7 @@ from engine.scene.mesh import (
     MAX_UV,
     Float64Array,
     Mesh,
-    faceted,
+    with_flat_normals,
     join_meshes,
     normalize,
     smooth_normals,
@@ -109,7 +109,7 @@ def _part(bound: list[Bound], material: PartMaterial, skeleton: Skeleton | None)
     """The joined meshes of one material; without texture coordinates it has no textures. Where some have normals, those
     without get vertices of their own for every face, so that they stay flat."""
     if any(mesh.normals is not None for mesh, _ in bound):
-        bound = [each if each[0].normals is not None else _faceted(*each) for each in bound]
+        bound = [each if each[0].normals is not None else _with_flat_normals(*each) for each in bound]
     mesh, layers, bumps = join_meshes([mesh for mesh, _ in bound]), material.layers, material.bumps
     if mesh.uvs is None:
         layers, bumps = tuple(layer.model_copy(update={"maps": LayerMaps()}) for layer in layers), NO_BUMPS
@@ -119,10 +119,10 @@ def _part(bound: list[Bound], material: PartMaterial, skeleton: Skeleton | None)
     return GlbPart(mesh, layers, material.emission, rig, bumps)
 
 
-def _faceted(mesh: Mesh, binding: Binding | None) -> Bound:
+def _with_flat_normals(mesh: Mesh, binding: Binding | None) -> Bound:
     """The same with flat normals."""
-    facets, vertices = faceted(mesh)
-    return facets, None if binding is None else binding.taken(vertices)
+    facets, vertices = with_flat_normals(mesh)
+    return facets, None if binding is None else binding.select_vertices(vertices)
 
 
 def _check_extensions(root: JsonObject) -> None:
@@ -163,7 +163,7 @@ class _Copies:
 
     def __init__(self, file: GltfFile, rigs: RigReader) -> None:
         self._file, self._rigs = file, rigs
-        self._read: dict[str, tuple[Mesh, Attached | None] | None] = {}
+        self._read: dict[str, tuple[Mesh, PrimitiveRig | None] | None] = {}
         self._placed: dict[tuple[int, str], list[MeshNode]] = {}
         self._most, self._n = MOST_COPIED + len(file.binary), 0
 
@@ -227,7 +227,7 @@ def _read_primitive(file: GltfFile, primitive: JsonObject) -> Mesh | None:
     uvs = _read_uvs(file, attributes, len(vertices), triangles)
     tangents = None
     if normals is not None:
-        normals = _mended(normals, vertices, triangles, attributes)
+        normals = _mend_normals(normals, vertices, triangles, attributes)
         if uvs is not None:  # tangents are of use beside both others alone [glTF 2.0, 3.7.2.1]
             tangents = _read_tangents(file, attributes, len(vertices), triangles)
     mesh = Mesh(vertices, triangles, normals, uvs, tangents)
@@ -251,7 +251,7 @@ def _triangles(primitive: JsonObject, corners: npt.NDArray[np.int64]) -> npt.NDA
     return triangles[(a != b) & (b != c) & (c != a)].astype(np.int32)
 
 
-def _mended(normals: Float64Array, vertices: Float64Array, triangles: npt.NDArray[np.int32], attributes: JsonObject) -> Float64Array:
+def _mend_normals(normals: Float64Array, vertices: Float64Array, triangles: npt.NDArray[np.int32], attributes: JsonObject) -> Float64Array:
     """Unit normals (V, 3), those that are no numbers as the faces around have them."""
     is_usable = np.asarray(np.isfinite(normals).all(axis=1))
     around = smooth_normals(vertices, triangles)

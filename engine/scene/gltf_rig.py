@@ -35,7 +35,7 @@ OF_A_COPY = 4_000  # numbers that a bent copy costs the time of
 
 
 @dataclass(frozen=True, eq=False)
-class Attached:
+class PrimitiveRig:
     """What a primitive says of its own: joints by their places in a skin and weights (V, K), or None; its morph targets
     as offsets (V, 3) of places and, or None, of normals."""
 
@@ -64,7 +64,7 @@ class RigReader:
         """What was left out, and why; of many lines the first."""
         return list(self._notes)[:MAX_NOTES]
 
-    def attached(self, primitive: JsonObject, n_vertices: int, placed: list[MeshNode]) -> Attached | None:
+    def attached(self, primitive: JsonObject, n_vertices: int, placed: list[MeshNode]) -> PrimitiveRig | None:
         """Joints, weights and morph targets of a primitive; None where nothing moves it, now or at rest."""
         nodes = [self._file.nodes[each.node] for each in placed]
         has_skin = any(node.has("skin") for node in nodes)
@@ -75,10 +75,10 @@ class RigReader:
         if skinned is None and not targets and not self._is_animated:
             return None
         bones, weights = skinned or (None, None)
-        return Attached(bones, weights, targets or ())
+        return PrimitiveRig(bones, weights, targets or ())
 
     def copies(
-        self, mesh: Mesh, attached: Attached | None, placed: list[MeshNode]
+        self, mesh: Mesh, attached: PrimitiveRig | None, placed: list[MeshNode]
     ) -> list[tuple[Mesh, Binding | None]]:
         """The copies of a primitive at rest, in the order of their nodes, and what they hang on, None where nothing
         moves them; of those that only follow their nodes one for all that stand together, as there may be many."""
@@ -86,7 +86,7 @@ class RigReader:
         for bends, group in groupby(placed, lambda each: self._bends(attached, self._file.nodes[each.node])):
             rigid: list[MeshNode] = []
             for each in group:
-                bound = self._bent(mesh, attached, each) if bends and attached else None
+                bound = self._bind_copy(mesh, attached, each) if bends and attached else None
                 if bound is not None:
                     found.append(bound)
                 elif each.is_flat:
@@ -96,16 +96,16 @@ class RigReader:
                     rigid.append(each)
             if rigid:
                 matrices = np.stack([each.matrix for each in rigid])
-                found.append((place_copies(mesh, matrices), _following(mesh, rigid) if attached else None))
+                found.append((place_copies(mesh, matrices), _place_copies_at_nodes(mesh, rigid) if attached else None))
         return found
 
-    def _bends(self, attached: Attached | None, node: JsonObject) -> bool:
+    def _bends(self, attached: PrimitiveRig | None, node: JsonObject) -> bool:
         """Whether a copy has a skin or morph targets; no more of them than the file is worth."""
         if attached is None or not (attached.targets or node.has("skin")):
             return False
-        return self._try(node.place, lambda: self._spend(OF_A_COPY, node, "mesh")) is not None
+        return self._try(node.place, lambda: self._spend_numbers(OF_A_COPY, node, "mesh")) is not None
 
-    def _bent(self, mesh: Mesh, attached: Attached, placed: MeshNode) -> tuple[Mesh, Binding] | None:
+    def _bind_copy(self, mesh: Mesh, attached: PrimitiveRig, placed: MeshNode) -> tuple[Mesh, Binding] | None:
         """A copy with its skin and its morph targets; None where it has neither after all."""
         node = self._file.nodes[placed.node]
         skinned = self._try(node.place, lambda: self._hung(mesh, attached, node))
@@ -119,8 +119,8 @@ class RigReader:
         if skinned is None and not weights[placed.node].any():
             if placed.is_flat:
                 return None
-            return place_copies(mesh, placed.matrix[None]), replace(_following(mesh, [placed]), morphs=morphs)
-        binding = replace(skinned or _following(mesh, [placed]), morphs=morphs)
+            return place_copies(mesh, placed.matrix[None]), replace(_place_copies_at_nodes(mesh, [placed]), morphs=morphs)
+        binding = replace(skinned or _place_copies_at_nodes(mesh, [placed]), morphs=morphs)
         world = self._try(node.place, lambda: np.stack([self._world.of(k) for k in binding.nodes.tolist()]))
         if world is None:
             return None
@@ -215,7 +215,7 @@ class RigReader:
             raise sampler.error("output", f"{values.size} numbers", f"{np.prod(shape)} for {len(times)} keys")
         if not (np.abs(values) <= 1e9).all():
             raise sampler.error("output", "values that are not finite", "finite numbers up to 1e+09")
-        self._spend(values.size, sampler, "output")
+        self._spend_numbers(values.size, sampler, "output")
         values = values.reshape(shape)
         keys = values[:, 1] if interpolation == "CUBICSPLINE" else values
         if path == "rotation" and not (np.linalg.norm(keys, axis=1) > 1e-6).all():
@@ -245,7 +245,7 @@ class RigReader:
         weights: list[Float64Array] = []
         while attributes.has(f"JOINTS_{len(joints)}") and attributes.has(f"WEIGHTS_{len(joints)}"):
             k = len(joints)
-            self._spend(4 * n_vertices, attributes, f"JOINTS_{k}")
+            self._spend_numbers(4 * n_vertices, attributes, f"JOINTS_{k}")
             joints.append(self._file.read(attributes, f"JOINTS_{k}", "VEC4", (5121, 5123)).astype(np.int32))
             weights.append(self._file.read_shares(attributes, f"WEIGHTS_{k}", "VEC4", SHARES))
             if not len(joints[k]) == len(weights[k]) == n_vertices:
@@ -267,7 +267,7 @@ class RigReader:
         targets = primitive.children("targets")
         if len(targets) > MAX_TARGETS:
             raise primitive.error("targets", len(targets), f"at most {MAX_TARGETS}")
-        self._spend(6 * n_vertices * len(targets), primitive, "targets")
+        self._spend_numbers(6 * n_vertices * len(targets), primitive, "targets")
         return tuple((_or_zero(self._offsets(each, "POSITION", n_vertices), n_vertices),
                       self._offsets(each, "NORMAL", n_vertices)) for each in targets)  # fmt: skip
 
@@ -279,7 +279,7 @@ class RigReader:
             raise target.error(key, f"{len(offsets)} offsets", f"{n_vertices} finite ones, as there are positions")
         return offsets
 
-    def _hung(self, mesh: Mesh, attached: Attached, node: JsonObject) -> Binding | None:
+    def _hung(self, mesh: Mesh, attached: PrimitiveRig, node: JsonObject) -> Binding | None:
         """On the joints of a node's skin; a vertex without weights on the first that it names."""
         if not node.has("skin"):
             return None
@@ -288,7 +288,7 @@ class RigReader:
             self._note(f"{node.place}: a mesh without joints and weights follows its node and not its skin")
             return None
         joints, maps = self._skin(skin)
-        self._spend(maps.size, node, "skin")
+        self._spend_numbers(maps.size, node, "skin")
         weights = attached.weights.copy()
         weights[~(weights > 0.0).any(axis=1), 0] = 1.0
         outside = (attached.bones >= len(joints)) & (weights > 0.0)
@@ -326,7 +326,7 @@ class RigReader:
     def _note(self, line: str) -> None:
         self._notes[line] = None
 
-    def _spend(self, count: int, owner: JsonObject, key: str) -> int:
+    def _spend_numbers(self, count: int, owner: JsonObject, key: str) -> int:
         """What is left then."""
         self._left -= count
         if self._left < 0:
@@ -334,7 +334,7 @@ class RigReader:
         return self._left
 
 
-def _following(mesh: Mesh, placed: list[MeshNode]) -> Binding:
+def _place_copies_at_nodes(mesh: Mesh, placed: list[MeshNode]) -> Binding:
     """Of copies of a mesh that stand on their nodes."""
     nodes = np.array([each.node for each in placed], np.int32)
     bones = np.repeat(np.arange(len(placed), dtype=np.int32), len(mesh.vertices))[:, None]

@@ -170,7 +170,7 @@ def _are_short(vectors: Float64Array) -> npt.NDArray[np.bool_]:
     return scale <= 1e-12 * scale.max(initial=0.0)
 
 
-def faceted(mesh: Mesh) -> tuple[Mesh, npt.NDArray[np.int32]]:
+def with_flat_normals(mesh: Mesh) -> tuple[Mesh, npt.NDArray[np.int32]]:
     """The mesh with flat normals: each face has three vertices of its own; and which ones these were (3 T,)."""
     vertices = mesh.triangles.ravel()
     flat, _ = face_normals(mesh.vertices, mesh.triangles)
@@ -183,10 +183,10 @@ def with_normals(mesh: Mesh) -> Mesh:
     """The mesh itself, or, where it has no normals, with smooth ones, all of a shell wound one way."""
     if mesh.normals is not None:
         return mesh
-    from engine.scene.winding import turned_faces  # SciPy, which the window's process does without
+    from engine.scene.winding import inconsistent_faces  # SciPy, which the window's process does without
 
     triangles, uvs, tangents = mesh.triangles, mesh.uvs, mesh.tangents
-    turned = turned_faces(mesh.vertices, triangles)[:, None]
+    turned = inconsistent_faces(mesh.vertices, triangles)[:, None]
     if turned.any():
         triangles = np.where(turned, triangles[:, ::-1], triangles)
         uvs, tangents = (
@@ -206,9 +206,9 @@ def place_copies(mesh: Mesh, matrices: npt.NDArray[np.float64]) -> Mesh:
     cofactor = cross(linear[:, [1, 2, 0]], linear[:, [2, 0, 1]])
     mirrored = np.einsum("nk,nk->n", linear[:, 0], cofactor[:, 0]) < 0.0
     starts = np.arange(len(matrices), dtype=np.int32) * len(mesh.vertices)
-    triangles = _wound([mesh.triangles] * len(matrices), mirrored) + np.repeat(starts, len(mesh.triangles))[:, None]
-    uvs = None if mesh.uvs is None else _wound([mesh.uvs] * len(matrices), mirrored)
-    tangents = None if mesh.tangents is None else _wound([*_turned_tangents(mesh.tangents, linear, mirrored)], mirrored)
+    triangles = _wind_mirrored([mesh.triangles] * len(matrices), mirrored) + np.repeat(starts, len(mesh.triangles))[:, None]
+    uvs = None if mesh.uvs is None else _wind_mirrored([mesh.uvs] * len(matrices), mirrored)
+    tangents = None if mesh.tangents is None else _wind_mirrored([*_turned_tangents(mesh.tangents, linear, mirrored)], mirrored)
     if mesh.normals is None:
         return Mesh(vertices, triangles, None, uvs, tangents)
     sign = np.where(mirrored, -1.0, 1.0) / np.abs(cofactor).max(axis=(1, 2))
@@ -217,7 +217,7 @@ def place_copies(mesh: Mesh, matrices: npt.NDArray[np.float64]) -> Mesh:
     return Mesh(vertices, triangles, normalize(turned, fallback), uvs, tangents)
 
 
-def _wound(copies: Sequence[npt.NDArray], mirrored: npt.NDArray[np.bool_]) -> npt.NDArray:
+def _wind_mirrored(copies: Sequence[npt.NDArray], mirrored: npt.NDArray[np.bool_]) -> npt.NDArray:
     """What stands at the corners of copies of triangles (T, 3, ...), those of mirrored ones the other way round."""
     return np.concatenate([each[:, ::-1] if turned else each for each, turned in zip(copies, mirrored, strict=True)])
 

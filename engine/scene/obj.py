@@ -102,14 +102,14 @@ def _numbers(state: _Lines, words: list[str], counts: tuple[int, ...]) -> list[f
     except ValueError:
         numbers = []
     if len(numbers) not in counts or "_" in "".join(words):
-        raise _refused(state, " ".join(words), f"{counts[0]} numbers after {words[0]}")
+        raise _line_error(state, " ".join(words), f"{counts[0]} numbers after {words[0]}")
     return numbers[:3]
 
 
 def _read_face(state: _Lines, words: list[str]) -> None:
     """A polygon of corners `v`, `v/vt`, `v//vn` or `v/vt/vn`; negative indices count back from the last one."""
     if len(words) < 3:
-        raise _refused(state, "f " + " ".join(words), "at least 3 corners")
+        raise _line_error(state, "f " + " ".join(words), "at least 3 corners")
     for word in words:
         state.corners.append(state.known_corners.get(word) or _read_corner(state, word))
     state.lengths.append(len(words))
@@ -120,7 +120,7 @@ def _read_corner(state: _Lines, word: str) -> tuple[int, int, int]:
     """(position, normal, texture) of a corner; one that counts from the first on means the same wherever it stands."""
     parts = word.split("/")
     if len(parts) > 3:
-        raise _refused(state, word, "v, v/vt, v//vn or v/vt/vn")
+        raise _line_error(state, word, "v, v/vt, v//vn or v/vt/vn")
     position = _index(state, word, parts[0], len(state.positions), "v")
     normal = _index(state, word, parts[2], len(state.normals), "vn") if len(parts) == 3 and parts[2] else -1
     texture = _index(state, word, parts[1], len(state.textures), "vt") if len(parts) > 1 and parts[1] else -1
@@ -134,10 +134,10 @@ def _index(state: _Lines, word: str, digits: str, count: int, kind: str) -> int:
     """The zero-based index of a reference; those that point forward are checked at the end."""
     plain = digits.removeprefix("-")
     if not (plain.isascii() and plain.isdecimal() and len(plain) <= _MAX_INDEX_DIGITS) or int(plain) == 0:
-        raise _refused(state, word, f"indices from 1, or from -1 down, to {kind}")
+        raise _line_error(state, word, f"indices from 1, or from -1 down, to {kind}")
     number = int(digits)
     if number < 0 and count + number < 0:
-        raise _refused(state, word, f"{kind} indices from -{count} to -1")
+        raise _line_error(state, word, f"{kind} indices from -{count} to -1")
     return count + number if number < 0 else number - 1
 
 
@@ -185,6 +185,6 @@ def _check_range(state: _Lines, indices: npt.NDArray[np.int64], count: int, kind
         )
 
 
-def _refused(state: _Lines, value: str, expected: str) -> LoadError:
+def _line_error(state: _Lines, value: str, expected: str) -> LoadError:
     """An error at the current line."""
     return LoadError(state.file, f"line {state.number}", value, expected)

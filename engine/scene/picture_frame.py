@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from engine.scene.hits import PrimaryHits
+    from engine.scene.primary_hits import PrimaryHits
 
 
 class Lamps(NamedTuple):

@@ -251,7 +251,7 @@ def _walk_rows(data: bytes, start: int, element: _Element, order: str, file: Pat
     for p in element.properties:
         if p.name in found:
             lengths, starts = (np.array(each, np.int64) for each in found[p.name])
-            flat = _gathered(data, starts, lengths, order + p.type)
+            flat = _gather_runs(data, starts, lengths, order + p.type)
             columns[element.name, p.name] = _Lists(lengths, flat) if p.count_type else flat
     return columns, start
 
@@ -261,7 +261,7 @@ def _counter(p: _Property, order: str) -> struct.Struct | None:
     return struct.Struct(order + _CODES[p.count_type]) if p.count_type else None
 
 
-def _gathered(
+def _gather_runs(
     data: bytes, starts: npt.NDArray[np.int64], lengths: npt.NDArray[np.int64], layout: str
 ) -> npt.NDArray[np.float64]:
     """All values of runs that begin at byte offsets, one run after the other."""

@@ -40,7 +40,7 @@ def triangulate(places: Float64Array, lengths: Int64Array, n_bytes: int) -> Int3
     starts = np.cumsum(lengths) - lengths
     with np.errstate(invalid="ignore", over="ignore"):  # places that are no numbers are for others to find
         local = places - np.repeat(places[starts], lengths, axis=0)  # far from the origin products would round
-        flat, has_area = _flattened(local, lengths, starts)
+        flat, has_area = _project_to_plane(local, lengths, starts)
         badly = np.bincount(owner, ~_are_solid(flat, fans), len(lengths)) > 0
     chosen = np.flatnonzero(badly & has_area & (lengths > 3))
     if not len(chosen):
@@ -67,7 +67,7 @@ def _fans(lengths: Int64Array) -> tuple[Int32Array, Int64Array]:
     return np.stack([first, first + step + 1, first + step + 2], axis=1).astype(np.int32), owner
 
 
-def _flattened(local: Float64Array, lengths: Int64Array, starts: Int64Array) -> tuple[Float64Array, npt.NDArray[np.bool_]]:
+def _project_to_plane(local: Float64Array, lengths: Int64Array, starts: Int64Array) -> tuple[Float64Array, npt.NDArray[np.bool_]]:
     """The corners (C, 2) along the axis that a polygon's normal [Newell] is nearest to, from where it runs counter-
     clockwise, and which polygons have an area. Areas shrink by one factor a polygon, and no coordinate is rounded."""
     n = len(local)

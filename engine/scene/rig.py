@@ -107,14 +107,14 @@ class Binding:
     normals: Float64Array
     morphs: tuple[Morph, ...] = ()
 
-    def blended(self, matrices: Float64Array) -> Float64Array:
+    def blend_matrices(self, matrices: Float64Array) -> Float64Array:
         """Of bones' matrices (B, 3, N) the mean of each vertex's own, (V, 3, N)."""
         total = np.zeros((len(self.bones), *matrices.shape[1:]))
         for bones, weights in zip(self.bones.T, self.weights.T, strict=True):
             total += weights[:, None, None] * matrices[bones]
         return total
 
-    def morphed(self, weights: Mapping[int, Float64Array]) -> tuple[Float64Array, Float64Array]:
+    def morph_vertices(self, weights: Mapping[int, Float64Array]) -> tuple[Float64Array, Float64Array]:
         """Places and normals (V, 3) under morph targets of these weights, by node; 0 for what has none."""
         places, normals = self.places, self.normals
         for morph in self.morphs:
@@ -128,7 +128,7 @@ class Binding:
                 normals[morph.vertices] += weight * morph.normals
         return places, normals
 
-    def taken(self, vertices: npt.NDArray[np.integer]) -> Binding:
+    def select_vertices(self, vertices: npt.NDArray[np.integer]) -> Binding:
         """Of copies of some vertices (n,)."""
         every = np.argsort(vertices, kind="stable")
         morphs = []
@@ -164,8 +164,8 @@ def normal_matrices(matrices: Float64Array) -> Float64Array:
 def rest_mesh(mesh: Mesh, binding: Binding, matrices: Float64Array, weights: Mapping[int, Float64Array]) -> Mesh:
     """A mesh where its bones and morph targets have it: matrices (B, 3, 4) of the bones, G_b B_b; weights of morph
     targets by node. What a bone mirrors is wound the other way round, so that fronts stay fronts."""
-    places, normals = binding.morphed(weights)
-    skin = binding.blended(matrices)
+    places, normals = binding.morph_vertices(weights)
+    skin = binding.blend_matrices(matrices)
     linear = skin[..., :3]
     vertices = np.einsum("vab,vb->va", linear, places) + skin[..., 3]
     hand = np.where(np.linalg.det(linear) < 0.0, -1.0, 1.0)
@@ -184,12 +184,12 @@ def rest_mesh(mesh: Mesh, binding: Binding, matrices: Float64Array, weights: Map
     triangles = wound(mesh.triangles)
     turned = None
     if mesh.normals is not None:
-        turned = np.einsum("vab,vb->va", binding.blended(normal_matrices(matrices)), normals)
+        turned = np.einsum("vab,vb->va", binding.blend_matrices(normal_matrices(matrices)), normals)
         turned = normalize(turned, smooth_normals(vertices, triangles))
     return Mesh(vertices, triangles, turned, None if mesh.uvs is None else wound(mesh.uvs), tangents)
 
 
-class Rest(NamedTuple):
+class RestPose(NamedTuple):
     """What a rig's mesh is at rest: its bones' matrices (B, 3, 4), those of its vertices (V, 3, 3) without where they
     take them, and back."""
 
@@ -222,15 +222,15 @@ class Rig:
         return np.ascontiguousarray((there @ self.binding.maps)[:, :3])
 
     @cached_property
-    def rest(self) -> Rest:
-        """See `Rest`; where bones flatten a vertex's surroundings there is no way back, and the identity stands."""
+    def rest_pose(self) -> RestPose:
+        """See `RestPose`; where bones flatten a vertex's surroundings there is no way back, and the identity stands."""
         matrices = self.bone_matrices({})
-        linear = np.ascontiguousarray(self.binding.blended(matrices)[..., :3])
+        linear = np.ascontiguousarray(self.binding.blend_matrices(matrices)[..., :3])
         is_flat = np.abs(np.linalg.det(linear)) <= 1e-9 * np.linalg.norm(linear, axis=1).prod(axis=1)
         inverse = np.linalg.inv(np.where(is_flat[:, None, None], np.eye(3), linear))
-        return Rest(matrices, linear, inverse)
+        return RestPose(matrices, linear, inverse)
 
-    def placed(self, matrix: Float64Array) -> Rig:
+    def transformed_by(self, matrix: Float64Array) -> Rig:
         """Of the mesh under an affine transform (4, 4)."""
         return Rig(self.skeleton, self.binding, matrix @ self.frame)
 

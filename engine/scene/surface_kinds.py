@@ -10,7 +10,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from engine.errors import LoadError
 from engine.material.parameters import Parameter
-from engine.scene.complaints import first_complaint
+from engine.scene.validation_errors import first_validation_error
 
 MAX_NAME = 4096
 
@@ -125,7 +125,7 @@ SURFACE_IMAGES: Mapping[str, tuple[str, str]] = {
 }
 
 # By the names of objects.
-SurfacesOf = tuple[tuple[str, DeformSurface], ...]
+SurfacesByObject = tuple[tuple[str, DeformSurface], ...]
 NO_SURFACE = DeformSurface()
 
 
@@ -208,4 +208,4 @@ def surface_with(surface: DeformSurface, kind: str, values: Mapping[str, Any], o
     try:
         return DeformSurface.model_validate(tree)
     except ValidationError as error:
-        raise first_complaint(error, tree, owner, DeformSurface) from None
+        raise first_validation_error(error, tree, owner, DeformSurface) from None

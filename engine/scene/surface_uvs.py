@@ -16,7 +16,7 @@ from engine.scene.camera import pixel_directions
 from engine.scene.raycaster import Intersections
 
 if TYPE_CHECKING:
-    from engine.scene.load import Scene
+    from engine.scene.scene_loader import Scene
 
 Float64Array = NDArray[np.float64]
 
@@ -71,8 +71,8 @@ def _uvs_in_plane(scene: Scene, found: Intersections, directions: Float64Array) 
     slope = np.einsum("pk,pk->p", normal, directions)
     least = 1e-9 * np.linalg.norm(normal, axis=1)
     slope = np.where(np.abs(slope) > least, slope, np.copysign(least, slope))
-    distance = np.einsum("pk,pk->p", normal, a - scene.eye) / slope
-    place = scene.eye + distance[:, None] * directions - a
+    distance = np.einsum("pk,pk->p", normal, a - scene.camera_position) / slope
+    place = scene.camera_position + distance[:, None] * directions - a
     squared = np.einsum("pk,pk->p", normal, normal)
     u = np.einsum("pk,pk->p", normal, np.cross(place, two)) / squared
     v = np.einsum("pk,pk->p", normal, np.cross(one, place)) / squared

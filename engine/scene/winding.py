@@ -18,10 +18,10 @@ Float64Array = npt.NDArray[np.float64]
 _STEPS = 2**21 - 1  # of the mesh's size in which places are the same: three such numbers are one of 63 bits
 
 
-def turned_faces(vertices: Float64Array, triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
+def inconsistent_faces(vertices: Float64Array, triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.bool_]:
     """Which triangles (T, 3) are to be turned round, (T,), so that all of a shell are wound one way. Vertices (V, 3) of
     one place are one, as along the seams of textures."""
-    n, corners = len(triangles), _welded(vertices)[triangles]
+    n, corners = len(triangles), _weld_vertices(vertices)[triangles]
     start, end = corners, corners[:, (1, 2, 0)]
     low, high = np.minimum(start, end).ravel(), np.maximum(start, end).ravel()
     key = np.where(low == high, -1, low * (int(corners.max(initial=0)) + 1) + high)  # −1: an edge without length
@@ -40,7 +40,7 @@ def turned_faces(vertices: Float64Array, triangles: npt.NDArray[np.int32]) -> np
     return np.asarray(kept[shell[:n]] < kept[shell[n:]])
 
 
-def _welded(vertices: Float64Array) -> npt.NDArray[np.int64]:
+def _weld_vertices(vertices: Float64Array) -> npt.NDArray[np.int64]:
     """Numbers (V,), the same for vertices of one place."""
     low = vertices.min(axis=0)
     size = float((vertices - low).max()) or 1.0

@@ -43,7 +43,7 @@ class ImageExporter:
     """Images and strokes, one behind another in the order in which they are asked for."""
 
     def __init__(self, store: TextureStore, origin: NDArray[np.float64]) -> None:
-        """origin (3,): of the scene that they are told of, see `engine.scene.load.Scene`."""
+        """origin (3,): of the scene that they are told of, see `engine.scene.scene_loader.Scene`."""
         self._store, self._origin = store, origin
         self._begins: dict[Pyramid, int] = {}
         self._n_words = self._n_strokes = 0

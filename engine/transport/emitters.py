@@ -17,8 +17,8 @@ from engine.light.emitters import (
     visible_importance,
     emitting_triangles,
 )
-from engine.scene.hits import PrimaryHits
-from engine.scene.load import Scene
+from engine.scene.primary_hits import PrimaryHits
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
 from engine.visibility import _kernels as kernels
 

@@ -6,7 +6,7 @@ so that a coarse picture is smooth on a surface and never bleeds over a silhouet
 
 import numpy as np
 
-from engine.scene.hits import PrimaryHits
+from engine.scene.primary_hits import PrimaryHits
 from engine.transport import _footprint_kernels as kernels
 
 N_SAMPLES = 4
@@ -20,7 +20,7 @@ def lattice_rows(hits: PrimaryHits, stride: int) -> np.ndarray:
     width, _ = hits.resolution
     if stride == 1:
         return np.arange(len(hits.pixel), dtype=np.int32)
-    on_lattice = (hits.pixel // width % stride == 0) & (hits.pixel % width % stride == 0) & hits.centred
+    on_lattice = (hits.pixel // width % stride == 0) & (hits.pixel % width % stride == 0) & hits.is_centred
     for begin, end in hits.object_ranges:
         if end > begin and not on_lattice[begin:end].any():
             on_lattice[(begin + end) // 2] = True
@@ -36,7 +36,7 @@ def footprint(hits: PrimaryHits, samples: np.ndarray, stride: int) -> tuple[np.n
     chosen, distance = np.empty((n_points, N_SAMPLES), np.int32), np.empty((n_points, N_SAMPLES))
     nodes = np.full((-(-height // stride), -(-width // stride)), -1, np.int32)
     y, x = np.divmod(hits.pixel[samples], width)
-    on_lattice = np.flatnonzero((y % stride == 0) & (x % stride == 0) & hits.centred[samples]).astype(np.int32)
+    on_lattice = np.flatnonzero((y % stride == 0) & (x % stride == 0) & hits.is_centred[samples]).astype(np.int32)
     nodes[y[on_lattice] // stride, x[on_lattice] // stride] = on_lattice
     for begin, end in hits.object_ranges:
         first, last = np.searchsorted(samples, (begin, end))

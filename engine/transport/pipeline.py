@@ -14,8 +14,8 @@ from engine.light.emitters import EmitterPatches, EmitterTree, emitter_patches
 from engine.light.environment import Environment
 from engine.light.triangle_lights import cut_lights
 from engine.planner import RenderSettings
-from engine.scene.hits import PrimaryHits, trace_primary
-from engine.scene.load import Scene
+from engine.scene.primary_hits import PrimaryHits, trace_primary
+from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
 from engine.transport.emitters import emitters_for
 from engine.transport.footprint import footprint, lattice_rows
@@ -155,8 +155,8 @@ class Placement:
         return VisibleLight(lighting, self.sphere, fine, emitters, near.leaves())
 
     def shine(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
-        """Give emitters, by name, this radiance from now on, see `Scene.shining`."""
-        self.scene = self.scene.shining(emission)
+        """Give emitters, by name, this radiance from now on, see `Scene.with_emission`."""
+        self.scene = self.scene.with_emission(emission)
         self._emitters.clear()
 
     def patches(self, n_patches: int) -> EmitterPatches | None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine.material import MODELS
-from engine.scene.hits import PrimaryHits
+from engine.scene.primary_hits import PrimaryHits
 from engine.threads import n_threads, pool
 from engine.transport import _projection_kernels as kernels
 from engine.transport.bandstore import BandTile

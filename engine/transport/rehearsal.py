@@ -15,7 +15,7 @@ from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.scene.description import parse_description
 from engine.scene.edges import nearest_centres
-from engine.scene.load import build_scene
+from engine.scene.scene_loader import build_scene
 from engine.sphere.geodesic import geodesic
 from engine.transport import _projection_kernels as kernels
 from engine.transport.bandstore import BandTile, join_tiles

@@ -25,7 +25,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from engine.curve.operators import HALF_PI
 from engine.light.environment import Environment, downsample, triangle_integrals
 from engine.material.layer import Layer
-from engine.scene.hits import PrimaryHits
+from engine.scene.primary_hits import PrimaryHits
 from engine.sphere.geodesic import geodesic
 from engine.sphere.haar import forward, levels_of_coefficients
 from engine.threads import n_threads, on_threads, pool

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine.scene.edges import nearest_centres
-from engine.scene.hits import PrimaryHits
+from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic
 from engine.threads import pool
@@ -72,7 +72,7 @@ def grid_steps(hits: PrimaryHits, until: int = 1, alike: float = ALIKE_COSINE) -
             np.concatenate([first.informers, second.informers]),
         )
         step = half
-    if until == 1 and not hits.centred.all():
+    if until == 1 and not hits.is_centred.all():
         rows, nearest = nearest_centres(hits, hits.horizon, np.full(len(hits.object_ranges), ALIKE_COSINE))
         yield GridStep(1, rows, np.repeat(nearest[:, None], 4, axis=1), beside=True)
 

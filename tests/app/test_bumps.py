@@ -40,9 +40,9 @@ def test_a_path_sets_what_a_still_shows(scene: Path) -> None:
     other = open_project(str(scene), values=[("card.normal_map", "lean.png"), ("card.bump_strength", 2.0)])
     assert other.document.object("card").bumps == Bumps(normal_map="lean.png", bump_strength=2.0, bump_height=0.1)
     assert own.description.objects[0].bumps == Bumps(bump_map="ramp.png", bump_height=0.1)
-    assert other.scene.description.objects[0].bumps.normal_map == "lean.png" and not own.relief.flaws
+    assert other.scene.description.objects[0].bumps.normal_map == "lean.png" and not own.bump_normals.flaws
     none = open_project(str(scene), values=[("card.bump_map", "")])
-    assert none.scene.relief.objects == () and resolve(none.document, "card.bump_height").kind == "bumps"
+    assert none.scene.bump_normals.objects == () and resolve(none.document, "card.bump_height").kind == "bumps"
     for path, value in (("card.bump_strength", 11.0), ("card.normal_map", "gone.png"), ("card.bump_repeats", [0, 1])):
         with pytest.raises(InsituError, match=r"10|gone\.png|none 0"):
             open_project(str(scene), values=[(path, value)])

@@ -15,7 +15,7 @@ from app.project import open_project
 from app.script import load_script
 from engine.errors import InsituError
 from engine.light.environment import load_environment
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from tests.app.cli.command_line import run
 from tests.app.fake_worker import FakeClient
 

@@ -12,7 +12,7 @@ from app.cli.console import say
 from app.cli.output import tell_notes
 from app.status import Gauges
 from engine.errors import LONGEST_LINE, MOST_NOTES
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from engine.transport.pipeline import SkyState
 
 HOSTILE = "\x1b]0;owned\x07\x1b[31mRED\nnote: all is well\r\u202e" + "A" * 100_000

@@ -10,7 +10,7 @@ import pytest
 from app.measure.peer import Stills
 from assets.scripts import peers, scale
 from assets.scripts.peers import EDITS, Found, page
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 
 
 def test_a_landscape_has_its_triangles_and_hills(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ CALLS = {
     "first rays": "orbit.first_rays(whole, single(1, 3), single(1, 3, 3), single(4, 3), single(1, 3), single(1, 3))",
     "more rays": "orbit.more_rays(whole, np.ones((1, 1), bool), single(1, 3), single(1, 3, 3), single(4, 3), 1,"
     " single(1, 3), single(1, 3))",
-    "bumps": "relief.fill_leans(whole, double(1), double(1), single(1, 2), double((1, 2, 3)), double((0, 3, 3)),"
+    "bumps": "relief.fill_normal_offsets(whole, double(1), double(1), single(1, 2), double((1, 2, 3)), double((0, 3, 3)),"
     " double(1), 1.0, double(2), single(1, 3), double((1, 3)), double((1, 3)), double((1, 3)))",
     "wavelets": "relight._to_wavelets(single(32, 3), single(32, 3))",
 }

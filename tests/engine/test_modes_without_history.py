@@ -17,7 +17,7 @@ from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.orbit.live import Orbit
-from engine.scene.load import Scene, load_scene
+from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.surface_kinds import DeformSurface, Subsurface
 from engine.transport.pipeline import SkyState
 from tests.scene_text import camera, placed

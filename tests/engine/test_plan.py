@@ -25,7 +25,7 @@ from engine.planner import (
     plan_lines,
     plan_scene,
 )
-from engine.scene.load import Scene, load_scene
+from engine.scene.scene_loader import Scene, load_scene
 
 SCENE = """
 version = 1

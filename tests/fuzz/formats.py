@@ -151,9 +151,9 @@ def read_recent(path: Path) -> None:
 
 
 def read_mesh_file(path: Path) -> None:
-    from engine.scene.stage import stage_mesh
+    from engine.scene.mesh_scene import load_mesh_scene
 
-    for item in stage_mesh(path).items:
+    for item in load_mesh_scene(path).items:
         mesh = item.mesh
         assert np.isfinite(mesh.vertices).all() and mesh.triangles.min() >= 0
         assert mesh.triangles.max() < len(mesh.vertices) and (mesh.normals is None or np.isfinite(mesh.normals).all())
@@ -161,7 +161,7 @@ def read_mesh_file(path: Path) -> None:
 
 def plys(folder: Path) -> list[bytes]:
     from app.export.meshes import ply_bytes
-    from engine.scene.load import load_scene
+    from engine.scene.scene_loader import load_scene
     from tests.engine.scene.test_costs import ply_of_lists
     from tests.engine.scene.test_ply import ASCII_CORNERS, binary, header
 

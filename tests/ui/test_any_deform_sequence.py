@@ -24,8 +24,8 @@ from app.view_state import SetView
 from engine.deform.live import Deform
 from engine.deform.pose import Poses
 from engine.scene.description import Camera, CameraDescription
-from engine.scene.load import Scene
-from engine.scene.surface_kinds import SurfacesOf
+from engine.scene.scene_loader import Scene
+from engine.scene.surface_kinds import SurfacesByObject
 from tests.engine.deform.test_moments import write_bar
 from tests.ui.test_any_orbit_sequence import (
     CAMERAS,
@@ -49,9 +49,9 @@ class NamedDeform(NamedOrbit):
     ) -> None:
         super().__init__(scene)
         self._posed: tuple[str, ...] = ()
-        self._surfaces: SurfacesOf = ()
+        self._surfaces: SurfacesByObject = ()
 
-    def set_surfaces(self, surfaces: SurfacesOf) -> None:
+    def set_surfaces(self, surfaces: SurfacesByObject) -> None:
         if surfaces != self._surfaces:
             self._surfaces = surfaces
             self._begin()

@@ -29,7 +29,7 @@ from engine.material.layer import Layer
 from engine.orbit.live import Orbit
 from engine.render.still import StillProgress
 from engine.scene.description import Camera, CameraDescription
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from engine.transport.pipeline import SkyState
 from tests.ui.small_scene import write_small_scene
 from tests.ui.test_any_sequence import COMMANDS as OTHERS
@@ -78,7 +78,7 @@ class NamedOrbit:
             self._begin()
 
     def shine(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
-        self.scene = self.scene.shining(emission)
+        self.scene = self.scene.with_emission(emission)
         self._begin()
 
     def set_bumps(self, bumps: object) -> None:

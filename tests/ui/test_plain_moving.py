@@ -17,8 +17,8 @@ from app.sky import sky_of
 from app.view_state import SetView
 from engine.deform.posed_scene import posed
 from engine.render.plain_picture import plain_picture
-from engine.scene.camera_moves import orbited
-from engine.scene.load import Scene, load_scene
+from engine.scene.camera_moves import orbit_camera
+from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.raycaster import RayCaster
 from engine.generators import run_to_end
 from tests.ui.small_scene import write_small_scene
@@ -45,7 +45,7 @@ def expected(walk: Walk, scene: Scene) -> np.ndarray:
     layers = {i: state.layers for i, state in enumerate(editor.document.objects) if not state.emits}
     caster = RayCaster(scene.vertices, scene.triangles)
     sky = sky_of(scene, editor.document.light)
-    return run_to_end(plain_picture(scene.seen_from(editor.looks.camera), caster, layers, sky, RESOLUTION))
+    return run_to_end(plain_picture(scene.from_camera(editor.looks.camera), caster, layers, sky, RESOLUTION))
 
 
 @pytest.mark.parametrize("mode", ["orbit", "deform"])
@@ -59,7 +59,7 @@ def test_the_camera_moves_before_anything_is_ready(
         here.frames(3)
         seen = []
         for _ in range(12):
-            editor.do(SetView.of(camera=orbited(editor.looks.camera, 10.0, 0.0)))
+            editor.do(SetView.of(camera=orbit_camera(editor.looks.camera, 10.0, 0.0)))
             here.frames(8)
             if editor.status.is_away:  # as long as the worker has not traced what is seen from there
                 assert editor.status.picture == "waiting" and editor.status.goes_with_hand  # no boxes are drawn

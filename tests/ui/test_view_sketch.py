@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.view_state import SetView
-from engine.scene.camera_moves import orbited
+from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import Camera
 from tests.ui.test_orbit_camera import centre
 from ui.headless import HeadlessWindow
@@ -37,7 +37,7 @@ def test_what_is_behind_the_eye_is_cut_off() -> None:
 @given(st.lists(st.floats(-5, 5), min_size=6, max_size=6), st.floats(-4, 4), st.floats(-2, 2))
 def test_any_box_from_anywhere_has_finite_lines(numbers: list[float], right: float, up: float) -> None:
     box = np.sort(np.reshape(numbers, (2, 3)), axis=0)
-    assert np.all(np.isfinite(seen_edges(box, orbited(CAMERA, right, up), (64.0, 48.0))))
+    assert np.all(np.isfinite(seen_edges(box, orbit_camera(CAMERA, right, up), (64.0, 48.0))))
 
 
 def test_a_picture_that_a_camera_went_towards_is_larger_about_its_target() -> None:
@@ -59,7 +59,7 @@ def test_a_picture_seen_from_where_it_was_is_as_it_was_and_from_behind_there_is_
 
 @given(st.floats(-180, 180), st.floats(-80, 80))
 def test_a_picture_turned_in_any_way_has_finite_places(right: float, up: float) -> None:
-    grid = turned_grid(CAMERA, orbited(CAMERA, right, up), (64.0, 48.0))
+    grid = turned_grid(CAMERA, orbit_camera(CAMERA, right, up), (64.0, 48.0))
     assert grid is None or np.all(np.isfinite(grid))
 
 
@@ -114,6 +114,6 @@ def test_in_a_picture_that_is_turned_nothing_is_where_it_was(window: HeadlessWin
     window.move(*centre(window))
     window.frames(2)
     assert editor.view.hovered is not None
-    assert editor.do(SetView.of(camera=orbited(editor.looks.camera, 10.0, 0.0))) is None
+    assert editor.do(SetView.of(camera=orbit_camera(editor.looks.camera, 10.0, 0.0))) is None
     window.frames(2)
     assert editor.status.is_away and editor.view.hovered is None

@@ -23,13 +23,13 @@ from engine.scene.camera_moves import (
     Side,
     depth_of,
     distance,
-    dollied,
-    framed,
-    levelled,
-    orbited,
-    panned,
+    dolly_camera,
+    frame_box,
+    level_horizon,
+    orbit_camera,
+    pan_camera,
     point_at,
-    seen_from_side,
+    view_from_side,
 )
 from engine.scene.description import Camera
 from ui.panels.actions import Action, BeginLook, DragLook, EndLook, Hold, LookFromThere, SetPanel
@@ -107,17 +107,17 @@ def command(context: PanelContext, name: str) -> list[Action]:
     """What a named key or menu entry asks for; nothing where there is nothing to frame."""
     camera = context.camera
     if name in SIDES:
-        return _there(context, seen_from_side(camera, SIDES[name]), f"from the {SIDES[name]}")
+        return _there(context, view_from_side(camera, SIDES[name]), f"from the {SIDES[name]}")
     if name in TURNS:
         right, up = (math.radians(KEY_DEGREES * turn) for turn in TURNS[name])
-        return _there(context, orbited(camera, right, up), "orbit")
+        return _there(context, orbit_camera(camera, right, up), "orbit")
     if name in ("nearer", "farther"):
         factor = KEY_NEARER if name == "nearer" else 1.0 / KEY_NEARER
-        return _there(context, dollied(camera, factor), name)
+        return _there(context, dolly_camera(camera, factor), name)
     if name in ("frame", "frame_all"):
         return _frame(context, context.view.selected.object if name == "frame" and context.view.selected else None)
     if name == "level":
-        return _there(context, levelled(camera), "level horizon")
+        return _there(context, level_horizon(camera), "level horizon")
     if name == "own_view":
         return _there(context, context.own_camera, "the scene's own camera")
     return []
@@ -128,7 +128,7 @@ def _frame(context: PanelContext, name: str | None) -> list[Action]:
     box = context.box_of(name)
     if box is None:
         return []
-    return _there(context, framed(context.camera, box, context.aspect), f"frame {name or 'all'}")
+    return _there(context, frame_box(context.camera, box, context.aspect), f"frame {name or 'all'}")
 
 
 def _there(context: PanelContext, camera: Camera, label: str) -> list[Action]:
@@ -167,10 +167,10 @@ def dragged(grip: CameraGrip, across: float, down: float, scale: float, height: 
         return grip.camera  # to the last bit
     if grip.gesture == "orbit":
         rate = math.radians(DEGREES_A_PIXEL / scale)
-        return orbited(grip.camera, -rate * across, rate * down)
+        return orbit_camera(grip.camera, -rate * across, rate * down)
     if grip.gesture == "pan":
-        return panned(grip.camera, -across / height, down / height, grip.depth)
-    return dollied(grip.camera, 2.0 ** ((down - across) / (scale * PIXELS_TO_HALVE)))
+        return pan_camera(grip.camera, -across / height, down / height, grip.depth)
+    return dolly_camera(grip.camera, 2.0 ** ((down - across) / (scale * PIXELS_TO_HALVE)))
 
 
 def _depth_at(context: PanelContext, pixel: tuple[int, int] | None) -> float:
@@ -211,7 +211,7 @@ def scrolled(camera: Camera, gesture: Gesture, x: float, y: float, about: tuple[
     """The camera after so many notches right and away from the hand, or as far with two fingers; about: the point that
     a dolly leaves where it is in the picture."""
     if gesture == "orbit":
-        return orbited(camera, -math.radians(NOTCH_DEGREES * x), math.radians(NOTCH_DEGREES * y))
+        return orbit_camera(camera, -math.radians(NOTCH_DEGREES * x), math.radians(NOTCH_DEGREES * y))
     if gesture == "pan":
-        return panned(camera, -NOTCH_HEIGHTS * x, NOTCH_HEIGHTS * y)
-    return dollied(camera, NOTCH_NEARER**y, about)
+        return pan_camera(camera, -NOTCH_HEIGHTS * x, NOTCH_HEIGHTS * y)
+    return dolly_camera(camera, NOTCH_NEARER**y, about)

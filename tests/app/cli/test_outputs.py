@@ -13,7 +13,7 @@ from PIL import Image
 from app.editor import Editor
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from tests.app.cli.command_line import SCENE, run
 from tests.pictures import write_exr
 from tests.ui.small_scene import coloured_sky, write_small_scene

@@ -21,7 +21,7 @@ from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, PrepareOrbi
 from app.placement.messages import LayerPicture, StageDone
 from app.scene_state import scene_state
 from engine.deform.pose import Deformation
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from tests.app.jobs.ball_and_lamp import SCENE as BALL
 from tests.app.jobs.ball_and_lamp import compute
 from tests.opened import ask_for_scene

@@ -12,7 +12,7 @@ from app.jobs.cache import Store
 from app.jobs.tasks import Tasks
 from app.orbit.messages import PrepareOrbit
 from app.scene_state import scene_state
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from tests.app.jobs.small_modes import SCENE, SIZE
 from tests.opened import open_in_process, run_in_process
 from tests.ui.test_any_deform_sequence import NamedDeform

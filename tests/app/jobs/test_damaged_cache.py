@@ -19,7 +19,7 @@ from app.messages import Failed, Response
 from app.placement.curves import Curves
 from app.placement.messages import ComputeTransport, Contract, Freeze, Frozen, LayerPicture
 from engine.indirect.fineness import ROUGH
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from tests.app.jobs.ball_and_lamp import GLOSS, SCENE, compute, twice
 from tests.opened import ask_for_scene
 

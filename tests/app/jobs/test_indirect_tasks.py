@@ -22,7 +22,7 @@ from engine.indirect import solver as solver_module
 from engine.indirect.fineness import ROUGH
 from engine.indirect.gather import Gathered, gather
 from engine.indirect.solver import Solver
-from engine.scene.load import Scene, load_scene
+from engine.scene.scene_loader import Scene, load_scene
 from engine.transport.pipeline import Placement
 from tests.app.jobs.ball_and_lamp import SCENE
 from tests.fineness import QUICK
@@ -110,7 +110,7 @@ from pathlib import Path
 from app.jobs import indirect, tiles
 from app.jobs.cache import Store
 from engine.indirect import solver
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from engine.transport.pipeline import Placement
 from tests.app.jobs.test_indirect_tasks import PART_POINTS, found_by
 

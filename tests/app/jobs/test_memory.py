@@ -20,7 +20,7 @@ from app.jobs.cache import Store
 from app.jobs.schedule import Schedule
 from app.messages import Shutdown
 from engine.material.bumps import Bumps
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from tests.app.jobs.ball_and_lamp import SCENE, opened
 from tests.opened import open_in_process
 
@@ -110,7 +110,7 @@ def test_memory_stays_flat(source: str, what: str, n: int) -> None:
 def test_no_circle_keeps_a_scene(source: str) -> None:
     # Counted references alone free it: the collector runs when many objects are made, and a scene is few, and large.
     scene = load_scene(source)
-    assert scene.relief.objects
+    assert scene.bump_normals.objects
     gone = weakref.ref(scene.textures), weakref.ref(scene)
     del scene
     assert [each() for each in gone] == [None, None]
@@ -119,8 +119,8 @@ def test_no_circle_keeps_a_scene(source: str) -> None:
 def test_nor_do_flawed_bumps(source: str) -> None:
     Path(source).with_name("bump.png").write_bytes(b"no image any more")
     scene = load_scene(Path(source).with_name("plain.toml"))
-    scene = scene.bumped({"ball": Bumps(bump_map=str(Path(source).with_name("bump.png")))})
-    assert scene.relief.flaws
+    scene = scene.with_bumps({"ball": Bumps(bump_map=str(Path(source).with_name("bump.png")))})
+    assert scene.bump_normals.flaws
     gone = weakref.ref(scene)
     del scene
     assert gone() is None

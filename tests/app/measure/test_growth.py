@@ -9,7 +9,7 @@ import pytest
 
 from app.measure.growth import GrowthRow, cut, growth_figure, memory_of, write_rows
 from app.measure.subject import open_subject
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 from tests.fineness import light_quickly
 
 

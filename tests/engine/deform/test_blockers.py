@@ -14,7 +14,7 @@ from engine.deform.pose import Deformation
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.scene.load import Scene, load_scene
+from engine.scene.scene_loader import Scene, load_scene
 from engine.transport.pipeline import Placement, SkyState
 from tests.scene_text import camera, placed
 

@@ -13,7 +13,7 @@ from engine.light.environment import LUMINANCE, Environment
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.render.integrator import evaluate_layer
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from engine.sphere.geodesic import geodesic
 from engine.sphere.harmonics import basis
 from engine.transport.pipeline import SkyState

@@ -17,7 +17,7 @@ from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.scene.camera import centre_directions
-from engine.scene.load import Scene, load_scene
+from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_kinds import DeformSurface, Subsurface
 from engine.generators import run_to_end

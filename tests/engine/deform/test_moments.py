@@ -14,7 +14,7 @@ from engine.deform.points import bending_points
 from engine.deform.pose import Deformation, Moment, deformed
 from engine.deform.posed_points import PosedPoints
 from engine.deform.posed_scene import at_moment, posed
-from engine.scene.load import Scene, load_scene
+from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.raycaster import RayCaster
 from tests.engine.scene.test_rigs import Bar
 from tests.scene_text import camera, placed

@@ -14,7 +14,7 @@ from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.material.layer_maps import LayerMaps
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from engine.transport.pipeline import SkyState
 from tests.scene_text import camera, placed
 

@@ -11,7 +11,7 @@ from engine.deform.live import Deform, finished
 from engine.deform.pose import Deformation
 from engine.deform.posed_scene import posed
 from engine.errors import InsituError
-from engine.scene.load import Scene, load_scene
+from engine.scene.scene_loader import Scene, load_scene
 from engine.transport.pipeline import SkyState
 from tests.scene_text import camera, placed
 

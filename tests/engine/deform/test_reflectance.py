@@ -15,7 +15,7 @@ from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.material.layer_maps import LayerMaps
 from engine.material.strokes import Stroke, Strokes, pack_dabs
-from engine.scene.load import Scene, load_scene
+from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.raycaster import RayCaster
 from engine.transport.pipeline import SkyState
 from tests.scene_text import camera

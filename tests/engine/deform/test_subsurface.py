@@ -10,7 +10,7 @@ from scipy.integrate import quad
 
 from engine.deform.subsurface import Medium, Sources, simulate_subsurface, subsurface, vertex_areas
 from engine.deform.transfer import TransferPoints
-from engine.scene.frames import local_frames
+from engine.scene.local_frames import local_frames
 from engine.scene.primitives import sphere
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points

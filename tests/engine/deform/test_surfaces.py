@@ -19,7 +19,7 @@ from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.render.error_colours import shown
 from engine.scene.description import SceneDescription
-from engine.scene.load import Scene, load_scene
+from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.surface_kinds import NO_SURFACE
 from engine.transport.pipeline import SkyState
 from tests.scene_text import camera, placed

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from engine.deform.transfer import TransferPoints, cosine_directions, simulate, turned, unshadowed
-from engine.scene.frames import local_frames
+from engine.scene.local_frames import local_frames
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points
 from engine.sphere.harmonics import basis, clamped_cosine, rotate

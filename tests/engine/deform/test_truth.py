@@ -13,7 +13,7 @@ from engine.deform.truth import Truth, side_by_side
 from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from engine.generators import run_to_end
 from engine.transport.pipeline import SkyState
 from tests.scene_text import camera, placed

@@ -15,7 +15,7 @@ from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.scene.description import parse_description
-from engine.scene.load import build_scene
+from engine.scene.scene_loader import build_scene
 from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, SkyState
 

@@ -23,7 +23,7 @@ from engine.measured.tables import read_measurement, table_of
 from engine.planner import plan_scene
 from engine.render.integrator import evaluate_by_curves
 from engine.render.still import render_reference, render_still, still_layers, still_quality
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from engine.generators import run_to_end
 from engine.stored_arrays import UnsoundArrays
 from engine.transport._angle_kernels import tint

@@ -9,7 +9,7 @@ import pytest
 from engine.orbit.shading_points import ShadingPoints, shading_points
 from engine.orbit.visibility import Bits, see
 from engine.scene.description import parse_description
-from engine.scene.load import Scene, build_scene
+from engine.scene.scene_loader import Scene, build_scene
 from engine.scene.raycaster import RayCaster
 
 SCENE = """

@@ -12,7 +12,7 @@ from engine.material.layer import make_layer
 from engine.orbit.bounced import Bounces, bouncing
 from engine.orbit.live import Orbit
 from engine.scene.description import parse_description
-from engine.scene.load import build_scene
+from engine.scene.scene_loader import build_scene
 from engine.generators import run_to_end
 from tests.rooms import slit
 

@@ -10,7 +10,7 @@ from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.orbit.live import Orbit
 from engine.scene.description import parse_description
-from engine.scene.load import build_scene
+from engine.scene.scene_loader import build_scene
 
 LAMP = """
 version = 1

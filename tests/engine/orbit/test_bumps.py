@@ -12,7 +12,7 @@ from engine.material.layer import Layer
 from engine.orbit.live import Orbit
 from engine.planner import plan_scene
 from engine.render.still import render_still, still_layers, still_quality
-from engine.scene.load import Scene, load_scene
+from engine.scene.scene_loader import Scene, load_scene
 from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, SkyState
 from tests.engine.bump_images import FLOOR, TILT, write_bump_images

@@ -14,7 +14,7 @@ from engine.orbit.mirrored_light import mirrored_light
 from engine.orbit.slices import to_shading
 from engine.render.integrator import evaluate_layers
 from engine.scene.description import parse_description
-from engine.scene.load import build_scene
+from engine.scene.scene_loader import build_scene
 from engine.sphere.geodesic import geodesic
 from engine.transport.pipeline import SkyState
 from tests.engine.orbit.conftest import BLOCK

@@ -29,7 +29,7 @@ from engine.orbit.slices import (
 from engine.orbit.visibility import see, see_patches, upper
 from engine.render.integrator import evaluate_layers
 from engine.scene.description import parse_description
-from engine.scene.load import build_scene
+from engine.scene.scene_loader import build_scene
 from engine.scene.raycaster import RayCaster
 from engine.sphere import haar
 from engine.sphere.geodesic import geodesic

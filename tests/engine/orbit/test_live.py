@@ -13,7 +13,7 @@ from engine.orbit._picture_kernels import silhouettes
 from engine.orbit.lit_points import STALE
 from engine.orbit.live import Orbit
 from engine.scene.description import parse_description
-from engine.scene.load import Scene, build_scene
+from engine.scene.scene_loader import Scene, build_scene
 from engine.generators import run_to_end
 from engine.stored_arrays import UnsoundArrays
 from engine.transport.pipeline import SkyState

@@ -14,7 +14,7 @@ from engine.material.layer import make_layer
 from engine.orbit import live
 from engine.orbit.live import Orbit
 from engine.scene.description import parse_description
-from engine.scene.load import build_scene
+from engine.scene.scene_loader import build_scene
 from engine.transport.pipeline import SkyState
 from tests.scene_text import camera, placed
 

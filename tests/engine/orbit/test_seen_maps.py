@@ -15,7 +15,7 @@ from engine.orbit.seen_maps import factors, footprints_of
 from engine.orbit.shading_points import shading_points
 from engine.render.maps import MapFactors
 from engine.scene.description import parse_description
-from engine.scene.load import build_scene
+from engine.scene.scene_loader import build_scene
 from engine.scene.surface_uvs import pixel_footprints
 from engine.transport.pipeline import Placement
 from tests.engine.orbit.conftest import SCENE

@@ -15,7 +15,7 @@ from engine.orbit.live import Orbit
 from engine.orbit.slice_levels import SliceLevels
 from engine.orbit.slices import slice_bytes_of, table_bytes_of
 from engine.scene.description import parse_description
-from engine.scene.load import Scene, build_scene
+from engine.scene.scene_loader import Scene, build_scene
 from engine.transport.pipeline import SkyState
 from tests.scene_text import camera, placed
 

@@ -15,7 +15,7 @@ from engine.render.bounces import (
     required_bounces,
     shares_of,
 )
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from engine.transport.pipeline import Placement
 
 INSIDE = 'primitive = "sphere"\ntransform = [9, 0, 0, 0, 0, 9, 0, 0, 0, 0, 9, 0, 0, 0, 0, 1]'

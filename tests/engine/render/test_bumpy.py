@@ -14,7 +14,7 @@ from engine.planner import plan_scene
 from engine.render.indirect import indirect_radiance
 from engine.render.path_tracer import trace_paths
 from engine.render.still import render_reference, render_still, still_layers, still_quality
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, SkyState
 from tests.engine.bump_images import FLOOR, TILT, write_bump_images

@@ -12,7 +12,7 @@ from engine.planner import plan_scene
 from engine.render.error_estimate import estimate_error
 from engine.render.indirect import indirect_radiance
 from engine.render.still import reflected, render_still, still_layers
-from engine.scene.load import Scene, load_scene
+from engine.scene.scene_loader import Scene, load_scene
 from engine.generators import run_to_end
 from engine.transport.pipeline import FINAL, Placement, SkyState
 from tests.engine.render.test_still import TABLE
@@ -78,7 +78,7 @@ def test_the_error_is_estimated_over_all_points(table: Scene) -> None:
     radiance = run_to_end(reflected(placement, layers, SKY, QUALITY))
     estimate = run_to_end(estimate_error(placement, layers, SKY, QUALITY, 1, radiance))
     assert 0.0 < estimate.direct < 0.03
-    beside = np.flatnonzero(~placement.hits.centred)
+    beside = np.flatnonzero(~placement.hits.is_centred)
     wrong = radiance.copy()
     wrong[beside] *= 3.0
     worse = run_to_end(estimate_error(placement, layers, SKY, QUALITY, 1, wrong))

@@ -15,7 +15,7 @@ from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.render.integrator import evaluate_layer, integrate_direct
 from engine.scene.builtin import builtin_scenes
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from engine.transport.bandstore import BandStore
 from engine.transport.lighting import prepare_lighting
 from engine.transport.near import near_leaves

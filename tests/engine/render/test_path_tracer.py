@@ -17,7 +17,7 @@ from engine.render.integrator import integrate_direct
 from engine.render.path_lights import EmitterLight, SkyLight
 from engine.render.path_lobes import Scattering
 from engine.render.path_tracer import PathEstimate, noise_of_halves, render_paths, trace_paths
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, SkyState
 from tests.chi_square import p_of_directions

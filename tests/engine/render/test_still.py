@@ -21,7 +21,7 @@ from engine.render.still import (
     still_layers,
     still_quality,
 )
-from engine.scene.load import Scene, load_scene
+from engine.scene.scene_loader import Scene, load_scene
 from engine.generators import run_to_end
 from engine.transport.pipeline import COARSE, Placement, SkyState
 

@@ -15,7 +15,7 @@ from engine.material.layer_maps import Images, LayerMaps, MapMeans
 from engine.render.maps import MapFactors
 from engine.render.surface_maps import MapSampler, look_up, uvs_at
 from engine.scene.description import load_description, parse_description
-from engine.scene.load import Scene, load_scene
+from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.mesh import place_copies
 from engine.scene.primitives import PRIMITIVES
 from engine.transport.pipeline import Placement
@@ -265,7 +265,7 @@ def test_a_mesh_without_coordinates_is_projected_on(tmp_path: Path) -> None:
     assert right.any() and np.allclose(seen.texture[right], (0, 1, 0), atol=0.02)
     assert np.allclose(seen.means.texture, (0.5, 0.5, 0.0), atol=0.02)  # only the lower half is on it
     found = placement.caster.intersect(
-        np.tile(scene.eye.astype(np.float32), (len(columns), 1)),
+        np.tile(scene.camera_position.astype(np.float32), (len(columns), 1)),
         placement.hits.ray_directions.reshape(-1, 3)[placement.hits.pixel],
     )  # what paths look up at their vertices is what the eye sees
     layer = Layer(MODELS["lambert"], "a", (), maps=scene.description.objects[0].layers[0].maps)

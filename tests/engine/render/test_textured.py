@@ -18,8 +18,8 @@ from engine.render.indirect import indirect_radiance
 from engine.render.maps import MapFactors
 from engine.render.path_tracer import trace_paths
 from engine.render.still import render_reference, render_still, still_layers, still_quality, with_maps
-from engine.scene.hits import object_ids
-from engine.scene.load import Scene, load_scene
+from engine.scene.primary_hits import object_ids
+from engine.scene.scene_loader import Scene, load_scene
 from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, SkyState
 from tests.scene_text import camera, placed
@@ -121,7 +121,7 @@ def test_strokes_are_the_same_to_the_eye_and_to_paths(placement: Placement) -> N
     maps = LayerMaps(weight_start=0.0, strokes=Strokes((dab,)))
     factors, hits = MapFactors(placement.scene, {0: [layer("lambert"), layer("phong", maps)]}), placement.hits
     rays = hits.ray_directions.reshape(-1, 3)
-    found = placement.caster.intersect(np.tile(placement.scene.eye.astype(np.float32), (len(rays), 1)), rays)
+    found = placement.caster.intersect(np.tile(placement.scene.camera_position.astype(np.float32), (len(rays), 1)), rays)
     seen, met = factors.of_eye(placement), factors.of_hits(found, object_ids(placement.scene, found), hits.pixel)
     np.testing.assert_allclose(met, seen, atol=1e-5)
     far = np.linalg.norm(hits.position - [0.2, 0.1, 0.0], axis=1)

@@ -9,7 +9,7 @@ from engine.light.environment import load_environment
 from engine.material import MODELS, validate_parameters
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from engine.scene.description import load_description
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 
 SCENES = [  # default first
     "teatray", "ajar", "amphora", "bat", "cornell", "dominoes", "earrings", "idol", "mime", "plant", "plate", "ring",

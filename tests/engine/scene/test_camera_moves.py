@@ -17,16 +17,16 @@ from engine.scene.camera_moves import (
     SIDES,
     depth_of,
     distance,
-    dollied,
+    dolly_camera,
     field_of_view,
     focal_length,
-    framed,
+    frame_box,
     is_level,
-    levelled,
-    orbited,
-    panned,
+    level_horizon,
+    orbit_camera,
+    pan_camera,
     point_at,
-    seen_from_side,
+    view_from_side,
     with_focal_length,
 )
 from engine.scene.description import Camera
@@ -53,16 +53,16 @@ def cameras(draw: st.DrawFn) -> Camera:
 
 
 MOVES: dict[str, Callable[[Camera, float, float], Camera]] = {
-    "orbit": lambda camera, a, b: orbited(camera, a, b),
-    "pan": lambda camera, a, b: panned(camera, a, b),
-    "pan at a depth": lambda camera, a, b: panned(camera, a, b, abs(a)),
-    "dolly": lambda camera, a, b: dollied(camera, 2.0 ** max(min(a, 300.0), -300.0)),
-    "dolly about": lambda camera, a, b: dollied(camera, abs(b), (a, b, a)),
-    "frame": lambda camera, a, b: framed(camera, [(a, b, 0.0), (a + abs(b), b, 1.0)], 1.5),
-    "frame a point": lambda camera, a, b: framed(camera, [(a, b, 0.0)] * 2, 1.0),
-    "level": lambda camera, a, b: levelled(camera),
+    "orbit": lambda camera, a, b: orbit_camera(camera, a, b),
+    "pan": lambda camera, a, b: pan_camera(camera, a, b),
+    "pan at a depth": lambda camera, a, b: pan_camera(camera, a, b, abs(a)),
+    "dolly": lambda camera, a, b: dolly_camera(camera, 2.0 ** max(min(a, 300.0), -300.0)),
+    "dolly about": lambda camera, a, b: dolly_camera(camera, abs(b), (a, b, a)),
+    "frame": lambda camera, a, b: frame_box(camera, [(a, b, 0.0), (a + abs(b), b, 1.0)], 1.5),
+    "frame a point": lambda camera, a, b: frame_box(camera, [(a, b, 0.0)] * 2, 1.0),
+    "level": lambda camera, a, b: level_horizon(camera),
     "lens": lambda camera, a, b: with_focal_length(camera, abs(a)),
-    **{side: lambda camera, a, b, side=side: seen_from_side(camera, side) for side in SIDES},
+    **{side: lambda camera, a, b, side=side: view_from_side(camera, side) for side in SIDES},
 }
 
 
@@ -78,8 +78,8 @@ def test_no_move_makes_a_camera_that_cannot_see(camera: Camera, moves: list[tupl
 
 @given(cameras(), numbers, numbers)
 def test_an_orbit_keeps_distance_and_horizon(camera: Camera, right: float, up: float) -> None:
-    camera = levelled(camera)
-    moved = orbited(camera, right, up)
+    camera = level_horizon(camera)
+    moved = orbit_camera(camera, right, up)
     # Positions are known to a part in 1e16 of the largest coordinate, the nearest distance is 1e-8 of it.
     assert distance(moved) == pytest.approx(distance(camera), rel=1e-6)
     assert moved.target == camera.target and is_level(moved)
@@ -89,38 +89,38 @@ def test_an_orbit_keeps_distance_and_horizon(camera: Camera, right: float, up: f
 
 def test_an_orbit_goes_right_and_up() -> None:
     # From +Z a quarter to its right is +X; 30 degrees up is at sin 30 of the distance.
-    assert orbited(CAMERA, math.pi / 2, 0.0).position == pytest.approx((4.0, 0.0, 0.0))
-    assert orbited(CAMERA, 0.0, math.pi / 6).position == pytest.approx((0.0, 2.0, 4.0 * math.cos(math.pi / 6)))
-    there = orbited(orbited(CAMERA, 0.7, 0.4), -0.7, -0.4)
+    assert orbit_camera(CAMERA, math.pi / 2, 0.0).position == pytest.approx((4.0, 0.0, 0.0))
+    assert orbit_camera(CAMERA, 0.0, math.pi / 6).position == pytest.approx((0.0, 2.0, 4.0 * math.cos(math.pi / 6)))
+    there = orbit_camera(orbit_camera(CAMERA, 0.7, 0.4), -0.7, -0.4)
     assert there.position == pytest.approx(CAMERA.position)
 
 
 def test_orbits_stop_at_the_pole_and_come_back_over_the_same_way() -> None:
-    top = orbited(CAMERA, 0.0, 10.0)
+    top = orbit_camera(CAMERA, 0.0, 10.0)
     assert top.position == pytest.approx((0.0, 4.0, 0.0), abs=1e-3)
     assert camera_frame(top)[1] == pytest.approx((0.0, 0.0, -1.0), abs=1e-3)  # what was far is up
-    back = orbited(top, 0.0, -MOST_ELEVATION)
+    back = orbit_camera(top, 0.0, -MOST_ELEVATION)
     assert back.position == pytest.approx(CAMERA.position, abs=1e-6)
 
 
 def test_a_scene_with_another_up_turns_about_that() -> None:
     z_up = Camera(position=(0.0, -4.0, 1.0), target=(0.0, 0.0, 1.0), up=(0.0, 0.0, 1.0))
-    assert orbited(z_up, math.pi / 2, 0.0).position == pytest.approx((4.0, 0.0, 1.0))
+    assert orbit_camera(z_up, math.pi / 2, 0.0).position == pytest.approx((4.0, 0.0, 1.0))
     # Up as another program writes it, perpendicular to the view: the horizon is level, so Y is the axis.
     tipped = Camera(position=(0.0, 1.0, 1.0), target=(0.0, 0.0, 0.0), up=(0.0, 1.0, -1.0))
-    assert orbited(tipped, math.pi, 0.0).position == pytest.approx((0.0, 1.0, -1.0))
+    assert orbit_camera(tipped, math.pi, 0.0).position == pytest.approx((0.0, 1.0, -1.0))
 
 
 def test_a_tilted_horizon_stays_until_it_is_levelled() -> None:
     tilted = Camera(position=(0.0, 1.0, 4.0), target=(0.0, 0.0, 0.0), up=(0.3, 1.0, 0.0))
-    assert not is_level(tilted) and not is_level(orbited(tilted, 0.3, 0.1))
-    level = levelled(tilted)
+    assert not is_level(tilted) and not is_level(orbit_camera(tilted, 0.3, 0.1))
+    level = level_horizon(tilted)
     assert is_level(level) and level.position == pytest.approx(tilted.position) and level.up == (0.0, 1.0, 0.0)
 
 
 @given(cameras(), st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
 def test_a_pan_moves_the_picture_by_heights(camera: Camera, right: float, up: float) -> None:
-    moved = panned(camera, right, up)
+    moved = pan_camera(camera, right, up)
     # Where positions are exact enough for it, and the range ends nowhere near.
     largest = max(map(abs, (*camera.position, *camera.target)))
     assume(moved.position != camera.position and distance(camera) > 1e-6 * max(largest, 1.0))
@@ -134,10 +134,10 @@ def test_a_pan_moves_the_picture_by_heights(camera: Camera, right: float, up: fl
 def test_a_dolly_keeps_what_is_under_the_mouse(factor: float, column: float, row: float, depth: float) -> None:
     point = point_at(CAMERA, RESOLUTION, column, row, depth)
     assert depth_of(CAMERA, point) == pytest.approx(depth, rel=1e-6)
-    moved = dollied(CAMERA, factor, point)
+    moved = dolly_camera(CAMERA, factor, point)
     assert project(moved, RESOLUTION, point - moved.position) == pytest.approx((column, row), abs=1e-3)
     assert depth_of(moved, point) == pytest.approx(factor * depth, rel=1e-5)
-    assert distance(dollied(CAMERA, factor)) == pytest.approx(4.0 * factor)
+    assert distance(dolly_camera(CAMERA, factor)) == pytest.approx(4.0 * factor)
 
 
 def test_focal_lengths_are_those_of_35_mm_film() -> None:
@@ -160,8 +160,8 @@ def test_a_framed_box_fills_the_picture(
     low: tuple[float, ...], size: tuple[float, ...], aspect: float, fov_y: float, right: float, up: float
 ) -> None:
     high = np.add(low, size)
-    seen_before = orbited(CAMERA.model_copy(update={"fov_y": fov_y}), right, up)
-    camera = framed(seen_before, [low, high], aspect)
+    seen_before = orbit_camera(CAMERA.model_copy(update={"fov_y": fov_y}), right, up)
+    camera = frame_box(seen_before, [low, high], aspect)
     np.testing.assert_allclose(camera_frame(camera), camera_frame(seen_before), atol=1e-6)
     corners = np.array([[(low, high)[i >> k & 1][k] for k in range(3)] for i in range(8)])
     width, height = 1000.0 * aspect, 1000.0
@@ -176,7 +176,7 @@ def test_a_framed_box_fills_the_picture(
 
 def test_a_cube_is_framed_by_its_front() -> None:
     # Its front, at a depth d - 1 and 2 wide, covers 0.9 of what tan 20 degrees either side sees there.
-    camera = framed(CAMERA, UNIT, 1.0)
+    camera = frame_box(CAMERA, UNIT, 1.0)
     expected = 1.0 + 1.0 / (0.9 * math.tan(math.radians(20.0)))
     assert camera.position == pytest.approx((0.0, 0.0, expected)) and camera.target == (0.0, 0.0, 0.0)
 
@@ -187,7 +187,7 @@ def test_a_cube_is_framed_by_its_front() -> None:
      ("bottom", (0, -4, 0))],
 )  # fmt: skip
 def test_the_sides_of_a_scene(side: str, position: tuple[float, ...]) -> None:
-    camera = seen_from_side(orbited(CAMERA, 0.7, 0.3), side)  # type: ignore[arg-type]
+    camera = view_from_side(orbit_camera(CAMERA, 0.7, 0.3), side)  # type: ignore[arg-type]
     assert camera.position == pytest.approx(position, abs=2e-3) and is_level(camera)
     if side in ("front", "top", "bottom"):
         assert camera_frame(camera)[0] == pytest.approx((1.0, 0.0, 0.0), abs=1e-6)  # X stays to the right

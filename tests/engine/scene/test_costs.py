@@ -15,7 +15,7 @@ from PIL import Image
 
 from engine.errors import LoadError
 from engine.scene.gltf import read_glb
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from engine.texture import texture_files
 from tests.engine.scene.conftest import read_mesh
 
@@ -207,8 +207,8 @@ def test_lists_of_different_lengths_hold_what_they_held(mesh_file: Callable[...,
 def test_too_many_triangles_are_refused_before_copies_are_made(
     scene_file: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("engine.scene.load.MAX_TRIANGLES", 20)
-    monkeypatch.setattr("engine.scene.load.place_copies", None)
+    monkeypatch.setattr("engine.scene.scene_loader.MAX_TRIANGLES", 20)
+    monkeypatch.setattr("engine.scene.scene_loader.place_copies", None)
     cubes = "".join(f'[[object]]\nname = "{k}"\nprimitive = "cube"\n' for k in range(2))
     with pytest.raises(LoadError, match="triangles = 24, expected at most 20"):
         load_scene(scene_file(cubes))

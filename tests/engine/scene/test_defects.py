@@ -1,6 +1,6 @@
 import numpy as np
 
-from engine.scene.defects import count_defects
+from engine.scene.mesh_defects import count_defects
 from engine.scene.mesh import Mesh
 from engine.scene.primitives import PRIMITIVES
 

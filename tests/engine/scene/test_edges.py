@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from engine.scene.edges import nearest_centres, ray_offsets
-from engine.scene.hits import PrimaryHits, trace_primary
-from engine.scene.load import load_scene
+from engine.scene.primary_hits import PrimaryHits, trace_primary
+from engine.scene.scene_loader import load_scene
 from engine.scene.raycaster import RayCaster
 from tests.engine.scene.test_hits import ALL, LAMP, SPHERE, camera, check_invariants
 
@@ -87,8 +87,8 @@ def test_edges_add_to_what_the_centres_see(scene_file) -> None:
         camera((0, 0, 3), size=(64, 48)),
     )
     plain, hits = seen(path, 0), seen(path, 8)
-    centred = np.flatnonzero(hits.centred)
-    assert plain.centred.all() and (plain.share == 1.0).all()
+    centred = np.flatnonzero(hits.is_centred)
+    assert plain.is_centred.all() and (plain.share == 1.0).all()
     assert (hits.pixel[centred] == plain.pixel).all() and (hits.object_image == plain.object_image).all()
     for name in ALL:
         np.testing.assert_array_equal(getattr(hits, name)[centred], getattr(plain, name), name)
@@ -122,16 +122,16 @@ def test_narrow_rims_are_seen_from_several_sides_within_a_pixel(scene_file) -> N
 def test_a_point_beside_the_centre_is_near_one_on_its_surface(scene_file) -> None:
     hits = seen(scene_file(FLOOR + SPHERE, camera((0.3, 1.2, 3), size=SIZE)), 16)
     rows, nearest = nearest_centres(hits, hits.normal, np.array([0.5, 0.9]))
-    assert (rows == np.flatnonzero(~hits.centred)).all()
+    assert (rows == np.flatnonzero(~hits.is_centred)).all()
     found = nearest >= 0
     mine, theirs = rows[found], nearest[found]
-    assert found.mean() > 0.6 and hits.centred[theirs].all() and (hits.objects[mine] == hits.objects[theirs]).all()
+    assert found.mean() > 0.6 and hits.is_centred[theirs].all() and (hits.objects[mine] == hits.objects[theirs]).all()
     assert np.abs(hits.places[mine] - hits.places[theirs]).max() < 1.5
     alike = np.einsum("nk,nk->n", hits.normal[mine], hits.normal[theirs])
     assert (alike >= np.array([0.5, 0.9])[hits.objects[mine]] - 1e-6).all()
     # The nearest of all that may: by brute force.
     for row, chosen in zip(rows[:40], nearest[:40], strict=True):
-        others = np.flatnonzero(hits.centred & (hits.objects == hits.objects[row]))
+        others = np.flatnonzero(hits.is_centred & (hits.objects == hits.objects[row]))
         near = others[
             (np.abs(np.divmod(hits.pixel[others], SIZE[0])[0] - hits.pixel[row] // SIZE[0]) <= 1)
             & (np.abs(hits.pixel[others] % SIZE[0] - hits.pixel[row] % SIZE[0]) <= 1)

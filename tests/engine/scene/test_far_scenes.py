@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.scene.hits import trace_primary
-from engine.scene.load import Scene, load_scene
+from engine.scene.primary_hits import trace_primary
+from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic
 from tests.engine.scene.conftest import pack_glb
@@ -81,7 +81,7 @@ def assert_the_same_picture(far: Scene, near: Scene) -> None:
     assert np.array_equal(there.pixel, here.pixel)
     # The numbers of a file are good to 1e-9 m there, single precision to 1e-7 of the sphere.
     assert np.abs(there.normal - here.normal).max() < 1e-4
-    assert np.abs((there.position - far.eye) - (here.position - near.eye)).max() < 1e-4
+    assert np.abs((there.position - far.camera_position) - (here.position - near.camera_position)).max() < 1e-4
 
 
 @pytest.mark.parametrize("kind", WRITERS)

@@ -16,7 +16,7 @@ from engine.material.bumps import Bumps
 from engine.material.layer_maps import LayerMaps
 from engine.render.surface_maps import look_up, uvs_at
 from engine.scene.gltf import GlbModel, read_glb
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 
 Glb = tuple[dict[str, Any], bytes]
 
@@ -100,7 +100,7 @@ def test_a_normal_texture_turns_normals_as_the_file_means_it(
     bumps = scene.description.objects[0].bumps
     assert bumps == Bumps(normal_map="model.glb#0", bump_strength=0.5, bump_repeats=(2.0, 3.0))
     up, none = np.array([[0.0, 0.0, 1.0]]), np.zeros(1)
-    turned = scene.relief.turned(np.zeros(1, int), none, none, up, up)[0]
+    turned = scene.bump_normals.perturb(np.zeros(1, int), none, none, up, up)[0]
     # Green is +Y, upwards in the picture: to where v grows here, and where the triangle's own +Y is.
     assert turned[1] / turned[2] == pytest.approx(0.5 * 51 / 115, rel=1e-3) and abs(turned[0]) < 1e-6
     own = 'bump_map = { file = "model.glb#0" }\n'

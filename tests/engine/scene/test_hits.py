@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from engine.errors import LoadError
 from engine.scene.description import parse_description
-from engine.scene.hits import PrimaryHits, trace_primary
-from engine.scene.load import Scene, build_scene, load_scene
+from engine.scene.primary_hits import PrimaryHits, trace_primary
+from engine.scene.scene_loader import Scene, build_scene, load_scene
 from engine.scene.raycaster import RayCaster
 
 
@@ -37,7 +37,7 @@ def check_invariants(scene: Scene, hits: PrimaryHits) -> None:
     facing = np.einsum("pk,pk->p", hits.normal, hits.wo), np.einsum("pk,pk->p", hits.geometric_normal, hits.wo)
     assert min(f.min(initial=0) for f in facing) > -1e-6
     assert np.abs(np.einsum("pk,pk->p", hits.normal, hits.tangent)).max(initial=0) < 1e-5
-    centred = hits.centred
+    centred = hits.is_centred
     assert (hits.object_image.reshape(-1)[hits.pixel[centred]] == hits.objects[centred]).all()
     for start, end in hits.object_ranges:
         assert (np.diff(hits.pixel[start:end]) >= 0).all() and (

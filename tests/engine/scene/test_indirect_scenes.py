@@ -7,9 +7,9 @@ import pytest
 
 from assets.generate.room import LINTEL, SILL, WINDOWS, X
 from engine.scene.builtin import builtin_scenes
-from engine.scene.defects import count_defects
+from engine.scene.mesh_defects import count_defects
 from engine.scene.description import load_description
-from engine.scene.load import Scene, load_scene
+from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.mesh import Mesh
 from engine.scene.raycaster import RayCaster
 
@@ -80,7 +80,7 @@ def _middle(scene: Scene, name: str) -> np.ndarray:
 def test_a_closed_room_shows_nothing_of_what_is_outside(name: str) -> None:
     # A gap between two slabs would be a black line in a room whose only light is its own.
     scene = load_scene(builtin_scenes()[name])
-    eye = scene.eye.astype(np.float32)
+    eye = scene.camera_position.astype(np.float32)
     directions = np.random.default_rng(5).normal(size=(100_000, 3)).astype(np.float32)
     found = RayCaster(scene.vertices, scene.triangles).intersect(np.tile(eye, (len(directions), 1)), directions)
     assert (found.triangle >= 0).all()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine.errors import LoadError
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from engine.scene.mesh import face_normals
 
 QUAD = '[[object]]\nname = "card"\nprimitive = "quad"\n'
@@ -73,7 +73,7 @@ def test_a_scene_far_from_the_origin_keeps_its_detail(scene_file):
     camera = "[camera]\nposition = [1e6, 0, -1999997]\ntarget = [1e6, 0, -2e6]\n"
     scene = load_scene(scene_file('[[object]]\nname = "ball"\nprimitive = "sphere"\n' + place, camera))
     assert scene.origin.tolist() == pytest.approx([1e6, 0, -2e6])
-    assert scene.eye.tolist() == pytest.approx([0, 0, 3])
+    assert scene.camera_position.tolist() == pytest.approx([0, 0, 3])
     # float32 at two million resolves 0.125 m; relative to the origin the sphere stays round
     assert np.abs(np.linalg.norm(scene.vertices, axis=1) - 0.5).max() < 1e-6
 

@@ -5,7 +5,7 @@ import pytest
 
 from engine import safe_files
 from engine.errors import LoadError
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from engine.scene.mesh import read_mesh_file
 from tests.engine.scene.conftest import read_mesh
 

@@ -9,10 +9,10 @@ from PIL import Image
 from engine.errors import LoadError
 from engine.material.bumps import NO_BUMPS, Bumps, bump_values, bumps_from, set_bump_field
 from engine.material.parameters import ParameterError
-from engine.scene.hits import PrimaryHits, trace_primary
-from engine.scene.load import Scene, load_scene
+from engine.scene.primary_hits import PrimaryHits, trace_primary
+from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.raycaster import RayCaster
-from engine.scene.relief import LEAST_REFLECTED, leaning
+from engine.scene.bump_normals import MIN_REFLECTED_COSINE, offset_normals
 from tests.scene_text import camera, placed
 
 # Two metres by four, seen from the front: u grows along +X, v along +Y.
@@ -135,10 +135,10 @@ def test_normals_turn_no_further_than_the_eye_allows() -> None:
     wo[:, 2] = np.abs(wo[:, 2]) + 1e-3
     wo /= np.linalg.norm(wo, axis=1, keepdims=True)
     lean = 10.0 ** random.uniform(-3, 2, (n, 1)) * random.normal(size=(n, 3)) * [1.0, 1.0, 0.0]
-    turned = leaning(normals, lean, wo)
+    turned = offset_normals(normals, lean, wo)
     np.testing.assert_allclose(np.linalg.norm(turned, axis=1), 1.0, rtol=1e-12)
     mirrored = 2.0 * np.einsum("pk,pk->p", turned, wo)[:, None] * turned - wo
-    least = np.minimum(LEAST_REFLECTED, 0.9 * wo[:, 2])
+    least = np.minimum(MIN_REFLECTED_COSINE, 0.9 * wo[:, 2])
     assert (mirrored[:, 2] >= least - 1e-9).all() and (np.einsum("pk,pk->p", turned, wo) > 0.0).all()
     free = normals + lean
     free /= np.linalg.norm(free, axis=1, keepdims=True)

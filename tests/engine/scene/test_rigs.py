@@ -18,7 +18,7 @@ from engine.deform import posed_scene
 from engine.deform.animation import posed, sampled
 from engine.deform.pose import Moment, Pose
 from engine.scene.gltf import GlbModel, read_glb
-from engine.scene.load import Scene, load_scene
+from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.rig import Clip, Track
 
 HALF = float(np.sqrt(0.5))

@@ -12,7 +12,7 @@ import pytest
 
 from engine.errors import LoadError
 from engine.scene.camera import project
-from engine.scene.load import Scene, load_scene
+from engine.scene.scene_loader import Scene, load_scene
 
 HEAD = (
     "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n"
@@ -32,7 +32,7 @@ def seen_of(scene: Scene, i_object: int) -> np.ndarray:
     first, last = scene.triangle_ranges[i_object]
     vertices = scene.vertices[np.unique(scene.triangles[first:last])]
     camera = scene.description.camera
-    return project(camera, scene.resolution, vertices - scene.eye) / scene.resolution
+    return project(camera, scene.resolution, vertices - scene.camera_position) / scene.resolution
 
 
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e5])
@@ -51,7 +51,7 @@ def test_a_mesh_fills_the_picture_and_stands_on_a_floor(
     assert place[1] - 1e-3 * size < low < place[1]  # the floor is the lowest, just below the mesh
     first, last = scene.triangle_ranges[1]
     assert np.allclose(scene.geometric_normals[first:last], [0, 1, 0])
-    assert scene.eye[1] + scene.origin[1] > place[1] + size  # seen from above
+    assert scene.camera_position[1] + scene.origin[1] > place[1] + size  # seen from above
 
 
 def test_it_is_grey_lit_and_editable(mesh_file: Callable[..., Path]) -> None:

@@ -4,10 +4,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from engine.scene.mesh import Mesh, with_normals
 from engine.scene.primitives import cube, sphere
-from engine.scene.winding import turned_faces
+from engine.scene.winding import inconsistent_faces
 
 
 def some_turned(triangles: np.ndarray, share: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -29,11 +29,11 @@ def grid(n: int) -> tuple[np.ndarray, np.ndarray]:
 def test_the_faces_that_were_turned_are_found(seed: int) -> None:
     for mesh in (sphere(), cube()):  # the cube's sides share no vertices
         triangles, turned = some_turned(mesh.triangles, 0.2, seed)
-        np.testing.assert_array_equal(turned_faces(mesh.vertices, triangles), turned)
+        np.testing.assert_array_equal(inconsistent_faces(mesh.vertices, triangles), turned)
     vertices, clean = grid(20)
     triangles, turned = some_turned(clean, 0.4, seed)
     order = np.random.default_rng(seed).permutation(len(vertices))  # whatever the numbers are
-    found = turned_faces(vertices[order], np.argsort(order)[triangles].astype(np.int32))
+    found = inconsistent_faces(vertices[order], np.argsort(order)[triangles].astype(np.int32))
     np.testing.assert_array_equal(found, turned)
 
 
@@ -41,14 +41,14 @@ def test_each_shell_keeps_the_way_that_most_of_it_has() -> None:
     vertices, triangles = grid(5)
     both = np.concatenate([vertices, vertices + [0.0, 0.0, 5.0]])
     triangles = np.concatenate([triangles, triangles[:, ::-1] + len(vertices)])
-    assert not turned_faces(both, triangles).any()
+    assert not inconsistent_faces(both, triangles).any()
 
 
 def test_edges_of_three_faces_join_none_and_a_mobius_strip_is_left_alone() -> None:
     # Three sheets at one edge, like a book: whichever way each is wound, none is wrong.
     vertices = np.array([[0, 0, 0], [0, 0, 1], [1, 0, 0], [-1, 1, 0], [-1, -1, 0]], float)
     for last in ([0, 1, 4], [1, 0, 4]):
-        assert not turned_faces(vertices, np.array([[0, 1, 2], [0, 1, 3], last], np.int32)).any()
+        assert not inconsistent_faces(vertices, np.array([[0, 1, 2], [0, 1, 3], last], np.int32)).any()
     n, angles = 12, np.arange(12) * (2 * np.pi / 12)
     across = np.stack([np.cos(angles) * np.cos(angles / 2), np.sin(angles) * np.cos(angles / 2), np.sin(angles / 2)], 1)
     middle = 3.0 * np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
@@ -56,14 +56,14 @@ def test_edges_of_three_faces_join_none_and_a_mobius_strip_is_left_alone() -> No
     here, there = np.arange(n), (np.arange(n) + 1) % n
     low, high = np.where(there == 0, n, there), np.where(there == 0, 0, there + n)  # joined with half a turn
     faces = np.concatenate([np.stack([here, low, high], axis=1), np.stack([here, high, here + n], axis=1)])
-    assert not turned_faces(strip, faces.astype(np.int32)).any()
+    assert not inconsistent_faces(strip, faces.astype(np.int32)).any()
 
 
 def test_faces_without_area_or_length_do_no_harm() -> None:
     triangles = np.array([[0, 0, 0], [0, 1, 1], [0, 1, 2], [2, 1, 3], [3, 3, 3]], np.int32)
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], float)
-    assert not turned_faces(vertices, triangles).any()
-    assert not turned_faces(np.zeros((4, 3)), triangles).any()
+    assert not inconsistent_faces(vertices, triangles).any()
+    assert not inconsistent_faces(np.zeros((4, 3)), triangles).any()
 
 
 def test_normals_of_a_shell_wound_both_ways_do_not_cancel(tmp_path: Path) -> None:
@@ -101,6 +101,6 @@ def test_a_million_triangles_take_no_more_than_their_share() -> None:
         vertices, clean = grid(n)
         triangles, turned = some_turned(clean, 0.4)
         begun = time.process_time()
-        np.testing.assert_array_equal(turned_faces(vertices, triangles), turned)
+        np.testing.assert_array_equal(inconsistent_faces(vertices, triangles), turned)
         spent.append(time.process_time() - begun)
     assert spent[1] < 2.0 * (708 / 230) ** 2 * spent[0] + 1.0

@@ -12,7 +12,7 @@ from engine.material.parameters import ParameterError
 from engine.material.strokes import MAX_DABS, Stroke, Strokes, pack_dabs
 from engine.render.surface_maps import MapSampler
 from engine.scene.description import parse_description
-from engine.scene.load import build_scene
+from engine.scene.scene_loader import build_scene
 from engine.texture.stroke_painting import MOST_BACK, PaintedPoints
 from engine.transport.pipeline import Placement
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from engine.transport.footprint import footprint, lattice_rows
 from engine.transport.pipeline import Placement
 

@@ -10,7 +10,7 @@ import pytest
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from engine.generators import run_to_end
 from engine.transport.bandstore import BandStore
 from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, SkyState

@@ -27,7 +27,7 @@ from engine.material.kinds import (
 )
 from engine.material.layer import make_layer
 from engine.render.integrator import evaluate_layers
-from engine.scene.frames import local_frames
+from engine.scene.local_frames import local_frames
 from engine.scene.primitives import sphere
 from engine.sphere.geodesic import geodesic
 from engine.transport._angle_kernels import fill_gammas, weigh

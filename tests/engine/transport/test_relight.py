@@ -11,8 +11,8 @@ from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.planner import band_counts
 from engine.render.integrator import evaluate_by_curves
-from engine.scene.frames import local_frames
-from engine.scene.load import load_scene
+from engine.scene.local_frames import local_frames
+from engine.scene.scene_loader import load_scene
 from engine.sphere.geodesic import geodesic
 from engine.sphere.haar import inverse
 from engine.generators import run_to_end

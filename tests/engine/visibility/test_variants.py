@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine.scene.builtin import builtin_scenes
-from engine.scene.load import load_scene
+from engine.scene.scene_loader import load_scene
 from engine.sphere.geodesic import geodesic
 from engine.transport.lighting import prepare_lighting
 from engine.transport.pipeline import Placement

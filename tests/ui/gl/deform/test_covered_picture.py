@@ -22,8 +22,8 @@ from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.material.layer_maps import LayerMaps
 from engine.material.strokes import Stroke, Strokes
-from engine.scene.camera_moves import orbited
-from engine.scene.load import Scene, load_scene
+from engine.scene.camera_moves import orbit_camera
+from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.surface_kinds import DeformSurface
 from engine.transport.pipeline import SkyState
 from tests.scene_text import camera, placed
@@ -122,7 +122,7 @@ def wrinkled(across: str) -> DeformSurface:
 def test_it_is_the_picture_of_compiled_code(
     deform: Deform, picture: PosedPicture, surfaces: dict[str, DeformSurface], turn: float
 ) -> None:
-    eye = orbited(with_surfaces(deform, **surfaces).scene.description.camera, np.radians(turn), 0.2)
+    eye = orbit_camera(with_surfaces(deform, **surfaces).scene.description.camera, np.radians(turn), 0.2)
     expected, found = deform.draw(eye, SIZE, BENT), shown(picture, deform, eye, BENT)
     off = np.abs(found - expected).max(axis=2)
     assert (off > 0.01).mean() < 0.015  # pixels on edges of triangles and of texels may go to either side

@@ -16,9 +16,9 @@ from engine.deform.pose import Deformation, Poses
 from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.scene.camera_moves import orbited
+from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import Camera
-from engine.scene.load import Scene, load_scene
+from engine.scene.scene_loader import Scene, load_scene
 from engine.transport.pipeline import SkyState
 from tests.scene_text import camera, placed
 from ui.gl.context import GraphicsError
@@ -77,7 +77,7 @@ def picture(context: moderngl.Context) -> Iterator[PosedPicture]:
 
 @pytest.mark.parametrize(("poses", "turn"), [((), 0.0), (BENT, 0.0), (BENT, 140.0), (BENT, -75.0)])
 def test_it_is_the_picture_of_compiled_code(deform: Deform, picture: PosedPicture, poses: Poses, turn: float) -> None:
-    eye = orbited(deform.scene.description.camera, np.radians(turn), 0.2)
+    eye = orbit_camera(deform.scene.description.camera, np.radians(turn), 0.2)
     expected = deform.draw(eye, SIZE, poses)
     found = shown(picture, deform, eye, poses)
     off = np.abs(found - expected).max(axis=2)

@@ -19,7 +19,7 @@ from engine.material.strokes import Stroke, Strokes
 from engine.orbit.live import MOST_SLICE_BYTES, Orbit
 from engine.orbit.parts import LightPart
 from engine.orbit.telling import Telling
-from engine.scene.camera_moves import orbited
+from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import CameraDescription
 from engine.transport.pipeline import SkyState
 from tests.engine.bump_images import write_bump_images
@@ -147,7 +147,7 @@ def test_it_is_the_workers_picture_after_every_change(studio: Studio, shaded: Sh
     assert tell() == len(studio.orbit.lit.points)  # type: ignore[union-attr, arg-type]
     assert shaded.buffers.is_ready
     assert_same(studio, shaded, own)
-    moved = own.model_copy(update={"position": orbited(own, 0.9, 0.2).position})
+    moved = own.model_copy(update={"position": orbit_camera(own, 0.9, 0.2).position})
     assert_same(studio, shaded, moved, 320)
     studio.work(sky(20.0), studio.layers)  # the backs that this has seen
     tell()

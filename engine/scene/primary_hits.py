@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.scene.camera import centre_directions, pixel_directions
-from engine.scene.edges import Surface, edge_pixels, grouped, ray_offsets, turn_of
-from engine.scene.frames import object_tangents
-from engine.scene.load import Scene
+from engine.scene.edges import Surface, edge_pixels, group_samples, ray_offsets, turn_of
+from engine.scene.local_frames import object_tangents
+from engine.scene.scene_loader import Scene
 from engine.scene.picture_frame import Lamps
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.surface_points import SurfacePoints
@@ -39,7 +39,7 @@ class PrimaryHits(SurfacePoints):
     edges; share (P,): of its pixel that a point stands for; object_ranges (M, 2) into the points; position (P, 3) in
     the scene's frame and offset_position, lifted off the surface for shadow rays; horizon: the normal that is
     interpolated where smooth, on the face's side and the eye's; normal: the shading normal, which is that as bumps turn
-    it (`engine.scene.relief`); geometric_normal: the face's, turned to the eye; front (P,): whether the eye sees the
+    it (`engine.scene.bump_normals`); geometric_normal: the face's, turned to the eye; front (P,): whether the eye sees the
     side that the winding faces; tangent: across the object's Y axis, the brushed direction; wo: to the eye.
     Of pixels: object_image (H, W) int16: what their centres see, −1 for the background; open_image (H, W): the share
     that shows the background; emission_image (H, W, 3): emitters seen from their front, by their shares; `lamps` says
@@ -80,7 +80,7 @@ class PrimaryHits(SurfacePoints):
         return _places(self.pixel, self.offset, self.resolution[0])
 
     @cached_property
-    def centred(self) -> npt.NDArray[np.bool_]:
+    def is_centred(self) -> npt.NDArray[np.bool_]:
         """Which points (P,) are at their pixels' centres."""
         return np.asarray(~self.offset.any(axis=1))
 
@@ -88,7 +88,7 @@ class PrimaryHits(SurfacePoints):
     def row_image(self) -> Int32Array:
         """The row of the point at each pixel's centre (H, W), −1 for none."""
         width, height = self.resolution
-        rows = np.flatnonzero(self.centred)
+        rows = np.flatnonzero(self.is_centred)
         image = np.full((height, width), -1, np.int32)
         image.ravel()[self.pixel[rows]] = rows
         return image
@@ -133,17 +133,17 @@ def trace_primary(
 ) -> PrimaryHits:
     """Trace a ray through every pixel centre (Python's oracle renders the same), and through pixels at edges as many
     more as are asked for, 0 or what `ray_offsets` knows; resolution = (width, height)."""
-    return run_to_end(tracing_primary(scene, caster, resolution, n_edge_rays))
+    return run_to_end(trace_primary_steps(scene, caster, resolution, n_edge_rays))
 
 
-def tracing_primary(
+def trace_primary_steps(
     scene: Scene, caster: RayCaster, resolution: tuple[int, int] | None = None, n_edge_rays: int = 0
 ) -> Generator[None, None, PrimaryHits]:
     """The same in steps."""
     size = width, height = resolution or scene.resolution
     directions = centre_directions(scene.description.camera, size)
     every = np.arange(width * height, dtype=np.int32)
-    centres = _met(scene, caster, every, np.zeros((len(every), 2), np.float32), directions.reshape(-1, 3))
+    centres = _trace_pixels(scene, caster, every, np.zeros((len(every), 2), np.float32), directions.reshape(-1, 3))
     yield
     points = _points(scene, caster, centres, centres.reflecting(scene), size)
     yield
@@ -153,7 +153,7 @@ def tracing_primary(
         met = _surface(points, len(every))
         edge = edge_pixels(centres.ids, met, turn_of(n_edge_rays), size)
         yield
-        around = _through_edges(scene, caster, every[edge], n_edge_rays, size)
+        around = _trace_edge_pixels(scene, caster, every[edge], n_edge_rays, size)
         yield
         points = _with_edges(scene, caster, points, met, around, every[edge], size)
         yield
@@ -170,31 +170,31 @@ def tracing_primary(
         object_ranges=np.stack([bounds[:-1], bounds[1:]], axis=1),
         object_image=centres.ids.reshape(height, width).astype(np.int16),
         open_image=background.reshape(height, width),
-        emission_image=_shone(shining, size),
+        emission_image=_emission_picture(shining, size),
         lamps=shining,
         ray_directions=directions,
         **{name: np.ascontiguousarray(array[order]) for name, array in points.items()},
     )
 
 
-def _shone(lamps: Lamps, size: tuple[int, int]) -> Float32Array:
+def _emission_picture(lamps: Lamps, size: tuple[int, int]) -> Float32Array:
     """The picture (H, W, 3) of what shines."""
     image = np.zeros((size[0] * size[1], 3), np.float32)
     np.add.at(image, lamps.pixel, lamps.share[:, None] * lamps.radiance)
     return image.reshape(size[1], size[0], 3)
 
 
-def _met(scene: Scene, caster: RayCaster, pixel: Int32Array, offset: Float32Array, directions: Float32Array) -> _Rays:
-    found = caster.intersect(np.tile(scene.eye.astype(np.float32), (len(directions), 1)), directions)
+def _trace_pixels(scene: Scene, caster: RayCaster, pixel: Int32Array, offset: Float32Array, directions: Float32Array) -> _Rays:
+    found = caster.intersect(np.tile(scene.camera_position.astype(np.float32), (len(directions), 1)), directions)
     return _Rays(pixel, offset, directions, found, object_ids(scene, found))
 
 
-def _through_edges(scene: Scene, caster: RayCaster, pixels: Int32Array, n_rays: int, size: tuple[int, int]) -> _Rays:
+def _trace_edge_pixels(scene: Scene, caster: RayCaster, pixels: Int32Array, n_rays: int, size: tuple[int, int]) -> _Rays:
     """n rays through each of the pixels (F,), one pixel's after another's."""
     pixel, offset = np.repeat(pixels, n_rays), np.tile(ray_offsets(n_rays), (len(pixels), 1))
     columns, lines = _places(pixel, offset, size[0]).T
     directions = pixel_directions(scene.description.camera, size, columns, lines)
-    return _met(scene, caster, pixel, offset, directions)
+    return _trace_pixels(scene, caster, pixel, offset, directions)
 
 
 def _points(
@@ -231,7 +231,7 @@ def _with_edges(
         *(np.concatenate([a[pixels, None], b.reshape(-1, n_rays, *b.shape[1:])], axis=1)
           for a, b in zip(met, beside, strict=True))
     )  # fmt: skip
-    groups = grouped(samples, around.offset[:n_rays], turn_of(n_rays), len(centred["pixel"]))
+    groups = group_samples(samples, around.offset[:n_rays], turn_of(n_rays), len(centred["pixel"]))
     leads = np.flatnonzero(groups.leader[:, 1:] == np.arange(1, n_rays + 1))
     whole = np.ones(len(met.ids), np.float32)
     whole[pixels] = groups.share[:, 0]
@@ -297,8 +297,8 @@ def shading_frames(
     usable = scene.smooth[ids][:, None] & (length > 1e-4)
     shading = np.where(usable, interpolated / np.where(usable, length, 1.0), geometric)
     geometric = _face(geometric, wo)
-    horizon = _towards(_face(shading, geometric), wo)
-    normal = _turned(scene, found, rays, horizon, wo, places) if scene.relief.objects else horizon
+    horizon = _bend_towards_camera(_face(shading, geometric), wo)
+    normal = _perturbed(scene, found, rays, horizon, wo, places) if scene.bump_normals.objects else horizon
     vectors = {
         "position": position,
         "offset_position": caster.offset_origins(position, geometric),
@@ -311,17 +311,17 @@ def shading_frames(
     return {name: np.ascontiguousarray(vector, dtype=np.float32) for name, vector in vectors.items()}
 
 
-def _turned(
+def _perturbed(
     scene: Scene, found: Intersections, rays: npt.NDArray[np.integer], normals: npt.NDArray[np.float64], wo: Float32Array,
     places: tuple[npt.NDArray[np.float64], tuple[int, int]] | None,
 ) -> npt.NDArray[np.float64]:  # fmt: skip
     """Normals (P, 3) of hits as the scene's bumps turn them."""
-    bumpy = np.flatnonzero(np.isin(scene.object_of_triangle[found.triangle[rays]], scene.relief.objects))
+    bumpy = np.flatnonzero(np.isin(scene.object_of_triangle[found.triangle[rays]], scene.bump_normals.objects))
     at = rays[bumpy]
     hit = Intersections(*(getattr(found, name)[at] for name in ("triangle", "u", "v", "distance")))
     footprints = None if places is None else pixel_footprints(scene, hit, places[0][bumpy], places[1])
     out = normals.copy()
-    out[bumpy] = scene.relief.turned(hit.triangle, hit.u, hit.v, normals[bumpy], wo[bumpy], footprints)
+    out[bumpy] = scene.bump_normals.perturb(hit.triangle, hit.u, hit.v, normals[bumpy], wo[bumpy], footprints)
     return out
 
 
@@ -330,7 +330,7 @@ def _face(normals: npt.NDArray[np.float64], side: npt.NDArray[np.floating]) -> n
     return np.where(np.einsum("pk,pk->p", normals, side)[:, None] < 0.0, -normals, normals)
 
 
-def _towards(normals: npt.NDArray[np.float64], wo: Float32Array) -> npt.NDArray[np.float64]:
+def _bend_towards_camera(normals: npt.NDArray[np.float64], wo: Float32Array) -> npt.NDArray[np.float64]:
     """Unit normals, those that lean away from the eye bent until it sees their side edge on.
 
     Along silhouettes an interpolated normal may point behind a face that the eye sees. Turned round by its own sign, as

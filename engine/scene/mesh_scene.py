@@ -25,21 +25,21 @@ from engine.scene.description import (
     ObjectDescription,
     SceneDescription,
 )
-from engine.scene.parts import ObjectMesh, free_name, object_meshes
+from engine.scene.object_meshes import ObjectMesh, free_name, object_meshes
 from engine.scene.primitives import quad
 
 DEFAULT_ENVIRONMENT = ASSETS / "environments" / "studio.exr"
 FLOOR = LayerDescription(model="lambert", parameters={"albedo": (0.35, 0.35, 0.35)})
 FOV_Y = 30.0
 SMALLEST = 1e-8
-_FROM = (0.55, 0.42, 0.72)  # where the eye is, seen from the mesh
+_VIEW_DIRECTION = (0.55, 0.42, 0.72)  # where the eye is, seen from the mesh
 _MARGIN = 1.08
 _FLOOR_SIDE = 40.0  # in radii of the mesh: its edges are out of sight
 _GAP = 1e-4  # in radii, below the mesh: faces that lie in the floor's plane are seen
 
 
 @dataclass(frozen=True)
-class Stage:
+class MeshScene:
     """The description of the scene, its objects with their meshes, and notes."""
 
     description: SceneDescription
@@ -47,9 +47,9 @@ class Stage:
     notes: Sequence[str]
 
 
-def stage_mesh(path: Path) -> Stage:
+def load_mesh_scene(path: Path) -> MeshScene:
     """Read a mesh file and set it up; raises LoadError."""
-    alone = _described(path, [ObjectDescription(name=_name_of(path), mesh=path.name)], np.zeros(3), 1.0)
+    alone = _describe_scene(path, [ObjectDescription(name=_name_of(path), mesh=path.name)], np.zeros(3), 1.0)
     items, notes = object_meshes(alone, path.parent, path)
     if len(items) >= MAX_OBJECTS:
         raise LoadError(path, "materials", len(items), f"at most {MAX_OBJECTS - 1}")
@@ -62,12 +62,12 @@ def stage_mesh(path: Path) -> Stage:
         raise LoadError(path, "extent of the mesh", f"{2.0 * radius:g} m about {centre.tolist()}", expected)
     floor = _floor(free_name("floor", {item.description.name for item in items}), centre, float(low[1]), radius)
     items = [*items, ObjectMesh(floor, quad())]
-    return Stage(_described(path, [item.description for item in items], centre, radius), items, notes)
+    return MeshScene(_describe_scene(path, [item.description for item in items], centre, radius), items, notes)
 
 
-def _described(path: Path, objects: list[ObjectDescription], centre: np.ndarray, radius: float) -> SceneDescription:
+def _describe_scene(path: Path, objects: list[ObjectDescription], centre: np.ndarray, radius: float) -> SceneDescription:
     """The scene of these objects, seen so that a sphere of that radius fills the picture."""
-    away = np.array(_FROM) / math.hypot(*_FROM)
+    away = np.array(_VIEW_DIRECTION) / math.hypot(*_VIEW_DIRECTION)
     distance = _MARGIN * radius / math.sin(math.radians(FOV_Y) / 2.0)
     camera = CameraDescription(
         position=tuple((centre + distance * away).tolist()), target=tuple(centre.tolist()), fov_y=FOV_Y

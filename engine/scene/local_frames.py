@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from engine.scene.load import Scene
+from engine.scene.scene_loader import Scene
 
 Float64Array = npt.NDArray[np.float64]
 

@@ -22,23 +22,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.errors import LoadError
-from engine.scene import _relief_kernels as kernels
+from engine.scene import _bump_kernels as kernels
 from engine.scene.surface_uvs import corner_uvs, uvs_at
 from engine.texture.pyramid import MOST_PROBES, Pyramid
 
 if TYPE_CHECKING:
     from engine.material.bumps import Bumps
-    from engine.scene.load import Scene
+    from engine.scene.scene_loader import Scene
 
 Float64Array = NDArray[np.float64]
 Footprints = tuple[Float64Array, Float64Array, Float64Array]
 # Of the mirror direction to the surface, where `wo` is as high.
-LEAST_REFLECTED = 0.01
+MIN_REFLECTED_COSINE = 0.01
 _TINY = 1e-30
 
 
 @dataclass(frozen=True, eq=False)
-class _Cover:
+class _ObjectBumps:
     """One object's bumps: their slopes, its triangles, and for a normal map tangents at corners (t, 3, 3) and on
     which side the bitangents are (t,)."""
 
@@ -47,7 +47,7 @@ class _Cover:
     first: int
     n_triangles: int
     tangents: Float64Array
-    hands: Float64Array
+    handedness: Float64Array
     scene: Scene
 
     @cached_property
@@ -56,7 +56,7 @@ class _Cover:
         return gradients(self.scene, np.arange(self.first, self.first + self.n_triangles))
 
 
-class Relief:
+class BumpNormals:
     """A scene's bumps. Safe to use from several threads.
 
     flaws: what is wrong with the images of objects, by name; these objects are flat.
@@ -65,7 +65,7 @@ class Relief:
     def __init__(self, scene: Scene) -> None:
         """Reads the images."""
         self._scene = scene
-        self._covers: dict[int, _Cover] = {}
+        self._covers: dict[int, _ObjectBumps] = {}
         self.flaws: dict[str, LoadError] = {}
         for i, described in enumerate(scene.description.objects):
             try:
@@ -81,9 +81,9 @@ class Relief:
                 if described.bumps.normal_map:
                     tangents, hands = corner_tangents(scene, i)
                 begin, end = map(int, scene.triangle_ranges[i])
-                self._covers[i] = _Cover(described.bumps, slopes, begin, end - begin, tangents, hands, scene)
+                self._covers[i] = _ObjectBumps(described.bumps, slopes, begin, end - begin, tangents, hands, scene)
 
-    def require(self) -> None:
+    def check_images(self) -> None:
         """Raises the LoadError of the first image that cannot be used."""
         for error in self.flaws.values():
             raise error
@@ -93,17 +93,17 @@ class Relief:
         """Those that are not flat."""
         return tuple(self._covers)
 
-    def ways(self, i_object: int) -> Float64Array:
+    def offset_axes(self, i_object: int) -> Float64Array:
         """What leans run along, at corners of the triangles of one of `objects`, (t, 3, 6): the gradients of u and of
         v, or of a normal map the tangent, 1 or, mirrored, −1, and zeros."""
         cover = self._covers[i_object]
         if not cover.bumps.normal_map:
             return np.repeat(cover.gradients.reshape(-1, 1, 6), 3, axis=1)
         hands = np.zeros((cover.n_triangles, 3, 3))
-        hands[..., 0] = cover.hands[:, None]
+        hands[..., 0] = cover.handedness[:, None]
         return np.concatenate([cover.tangents, hands], axis=2)
 
-    def turned(
+    def perturb(
         self, triangle: NDArray[np.integer], u: NDArray, v: NDArray, normals: Float64Array, wo: NDArray[np.floating],
         footprints: Footprints | None = None,
     ) -> Float64Array:  # fmt: skip
@@ -119,11 +119,11 @@ class Relief:
                 continue
             out = out.copy() if out is normals else out
             own = triangle[rows], u[rows], v[rows]
-            lean = self.leans(i, *own, normals[rows], wo[rows], footprints and _of(footprints, rows))
-            out[rows] = leaning(normals[rows], lean, wo[rows])
+            lean = self.normal_offsets(i, *own, normals[rows], wo[rows], footprints and _of(footprints, rows))
+            out[rows] = offset_normals(normals[rows], lean, wo[rows])
         return out
 
-    def leans(
+    def normal_offsets(
         self, i_object: int, triangle: NDArray[np.integer], u: NDArray, v: NDArray, normals: Float64Array,
         wo: NDArray[np.floating], footprints: Footprints | None, most_probes: int = MOST_PROBES,
         is_quick: bool = False,
@@ -139,14 +139,14 @@ class Relief:
         faces = scene.geometric_normals[cover.first : cover.first + cover.n_triangles]
         lean = np.empty((len(own), 3))
         gradients = np.zeros((0, 2, 3)) if cover.bumps.normal_map else cover.gradients
-        kernels.fill_leans(
-            own, np.asarray(u, np.float64), np.asarray(v, np.float64), slopes, gradients, cover.tangents, cover.hands,
+        kernels.fill_normal_offsets(
+            own, np.asarray(u, np.float64), np.asarray(v, np.float64), slopes, gradients, cover.tangents, cover.handedness,
             cover.bumps.slope_scale, repeats, faces, np.asarray(wo, np.float64), np.asarray(normals, np.float64), lean,
         )  # fmt: skip
         return lean
 
 
-def leaning(normals: Float64Array, lean: Float64Array, wo: NDArray[np.floating]) -> Float64Array:
+def offset_normals(normals: Float64Array, lean: Float64Array, wo: NDArray[np.floating]) -> Float64Array:
     """normalize(n + lean) for unit normals (p, 3) and leans (p, 3) across them, as far as wo (p, 3) allows it.
 
     At an angle a from n, in the plane of n and the lean, in which wo = r (sin φ, cos φ), the mirror direction of wo is
@@ -156,7 +156,7 @@ def leaning(normals: Float64Array, lean: Float64Array, wo: NDArray[np.floating])
     across = lean / np.maximum(slope, _TINY)[:, None]
     high, beside = np.einsum("pk,pk->p", normals, wo), np.einsum("pk,pk->p", across, wo)
     radius = np.maximum(np.hypot(high, beside), _TINY)
-    least = np.minimum(LEAST_REFLECTED, 0.9 * high)
+    least = np.minimum(MIN_REFLECTED_COSINE, 0.9 * high)
     most = 0.5 * (np.arctan2(beside, high) + np.arccos(np.clip(least / radius, -1.0, 1.0)))
     angle = np.minimum(np.arctan(slope), np.maximum(most, 0.0))[:, None]
     turned = np.cos(angle) * normals + np.sin(angle) * across

@@ -14,7 +14,7 @@ _MESSAGES = {"tuple_type": "a list", "model_type": "a table", "bool_type": "true
              "int_type": "an integer", "float_type": "a number", "dict_type": "a table"}  # fmt: skip
 
 
-def first_complaint(
+def first_validation_error(
     error: ValidationError, tree: dict[str, Any], file: str | Path, model: type[BaseModel]
 ) -> LoadError:
     """The first thing wrong in the tree of a file that was to become `model`."""
@@ -63,7 +63,7 @@ def _place(location: list[int | str], tree: dict[str, Any]) -> str:
     words: str = ""
     node: Any = tree
     for part in location:
-        node = _step(node, part)
+        node = _descend(node, part)
         if isinstance(part, int):
             name = node.get("name") if isinstance(node, dict) else None
             words += f" {part}" + (f" {name!r}" if isinstance(name, str) else "")
@@ -77,11 +77,11 @@ def _found(location: list[int | str], tree: dict[str, Any]) -> object:
     node: Any = tree
     for part in location:
         if part != "parameters":
-            node = _step(node, part)
+            node = _descend(node, part)
     return "nothing" if node is None else node
 
 
-def _step(node: Any, part: int | str) -> Any:
+def _descend(node: Any, part: int | str) -> Any:
     """One step down a tree of dicts and lists; None where there is nothing."""
     if isinstance(part, int):
         return node[part] if isinstance(node, (list, tuple)) and part < len(node) else None

@@ -20,17 +20,17 @@ from engine.safe_files import record_files, resolve_inside
 from engine.material.bumps import Bumps
 from engine.material.layer_maps import Images, split_image_name
 from engine.scene.box_projection import box_frame
-from engine.scene.defects import count_defects
+from engine.scene.mesh_defects import count_defects
 from engine.scene.description import Camera, SceneDescription, load_description
 from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, place_copies, with_normals
-from engine.scene.parts import ObjectMesh, object_meshes
-from engine.scene.relief import Relief
+from engine.scene.object_meshes import ObjectMesh, object_meshes
+from engine.scene.bump_normals import BumpNormals
 from engine.scene.rig import Animations, Rig
-from engine.scene.stage import DEFAULT_ENVIRONMENT, stage_mesh
+from engine.scene.mesh_scene import DEFAULT_ENVIRONMENT, load_mesh_scene
 from engine.texture.texture_store import TextureStore
 
 MAX_EXTENT = 1e9
-PROJECTED = "no texture coordinates, so images are projected from the sides of its box"
+PROJECTED_NOTE = "no texture coordinates, so images are projected from the sides of its box"
 MAX_TRIANGLES = 50_000_000
 _FAR, _FAR_IN_SCENE = 16.0, 1024.0
 
@@ -74,11 +74,11 @@ class Scene:
     files: frozenset[Path] = frozenset()
 
     @cached_property
-    def relief(self) -> Relief:
+    def bump_normals(self) -> BumpNormals:
         """What its normal and bump maps do to normals."""
-        return Relief(replace(self))  # one that knows of no relief: a circle outlives what it is of
+        return BumpNormals(replace(self))  # one that knows of no relief: a circle outlives what it is of
 
-    def bumped(self, bumps: Mapping[str, Bumps]) -> Scene:
+    def with_bumps(self, bumps: Mapping[str, Bumps]) -> Scene:
         """The scene with objects, by name, under these bumps instead of their own; names of no object do not count."""
         changed = tuple(
             each.model_copy(update={"bumps": bumps.get(each.name, each.bumps)}) for each in self.description.objects
@@ -119,19 +119,19 @@ class Scene:
         """Which objects reflect light (M,): all but lamps, which have no layers."""
         return np.array([not described.is_lamp for described in self.description.objects], bool)
 
-    def shining(self, emission: Mapping[str, tuple[float, float, float]]) -> Scene:
+    def with_emission(self, emission: Mapping[str, tuple[float, float, float]]) -> Scene:
         """The scene with emitters, by name, of this radiance instead of their own; names of no emitter do not count."""
         changed = self.emission.copy()
         for i in np.flatnonzero(self.emitters):
             changed[i] = emission.get(self.description.objects[i].name, changed[i])
         return replace(self, emission=changed)
 
-    def seen_from(self, camera: Camera | None, resolution: tuple[int, int] | None = None) -> Scene:
+    def from_camera(self, camera: Camera | None, resolution: tuple[int, int] | None = None) -> Scene:
         """The scene from another camera, in so many pixels (width, height); None: as it is."""
-        return replace(self, description=self.description.seen_from(camera), resolution=resolution or self.resolution)
+        return replace(self, description=self.description.from_camera(camera), resolution=resolution or self.resolution)
 
     @property
-    def eye(self) -> npt.NDArray[np.float64]:
+    def camera_position(self) -> npt.NDArray[np.float64]:
         """The camera's position in the frame of the arrays (3,)."""
         return np.subtract(self.description.camera.position, self.origin)
 
@@ -144,7 +144,7 @@ def load_scene(path: str | Path, resolution: tuple[int, int] | None = None) -> S
         if path.suffix.lower() not in MESH_ENDINGS:
             scene = build_scene(load_description(path), path, resolution)
         else:
-            stage = stage_mesh(path)
+            stage = load_mesh_scene(path)
             scene = _assemble(stage.description, stage.items, stage.notes, path, resolution, DEFAULT_ENVIRONMENT)
     environment = () if scene.environment_path is None else (scene.environment_path,)
     return replace(scene, files=frozenset((*files, *environment)))
@@ -195,7 +195,7 @@ def _assemble(
         has_uvs=np.array([mesh.uvs is not None for mesh in placed]),
         textures=TextureStore(path),
         vertex_ranges=_ranges([len(mesh.vertices) for mesh in placed]),
-        rigs=tuple(_rig(item, origin) for item in items),
+        rigs=tuple(_rig_in_scene(item, origin) for item in items),
         environment_path=environment_path,
         notes=(*notes, *place_notes, *lost_notes, *_map_notes(description, placed)),
     )
@@ -309,19 +309,19 @@ def _ranges(counts: list[int]) -> npt.NDArray[np.int32]:
     return np.stack([ends - counts, ends], axis=1).astype(np.int32)
 
 
-def _rig(item: ObjectMesh, origin: npt.NDArray[np.float64]) -> Rig | None:
+def _rig_in_scene(item: ObjectMesh, origin: npt.NDArray[np.float64]) -> Rig | None:
     """What moves an object, in the world less `origin`."""
     if item.rig is None:
         return None
     matrix = np.reshape(item.description.transform, (4, 4)).astype(np.float64)
     matrix[:3, 3] -= origin
-    return item.rig.placed(matrix)
+    return item.rig.transformed_by(matrix)
 
 
 def _map_notes(description: SceneDescription, placed: list[Mesh]) -> list[str]:
     """Which objects' images lie on them by the box."""
     return [
-        f"{described.name}: {PROJECTED}"
+        f"{described.name}: {PROJECTED_NOTE}"
         for described, mesh in zip(description.objects, placed, strict=True)
         if mesh.uvs is None and not described.is_lamp and described.is_of_files
     ]

@@ -13,7 +13,7 @@ _TINY = 1e-30
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def fill_leans(
+def fill_normal_offsets(
     triangle: NDArray[np.int64], u: Float64Array, v: Float64Array, slopes: NDArray[np.float32], gradients: Float64Array,
     tangents: Float64Array, hands: Float64Array, scale: float, repeats: Float64Array, faces: NDArray[np.float32], wo: Float64Array,
     normals: Float64Array, out: Float64Array,

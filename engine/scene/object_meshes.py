@@ -17,7 +17,7 @@ from engine.safe_files import resolve_inside
 from engine.scene.description import MAX_OBJECTS, LayerDescription, ObjectDescription, SceneDescription
 from engine.scene.gltf import GlbModel, GlbPart, read_glb
 from engine.scene.gltf_materials import GREY
-from engine.scene.mesh import Mesh, MeshFile, faceted, join_meshes, read_mesh_file
+from engine.scene.mesh import Mesh, MeshFile, with_flat_normals, join_meshes, read_mesh_file
 from engine.scene.primitives import PRIMITIVES
 from engine.scene.rig import Rig, join_bindings
 
@@ -70,7 +70,7 @@ def _with_layers(items: list[ObjectMesh], notes: list[str]) -> list[ObjectMesh]:
             bare.setdefault(item.unread, []).append(item.description.name)
     for unread, names in bare.items():
         why = f"materials of {unread} are not read" if unread else "without a material"
-        notes.append(f"{_listed(names)}: {why}, shown in a grey that can be edited")
+        notes.append(f"{_list_names(names)}: {why}, shown in a grey that can be edited")
     return [
         replace(item, description=item.description.model_copy(update={"layers": GREY}))
         if item.description.name in bare.get(item.unread, ())
@@ -79,7 +79,7 @@ def _with_layers(items: list[ObjectMesh], notes: list[str]) -> list[ObjectMesh]:
     ]
 
 
-def _listed(names: list[str]) -> str:
+def _list_names(names: list[str]) -> str:
     """The first few names."""
     return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
@@ -90,7 +90,7 @@ def _glb_objects(item: ObjectDescription, model: GlbModel, path: Path, taken: se
         raise LoadError(path, f"object {item.name!r}: part", item.part, f"a part from 0 to {len(model.parts) - 1}")
     chosen = range(len(model.parts)) if item.part is None else [item.part]
     if item.layers or item.emits:
-        mesh, rig = _joined([model.parts[k] for k in chosen])
+        mesh, rig = _join_parts([model.parts[k] for k in chosen])
         flat = {"smooth": item.smooth and mesh.normals is not None}
         return [ObjectMesh(item.model_copy(update=flat), mesh, rig)]
     if len(chosen) == 1:
@@ -106,15 +106,15 @@ def _glb_objects(item: ObjectDescription, model: GlbModel, path: Path, taken: se
     return items
 
 
-def _joined(parts: list[GlbPart]) -> tuple[Mesh, Rig | None]:
+def _join_parts(parts: list[GlbPart]) -> tuple[Mesh, Rig | None]:
     """Parts as one; beside smooth ones those without normals stay flat."""
     is_mixed = len({part.mesh.normals is None for part in parts}) > 1
     meshes, rigs = [], []
     for part in parts:
         mesh, rig = part.mesh, part.rig
         if is_mixed and mesh.normals is None:
-            mesh, vertices = faceted(mesh)
-            rig = rig and replace(rig, binding=rig.binding.taken(vertices))
+            mesh, vertices = with_flat_normals(mesh)
+            rig = rig and replace(rig, binding=rig.binding.select_vertices(vertices))
         meshes.append(mesh)
         rigs += [rig] if rig else []
     binding = join_bindings([rig.binding for rig in rigs]) if rigs else None
