@@ -35,9 +35,9 @@ from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, still_layers, with_maps
 from engine.generators import run_to_end
 from engine.transport.pipeline import FINAL, Placement, Quality
-from engine.visibility.points import brute_force_visibility
+from engine.visibility.point_visibility import brute_force_visibility
 from engine.visibility.targets import VISIBILITY_LEVEL
-from engine.visibility.variants import variant_visibility, voronoi_targets
+from engine.visibility.thesis_variants import variant_visibility, voronoi_targets
 
 FloatingArray = NDArray[np.floating]
 

@@ -24,8 +24,8 @@ from engine.generators import run_to_end
 from engine.transport.bandstore import BandStore, join_tiles
 from engine.transport.pipeline import Placement, Quality
 from engine.transport.projection import VisibleLight, project_layer
-from engine.visibility.grid import coherent_visibility
-from engine.visibility.points import brute_force_visibility, empty_visibility, evaluate_rows
+from engine.visibility.coherent_grid import coherent_visibility
+from engine.visibility.point_visibility import brute_force_visibility, empty_visibility, evaluate_rows
 from engine.visibility.targets import VISIBILITY_LEVEL, sphere_targets
 
 RAW_RAYS = 2_000_000

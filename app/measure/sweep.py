@@ -35,7 +35,7 @@ from engine.material.layer import Layer
 from engine.planner import Precision
 from engine.transport.pipeline import FINAL, Placement
 from engine.transport.planes import curve_planes
-from engine.visibility.points import brute_force_visibility
+from engine.visibility.point_visibility import brute_force_visibility
 
 Shadows = Literal["coherent", "brute", "cut"]
 PRECISIONS: tuple[Precision, ...] = ("half", "float")

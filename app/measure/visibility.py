@@ -2,7 +2,7 @@
 
 Scenes after the thesis' own, made by this project, but for the bunny, which is the reference's where it is at hand and
 a carved head else. Up to 400 directions are lights cut from the scene's own sky [Agarwal03], as in the thesis; more are
-the geodesic sphere's. "ours" is what the engine does, `engine.visibility.grid`. docs/visibility.md has what came of it.
+the geodesic sphere's. "ours" is what the engine does, `engine.visibility.coherent_grid`. docs/visibility.md has what came of it.
 
 Time is the processor's, of visibility alone, on rays of one thread each.
 """
@@ -31,10 +31,10 @@ from app.project import Project, open_project
 from engine.light.triangle_lights import cut_lights
 from engine.scene.primary_hits import PrimaryHits, trace_primary
 from engine.scene.raycaster import Intersections, RayCaster
-from engine.visibility.grid import coherent_visibility
-from engine.visibility.points import Visibility, empty_visibility, evaluate_rows
+from engine.visibility.coherent_grid import coherent_visibility
+from engine.visibility.point_visibility import Visibility, empty_visibility, evaluate_rows
 from engine.visibility.targets import DOUBT_STEP, WEAK_STEP, WEAKEST_STEP, Targets, sphere_targets
-from engine.visibility.variants import VARIANTS, variant_visibility, voronoi_targets
+from engine.visibility.thesis_variants import VARIANTS, variant_visibility, voronoi_targets
 
 FILE, PLOT, TABLES = "visibility.csv", "visibility.png", "visibility.md"
 TRUE, OPT, OURS = "TRUE", "OPT", "ours"

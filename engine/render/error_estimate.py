@@ -45,7 +45,7 @@ from engine.transport.lighting import prepare_lighting
 from engine.transport.near import near_leaves
 from engine.transport.pipeline import Placement, Quality, SkyState
 from engine.transport.projection import VisibleLight, project_points
-from engine.visibility.points import Visibility, empty_visibility, evaluate_rows
+from engine.visibility.point_visibility import Visibility, empty_visibility, evaluate_rows
 from engine.visibility.targets import Targets
 
 N_POINTS = 256

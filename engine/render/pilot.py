@@ -26,8 +26,8 @@ from engine.transport.lighting import prepare_lighting
 from engine.transport.near import near_leaves
 from engine.transport.pipeline import Placement, Quality, SkyState
 from engine.transport.projection import LayerShape, VisibleLight, project_points
-from engine.visibility.grid import COARSEST_STEP
-from engine.visibility.points import empty_visibility, evaluate_rows
+from engine.visibility.coherent_grid import COARSEST_STEP
+from engine.visibility.point_visibility import empty_visibility, evaluate_rows
 
 N_SAMPLED = 256
 MOST_SAMPLED, LEAST_SAMPLED = 1024, 32

@@ -27,7 +27,7 @@ from engine.scene.raycaster import RayCaster
 from engine.threads import pool
 from engine.transport import _near_kernels as kernels
 from engine.transport._emitter_kernels import Emitters
-from engine.visibility.points import Visibility
+from engine.visibility.point_visibility import Visibility
 
 LEAST, NEAR = np.float32(0.002), np.float32(0.35)
 MOST = 256  # leaves of a point that are looked at

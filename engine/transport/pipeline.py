@@ -22,8 +22,8 @@ from engine.transport.footprint import footprint, lattice_rows
 from engine.transport.lighting import prepare_lighting
 from engine.transport.near import NearLight
 from engine.transport.projection import VisibleLight
-from engine.visibility.grid import coherent_visibility
-from engine.visibility.points import Visibility, empty_visibility, evaluate_rows, seen_shares
+from engine.visibility.coherent_grid import coherent_visibility
+from engine.visibility.point_visibility import Visibility, empty_visibility, evaluate_rows, visible_shares
 from engine.visibility.targets import VISIBILITY_LEVEL, sphere_targets
 
 
@@ -136,7 +136,7 @@ class Placement:
             seen = None
             if not own_rays:
                 yield from _within(self._see(self.sphere, quality.stride), 0.0, SPHERE_SEEN)
-                seen = seen_shares(self.sphere, rows)
+                seen = visible_shares(self.sphere, rows)
             cut = cut_lights(
                 sky.environment,
                 quality.n_lights,

@@ -12,7 +12,7 @@ from engine.transport import _projection_kernels as kernels
 from engine.transport.bandstore import BandTile
 from engine.transport.lighting import Lighting
 from engine.transport.near import NearLeaves
-from engine.visibility.points import Visibility
+from engine.visibility.point_visibility import Visibility
 
 TILE = 256
 TRIM = 4e-3

@@ -24,7 +24,7 @@ from engine.transport.near import no_near_leaves
 from engine.transport.pipeline import COARSE, Placement, Quality, SkyState
 from engine.transport.planes import curve_planes
 from engine.transport.projection import LayerShape, VisibleLight, project_layer
-from engine.visibility.points import empty_visibility
+from engine.visibility.point_visibility import empty_visibility
 
 _SCENE = {
     "version": 1,

@@ -32,7 +32,7 @@ from engine.threads import n_threads, on_threads, pool
 from engine.transport import _relight_kernels as kernels
 from engine.transport._angle_kernels import slope
 from engine.transport._projection_kernels import Viewed
-from engine.visibility.points import Visibility
+from engine.visibility.point_visibility import Visibility
 from engine.visibility.targets import VISIBILITY_LEVEL
 
 TILE = 512

@@ -96,7 +96,7 @@ def predict(rows, informers, bits, horizon, believed, always, weak, weakest, bou
             _agreement_of_two(bits[known[0]], bits[known[1]], guess, asked, unsure)
         else:
             guess[:], unsure[:], asked[:] = np.uint64(0), np.uint64(0), ~np.uint64(0)
-        if n >= 2 and _hardly_agree(guess, asked, above):
+        if n >= 2 and _has_little_agreement(guess, asked, above):
             for w in range(above.shape[0]):
                 guess[w], unsure[w], asked[w] = np.uint64(0), np.uint64(0), above[w]
             continue
@@ -111,7 +111,7 @@ def predict(rows, informers, bits, horizon, believed, always, weak, weakest, bou
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _hardly_agree(guess, asked, above):
+def _has_little_agreement(guess, asked, above):
     """Whether informers agree (`guess`) on little of what any of them sees above the horizon (`guess` or `asked`)."""
     n_guessed, n_any = 0, 0
     for w in range(above.shape[0]):
@@ -147,7 +147,7 @@ def _agreement_of_two(a, b, guess, asked, unsure):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def consult_sphere(rows, informers, sphere_bits, parents, sphere_neighbours, bits, horizon, todo):
+def check_against_sphere(rows, informers, sphere_bits, parents, sphere_neighbours, bits, horizon, todo):
     """Check guesses for targets finer than the sphere against the triangle each lies in and those around it.
 
     A guess that none of them shares is traced. Without informers the triangle is the guess, traced where its

@@ -13,7 +13,7 @@ _ONE = np.uint64(1)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def as_informers_see(informers, bits, valid, some, every):
+def copy_blockers(informers, bits, valid, some, every):
     """Take every informer's blockers in the directions in which it sees them. valid (words,): the bits in use."""
     for b in range(informers.shape[0]):
         if informers[b].min() < 0:
@@ -28,7 +28,7 @@ def as_informers_see(informers, bits, valid, some, every):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def as_warped(rows, informers, bits, position, directions, neighbours, distance, some, every):
+def warp_blockers(rows, informers, bits, position, directions, neighbours, distance, some, every):
     """Move every informer's blockers to where they stand as seen from the point [BenArtzi07, fig. 8.5].
 
     distance (P, D): how far each blocker stands, inf where unknown; the point takes the nearest over. The direction

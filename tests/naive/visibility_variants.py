@@ -1,5 +1,5 @@
 """Slow, obvious twin of the thesis' visibility methods [BenArtzi07, ch. 8]: one pixel after the other, whole rows of
-answers at a time. What the names mean stands in `engine.visibility.variants`."""
+answers at a time. What the names mean stands in `engine.visibility.thesis_variants`."""
 
 from collections.abc import Iterator
 
@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
-from engine.visibility.grid import grid_steps
+from engine.visibility.coherent_grid import grid_steps
 from engine.visibility.targets import Targets
-from engine.visibility.variants import Variant
+from engine.visibility.thesis_variants import Variant
 
 Bits = NDArray[np.bool_]
 Rows = NDArray[np.int32]

@@ -18,7 +18,7 @@ from app.measure.speed import (
 from app.measure.subject import at_most, open_subject
 from engine.sphere.geodesic import geodesic
 from engine.transport.pipeline import FINAL, PREVIEW, Placement
-from engine.visibility.points import brute_force_visibility
+from engine.visibility.point_visibility import brute_force_visibility
 from engine.visibility.targets import VISIBILITY_LEVEL
 
 

@@ -21,7 +21,7 @@ from engine.transport.lighting import prepare_lighting
 from engine.transport.near import near_leaves
 from engine.transport.pipeline import Placement
 from engine.transport.projection import LayerShape, VisibleLight, project_layer
-from engine.visibility.points import brute_force_visibility
+from engine.visibility.point_visibility import brute_force_visibility
 from engine.visibility.targets import sphere_targets
 from tests.engine.transport.by_hand import caster_of, points_at, square
 

@@ -16,7 +16,7 @@ from engine.transport.bandstore import BandStore
 from engine.transport.lighting import prepare_lighting
 from engine.transport.near import near_leaves
 from engine.transport.projection import LayerShape, VisibleLight, project_layer
-from engine.visibility.points import brute_force_visibility
+from engine.visibility.point_visibility import brute_force_visibility
 from engine.visibility.targets import sphere_targets
 
 # Far below everything and tiny: a caster needs a triangle, an empty scene has none.

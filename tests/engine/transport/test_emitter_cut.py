@@ -10,7 +10,7 @@ from engine.transport._emitter_kernels import Around
 from engine.transport._near_kernels import _mark_edges
 from engine.transport.lighting import BESIDE, prepare_lighting
 from engine.transport.near import MOST, NearLeaves, near_leaves
-from engine.visibility.points import brute_force_visibility
+from engine.visibility.point_visibility import brute_force_visibility
 from tests.engine.transport.by_hand import NOWHERE, caster_of, irradiance, light_of, points_at, square
 
 UP = np.array([[0.0, 1.0, 0.0]])

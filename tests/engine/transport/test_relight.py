@@ -20,7 +20,7 @@ from engine.transport.bandstore import join_tiles
 from engine.transport.pipeline import FINAL, Placement, SkyState
 from engine.transport.projection import LayerShape, project_layer
 from engine.transport.relight import RowMaker, joined_rows, light_coefficients, turning_effects
-from engine.visibility.points import evaluate_rows
+from engine.visibility.point_visibility import evaluate_rows
 from tests.scene_text import camera, placed
 
 GROUND = placed("ground", "quad", "20,0,0,0, 0,0,20,0, 0,-20,0,0, 0,0,0,1")

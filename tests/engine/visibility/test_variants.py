@@ -8,8 +8,8 @@ from engine.scene.scene_loader import load_scene
 from engine.sphere.geodesic import geodesic
 from engine.transport.lighting import prepare_lighting
 from engine.transport.pipeline import Placement
-from engine.visibility.points import brute_force_visibility
-from engine.visibility.variants import VARIANTS, variant_visibility, voronoi_targets
+from engine.visibility.point_visibility import brute_force_visibility
+from engine.visibility.thesis_variants import VARIANTS, variant_visibility, voronoi_targets
 from tests.naive.sphere import vertex_neighbours
 from tests.naive.visibility_variants import trace_variant
 

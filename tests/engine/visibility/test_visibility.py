@@ -15,8 +15,8 @@ from engine.sphere.geodesic import geodesic, locate
 from engine.transport.lighting import nearest_neighbours, prepare_lighting
 from engine.transport.pipeline import Placement
 from engine.visibility import _kernels as kernels
-from engine.visibility.grid import coherent_visibility, grid_steps
-from engine.visibility.points import Visibility, brute_force_visibility, empty_visibility, evaluate_rows
+from engine.visibility.coherent_grid import coherent_visibility, grid_steps
+from engine.visibility.point_visibility import Visibility, brute_force_visibility, empty_visibility, evaluate_rows
 from engine.visibility.targets import Targets, sphere_targets
 from tests.engine.transport.by_hand import NOWHERE, caster_of, points_at, square
 from tests.naive.visibility import visible

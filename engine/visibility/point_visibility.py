@@ -3,7 +3,7 @@
 Targets are directions (triangles of the geodesic sphere) or points (patches of an area light). Geometry alone decides,
 so the answer outlives every edit of material and of light. Points are those that a camera sees, vertices of a mesh or
 texels: whatever has a place, a normal and a place lifted off the surface. Here every target above their horizon is
-traced: the oracle, and the yardstick for speed. Of the points of a picture most need no ray: `engine.visibility.grid`.
+traced: the oracle, and the yardstick for speed. Of the points of a picture most need no ray: `engine.visibility.coherent_grid`.
 """
 
 from collections.abc import Callable
@@ -45,7 +45,7 @@ class Visibility:
         return np.unpackbits(octets, axis=1, bitorder="little")[:, : len(self.targets.positions)].astype(bool)
 
 
-def seen_shares(visibility: Visibility, rows: np.ndarray) -> np.ndarray:
+def visible_shares(visibility: Visibility, rows: np.ndarray) -> np.ndarray:
     """The share (D,) of some evaluated points that sees each target, by 4,096 of them at most."""
     chosen = rows[:: max(1, len(rows) // SHARE_POINTS)]
     return visibility.unpacked(chosen).mean(axis=0) if len(chosen) else np.ones(len(visibility.targets.positions))

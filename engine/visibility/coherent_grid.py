@@ -30,7 +30,7 @@ from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic
 from engine.threads import pool
 from engine.visibility import _kernels as kernels
-from engine.visibility.points import BLOCK, Guess, Visibility, evaluate_block, horizons
+from engine.visibility.point_visibility import BLOCK, Guess, Visibility, evaluate_block, horizons
 from engine.visibility.targets import VISIBILITY_LEVEL
 
 COARSEST_STEP = 16
@@ -138,7 +138,7 @@ def coherent_visibility(
             kernels.predict(rows, informers, bits, horizon, believed, always, weak, weakest, neighbours, todo, doubt)
             if sphere is not None:
                 parents = visibility.targets.parents
-                kernels.consult_sphere(rows, informers, sphere.bits, parents, around, bits, horizon, todo)
+                kernels.check_against_sphere(rows, informers, sphere.bits, parents, around, bits, horizon, todo)
             if targets.bright is not None:
                 todo |= horizon & targets.bright_words
             if beside:

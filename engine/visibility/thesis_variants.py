@@ -1,4 +1,4 @@
-"""The visibility methods of the thesis side by side [BenArtzi07, ch. 8]: for comparison only, the engine uses `grid`.
+"""The visibility methods of the thesis side by side [BenArtzi07, ch. 8]: for comparison only, the engine uses `coherent_grid`.
 
 A variant is three choices. Order: scanline (S: informed by the pixels to the left, above and above left) or grid (G:
 four pixels around, coarse to fine). Estimate: each informer's blockers go to the directions in which the informer saw
@@ -21,8 +21,8 @@ from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.visibility import _kernels as kernels
 from engine.visibility import _variant_kernels as variant_kernels
-from engine.visibility.grid import grid_steps
-from engine.visibility.points import BLOCK, Visibility, empty_visibility, horizons
+from engine.visibility.coherent_grid import grid_steps
+from engine.visibility.point_visibility import BLOCK, Visibility, empty_visibility, horizons
 from engine.visibility.targets import Targets
 
 Variant = Literal["SNB", "SNU", "SWB", "SWU", "GNB", "GNU", "GWB", "GWU", "OPT", "TRUE"]
@@ -58,7 +58,7 @@ def variant_visibility(hits: PrimaryHits, caster: RayCaster, targets: Targets, v
     if variant not in VARIANTS or targets.finite:
         asked = f"{variant!r} of {'points' if targets.finite else 'directions'}"
         raise ValueError(f"variant = {asked}, expected one of {', '.join(VARIANTS)}, of directions")
-    picture = _Picture(hits, caster, targets, variant)
+    picture = _VariantState(hits, caster, targets, variant)
     steps = _everything(hits) if variant == "TRUE" else _scanline(hits) if variant[0] == "S" else _grid(hits)
     for rows, informers, last in steps:
         for i in range(0, len(rows), BLOCK):
@@ -66,7 +66,7 @@ def variant_visibility(hits: PrimaryHits, caster: RayCaster, targets: Targets, v
     return picture.visibility
 
 
-class _Picture:
+class _VariantState:
     """Answers so far, and for each blocked direction how far its blocker stands where these are warped."""
 
     def __init__(self, hits: PrimaryHits, caster: RayCaster, targets: Targets, variant: Variant) -> None:
@@ -87,11 +87,11 @@ class _Picture:
         horizon = horizons(hits, targets, rows)
         some, every, asked, doubt = (np.zeros_like(horizon) for _ in range(4))
         if self._warp:
-            variant_kernels.as_warped(
+            variant_kernels.warp_blockers(
                 rows, informers, bits, hits.position, targets.positions, neighbours, self._distance, some, every
             )
         else:
-            variant_kernels.as_informers_see(informers, bits, self._valid, some, every)
+            variant_kernels.copy_blockers(informers, bits, self._valid, some, every)
         variant_kernels.estimate(
             rows, informers, some, every, self._boundary, self._scanline, horizon, neighbours, bits, asked
         )
