@@ -15,7 +15,7 @@ the bands are narrower than the curve's features. The largest pointwise differen
 half a step at an edge, however narrow the band. A curve gets no fewer
 bands than `EDITABLE_BANDS`: nobody knows the next edit, and bands also set how finely a light is split before its
 cosine and quotient are taken. A layer that nobody means to edit is computed with as many and keeps none of them, but
-its picture (`engine.transport.fixed`). A still keeps none either, and gets twice as many.
+its picture (`engine.transport.fixed_picture`). A still keeps none either, and gets twice as many.
 This module is light to import: the window's process shares its table.
 """
 

@@ -154,5 +154,5 @@ def _bench(errand: ViewErrand) -> Bench:
             pass
     for _ in ensure_tables((state.layer for state in errand.scene.layers), tasks.bench.store):
         pass
-    tasks.bench.open_placement.shine(dict(errand.scene.emission))
+    tasks.bench.open_placement.set_emission(dict(errand.scene.emission))
     return tasks.bench

@@ -81,7 +81,7 @@ def estimated_drawn(
     for wanted in (request.at_rest, request.moving):
         pictures.append((yield from map_steps(drawing(wanted), lambda step: None)))
     placement, scene = bench.open_placement, request.scene
-    placement.shine(dict(scene.emission))
+    placement.set_emission(dict(scene.emission))
     layers = with_maps(placement, (_with_own_bands(state, placement) for state in scene.layers))
     yield None
     n_points = MAP_POINTS if request.has_map else N_POINTS

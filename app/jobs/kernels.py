@@ -207,18 +207,18 @@ def _start_compiler(part: str, first: str = "") -> subprocess.Popen[bytes] | Non
 
 def rehearse(part: str, first: str = "") -> None:
     """Compile or read one of `PARTS`, or all of `LATER`, of which Orbit or Deform may be the first."""
-    from engine.transport import rehearsal
+    from engine.transport import kernel_calls
 
     if part == LATER_PART:
         _rehearse_later(first)
     elif part == "projection":
-        rehearsal.rehearse_contraction()
-        rehearsal.rehearse_footprint()
-        rehearsal.rehearse_projection()
+        kernel_calls.warm_up_contraction()
+        kernel_calls.warm_up_footprint()
+        kernel_calls.warm_up_projection()
     else:
-        rehearsal.rehearse_edges()
-        rehearsal.rehearse_projection_details()
-        rehearsal.rehearse_light()
+        kernel_calls.warm_up_edges()
+        kernel_calls.warm_up_projection_details()
+        kernel_calls.warm_up_light()
 
 
 def _rehearse_later(first: str) -> None:

@@ -19,7 +19,7 @@ from app.scene_state import LayerState
 from engine.planner import RenderSettings, Precision
 from engine.stored_arrays import Arrays
 from engine.transport.bandstore import BandStore, BandTile, arrays_of_file, join_tiles, store_from_arrays
-from engine.transport.fixed import FixedPicture, join_pictures, picture_of_file, picture_of_tile
+from engine.transport.fixed_picture import FixedPicture, join_pictures, picture_of_file, picture_of_tile
 from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW
 from engine.transport.planes import curve_planes
 from engine.transport.projection import LayerShape

@@ -14,8 +14,8 @@ from app.jobs.layer_data import Part, joined, kept_of_tile, part_of_file, pictur
 from app.jobs.tiles import Tiles
 from app.scene_state import LayerState
 from engine.stored_arrays import Writable
-from engine.transport.bandstore import BandStore, BandTile, in_pieces
-from engine.transport.fixed import FixedPicture, join_pictures
+from engine.transport.bandstore import BandStore, BandTile, arrays_in_pieces
+from engine.transport.fixed_picture import FixedPicture, join_pictures
 from engine.transport.projection import TILE
 
 
@@ -48,7 +48,7 @@ class LayerParts:
         if self._work.fixed:
             return join_pictures({i: np.asarray(self._part(i)["picture"]) for i in self._n_values}).arrays()
         n_values = [self._n_values[i] for i in sorted(self._n_values)]
-        return in_pieces(shape_of(self._work).bands, self._n_points, n_values, self._part)
+        return arrays_in_pieces(shape_of(self._work).bands, self._n_points, n_values, self._part)
 
     def store(self) -> BandStore | FixedPicture:
         """All of the layer, to ask it for pictures; of parts that are not held it is read."""

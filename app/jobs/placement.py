@@ -54,7 +54,7 @@ from engine.scene.scene_loader import Scene
 from engine.generators import map_steps
 from engine.stored_arrays import ArrayReader, Arrays, n_bytes_of
 from engine.transport.bandstore import BandStore
-from engine.transport.fixed import FixedPicture
+from engine.transport.fixed_picture import FixedPicture
 from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, Quality, SkyState, final_quality
 from engine.transport.projection import TILE, VisibleLight
 
@@ -168,7 +168,7 @@ class PlacementWork(ModeWork):
         if request.selected and request.factor:
             self._selected = dict.fromkeys((request.selected, *request.followers), request.factor)
         self._precision = request.precision
-        placement.shine(dict(scene.emission))
+        placement.set_emission(dict(scene.emission))
         sky = self._bench.sky(scene.light)
         if self._indirect is not None:
             self._indirect.asked_anew(_lit_key(sky, placement.scene), decisions.n_bounces)

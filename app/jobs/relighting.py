@@ -99,7 +99,7 @@ class Relighting:
             effects = yield from turning_effects(environment, scale)
             all_of_it = RowMaker(placement.hits, placement.sphere, effects)
             room = min(MOST_BYTES, SHARE_OF_MEMORY * available_memory())
-            self._maker = all_of_it.within([(work.layer, rows_of[work.key]) for work in works], room)
+            self._maker = all_of_it.rows_within([(work.layer, rows_of[work.key]) for work in works], room)
             self._made_under = environment, scale
         return self._maker
 

@@ -23,7 +23,7 @@ from engine.indirect.rays import cosine_tables, pole_tables
 from engine.indirect.second_bounce import SecondRays, joined_records, no_records
 from engine.indirect.turns import Turn, by_turns
 from engine.scene.primary_hits import PrimaryHits
-from engine.transport._projection_kernels import Viewed
+from engine.transport._projection_kernels import ViewedPoints
 
 MOST_FANS = 4  # of one gather point
 # Metres: no ray is taken for shorter.
@@ -87,7 +87,7 @@ def gather(
     TooManyCells.
     """
     tables = fan_tables(size)
-    surface = Viewed(hits.position, hits.tangent, hits.normal, hits.wo)
+    surface = ViewedPoints(hits.position, hits.tangent, hits.normal, hits.wo)
     step = max(1, CHUNK // size.n_rays)
     point_poles = poles[object_of_rows(hits, rows)]
 

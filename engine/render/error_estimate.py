@@ -42,7 +42,7 @@ from engine.render.still import StillLayer, StillProgress, by_object, layer_radi
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.transport.lighting import prepare_lighting
-from engine.transport.near import near_leaves
+from engine.transport.near_leaves import near_leaves
 from engine.transport.pipeline import Placement, Quality, SkyState
 from engine.transport.projection import VisibleLight, project_points
 from engine.visibility.point_visibility import Visibility, empty_visibility, evaluate_rows

@@ -148,7 +148,7 @@ class _Trials:
         chosen = np.random.default_rng(seed).choice(n_points, min(N_POINTS, n_points), replace=False)
         self._rows = np.sort(chosen).astype(np.int32)
         self._placement, self._layers, self._sky, self._is_still = placement, layers, sky, is_still
-        self._part = placement.at(self._rows)
+        self._part = placement.at_rows(self._rows)
         self._lit_by = {"lights": False, "patches": False}
         if placement.sphere.done[self._rows].all():
             self._part.sphere.bits[:], self._part.sphere.done[:] = placement.sphere.bits[self._rows], True
@@ -160,7 +160,7 @@ class _Trials:
 
     def pictures(self, decisions: RenderSettings) -> Generator[None, None, Pictures]:
         """What the points reflect (P, 3): as the layers are, and with sharper highlights where these can be edited."""
-        part = self._part if decisions.keeps_sphere else self._placement.at(self._rows)
+        part = self._part if decisions.keeps_sphere else self._placement.at_rows(self._rows)
         light = yield from map_steps(part.light(self._sky, final_quality(decisions)), lambda fraction: None)
         self._lit_by = {"lights": _any_sky(light, self._sky), "patches": bool(light.emitters.bits.any())}
         found = np.zeros((2, len(self._rows), 3))

@@ -21,9 +21,9 @@ from engine.render.indirect_pilot import IndirectCost, indirect_cost
 from engine.render.still import StillLayer, StillProgress, by_object, still_quality
 from engine.generators import run_to_end, map_steps
 from engine.threads import n_threads, on_threads
-from engine.transport.fixed import BYTES_A_POINT
+from engine.transport.fixed_picture import BYTES_A_POINT
 from engine.transport.lighting import prepare_lighting
-from engine.transport.near import near_leaves
+from engine.transport.near_leaves import near_leaves
 from engine.transport.pipeline import Placement, Quality, SkyState
 from engine.transport.projection import LayerShape, VisibleLight, project_points
 from engine.visibility.coherent_grid import COARSEST_STEP
@@ -120,7 +120,7 @@ def _try_shadows(placement: Placement, sky: SkyState, plan: Plan) -> tuple[float
         return 0.0, 0.0
     few, many = windows[0], np.sort(np.concatenate(windows))
     quality = still_quality(plan)
-    first, least, seconds = (_seconds_of_light(placement.at(rows), sky, quality) for rows in (few, few, many))
+    first, least, seconds = (_seconds_of_light(placement.at_rows(rows), sky, quality) for rows in (few, few, many))
     reading = max(first - least, 0.0)
     if len(windows) == 1:
         return seconds, reading

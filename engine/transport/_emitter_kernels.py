@@ -15,14 +15,14 @@ import numpy as np
 
 from engine.material.kinds import THETA_R
 from engine.transport._angle_kernels import HALF_PI, TINY, is_highlight
-from engine.transport._split_kernels import from_pole
+from engine.transport._split_kernels import distance_from_axis
 
 # How much of a point's light a node's error may be: of its middle for its whole, of the part that is seen.
-FINENESS = np.float32(0.003)
-PARTLY = np.float32(0.25)
+CUT_TOLERANCE = np.float32(0.003)
+PARTIAL_SHARE = np.float32(0.25)
 # How large a node that is seen in part may be in a highlight: of a band there, and of how far it is from the middle.
-OF_A_BAND = np.float32(0.5)
-OF_THE_WAY = np.float32(0.1)
+BAND_SHARE = np.float32(0.5)
+DISTANCE_SHARE = np.float32(0.1)
 _DEPTH = 48
 _ROOM = 4096
 
@@ -95,14 +95,14 @@ def cut_emitters(words, near, emitters, place, frame, optics, ox, oy, oz, cut, x
     """List the cut for the point at `place` whose frame has tangent, bitangent, normal as rows; returns its number.
 
     words: which leaves are seen; near: nodes and deltas, and where the point's begin and end among them, see
-    `engine.transport.near`; optics: the layer that reflects towards the eye, (ox, oy, oz) in the frame. Written are
+    `engine.transport.near_leaves`; optics: the layer that reflects towards the eye, (ox, oy, oz) in the frame. Written are
     corner directions x, y, z in the frame, three a node, directions of the middles cx, cy, cz, radiance times solid
     angle, weights (the share seen), and into the cut sizes.
     """
     stack, nodes, unit, sizes = cut.stack, cut.nodes, cut.unit, cut.sizes
     fill_shares(words, emitters, cut.shares)
     correct_shares(near, emitters.parent, cut.shares)
-    bound, n = optics.tolerance * FINENESS * _all_light(emitters, place, cut), 0
+    bound, n = optics.tolerance * CUT_TOLERANCE * _unoccluded_light(emitters, place, cut), 0
     for root in range(emitters.n_roots):
         if cut.shares[root] == np.float32(0.0):
             continue
@@ -115,14 +115,14 @@ def cut_emitters(words, near, emitters, place, frame, optics, ox, oy, oz, cut, x
             if share == np.float32(0.0):
                 top -= 1
                 continue
-            omega, size, spread2 = look(stack[top], unit)
+            omega, size, spread2 = project_triangle(stack[top], unit)
             light = emitters.brightness[node] * omega * share
-            low, high = heights(unit, frame[2])
+            low, high = cosine_range(unit, frame[2])
             if high <= np.float32(0.0):
                 top -= 1
                 continue
             partly = (child >= 0 and share < np.float32(1.0)) or low < np.float32(0.0)
-            error = light * size * (max(size, PARTLY) if partly else size)
+            error = light * size * (max(size, PARTIAL_SHARE) if partly else size)
             blurred = child >= 0 and share < np.float32(1.0) and _is_blurred(unit, frame, size, optics, ox, oy, oz)
             if (error > bound or blurred) and left > top + 2 and top + 2 < _DEPTH:
                 if child >= 0:
@@ -164,18 +164,18 @@ def _is_blurred(unit, frame, size, optics, ox, oy, oz):
     b = frame[1, 0] * u + frame[1, 1] * v + frame[1, 2] * w
     c = frame[2, 0] * u + frame[2, 1] * v + frame[2, 2] * w
     rate = np.float32(1.0) if optics.kind_a == THETA_R else np.float32(0.5)
-    away = rate * from_pole(optics.kind_a, a, b, c, ox, oy, oz)
-    return rate * size > max(OF_A_BAND * HALF_PI / np.float32(optics.n_a), OF_THE_WAY * away)
+    away = rate * distance_from_axis(optics.kind_a, a, b, c, ox, oy, oz)
+    return rate * size > max(BAND_SHARE * HALF_PI / np.float32(optics.n_a), DISTANCE_SHARE * away)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _all_light(emitters, place, cut):
+def _unoccluded_light(emitters, place, cut):
     """The light of all that is seen, without cosines."""
     total = np.float32(0.0)
     for root in range(emitters.n_roots):
         if cut.shares[root] > np.float32(0.0):
             place_at(emitters.corners[root], place, cut.stack[0])
-            total += emitters.brightness[root] * look(cut.stack[0], cut.unit)[0] * cut.shares[root]
+            total += emitters.brightness[root] * project_triangle(cut.stack[0], cut.unit)[0] * cut.shares[root]
     return total
 
 
@@ -212,7 +212,7 @@ def place_at(corners, place, out):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def look(triangle, unit):
+def project_triangle(triangle, unit):
     """Solid angle, longest edge on the unit sphere, and mean square distance from its middle there, of a triangle about
     the origin; its unit corners go to `unit`."""
     for k in range(3):
@@ -233,7 +233,7 @@ def look(triangle, unit):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def heights(unit, normal):
+def cosine_range(unit, normal):
     """Least and greatest cosine to the normal of three unit vectors."""
     a = normal[0] * unit[0, 0] + normal[1] * unit[0, 1] + normal[2] * unit[0, 2]
     b = normal[0] * unit[1, 0] + normal[1] * unit[1, 1] + normal[2] * unit[1, 2]

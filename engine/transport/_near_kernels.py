@@ -1,4 +1,4 @@
-"""Compiled loops of `engine.transport.near`: which leaves of the emitters a point sees in part, and by how much."""
+"""Compiled loops of `engine.transport.near_leaves`: which leaves of the emitters a point sees in part, and by how much."""
 
 import math
 
@@ -6,13 +6,13 @@ import numba as nb
 import numpy as np
 
 from engine.light.emitters import R2
-from engine.transport._emitter_kernels import heights, look, place_at
+from engine.transport._emitter_kernels import cosine_range, project_triangle, place_at
 from engine.visibility._kernels import lowest_bit
 
 _ZERO, _ONE, _TWO, _NONE = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.uint64(0)
 _THIRD, _SMALL = np.float32(1.0 / 3.0), np.float32(0.07)
 ROUGHNESS, FINE, MOST_DEPTH = np.float32(0.3), np.float32(0.01), 3
-_LESS = np.float32(4.0**-0.75)  # of the error, with four times as many rays
+_DISTANCE_SHARE = np.float32(4.0**-0.75)  # of the error, with four times as many rays
 _SHORTEST = np.float32(1e-30)  # of rays that do not count
 _CHILDREN = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 
@@ -23,7 +23,7 @@ def list_near(rows, position, normal, bits, emitters, least, near, counts, nodes
     they are cut in four for these: depths (B,), 1 to `MOST_DEPTH`.
 
     A leaf is, if all of it would bring the point more than `least` of the light that it is thought to see, and either
-    of those beside it some are seen and some are not, or it is larger than `near` radians.
+    of those beside it some are seen and some are not, or it is larger than `near_leaves` radians.
 
     Of n spread rays to a leaf that is seen in part, the share that is seen is off by about ROUGHNESS n^(-3/4), and
     leaves are so independently: where hardly more than the edge of a lamp is seen, each gets more rays.
@@ -36,7 +36,7 @@ def list_near(rows, position, normal, bits, emitters, least, near, counts, nodes
         place, up, ball = position[r], normal[r], emitters.leaves.ball
         x, y, z = place[0], place[1], place[2]
         _mark_edges(bits[r], emitters.leaves, place, near, shares, marked)
-        total, squares = _seen_light(shares, emitters, place, up, triangle, unit), _ZERO
+        total, squares = _visible_light(shares, emitters, place, up, triangle, unit), _ZERO
         bound = least * total
         for w in range(marked.shape[0]):
             ones = marked[w]
@@ -48,19 +48,19 @@ def list_near(rows, position, normal, bits, emitters, least, near, counts, nodes
                 if emitters.brightness[node] * ball[leaf, 3] < bound * _squared(ball, leaf, x, y, z):
                     continue
                 place_at(emitters.corners[node], place, triangle)
-                if not _faces(triangle):
+                if not _is_front_facing(triangle):
                     continue
-                omega = look(triangle, unit)[0]
-                high = heights(unit, up)[1]
+                omega = project_triangle(triangle, unit)[0]
+                high = cosine_range(unit, up)[1]
                 light = emitters.brightness[node] * omega * high
                 if high > _ZERO and light > bound:
                     nodes[b, n] = node
                     squares += light * light
                     n += 1
         counts[b], depths[b] = n, 1
-        error = ROUGHNESS * np.sqrt(squares) / max(total, np.float32(1e-30)) * _LESS
+        error = ROUGHNESS * np.sqrt(squares) / max(total, np.float32(1e-30)) * _DISTANCE_SHARE
         while error > FINE and depths[b] < MOST_DEPTH:
-            error *= _LESS
+            error *= _DISTANCE_SHARE
             depths[b] += 1
 
 
@@ -113,21 +113,21 @@ def _squared(ball, leaf, x, y, z):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _seen_light(shares, emitters, place, up, triangle, unit):
+def _visible_light(shares, emitters, place, up, triangle, unit):
     """The light that the leaves known to be seen bring, with cosines at the roots' middles."""
     total = _ZERO
     for root in range(emitters.n_roots):
         share = shares[root]
         if share > _ZERO:
             place_at(emitters.corners[root], place, triangle)
-            omega = look(triangle, unit)[0]
-            low, high = heights(unit, up)
+            omega = project_triangle(triangle, unit)[0]
+            low, high = cosine_range(unit, up)
             total += emitters.brightness[root] * omega * share * np.float32(0.5) * max(low + high, high)
     return total
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _faces(triangle):
+def _is_front_facing(triangle):
     """Whether a triangle relative to the point shows it its front."""
     ux, uy, uz = triangle[1, 0] - triangle[0, 0], triangle[1, 1] - triangle[0, 1], triangle[1, 2] - triangle[0, 2]
     vx, vy, vz = triangle[2, 0] - triangle[0, 0], triangle[2, 1] - triangle[0, 1], triangle[2, 2] - triangle[0, 2]
@@ -148,7 +148,7 @@ def near_rays(rows, nodes, position, lifted, normal, corners, depth, origins, di
     for k in range(rows.shape[0]):
         r = rows[k]
         place_at(corners[nodes[k]], position[r], triangle)
-        look(triangle, parts[0])
+        project_triangle(triangle, parts[0])
         _quarter(parts, spare, depth)
         ux, uy, uz = triangle[1, 0] - triangle[0, 0], triangle[1, 1] - triangle[0, 1], triangle[1, 2] - triangle[0, 2]
         vx, vy, vz = triangle[2, 0] - triangle[0, 0], triangle[2, 1] - triangle[0, 1], triangle[2, 2] - triangle[0, 2]

@@ -18,7 +18,7 @@ D4 = np.array(LOW_PASS, np.float32)
 _SUMS = {"nnan", "nsz", "reassoc", "contract"}
 
 
-class Packed(NamedTuple):
+class PackedTile(NamedTuple):
     """A tile's arrays, see `bandstore`."""
 
     scale: np.ndarray
@@ -90,7 +90,7 @@ def _run(tile, i, j, n_b):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=_SUMS)
-def _keep_a(tile, i, n_b, dormant, block, lane):
+def _contract_b(tile, i, n_b, dormant, block, lane):
     """Σ_k U_jk c_k of point i into the three lanes from `lane` on; dormant (3, K)."""
     at, scale = tile.start[i], tile.scale[i]
     for j in range(block.shape[0]):
@@ -109,7 +109,7 @@ def _keep_a(tile, i, n_b, dormant, block, lane):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=_SUMS)
-def _keep_b(tile, i, n_b, dormant, row, block, lane):
+def _contract_a(tile, i, n_b, dormant, row, block, lane):
     """Σ_j U_jk c_j of point i into the three lanes from `lane` on; dormant (3, J), row (3, K) is scratch."""
     at, scale = tile.start[i], tile.scale[i]
     for c in range(3):
@@ -183,9 +183,9 @@ def contract_tile(tile, at, n_b, keep_a, wavelet, dormant, curve, inverse, numbe
         n_block = min(BLOCK, n_points - begin)
         for i in range(n_block):
             if keep_a:
-                _keep_a(tile, begin + i, n_b, dormant, block, 3 * i)
+                _contract_b(tile, begin + i, n_b, dormant, block, 3 * i)
             else:
-                _keep_b(tile, begin + i, n_b, dormant, row, block, 3 * i)
+                _contract_a(tile, begin + i, n_b, dormant, row, block, 3 * i)
         first, last = 3 * (at + begin), 3 * (at + begin + n_block)
         _add_radiance(block, curve, sums, radiance[first:last])
         if wavelet:

@@ -16,14 +16,14 @@ import numpy as np
 from engine.transport._angle_kernels import HALF_PI, fill_gammas, is_cone, is_highlight, slope, tint, weigh
 from engine.transport._band_kernels import encode_bands
 from engine.transport._emitter_kernels import cut_emitters, make_cut
-from engine.transport._seen_kernels import gather_local, list_visible, set_frame, to_local
+from engine.transport._visible_kernels import gather_local, list_visible, set_frame, to_local
 from engine.transport._share_kernels import Spots, make_spots, mean_and_spread, share_out
 from engine.transport._split_kernels import LEAVES, MAX_DEPTH, SPREAD, is_curved, split
 
 # Leaves of split lights, and pieces of wide ones, that are listed at a time.
 _ROOM = 4096
 # Lamps have edges, which a highlight shows: there they are split at a smaller bend of γ than the sky.
-SHARPER = np.float32(0.2)
+LAMP_SHARPNESS = np.float32(0.2)
 
 
 class SkyLights(NamedTuple):
@@ -45,7 +45,7 @@ class SkyLights(NamedTuple):
 
 class Bits(NamedTuple):
     """Packed visibility (P, words) of the sphere, of sky lights with bits of their own, and of emitters' leaves; of
-    which the seen share of some is known better: start (P + 1,), node and delta (K,), see `engine.transport.near`."""
+    which the seen share of some is known better: start (P + 1,), node and delta (K,), see `engine.transport.near_leaves`."""
 
     sphere: np.ndarray
     fine: np.ndarray
@@ -55,7 +55,7 @@ class Bits(NamedTuple):
     delta: np.ndarray
 
 
-class Viewed(NamedTuple):
+class ViewedPoints(NamedTuple):
     """Shading points (P, 3): position, tangent, normal and the direction to the eye."""
 
     position: np.ndarray
@@ -78,7 +78,7 @@ class Optics(NamedTuple):
     tints: int = 0
 
 
-class Encoded(NamedTuple):
+class EncodedTile(NamedTuple):
     """Where a tile's bands are written: see `bandstore`."""
 
     scale: np.ndarray
@@ -123,7 +123,7 @@ def _mark_curved(kind, scale, tolerance, sizes, mean, curved):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _spread_out(kind, sizes, gammas, corners, lights, n_whole, mean, spread):
+def _mean_and_spread(kind, sizes, gammas, corners, lights, n_whole, mean, spread):
     """Mean and spread of γ over each spot, in radians; mean: γ at its centre before.
 
     For a cone both follow from the spot's size, see `_split_kernels`, and so they do for leaves, which begin at
@@ -212,17 +212,17 @@ def _project_lights(bands, corners, sizes, rows, tree, n_directions, n_lights, o
         weigh(optics.model, q, cx[:n], cy[:n], cz[:n], ox, oy, oz, spots.weight)
     lx, ly, lz = cx[n_lights:n], cy[n_lights:n], cz[n_lights:n]
     fill_gammas(optics.kind_a, q, lx, ly, lz, ox, oy, oz, mean_a[n_lights:n])
-    _spread_out(optics.kind_a, listed, scratch.gammas_a, corners, lights, n_lights, mean_a[:n], spots.spread_a)
+    _mean_and_spread(optics.kind_a, listed, scratch.gammas_a, corners, lights, n_lights, mean_a[:n], spots.spread_a)
     if two:
         fill_gammas(optics.kind_b, q, lx, ly, lz, ox, oy, oz, mean_b[n_lights:n])
-        _spread_out(optics.kind_b, listed, scratch.gammas_b, corners, lights, n_lights, mean_b[:n], spots.spread_b)
+        _mean_and_spread(optics.kind_b, listed, scratch.gammas_b, corners, lights, n_lights, mean_b[:n], spots.spread_b)
     share_out(bands, colours, n, spots, scale_a, scale_b)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _sharpened(optics):
+def _with_lamp_sharpness(optics):
     """As a layer takes lamps: their edges show in a highlight, where the sky's cut is even."""
-    tolerance = optics.tolerance * SHARPER if is_highlight(optics.kind_a) else optics.tolerance
+    tolerance = optics.tolerance * LAMP_SHARPNESS if is_highlight(optics.kind_a) else optics.tolerance
     return Optics(
         optics.model, optics.q, optics.kind_a, optics.kind_b, optics.n_a, optics.n_b, tolerance, optics.tints
     )  # fmt: skip
@@ -258,7 +258,7 @@ def project_tile(rows, surface, sky, emitters, bits, optics, trim, encoded):
     n_sky, n_sky_corners = sky.corners.shape[0], sky.directions.shape[1]
     cut, no_tree = make_cut(emitters.child.shape[0], emitters.n_roots), np.empty((0, 6), np.float32)
     n_most = cut.sizes.shape[0]
-    sharp = _sharpened(optics)
+    sharp = _with_lamp_sharpness(optics)
     s = _make_scratch(max(n_sky_corners, 3 * n_most), max(n_sky, n_most))
     lights, weights = s.spots.light, s.spots.weight
     bands = np.empty((optics.n_a + 2, optics.n_b + 2 if optics.n_b > 1 else 1, 3), np.float32)

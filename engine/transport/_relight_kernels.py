@@ -10,7 +10,7 @@ import numpy as np
 
 from engine.sphere.haar import N_ROOTS
 from engine.transport._angle_kernels import HALF_PI, fill_gammas, tint, weigh
-from engine.transport._seen_kernels import gather_local, set_frame
+from engine.transport._visible_kernels import gather_local, set_frame
 
 # Values of a row are fractions of its largest.
 STEPS = np.float32(32767.0)
@@ -60,7 +60,7 @@ class _Scratch(NamedTuple):
     coefficients: np.ndarray
 
 
-class Rows(NamedTuple):
+class LightRowArrays(NamedTuple):
     """Rows of P points with N terms in all: where each begins (P + 1,), scales (P,); of each term the wavelet's number
     and its coefficients (N, C), scale · value / 32767."""
 
@@ -113,7 +113,7 @@ def _make_scratch(n_triangles, n_all, n_channels):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _list_seen(words, n_triangles, listed):
+def _list_visible(words, n_triangles, listed):
     """The triangles that a point sees; their number."""
     n = 0
     for t in range(n_triangles):
@@ -139,7 +139,7 @@ def _part_bending(kind, bends, q, ox, oy, oz, n_triangles, n_seen, n, s):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _without_parted(n, listed):
+def _compact_listed(n, listed):
     """Close the gaps; how many there are."""
     kept = 0
     for k in range(n):
@@ -159,13 +159,13 @@ def _reflect(words, wo, parts, reflection, s):
     oy = frame[1, 0] * wo[0] + frame[1, 1] * wo[1] + frame[1, 2] * wo[2]
     oz = frame[2, 0] * wo[0] + frame[2, 1] * wo[1] + frame[2, 2] * wo[2]
     two = reflection.curve_b.shape[0] > 1
-    n_seen = _list_seen(words, n_triangles, s.listed)
+    n_seen = _list_visible(words, n_triangles, s.listed)
     gather_local(parts.centres, s.listed, n_seen, frame, s.x, s.y, s.z)
     n = _part_bending(reflection.kind_a, reflection.bends_a, q, ox, oy, oz, n_triangles, n_seen, n_seen, s)
     if two:
         n = _part_bending(reflection.kind_b, reflection.bends_b, q, ox, oy, oz, n_triangles, n_seen, n, s)
     if n > n_seen:
-        n = _without_parted(n, s.listed)
+        n = _compact_listed(n, s.listed)
         gather_local(parts.centres, s.listed, n, frame, s.x, s.y, s.z)
     x, y, z, weights, gamma, reflected = s.x[:n], s.y[:n], s.z[:n], s.weights[:n], s.gamma[:n], s.reflected[:n]
     for k in range(n):
@@ -190,7 +190,7 @@ def _reflect(words, wo, parts, reflection, s):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _keep(coefficients, effects, least, number, value, written):
+def _append_terms(coefficients, effects, least, number, value, written):
     """Append the terms of a row that come to more than `least`; how many there are in all, and the row's scale."""
     first, largest = written, np.float32(0.0)
     for t in range(effects.shape[0]):
@@ -223,7 +223,7 @@ def fill_rows(points, surface, bits, parts, reflection, effects, least, rows):
         _reflect(bits[p], surface.wo[p], parts, reflection, s)
         _to_wavelets(s.values, s.coefficients)
         rows.start[i] = written
-        written, rows.scale[i] = _keep(s.coefficients, effects, least, rows.number, rows.value, written)
+        written, rows.scale[i] = _append_terms(s.coefficients, effects, least, rows.number, rows.value, written)
     rows.start[points.shape[0]] = written
     return written
 

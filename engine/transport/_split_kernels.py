@@ -17,7 +17,7 @@ from engine.transport._angle_kernels import slope
 MAX_DEPTH = 3
 LEAVES = 4**MAX_DEPTH
 # A light that holds the pole: how far γ leaves a line, as a share of its extent.
-AT_THE_POLE = np.float32(0.35)
+AT_THE_AXIS = np.float32(0.35)
 SPREAD = np.float32(0.204)
 HALF = np.float32(0.5)
 _CHILDREN = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
@@ -31,11 +31,11 @@ def is_curved(size, middle, scale, tolerance):
     band need not follow the band: there the bound is 0.3 · tolerance of the triangle. middle: γ at its centre.
     """
     nearest, bound = middle - HALF * size, tolerance * max(np.float32(1.0) / scale, np.float32(0.3) * size)
-    return size * size * np.float32(0.125) > nearest * bound and AT_THE_POLE * size > bound
+    return size * size * np.float32(0.125) > nearest * bound and AT_THE_AXIS * size > bound
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def from_pole(kind, x, y, z, ox, oy, oz):
+def distance_from_axis(kind, x, y, z, ox, oy, oz):
     """How far a direction of any length is from the pole, by the chord; γ near it is about `slope` times that."""
     inverse = np.float32(1.0) / np.sqrt(x * x + y * y + z * z)
     px, py, pz = np.float32(0.0), np.float32(0.0), np.float32(1.0)
@@ -67,10 +67,10 @@ def split(stack, depths, rows, row, size, scale_a, scale_b, optics, n_rows, ox, 
         cz = stack[top, 0, 2] + stack[top, 1, 2] + stack[top, 2, 2]
         curved = False
         if depths[top] < MAX_DEPTH:
-            middle = slope_a * from_pole(optics.kind_a, cx, cy, cz, ox, oy, oz)
+            middle = slope_a * distance_from_axis(optics.kind_a, cx, cy, cz, ox, oy, oz)
             curved = is_curved(size * part * slope_a, middle, scale_a, optics.tolerance)
             if two and not curved:
-                middle = slope_b * from_pole(optics.kind_b, cx, cy, cz, ox, oy, oz)
+                middle = slope_b * distance_from_axis(optics.kind_b, cx, cy, cz, ox, oy, oz)
                 curved = is_curved(size * part * slope_b, middle, scale_b, optics.tolerance)
         if curved:
             _push_children(stack, depths, rows, n_rows, top, six)

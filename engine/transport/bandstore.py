@@ -41,8 +41,8 @@ class BandTile:
         return sum(a.nbytes for a in (self.scale, self.first, self.count, self.start, self.values))
 
     @property
-    def packed(self) -> plane_kernels.Packed:
-        return plane_kernels.Packed(self.scale, self.first, self.count, self.start, self.values)
+    def packed(self) -> plane_kernels.PackedTile:
+        return plane_kernels.PackedTile(self.scale, self.first, self.count, self.start, self.values)
 
     def arrays(self) -> dict[str, np.ndarray]:
         return {
@@ -113,7 +113,7 @@ class BandStore:
         on_threads(fill_tile, self.tiles, maxima, squares)
         return Planes(numbers, radiance, maxima.max(axis=0, initial=0.0).astype(np.float64), squares.sum(axis=0))
 
-    def thinned(self, n_points: int) -> "BandStore":
+    def thin(self, n_points: int) -> "BandStore":
         """About `n_points` of the points, evenly, or all where there are fewer; for a look at what is in the store.
 
         They are packed anew, in a tile for each of two threads: three points from each of 300 tiles, left where they
@@ -153,7 +153,7 @@ class BandStore:
         return out
 
 
-def in_pieces(
+def arrays_in_pieces(
     bands: tuple[int, int], n_points: int, n_values: Sequence[int], part: Callable[[int], Arrays]
 ) -> dict[str, ArrayInPieces]:
     """A whole layer as five arrays, for a file that `arrays_of_file` reads; none of them is whole in memory.
@@ -195,7 +195,7 @@ def arrays_of_file(bands: tuple[int, int], n_points: int, arrays: Arrays) -> dic
 
 
 def store_from_arrays(bands: tuple[int, int], arrays: Mapping[str, np.ndarray], chunk: int = 2048) -> BandStore:
-    """The store that `in_pieces` wrote; tiles of `chunk` points share its values."""
+    """The store that `arrays_in_pieces` wrote; tiles of `chunk` points share its values."""
     scale, first, count, start, values = (arrays[name] for name in ("scale", "first", "count", "start", "values"))
     tiles = [
         BandTile(i, scale[i : i + chunk], first[i : i + chunk], count[i : i + chunk], start[i : i + chunk], values)

@@ -17,10 +17,10 @@ from engine.planner import RenderSettings
 from engine.scene.primary_hits import PrimaryHits, trace_primary
 from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
-from engine.transport.emitters import emitters_for
+from engine.transport.point_emitters import emitters_for
 from engine.transport.footprint import footprint, lattice_rows
 from engine.transport.lighting import prepare_lighting
-from engine.transport.near import NearLight
+from engine.transport.near_leaves import NearLight
 from engine.transport.projection import VisibleLight
 from engine.visibility.coherent_grid import coherent_visibility
 from engine.visibility.point_visibility import Visibility, empty_visibility, evaluate_rows, visible_shares
@@ -75,10 +75,10 @@ class SkyState:
 
 
 # How much of seeing the light is done once the sphere is seen, the sky's brightest parts, and the emitters' leaves.
-SPHERE_SEEN, FINE_SEEN, LEAVES_SEEN = 0.6, 0.8, 0.95
+SPHERE_DONE, FINE_DONE, LEAVES_DONE = 0.6, 0.8, 0.95
 
 
-def _within(steps: Iterator[float], begin: float, end: float) -> Iterator[float]:
+def _rescale_progress(steps: Iterator[float], begin: float, end: float) -> Iterator[float]:
     """Fractions of a part as those of the whole."""
     for fraction in steps:
         yield begin + (end - begin) * fraction
@@ -100,7 +100,7 @@ class Placement:
         self._footprints: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._emitters: dict[int, EmitterTree | None] = {}
 
-    def at(self, rows: np.ndarray) -> "Placement":
+    def at_rows(self, rows: np.ndarray) -> "Placement":
         """The same with some of its points alone, by ascending rows, and nothing seen."""
         part = copy(self)
         part.hits = self.hits.at(rows)
@@ -135,7 +135,7 @@ class Placement:
         if sky.environment is not None:
             seen = None
             if not own_rays:
-                yield from _within(self._see(self.sphere, quality.stride), 0.0, SPHERE_SEEN)
+                yield from _rescale_progress(self._trace_visibility(self.sphere, quality.stride), 0.0, SPHERE_DONE)
                 seen = visible_shares(self.sphere, rows)
             cut = cut_lights(
                 sky.environment,
@@ -147,14 +147,14 @@ class Placement:
             )
         lighting = prepare_lighting(cut, self.emitters(quality.n_patches), quality.tolerance, own_rays, sky.scale)
         fine = empty_visibility(self.hits, lighting.fine_targets)
-        yield from _within(self._see(fine, quality.stride, None if own_rays else self.sphere), SPHERE_SEEN, FINE_SEEN)
+        yield from _rescale_progress(self._trace_visibility(fine, quality.stride, None if own_rays else self.sphere), SPHERE_DONE, FINE_DONE)
         emitters = empty_visibility(self.hits, lighting.emitter_targets)
-        yield from _within(self._see(emitters, quality.stride), FINE_SEEN, LEAVES_SEEN)
+        yield from _rescale_progress(self._trace_visibility(emitters, quality.stride), FINE_DONE, LEAVES_DONE)
         near = NearLight(self.hits, self.caster, lighting.emitters, emitters, rows)
-        yield from _within(near.steps(), LEAVES_SEEN, 1.0)
+        yield from _rescale_progress(near.find_steps(), LEAVES_DONE, 1.0)
         return VisibleLight(lighting, self.sphere, fine, emitters, near.leaves())
 
-    def shine(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
+    def set_emission(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
         """Give emitters, by name, this radiance from now on, see `Scene.with_emission`."""
         self.scene = self.scene.with_emission(emission)
         self._emitters.clear()
@@ -169,7 +169,7 @@ class Placement:
             self._emitters[n_patches] = emitters_for(self.scene, self.caster, self.hits, n_patches)
         return self._emitters[n_patches]
 
-    def _see(self, visibility: Visibility, stride: int, sphere: Visibility | None = None) -> Iterator[float]:
+    def _trace_visibility(self, visibility: Visibility, stride: int, sphere: Visibility | None = None) -> Iterator[float]:
         yield from coherent_visibility(self.hits, self.caster, visibility, stride, sphere)
         evaluate_rows(self.hits, self.caster, visibility, self.rows(stride))
 

@@ -15,9 +15,9 @@ import numpy as np
 from engine.planner import Precision
 from engine.transport.bandstore import BandStore
 
-GUESSED_FROM = 1024
+SCALE_SAMPLES = 1024
 # The scaled plane's largest number: where a guess puts it and where it must lie. Halves end at 65,504.
-GUESSED_AT, LEAST, MOST = 16.0, 2.0**-4, 65504.0
+SCALE_MARGIN, LEAST, MOST = 16.0, 2.0**-4, 65504.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +41,8 @@ def curve_planes(
     Raises ValueError for coefficients that are not the store's.
     """
     dtype = np.float16 if precision == "half" else np.float32
-    guessed = store.thinned(GUESSED_FROM).fill(factor, coefficients, np.ones(store.bands[factor]), dtype)
-    scale = _power_of_two(guessed.maxima) / GUESSED_AT
+    guessed = store.thin(SCALE_SAMPLES).fill(factor, coefficients, np.ones(store.bands[factor]), dtype)
+    scale = _power_of_two(guessed.maxima) / SCALE_MARGIN
     found = store.fill(factor, coefficients, 1.0 / scale, dtype)
     if ((found.maxima > MOST) | ((found.maxima < LEAST) & (found.maxima > 0.0))).any():
         scale *= _power_of_two(found.maxima)

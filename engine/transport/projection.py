@@ -11,7 +11,7 @@ from engine.threads import n_threads, pool
 from engine.transport import _projection_kernels as kernels
 from engine.transport.bandstore import BandTile
 from engine.transport.lighting import Lighting
-from engine.transport.near import NearLeaves
+from engine.transport.near_leaves import NearLeaves
 from engine.visibility.point_visibility import Visibility
 
 TILE = 256
@@ -59,7 +59,7 @@ def project_points(hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, lay
     model = MODELS[layer.model]
     kind_a = model.factors[0].gamma
     kind_b = model.factors[1].gamma if len(model.factors) > 1 else kind_a
-    encoded = kernels.Encoded(
+    encoded = kernels.EncodedTile(
         np.empty(n_points, np.float32),
         np.zeros((n_points, n_a if n_b > 1 else 0), np.uint8),
         np.zeros((n_points, n_a if n_b > 1 else 0), np.uint8),
@@ -69,7 +69,7 @@ def project_points(hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, lay
     q = np.array(model.bind_parameters(np.asarray(layer.quotient_parameters, np.float64)))
     tolerance = np.float32(light.lighting.tolerance)
     optics = kernels.Optics(model.number, q, kind_a, kind_b, n_a, n_b, tolerance, model.colours_number)
-    surface = kernels.Viewed(hits.position, hits.tangent, hits.normal, hits.wo)
+    surface = kernels.ViewedPoints(hits.position, hits.tangent, hits.normal, hits.wo)
     near = light.near
     bits = kernels.Bits(light.sphere.bits, light.fine.bits, light.emitters.bits, near.start, near.node, near.delta)
     n_values = kernels.project_tile(

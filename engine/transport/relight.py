@@ -31,7 +31,7 @@ from engine.sphere.haar import forward, levels_of_coefficients
 from engine.threads import n_threads, on_threads, pool
 from engine.transport import _relight_kernels as kernels
 from engine.transport._angle_kernels import slope
-from engine.transport._projection_kernels import Viewed
+from engine.transport._projection_kernels import ViewedPoints
 from engine.visibility.point_visibility import Visibility
 from engine.visibility.targets import VISIBILITY_LEVEL
 
@@ -40,7 +40,7 @@ N_TURNS = 16
 MEAN_TERMS = 96
 CURVE_STEPS = 2048
 SKY_HEIGHT = 128
-PARTED = 1
+PART_LEVELS = 1
 TRIANGLE_RADIUS = 0.07
 BEND = 0.1
 N_PILOTS = 512
@@ -52,7 +52,7 @@ Float32Array = NDArray[np.float32]
 class LightRows:
     """Rows of the P points of a layer, in tiles."""
 
-    tiles: tuple[kernels.Rows, ...]
+    tiles: tuple[kernels.LightRowArrays, ...]
 
     @property
     def n_points(self) -> int:
@@ -103,19 +103,19 @@ class RowMaker:
     effects: Float32Array
     least: float = 0.0
 
-    def rows(self, layer: Layer, points: NDArray[np.integer]) -> Iterator[kernels.Rows]:
+    def rows(self, layer: Layer, points: NDArray[np.integer]) -> Iterator[kernels.LightRowArrays]:
         """Rows of a layer at some points, all of them seen, a tile at a time."""
         reflection, parts = _reflection(layer), _parts()
         least = np.float32(self.least / max(float(layer.scale().max()), 1e-6))
-        surface = Viewed(self.hits.position, self.hits.tangent, self.hits.normal, self.hits.wo)
+        surface = ViewedPoints(self.hits.position, self.hits.tangent, self.hits.normal, self.hits.wo)
 
-        def make(tile: NDArray[np.int32]) -> kernels.Rows:
+        def make(tile: NDArray[np.int32]) -> kernels.LightRowArrays:
             n_most, channels = len(tile) * len(self.effects), reflection.curve_a.shape[1]
             start, scale = np.empty(len(tile) + 1, np.int64), np.empty(len(tile), np.float32)
             number, value = np.empty(n_most, np.uint16), np.empty((n_most, channels), np.int16)
-            room = kernels.Rows(start, scale, number, value)
+            room = kernels.LightRowArrays(start, scale, number, value)
             n = kernels.fill_rows(tile, surface, self.sphere.bits, parts, reflection, self.effects, least, room)
-            return kernels.Rows(start, scale, number[:n].copy(), value[:n].copy())
+            return kernels.LightRowArrays(start, scale, number[:n].copy(), value[:n].copy())
 
         points = np.ascontiguousarray(points, np.int32)
         tiles = [points[i : i + TILE] for i in range(0, len(points), TILE)]
@@ -123,7 +123,7 @@ class RowMaker:
             for i in range(0, len(tiles), n_threads()):
                 yield from threads.map(make, tiles[i : i + n_threads()])
 
-    def within(self, layers: Iterable[tuple[Layer, NDArray[np.integer]]], most_bytes: float) -> RowMaker:
+    def rows_within(self, layers: Iterable[tuple[Layer, NDArray[np.integer]]], most_bytes: float) -> RowMaker:
         """The same, leaving out so much that rows of these layers at these points have about 96 terms at most on
         average, and take no more than so many bytes. Judged by a few hundred of the points."""
         layers = list(layers)
@@ -146,7 +146,7 @@ class RowMaker:
         return replace(self, least=float(effect[order[n_kept]]))
 
 
-def joined_rows(tiles: Iterable[kernels.Rows]) -> LightRows:
+def joined_rows(tiles: Iterable[kernels.LightRowArrays]) -> LightRows:
     return LightRows(tuple(tiles))
 
 
@@ -159,11 +159,11 @@ def _measures() -> NDArray[np.float64]:
 @lru_cache(maxsize=1)
 def _parts() -> kernels.TriangleParts:
     """The sphere's triangles, and their parts of one level deeper."""
-    sphere, fine = geodesic(VISIBILITY_LEVEL), geodesic(VISIBILITY_LEVEL + PARTED)
+    sphere, fine = geodesic(VISIBILITY_LEVEL), geodesic(VISIBILITY_LEVEL + PART_LEVELS)
     n = sphere.n_triangles
-    shares = np.concatenate([np.ones(n), fine.solid_angles / np.repeat(sphere.solid_angles, 4**PARTED)])
+    shares = np.concatenate([np.ones(n), fine.solid_angles / np.repeat(sphere.solid_angles, 4**PART_LEVELS)])
     centres = np.concatenate([sphere.centres, fine.centres]).T
-    owner = np.concatenate([np.arange(n), np.repeat(np.arange(n), 4**PARTED)])
+    owner = np.concatenate([np.arange(n), np.repeat(np.arange(n), 4**PART_LEVELS)])
     return kernels.TriangleParts(
         np.ascontiguousarray(centres, np.float32), shares.astype(np.float32), owner.astype(np.int32)
     )

@@ -9,7 +9,7 @@ from engine.indirect.albedo import equivalent_albedo
 from engine.indirect.rays import N_PATTERNS, cosine_tables, pole_tables
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.transport._projection_kernels import Viewed
+from engine.transport._projection_kernels import ViewedPoints
 
 EYES = [(0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (-0.3, 0.86, 0.41), (0.99, 0.0, 0.141)]
 
@@ -62,7 +62,7 @@ def test_rays_are_sharp_in_the_middle_of_a_highlight_alone(pole):
     # More than 1 of the 1 / (2π ln(1 + 1/ε)) / (1 - cos t + ε) rays a steradian are where 1 - cos t < 0.0228, 12.3°;
     # half vectors stand for 4 cos θ_d = 4 times as much of the sphere: 1 - cos t < 0.0047, t < 5.5°, 11.1° of the ray.
     normal, eye = np.array([[0.0, 0, 1]], np.float32), np.array([[0.0, 0, 1]], np.float32)
-    surface = Viewed(np.zeros((1, 3), np.float32), np.array([[1.0, 0, 0]], np.float32), normal, eye)
+    surface = ViewedPoints(np.zeros((1, 3), np.float32), np.array([[1.0, 0, 0]], np.float32), normal, eye)
     away = np.radians(np.arange(0.5, 80.0))
     directions = np.stack([np.sin(away), 0 * away, np.cos(away)], axis=1).astype(np.float32)
     marks = np.full(len(away), 9, np.uint8)

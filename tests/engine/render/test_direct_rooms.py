@@ -14,7 +14,7 @@ from engine.render.error_estimate import estimate_error
 from engine.render.path_tracer import trace_paths
 from engine.render.still import reflected, still_layers, still_quality, with_maps
 from engine.generators import run_to_end
-from engine.transport import near
+from engine.transport import near_leaves
 from engine.transport.pipeline import Placement
 from tests.direct_rooms import blinds_room, gap_irradiance, gap_room, lamp_room, plate_room, sphere_irradiance
 from tests.engine.render.test_indirect import errors
@@ -66,8 +66,8 @@ def test_more_patches_help(tmp_path: Path) -> None:
 def test_lamps_behind_bars_are_seen_in_part(monkeypatch: pytest.MonkeyPatch) -> None:
     # 1.11 %: a leaf that a bar half hides got one ray where the six beside it were alike.
     _, _, found = lit("stairwell")
-    monkeypatch.setattr(near, "LEAST", np.float32(1e-5))
-    monkeypatch.setattr(near, "MOST", 4096)
+    monkeypatch.setattr(near_leaves, "LEAST", np.float32(1e-5))
+    monkeypatch.setattr(near_leaves, "MOST", 4096)
     _, _, truth = lit("stairwell", 12288)
     rmse, mean = errors(found, truth)
     assert rmse < 0.01 and abs(mean) < 0.002

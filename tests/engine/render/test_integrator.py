@@ -18,7 +18,7 @@ from engine.scene.builtin import builtin_scenes
 from engine.scene.scene_loader import load_scene
 from engine.transport.bandstore import BandStore
 from engine.transport.lighting import prepare_lighting
-from engine.transport.near import near_leaves
+from engine.transport.near_leaves import near_leaves
 from engine.transport.pipeline import Placement
 from engine.transport.projection import LayerShape, VisibleLight, project_layer
 from engine.visibility.point_visibility import brute_force_visibility

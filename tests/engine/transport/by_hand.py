@@ -14,7 +14,7 @@ from engine.scene.picture_frame import no_lamps
 from engine.scene.raycaster import RayCaster
 from engine.transport.bandstore import BandStore
 from engine.transport.lighting import prepare_lighting
-from engine.transport.near import near_leaves
+from engine.transport.near_leaves import near_leaves
 from engine.transport.projection import LayerShape, VisibleLight, project_layer
 from engine.visibility.point_visibility import brute_force_visibility
 from engine.visibility.targets import sphere_targets

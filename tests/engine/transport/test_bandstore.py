@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from engine.curve import wavelet
 from engine.stored_arrays import UnsoundArrays
 from engine.transport import _band_kernels as kernels
-from engine.transport._projection_kernels import Encoded
-from engine.transport.bandstore import BandStore, BandTile, arrays_of_file, in_pieces, join_tiles, store_from_arrays
-from engine.transport.fixed import picture_of_file
+from engine.transport._projection_kernels import EncodedTile
+from engine.transport.bandstore import BandStore, BandTile, arrays_of_file, arrays_in_pieces, join_tiles, store_from_arrays
+from engine.transport.fixed_picture import picture_of_file
 from tests.engine.forging import forged_numbers, forged_shapes
 from tests.engine.transport.by_hand import contract
 from tests.naive.transport import decode
@@ -22,7 +22,7 @@ def encode_tile(dense: np.ndarray, begin: int = 0, trim: np.float32 = TRIM) -> B
     """A tile that holds dense bands (p, J, K, 3)."""
     n_points, n_a, n_b, _ = dense.shape
     runs = (n_points, n_a if n_b > 1 else 0)
-    encoded = Encoded(
+    encoded = EncodedTile(
         np.empty(n_points, np.float32),
         np.zeros(runs, np.uint8),
         np.zeros(runs, np.uint8),
@@ -54,7 +54,7 @@ def store_of(dense: np.ndarray, chunk: int = 3) -> BandStore:
 def whole(store: BandStore) -> dict[str, np.ndarray]:
     """Its five arrays as a file would have them."""
     parts, n_values = [tile.arrays() for tile in store.tiles], [len(tile.values) for tile in store.tiles]
-    arrays = in_pieces(store.bands, store.n_points, n_values, parts.__getitem__)
+    arrays = arrays_in_pieces(store.bands, store.n_points, n_values, parts.__getitem__)
     found = {name: np.concatenate(list(array.pieces())) for name, array in arrays.items()}
     for name, array in arrays.items():
         assert (found[name].dtype, found[name].shape) == (array.dtype, array.shape)
@@ -176,11 +176,11 @@ def test_coefficients_of_another_length_are_refused() -> None:
 def test_a_thinned_store_holds_every_so_manieth_point_whole(bands, chunk) -> None:
     dense = sparse_bands(23, *bands, seed=9)
     store = store_from_arrays(bands, whole(store_of(dense)), chunk)
-    thinned = store.thinned(7)  # every third
+    thinned = store.thin(7)  # every third
     np.testing.assert_array_equal(dense_of(thinned), dense_of(store)[::3])
     assert len(thinned.tiles) == 2
     assert thinned.n_bytes < store.n_bytes / 2
-    assert store.thinned(12) is store
+    assert store.thin(12) is store
 
 
 def test_the_empty_ends_of_a_row_are_passed_by_and_faint_ones_move_inwards() -> None:

@@ -9,7 +9,7 @@ from engine.light.emitters import emitter_tree
 from engine.transport._emitter_kernels import Around
 from engine.transport._near_kernels import _mark_edges
 from engine.transport.lighting import BESIDE, prepare_lighting
-from engine.transport.near import MOST, NearLeaves, near_leaves
+from engine.transport.near_leaves import MOST, NearLeaves, near_leaves
 from engine.visibility.point_visibility import brute_force_visibility
 from tests.engine.transport.by_hand import NOWHERE, caster_of, irradiance, light_of, points_at, square
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from engine.transport import _plane_kernels as kernels
 from engine.transport.bandstore import BandStore
-from engine.transport.planes import GUESSED_FROM, LEAST, MOST, curve_planes
+from engine.transport.planes import SCALE_SAMPLES, LEAST, MOST, curve_planes
 from tests.engine.transport.by_hand import contract
 from tests.engine.transport.test_bandstore import dense_of, sparse_bands, store_of
 
@@ -88,7 +88,7 @@ def test_planes_are_the_contraction(bands, factor, precision) -> None:
 @given(st.integers(-20, 12), st.integers(-20, 12), st.booleans())
 def test_a_guess_that_fails_is_mended(others: int, peak: int, is_seen: bool) -> None:
     """A point unlike all others, whether or not the guess has seen it: halves stay finite, and none is lost."""
-    dense = np.full((2 * GUESSED_FROM, 2, 1, 3), 10.0**others)
+    dense = np.full((2 * SCALE_SAMPLES, 2, 1, 3), 10.0**others)
     place = 0 if is_seen else 1  # the guess looks at every second point
     dense[place] = 10.0**peak
     store = store_of(dense, chunk=4096)
@@ -102,7 +102,7 @@ def test_a_guess_that_fails_is_mended(others: int, peak: int, is_seen: bool) -> 
 
 
 def test_a_plane_that_the_guess_finds_black_is_not_lost() -> None:
-    dense = np.zeros((2 * GUESSED_FROM, 2, 1, 3))
+    dense = np.zeros((2 * SCALE_SAMPLES, 2, 1, 3))
     dense[1, 0] = 1e-9
     found = curve_planes(store_of(dense, chunk=4096), 0, (np.ones((2, 3)), np.ones((1, 3))), 1.0, "half")
     true = found.numbers[:, 1] * found.scale[:, None]

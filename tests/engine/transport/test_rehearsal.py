@@ -32,16 +32,16 @@ def signatures():
     }
 
 
-rehearsal.rehearse_projection_details()
+rehearsal.warm_up_projection_details()
 details = signatures()
-rehearsal.rehearse_projection()
+rehearsal.warm_up_projection()
 rehearsed = signatures()
 for name, known in details.items():
     if name.endswith(("._deposit_split", "._make_scratch", ".encode_bands")) and "relight" not in name:
         assert known and known == rehearsed[name], name
-rehearsal.rehearse_light()
-rehearsal.rehearse_contraction()
-rehearsal.rehearse_footprint()
+rehearsal.warm_up_light()
+rehearsal.warm_up_contraction()
+rehearsal.warm_up_footprint()
 rehearsed = signatures()
 
 folder = Path(sys.argv[1])

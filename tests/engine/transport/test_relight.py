@@ -98,7 +98,7 @@ def test_a_turned_picture_is_the_transport_of_that_light(placement, i_object: in
     whole = RowMaker(placement.hits, placement.sphere, effects(environment))
     light = light_coefficients(environment, ROTATION)
     assert errors(joined_rows(whole.rows(layer, points)).lit(light), truth).rmse < bound
-    thinned = whole.within([(layer, points)], 1e9)
+    thinned = whole.rows_within([(layer, points)], 1e9)
     rows = joined_rows(thinned.rows(layer, points))
     assert 20 * rows.n_points < rows.n_terms < 110 * rows.n_points
     assert errors(rows.lit(light), truth).rmse < bound + 0.03
@@ -107,7 +107,7 @@ def test_a_turned_picture_is_the_transport_of_that_light(placement, i_object: in
 def test_rows_stay_within_their_memory(placement: Placement) -> None:
     whole = RowMaker(placement.hits, placement.sphere, effects(sky()))
     layers = [(MATT, placement.rows_of(0)), (MATT, placement.rows_of(1)), (COPPER, placement.rows_of(1))]
-    small = whole.within(layers, 40_000)
+    small = whole.rows_within(layers, 40_000)
     kept = [joined_rows(small.rows(*each)) for each in layers]
     assert {rows.tiles[0].value.shape[1] for rows in kept} == {1, 3}
     terms = sum(tile.number.nbytes + tile.value.nbytes for rows in kept for tile in rows.tiles)
@@ -116,6 +116,6 @@ def test_rows_stay_within_their_memory(placement: Placement) -> None:
 
 def test_nothing_seen_is_nothing_reflected(placement: Placement) -> None:
     dark = RowMaker(placement.hits, placement.sphere, np.zeros(geodesic(4).n_triangles, np.float32))
-    assert dark.within([], 1e6) is dark and joined_rows([]).lit(light_coefficients(sky(), 0.0)).shape == (0, 3)
+    assert dark.rows_within([], 1e6) is dark and joined_rows([]).lit(light_coefficients(sky(), 0.0)).shape == (0, 3)
     rows = joined_rows(dark.rows(MATT, placement.rows_of(0)))
     assert rows.n_terms == 0 and not rows.lit(light_coefficients(sky(), 0.0)).any()

@@ -24,7 +24,7 @@ from engine.visibility import _kernels as kernels
 
 N_POINTS = 512
 N_RAYS = 8  # from a point to each triangle
-UNSURE = 0.125  # so much of a ray is thought to have arrived, and so much not, before any is sent
+UNCERTAIN_SHARE = 0.125  # so much of a ray is thought to have arrived, and so much not, before any is sent
 # Lamps of fewer triangles keep them all, however few leaves there are to be.
 FEWEST_MERGED = 64
 
@@ -47,17 +47,17 @@ def emitters_for(scene: Scene, caster: RayCaster, hits: PrimaryHits, n_leaves: i
         return emitter_tree(corners, radiance, n_leaves)
     rows = np.unique(np.linspace(0, len(hits.pixel) - 1, N_POINTS).astype(np.int32))
     tried = emitter_patches(np.repeat(corners, N_RAYS, axis=0), np.repeat(radiance, N_RAYS, axis=0), 1)
-    n_seen = _sees(caster, hits, rows, tried.samples, tried.normal).reshape(len(rows), -1, N_RAYS).sum(axis=2)
+    n_seen = _trace_leaves(caster, hits, rows, tried.samples, tried.normal).reshape(len(rows), -1, N_RAYS).sum(axis=2)
     # That none of a few rays arrived does not say that nothing is seen: what shines through a gap is often missed by
     # all, and was never cut then, whatever the number of leaves. Mostly a point sees all or nothing of a triangle: of
     # an unknown share that is thus distributed, Beta(a, a) with a small a, (k + a) / (n + 2 a) is expected. From
     # a = 0.2 on too many leaves go to what nobody sees: a storeroom's light was 0.53 % off, for 0.30 %.
-    seen = (n_seen + UNSURE) / (N_RAYS + 2.0 * UNSURE)
+    seen = (n_seen + UNCERTAIN_SHARE) / (N_RAYS + 2.0 * UNCERTAIN_SHARE)
     points, normals = hits.position[rows].astype(np.float64), hits.horizon[rows].astype(np.float64)
     return emitter_tree(corners, radiance, n_leaves, visible_importance(corners, radiance, points, normals, seen))
 
 
-def _sees(
+def _trace_leaves(
     caster: RayCaster, hits: PrimaryHits, rows: NDArray[np.int32], places: NDArray[np.float32],
     normals: NDArray[np.float32],
 ) -> NDArray[np.bool_]:  # fmt: skip

@@ -33,7 +33,7 @@ LEAST, NEAR = np.float32(0.002), np.float32(0.35)
 MOST = 256  # leaves of a point that are looked at
 BLOCK, AT_ONCE = 1024, 8
 
-_Found = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float32]]
+_BlockLeaves = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float32]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ def no_near_leaves(n_points: int) -> NearLeaves:
 
 
 class NearLight:
-    """Finds those of the given rows, ascending, whose bits are known: `steps` must be driven to its end before."""
+    """Finds those of the given rows, ascending, whose bits are known: `find_steps` must be driven to its end before."""
 
     def __init__(
         self, hits: PrimaryHits, caster: RayCaster, emitters: Emitters, visibility: Visibility,
@@ -61,14 +61,14 @@ class NearLight:
         self._work = (hits, caster, emitters, visibility)
         rows = np.asarray(rows if emitters.n_roots else rows[:0], np.int32)
         self._blocks = [rows[i : i + BLOCK] for i in range(0, len(rows), BLOCK)]
-        self._found: list[_Found] = []
+        self._found: list[_BlockLeaves] = []
 
-    def steps(self) -> Iterator[float]:
+    def find_steps(self) -> Iterator[float]:
         """Find them, eight blocks of 1,024 points between two yields of the fraction done."""
         with pool() as threads:
             for i in range(0, len(self._blocks), AT_ONCE):
                 group = self._blocks[i : i + AT_ONCE]
-                self._found += threads.map(lambda block: _of_block(*self._work, block), group)
+                self._found += threads.map(lambda block: _find_in_block(*self._work, block), group)
                 yield len(self._found) / len(self._blocks)
 
     def leaves(self) -> NearLeaves:
@@ -87,14 +87,14 @@ def near_leaves(
 ) -> NearLeaves:
     """The same at once."""
     near = NearLight(hits, caster, emitters, visibility, rows)
-    for _ in near.steps():
+    for _ in near.find_steps():
         pass
     return near.leaves()
 
 
-def _of_block(
+def _find_in_block(
     hits: PrimaryHits, caster: RayCaster, emitters: Emitters, visibility: Visibility, rows: NDArray[np.int32]
-) -> _Found:
+) -> _BlockLeaves:
     counts, depths, nodes = (np.empty(shape, np.int32) for shape in (len(rows), len(rows), (len(rows), MOST)))
     kernels.list_near(rows, hits.position, hits.horizon, visibility.bits, emitters, LEAST, NEAR, counts, nodes, depths)
     pairs, depth = np.repeat(rows, counts), np.repeat(depths, counts)

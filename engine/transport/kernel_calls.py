@@ -20,7 +20,7 @@ from engine.sphere.geodesic import geodesic
 from engine.transport import _projection_kernels as kernels
 from engine.transport.bandstore import BandTile, join_tiles
 from engine.transport.lighting import prepare_lighting
-from engine.transport.near import no_near_leaves
+from engine.transport.near_leaves import no_near_leaves
 from engine.transport.pipeline import COARSE, Placement, Quality, SkyState
 from engine.transport.planes import curve_planes
 from engine.transport.projection import LayerShape, VisibleLight, project_layer
@@ -44,13 +44,13 @@ _QUALITY = Quality("rehearsal", COARSE.stride, 20, COARSE.n_patches, max_level=1
 _LAYER = LayerShape("lambert", (0.0,) * 8, (2, 2))
 
 
-def rehearse_edges() -> None:
+def warm_up_edges() -> None:
     """Tracing a view with several points in some pixels."""
     hits = Placement(_placement().scene, _placement().caster, n_edge_rays=4).hits
     nearest_centres(hits, hits.horizon, np.ones(len(hits.object_ranges), np.float32))
 
 
-def rehearse_light() -> None:
+def warm_up_light() -> None:
     """Cutting the light and seeing it; the sphere's tables as well."""
     placement = _placement()
     sky = SkyState(constant_environment((1.0, 1.0, 1.0)))
@@ -60,12 +60,12 @@ def rehearse_light() -> None:
     assert len(finest.edges) and len(finest.triangle_edges)  # made when they are first asked for
 
 
-def rehearse_footprint() -> None:
+def warm_up_footprint() -> None:
     """Spreading a coarse picture."""
     _placement().footprint(_QUALITY.stride)
 
 
-def rehearse_projection() -> None:
+def warm_up_projection() -> None:
     """Projecting light onto bands, the longest to compile; in the dark, so that it waits for no other kernel."""
     placement = _placement()
     dark = prepare_lighting(None, None, _QUALITY.tolerance)
@@ -75,7 +75,7 @@ def rehearse_projection() -> None:
         pass
 
 
-def rehearse_projection_details() -> None:
+def warm_up_projection_details() -> None:
     """Parts of the projection by themselves, so that another process need not compile them: a third of it."""
     n_a, n_b = _LAYER.bands
     scratch = kernels._make_scratch(1, 1)
@@ -87,21 +87,21 @@ def rehearse_projection_details() -> None:
     rows, tree = np.zeros(1, np.int64), np.zeros((0, 6), np.float32)
     kernels._split_curved(corners, rows, tree, 0, one, one, optics, frame, one, one, one, scratch)
     kernels.share_out(bands, scratch.colours, 0, scratch.spots, one, one)
-    encoded = kernels.Encoded(*_nothing(n_a))
+    encoded = kernels.EncodedTile(*_empty_tile(n_a))
     cells, maxima = np.zeros((n_a, n_b), np.float32), np.zeros(n_a, np.float32)
     kernels.encode_bands(bands[:n_a, :n_b], one, cells, maxima, encoded, 0, 0)
 
 
-def _nothing(n_a: int) -> tuple[np.ndarray, ...]:
+def _empty_tile(n_a: int) -> tuple[np.ndarray, ...]:
     """The arrays of an encoded tile of one point that saw no light."""
     runs = np.zeros((1, n_a), np.uint8)
     return np.zeros(1, np.float32), runs, runs.copy(), np.zeros(1, np.int64), np.zeros(2 * n_a, np.uint32)
 
 
-def rehearse_contraction() -> None:
+def warm_up_contraction() -> None:
     """From bands to a picture and to the transport of one curve, on bands that hold nothing."""
     n_a, _ = _LAYER.bands
-    store = join_tiles(_LAYER.bands, [BandTile(0, *_nothing(n_a))])
+    store = join_tiles(_LAYER.bands, [BandTile(0, *_empty_tile(n_a))])
     curves = np.ones((n_a, 3)), np.ones((n_a, 3))
     store.radiance(*curves)
     curve_planes(store, 0, curves, 1.0, "half")
