@@ -23,7 +23,7 @@ from app.view_state import ViewState
 from engine.deform.pose import Poses
 from engine.deform.posed_scene import posed
 from engine.errors import InsituError
-from engine.indirect.beyond import BRIGHTEST, held
+from engine.indirect.clamping import BRIGHTEST, clamp_radiance
 from engine.indirect.series import BounceSeries
 from engine.planner import N_LIGHTS, N_PATCHES
 from engine.scene.camera_moves import orbit_camera
@@ -159,7 +159,7 @@ class _Orbiting:
             for _ in self._orbit.work():
                 pass
             picture = self._orbit.draw(camera, resolution, "still")
-        return held(picture * self._intensity, BRIGHTEST)
+        return clamp_radiance(picture * self._intensity, BRIGHTEST)
 
 
 class _Bending:
@@ -181,4 +181,4 @@ class _Bending:
     def draw(self, i: int) -> Picture:
         camera, resolution = self._scene.description.camera, self._scene.resolution
         picture = self._deform.draw(camera, resolution, self._poses[i], "rest")
-        return held(picture * self._intensity, BRIGHTEST)
+        return clamp_radiance(picture * self._intensity, BRIGHTEST)

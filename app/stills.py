@@ -23,8 +23,8 @@ from engine.deform.live import N_LOBES, Deform
 from engine.deform.still import render_deform
 from engine.deform.transfer import N_RAYS as DEFORM_RAYS
 from engine.errors import InsituError
-from engine.indirect.beyond import BRIGHTEST, held
-from engine.indirect.fineness import STILL
+from engine.indirect.clamping import BRIGHTEST, clamp_radiance
+from engine.indirect.sampling_settings import STILL
 from engine.indirect.series import BounceSeries
 from engine.material.layer import Layer, object_of
 from engine.orbit.live import Orbit
@@ -116,7 +116,7 @@ def render_project(
     intensity, error, indirect, noise = np.float64(project.document.light.intensity), None, None, None
     if reference:
         steps = _reference(placement, project, series.n_bounces, n_samples)
-        return Still(held(run_to_end(steps, report) * intensity, BRIGHTEST), warning=bounces.warning)
+        return Still(clamp_radiance(run_to_end(steps, report) * intensity, BRIGHTEST), warning=bounces.warning)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     if mode != "placement":
         if mode == "orbit":
@@ -136,7 +136,7 @@ def render_project(
         elif estimates_error:
             (judged,) = run_to_end(judge_drawn(placement, layers, sky, series.n_bounces, [picture]), report)
             error = judged.estimate
-        return Still(held(picture * intensity, BRIGHTEST), error, warning)
+        return Still(clamp_radiance(picture * intensity, BRIGHTEST), error, warning)
     layers = _at_most(layers, series.first or project.document.first_bands)
     if series.n_bounces > 1:
         fineness, as_needed = STILL.with_rays(plan.n_rays), not plan.n_rays
@@ -152,7 +152,7 @@ def render_project(
         )  # fmt: skip
         error = run_to_end(estimating, report)
     picture = compose(placement, radiance, sky)
-    return Still(held(picture * intensity, BRIGHTEST), error, bounces.warning)
+    return Still(clamp_radiance(picture * intensity, BRIGHTEST), error, bounces.warning)
 
 
 def judge_picture(project: Project, picture: NDArray[np.float32], series: BounceSeries | None = None) -> str:

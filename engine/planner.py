@@ -79,7 +79,7 @@ class RenderSettings:
     n_lights, n_patches: that sky and emitters are cut into at last, or fewer where these do (`render.light_pilot`) and
     no person has overruled it; keeps_sphere: whether shadows from every direction are found and kept, else those of
     the lights alone; n_bounces: 0 for as many as the scene requires; n_rays: a fan of indirect light, 0 for as many as
-    the picture needs (`indirect.fineness`).
+    the picture needs (`indirect.sampling_settings`).
     """
 
     n_lights: int = N_LIGHTS
@@ -140,7 +140,7 @@ class Plan:
     """What will be computed for one scene. `reasons` says why, by line; `overridden` which lines a person set.
 
     bounces: None until a pilot has said (`engine.render.bounces`); n_rays: a fan of indirect light, 0 for as many as it
-    needs when it is found (`engine.indirect.fineness`); n_edge_rays: one of `engine.plan_lines.EDGE_RAYS`;
+    needs when it is found (`engine.indirect.sampling_settings`); n_edge_rays: one of `engine.plan_lines.EDGE_RAYS`;
     is_still: nothing of it is edited afterwards.
     """
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from engine.indirect.fineness import FINE, ROUGH
+from engine.indirect.sampling_settings import FINE, ROUGH
 
 if TYPE_CHECKING:
     import pytest

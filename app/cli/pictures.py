@@ -134,7 +134,7 @@ def render(
             f"--scheduler {scheduler}: one picture is drawn here, expected --turntable or --frames as well"
         )
     from app.stills import StillProgress, check_output, render_project, write_picture
-    from engine.indirect.beyond import TOO_BRIGHT, is_beyond
+    from engine.indirect.clamping import TOO_BRIGHT, is_clamped
 
     check_output(output)
     shown = None if view is None else find_view(view)
@@ -160,7 +160,7 @@ def render(
     remains = "" if noise is None else f"noise {noise:.2%}"
     said = remains if error is None else error.text
     write_picture(output, picture, shown or project.view, said)
-    if is_beyond(picture):
+    if is_clamped(picture):
         print(TOO_BRIGHT, file=sys.stderr)
     line = f"{output}: {picture.shape[1]} x {picture.shape[0]}, {time.monotonic() - started:.1f} s"
     say(f"{line}, {said}" if said else line)

@@ -94,7 +94,7 @@ def project_tiles(
 def find_indirect(errand: ViewErrand, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> Arrays:
     """The fine indirect light of a view, as it is kept on disk."""
     from app.jobs.indirect import IndirectTasks
-    from engine.indirect.stored import arrays_of
+    from engine.indirect.stored_light import arrays_of
 
     with _at_work(errand):
         bench = _opened(errand, lambda: _bench(errand))

@@ -11,7 +11,7 @@ from app.project import Project
 from app.stills import layers_by_object, plan_still, prepared_deform, prepared_orbit, render_project, wanted_bounces
 from engine.deform.live import Deform
 from engine.errors import InsituError
-from engine.indirect.beyond import BRIGHTEST, held
+from engine.indirect.clamping import BRIGHTEST, clamp_radiance
 from engine.indirect.series import BounceSeries
 from engine.orbit.live import Orbit
 from engine.render.bounces import planned_bounces
@@ -48,7 +48,7 @@ class Pictures:
             still = render_project(project, lambda step: None, reference=True, series=series, n_samples=n_samples)
             return still.picture
         picture = self._in_orbit(project, n_bounces) if mode == "orbit" else self._in_deform(project, n_bounces)
-        return held(picture * np.float64(project.document.light.intensity), BRIGHTEST)
+        return clamp_radiance(picture * np.float64(project.document.light.intensity), BRIGHTEST)
 
     def error(self, project: Project, mode: Mode, n_bounces: int | None) -> ErrorEstimate:
         """How far off such a picture is, estimated by paths. Raises InsituError where that cannot be known."""

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 
 from app.project import Project
 from app.stills import wanted_bounces
-from engine.indirect.beyond import BRIGHTEST, held
-from engine.indirect.fineness import STILL
-from engine.indirect.light import IndirectLight
+from engine.indirect.clamping import BRIGHTEST, clamp_radiance
+from engine.indirect.sampling_settings import STILL
+from engine.indirect.indirect_light import IndirectLight
 from engine.indirect.representation import GatherPolynomial
 from engine.indirect.series import BounceSeries
 from engine.material.layer import Layer, object_of
@@ -111,7 +111,7 @@ class PlacementPictures:
         hits, picture = view.placement.hits, light.background.copy()
         add_points(hits.pixel, hits.share, radiance, picture.reshape(-1, 3))
         intensity = project.document.light.intensity
-        return held(picture if intensity == 1.0 else picture * np.float64(intensity), BRIGHTEST)
+        return clamp_radiance(picture if intensity == 1.0 else picture * np.float64(intensity), BRIGHTEST)
 
     def error(self, project: Project, n_bounces: int | None = None) -> ErrorEstimate:
         """How far off that picture is, estimated by tracing some of its points."""

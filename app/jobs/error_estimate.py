@@ -21,7 +21,7 @@ from app.orbit.messages import DrawnEstimated, EstimateDrawn
 from app.placement.messages import ErrorEstimated, EstimateError
 from app.scene_state import LayerState
 from engine.errors import InsituError
-from engine.indirect.light import IndirectLight
+from engine.indirect.indirect_light import IndirectLight
 from engine.planner import band_counts
 from engine.render.error_estimate import MAP_POINTS, N_POINTS, Judged, judge, judge_drawn
 from engine.render.error_map import Colours, error_colours

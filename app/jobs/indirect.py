@@ -25,13 +25,13 @@ from app.messages import Progress, Response
 from app.placement.messages import BouncesPlanned, Freeze, Frozen, IndirectFound, IndirectNoise
 from app.scene_state import LayerState
 from engine.indirect.albedo import albedo_bands
-from engine.indirect.fineness import FINE, ROUGH, Fineness
-from engine.indirect.irradiance import NOBODY
-from engine.indirect.layers import IndirectLayer, indirect_layer
-from engine.indirect.light import IndirectLight
-from engine.indirect.representation import GatherPolynomial, Selected
+from engine.indirect.sampling_settings import FINE, ROUGH, SamplingSettings
+from engine.indirect.irradiance import NO_OBJECT
+from engine.indirect.indirect_layers import IndirectLayer, indirect_layer
+from engine.indirect.indirect_light import IndirectLight
+from engine.indirect.representation import GatherPolynomial, SelectedCurve
 from engine.indirect.solver import Solver, relit
-from engine.indirect.stored import NAMES, arrays_of
+from engine.indirect.stored_light import NAMES, arrays_of
 from engine.material.layer import Layer, object_of
 from engine.render.bounces import planned_bounces
 from engine.render.indirect import direct_mean
@@ -54,7 +54,7 @@ class _Found:
     """Indirect light, what its rays and what its irradiance were found for; n_rays: 0 for as many as it needs."""
 
     light: IndirectLight
-    fineness: Fineness
+    fineness: SamplingSettings
     n_rays: int
     models: tuple[tuple[str, str], ...]
     lit_by: str
@@ -68,10 +68,10 @@ class _KeptParts:
     def __init__(self, tiles: Tiles) -> None:
         self._tiles = tiles
 
-    def part(self, index: int) -> Arrays | None:
+    def load(self, index: int) -> Arrays | None:
         return self._tiles.tile(index, dict)
 
-    def keep(self, index: int, arrays: Arrays) -> None:
+    def store(self, index: int, arrays: Arrays) -> None:
         if index < MOST_PARTS:
             self._tiles.append_tile(index, arrays)
 
@@ -190,7 +190,7 @@ class IndirectTasks:
         return found.lit_by == lit_by and n_bounces in (0, found.light.n_bounces)
 
     def _hold(self, found: _Found) -> Steps:
-        self._kept = self._kept.under(found.light) if self._kept is not None else GatherPolynomial(found.light)
+        self._kept = self._kept.with_light(found.light) if self._kept is not None else GatherPolynomial(found.light)
         self._found = found = replace(found, number=next(self._numbers))
         yield self._where(found)
         if self._wish is not None:
@@ -201,18 +201,18 @@ class IndirectTasks:
     def _where(self, found: _Found) -> IndirectFound:
         rows, weights = found.light.footprint_by_object()
         self._told = found.number
-        need = found.light.need
+        need = found.light.ray_budget
         told = (need.n_rays, need.reason) if need.noise is not None else (0, "")
         return IndirectFound(found.number, found.fineness.name, rows, weights, *told, id=self._scene_id)
 
     def _frozen(self, found: _Found, wish: Freeze) -> Steps:
         layers = {each.key: self._reflecting(each, wish.second_bands) for each in wish.scene.visible}
-        edited = NOBODY if wish.key is None else self._placement.scene.object_index(object_of(wish.key))
+        edited = NO_OBJECT if wish.key is None else self._placement.scene.object_index(object_of(wish.key))
         seen = _seen_by(found, wish)
-        self._kept = GatherPolynomial(seen) if self._kept is None else self._kept.under(seen)
+        self._kept = GatherPolynomial(seen) if self._kept is None else self._kept.with_light(seen)
         selected = None
         if wish.key in layers and wish.factor is not None:
-            selected = Selected(list(layers).index(wish.key), wish.factor)
+            selected = SelectedCurve(list(layers).index(wish.key), wish.factor)
         frozen = yield from self._kept.freeze(list(layers.values()), edited, selected)
         keys = list(layers)
         reflected = {keys[i]: np.ascontiguousarray(part.transpose(1, 0, 2)) for i, part in frozen.reflected.items()}
@@ -241,7 +241,7 @@ class IndirectTasks:
 
 
 def _seen_by(found: _Found, wish: Freeze) -> IndirectLight:
-    return found.light.by_albedo() if wish.second_bands == 1 else found.light
+    return found.light.without_glossy_hits() if wish.second_bands == 1 else found.light
 
 
 def _look_alike(one: Freeze, two: Freeze) -> bool:

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from app.measure.multisets import NONE, Multisets
 from engine.errors import InsituError
-from engine.indirect.irradiance import NOBODY, CellLight, bounced
-from engine.indirect.layers import IndirectLayer, albedos_of
-from engine.indirect.light import IndirectLight
-from engine.indirect.reflection import SentLight
-from engine.indirect.representation import Freezing, FrozenLight, Selected
+from engine.indirect.irradiance import NO_OBJECT, CacheLight, bounce_radiosity
+from engine.indirect.indirect_layers import IndirectLayer, albedos_of
+from engine.indirect.indirect_light import IndirectLight
+from engine.indirect.reflection import OutgoingRadiance
+from engine.indirect.representation import Freezing, FrozenLight, SelectedCurve
 from engine.generators import run_to_end
 
 
@@ -28,18 +28,18 @@ class DenseTensor:
     def __init__(self, light: IndirectLight, layers: Sequence[IndirectLayer]) -> None:
         if any(len(layer.curves.curves) != 1 for layer in layers):
             raise InsituError("the dense tensor takes layers with one curve, expected no more")
-        self._n_bounces, self._n_objects = light.n_bounces, len(light.points.poles)
+        self._n_bounces, self._n_objects = light.n_bounces, len(light.points.lobe_axes)
         self._objects = sorted({layer.i_object for layer in layers})
         self._sets = Multisets(len(self._objects), light.n_bounces - 1)
-        sent = SentLight(radiosity_by_multiset(light.light, self._objects, self._sets, light.n_bounces)[:, 1:], None)
-        self._tensors = [run_to_end(light.points.fans(each.i_object).by_band(each.curves, 0, sent)) for each in layers]
+        sent = OutgoingRadiance(radiosity_by_multiset(light.light, self._objects, self._sets, light.n_bounces)[:, 1:], None)
+        self._tensors = [run_to_end(light.points.hemisphere_samples(each.i_object).by_band(each.curves, 0, sent)) for each in layers]
 
     @property
     def n_bytes(self) -> int:
         return sum(tensor.nbytes for tensor in self._tensors)
 
     def freeze(
-        self, layers: Sequence[IndirectLayer], edited: int = NOBODY, selected: Selected | None = None
+        self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT, selected: SelectedCurve | None = None
     ) -> Freezing:
         """As `Representation.freeze`; the layers have the models and bands that the tensor was made for."""
         powers = self._powers(layers, edited)
@@ -72,7 +72,7 @@ class DenseTensor:
 
 
 def radiosity_by_multiset(
-    light: CellLight, objects: Sequence[int], sets: Multisets, n_bounces: int
+    light: CacheLight, objects: Sequence[int], sets: Multisets, n_bounces: int
 ) -> NDArray[np.float32]:
     """Radiosity (C, Z, 3) of the cells over the albedos' products, in a picture of N bounces: see `irradiance`."""
     latest = np.zeros((len(light.objects), len(sets), 3), np.float32)
@@ -80,7 +80,7 @@ def radiosity_by_multiset(
     total = latest.copy()
     for _ in range(n_bounces - 2):
         bright = np.pad(_times_albedo(latest, light.objects, objects, sets), ((0, 0), (0, 0), (0, 1)))
-        latest = bounced(light.seen, bright, len(sets))
+        latest = bounce_radiosity(light.records_hit, bright, len(sets))
         total += latest
     return _times_albedo(total, light.objects, objects, sets)
 

@@ -27,7 +27,7 @@ from app.measure.machine import machine_facts
 from app.project import Project, open_project, with_edges
 from app.stills import layers_by_object, plan_still, still_quality
 from engine.deform.live import N_POINTS
-from engine.indirect.fineness import FINE
+from engine.indirect.sampling_settings import FINE
 from engine.indirect.series import BounceSeries
 from engine.orbit.live import Orbit
 from engine.render.bounces import planned_bounces

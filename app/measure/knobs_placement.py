@@ -27,7 +27,7 @@ from app.project import Project, open_project
 from app.stills import layers_by_object, plan_still
 from engine.curve.operators import Operator
 from engine.curve.wavelet import forward
-from engine.indirect.fineness import FINE, ROUGH, STILL, Fineness
+from engine.indirect.sampling_settings import FINE, ROUGH, STILL, SamplingSettings
 from engine.indirect.series import BounceSeries, parse_series
 from engine.material.layer import Layer
 from engine.render.indirect import indirect_radiance
@@ -76,7 +76,7 @@ class PlacementKnobs:
     series: tuple[str, ...] = (SIMPLE_SERIES, "64,1", "64,1,1", "64,1,1,1", "64,8,1,1", "8,1,1,1", WHOLE_SERIES)
     rays: tuple[int, ...] = (64, 128, 256, 512, 1024)
     fineness: tuple[str, ...] = tuple(FINENESSES)
-    fine: Fineness = FINE
+    fine: SamplingSettings = FINE
     frozen: tuple[int, int, int] = (4, 4, 96)
 
 
@@ -299,7 +299,7 @@ class _Indirect:
         )  # fmt: skip
         yield self._knob(
             "gather rays", self._effort.rays,
-            lambda n: self._shown(WHOLE_SERIES, replace(fine, n_rays=n, n_records=min(fine.n_records, n))), fine.n_rays,
+            lambda n: self._shown(WHOLE_SERIES, replace(fine, n_rays=n, n_glossy_hits=min(fine.n_glossy_hits, n))), fine.n_rays,
             f"indirect light, {fine.name}",
         )  # fmt: skip
         yield self._knob(
@@ -310,7 +310,7 @@ class _Indirect:
     def _knob(self, name: str, settings: Sequence[Any], make: Any, present: Any, cost: str) -> Knob:
         return Knob("placement", name, settings, make, self._truth, present, cost)
 
-    def _shown(self, text: str, fineness: Fineness) -> Any:
+    def _shown(self, text: str, fineness: SamplingSettings) -> Any:
         series = SERIES.get(text) or parse_series(text)
 
         def compute() -> Shown:

@@ -26,10 +26,10 @@ from app.measure.growth import SOURCE, cut
 from app.measure.knobs import Knob, Shown
 from app.measure.subject import at_most, open_subject
 from app.sky import sky_of
-from engine.indirect.fineness import ROUGH, Fineness
-from engine.indirect.layers import IndirectLayer, even_slant, indirect_layer
-from engine.indirect.light import IndirectLight
-from engine.indirect.representation import FrozenLight, GatherPolynomial, Representation, Selected
+from engine.indirect.sampling_settings import ROUGH, SamplingSettings
+from engine.indirect.indirect_layers import IndirectLayer, diffuse_slant, indirect_layer
+from engine.indirect.indirect_light import IndirectLight
+from engine.indirect.representation import FrozenLight, GatherPolynomial, Representation, SelectedCurve
 from engine.indirect.solver import Solver
 from engine.material import MODELS
 from engine.material.layer import make_layer
@@ -68,15 +68,15 @@ def representation_rows(settings: Sequence[tuple[int, int]], side: int) -> Itera
 
 
 def compare(
-    scene: Scene, n_objects: int, n_bounces: int, fineness: Fineness = FINENESS
+    scene: Scene, n_objects: int, n_bounces: int, fineness: SamplingSettings = FINENESS
 ) -> tuple[RepresentationRow, RepresentationRow]:
     """Both representations of a cut scene."""
     light, layers = _traced(scene, n_objects, n_bounces, fineness)
-    traced = light.points.gathered.n_bytes + light.light.n_bytes
+    traced = light.points.samples.n_bytes + light.light.n_bytes
 
     def row(name: str, made: Representation, made_s: float, read: int) -> RepresentationRow:
         times, frozen = zip(*(_timed(made, layers, 0) for _ in range(REPETITIONS)), strict=True)
-        counts, error = (n_objects, n_bounces, len(light.points.gathered.points)), edit_error(light, layers, frozen[0])
+        counts, error = (n_objects, n_bounces, len(light.points.samples.points)), edit_error(light, layers, frozen[0])
         return RepresentationRow(name, *counts, (made.n_bytes + read) / 1e6, made_s, statistics.median(times), error)
 
     gather = GatherPolynomial(light)
@@ -88,10 +88,10 @@ def compare(
 
 
 def _traced(
-    scene: Scene, n_objects: int, n_bounces: int, fineness: Fineness
+    scene: Scene, n_objects: int, n_bounces: int, fineness: SamplingSettings
 ) -> tuple[IndirectLight, list[IndirectLayer]]:
     # The tensor goes by equivalent albedos alone.
-    layer = even_slant(indirect_layer(0, make_layer(MODELS[MODEL]), (N_BANDS,)))
+    layer = diffuse_slant(indirect_layer(0, make_layer(MODELS[MODEL]), (N_BANDS,)))
     layers = [replace(layer, i_object=i) for i in range(n_objects)]
     sky = sky_of(scene, document_from_description(SOURCE, scene.description).light)
     models = {layer.i_object: [MODEL] for layer in layers}
@@ -111,7 +111,7 @@ def edited_pictures(
     curve = layers[0].curves.curves[0] * np.linspace(0.2, 1.5, N_BANDS)[:, None]
     albedo = layers[0].albedo * 0.7
     edited = replace(layers[0], curves=replace(layers[0].curves, curves=(curve,)), albedo=albedo)
-    [plain] = run_to_end(light.points.fans(0).reflected([edited.curves], light.sent([edited, *layers[1:]])))
+    [plain] = run_to_end(light.points.hemisphere_samples(0).reflect([edited.curves], light.outgoing_radiance([edited, *layers[1:]])))
     powers = albedo ** np.arange(frozen.bands.shape[2])[:, None]
     return np.einsum("cjnp,jc,nc->pc", frozen.bands, curve, powers), plain[:, 0]
 
@@ -121,7 +121,7 @@ def representation_knob(n_objects: int, n_bounces: int, side: int) -> Knob:
     scene = open_subject(SOURCE).scene
     scene = cut(replace(scene, resolution=at_most(scene.resolution, side)), n_objects)
     light, layers = _traced(scene, n_objects, n_bounces, FINENESS)
-    frozen = run_to_end(GatherPolynomial(light).freeze(layers, 0, Selected(0, 0)))
+    frozen = run_to_end(GatherPolynomial(light).freeze(layers, 0, SelectedCurve(0, 0)))
     truth = edited_pictures(light, layers, frozen)[1]
 
     def make(name: Any) -> Any:
@@ -129,7 +129,7 @@ def representation_knob(n_objects: int, n_bounces: int, side: int) -> Knob:
         _timed(made, layers, n_objects - 1)  # what the first freezing keeps is a part of making it
 
         def compute() -> Shown:
-            found = run_to_end(made.freeze(layers, layers[0].i_object, Selected(0, 0)))
+            found = run_to_end(made.freeze(layers, layers[0].i_object, SelectedCurve(0, 0)))
             return Shown(edited_pictures(light, layers, found)[0], made.n_bytes / 2**20)
 
         return compute
@@ -150,5 +150,5 @@ def write_rows(file: Path, rows: Sequence[RepresentationRow]) -> None:
 def _timed(made: Representation, layers: Sequence[IndirectLayer], i_layer: int) -> tuple[float, FrozenLight]:
     """Seconds of a freezing for a layer's object, and what it gave."""
     started = time.process_time()
-    frozen = run_to_end(made.freeze(layers, layers[i_layer].i_object, Selected(i_layer, 0)))
+    frozen = run_to_end(made.freeze(layers, layers[i_layer].i_object, SelectedCurve(i_layer, 0)))
     return time.process_time() - started, frozen

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from app.machine.atomic import save_file
 from app.project import Project, open_project
 from app.stills import plan_still
-from engine.indirect.fineness import FINE
+from engine.indirect.sampling_settings import FINE
 from engine.indirect.series import BounceSeries
 from engine.planner import MOST_BANDS, Plan
 from engine.render.bounces import MOST_PLANNED, planned_bounces
@@ -169,7 +169,7 @@ def _further(
     started = time.process_time()
     found = run_to_end(find_indirect(placement, layers, project.sky, BounceSeries(n_bounces), FINE, as_needed))
     radiance = run_to_end(reflected_light(found, layers, None, placement.hits))
-    return _Further(n_bounces, found.need.n_rays, radiance, time.process_time() - started)
+    return _Further(n_bounces, found.ray_budget.n_rays, radiance, time.process_time() - started)
 
 
 def _drawn(

@@ -28,8 +28,8 @@ from app.placement.edited_curves import edited_layers
 from app.placement.events import Footprint, IndirectRadiance
 from app.placement.messages import Freeze, Frozen, IndirectFound, IndirectNoise
 from app.scene_state import LayerState, SceneState
-from engine.indirect.beyond import in_full, is_beyond
-from engine.indirect.equivalence import albedo_of
+from engine.indirect.clamping import unscaled, is_clamped
+from engine.indirect.albedo_from_curves import albedo_of
 from engine.material.layer import object_of
 
 FREEZE_PATIENCE = 5.0
@@ -346,7 +346,7 @@ class IndirectTalk:
             if self._shown.get(look.key) != state:
                 self._shown[look.key] = state
                 radiance = _radiance(frozen, look.key, albedo, curve)
-                (self._beyond.add if is_beyond(radiance) else self._beyond.discard)(look.key)
+                (self._beyond.add if is_clamped(radiance) else self._beyond.discard)(look.key)
                 look_as = drawn_as(*look.layer.quotient)
                 events.append(IndirectRadiance(look.key, radiance, footprint, look_as))
         return events
@@ -368,14 +368,14 @@ def _radiance(frozen: Frozen, key: str, albedo: Float64Array, curve: Float64Arra
     if curve is None:
         reflected = frozen.reflected[key]
         powers = albedo ** np.arange(len(reflected))[:, None]
-        return in_full(np.einsum("npc,nc->pc", reflected, powers), frozen.unit)
+        return unscaled(np.einsum("npc,nc->pc", reflected, powers), frozen.unit)
     bands = frozen.bands
     powers = albedo ** np.arange(bands.shape[2])[:, None]
     channels = [
         powers[:, c] @ (curve[:, c].astype(np.float32) @ bands[c].reshape(len(curve), -1)).reshape(bands.shape[2:])
         for c in range(3)
     ]
-    return in_full(np.stack(channels, axis=1), frozen.unit)
+    return unscaled(np.stack(channels, axis=1), frozen.unit)
 
 
 def _equal(one: LayerReflectance, two: LayerReflectance) -> bool:

@@ -64,7 +64,7 @@ from app.placement.status import (
 from app.placement.transport_talk import TransportTalk
 from app.status import PictureState, Status
 from app.view_state import AS_PLANNED, ViewState
-from engine.indirect.beyond import TOO_BRIGHT
+from engine.indirect.clamping import TOO_BRIGHT
 from engine.material.layer import Layer
 
 

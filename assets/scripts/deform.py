@@ -21,7 +21,7 @@ from assets.scripts.bounces import save
 from engine.deform.live import Deform, finished
 from engine.deform.pose import Deformation, Poses
 from engine.deform.posed_scene import posed
-from engine.indirect.beyond import BRIGHTEST, held
+from engine.indirect.clamping import BRIGHTEST, clamp_radiance
 from engine.render.display import display_picture
 from engine.render.path_tracer import render_paths
 from engine.scene.surface_kinds import NO_SURFACE, DeformSurface, SurfacesByObject
@@ -56,7 +56,7 @@ def truth(file: Path) -> None:
     camera, layers = scene.description.camera, layers_by_object(project)
     traced = run_to_end(render_paths(Placement(posed(scene, BENT)), layers, project.sky, 2, 128))
     drawn = [deform.draw(camera, SIZE, BENT, "rest", turned) for turned in (False, True)]
-    save(file, np.hstack([_shown(held(each, BRIGHTEST)) for each in (traced, *drawn)]))
+    save(file, np.hstack([_shown(clamp_radiance(each, BRIGHTEST)) for each in (traced, *drawn)]))
 
 
 def surfaces(file: Path) -> None:

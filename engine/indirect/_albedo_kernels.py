@@ -3,25 +3,25 @@
 import numba as nb
 import numpy as np
 
-from engine.indirect._ray_kernels import ABOUT_POLE, BY_COSINE, HORIZON, fan_density, fan_direction, turn_of
+from engine.indirect._ray_kernels import ABOUT_AXIS, BY_COSINE, HORIZON, direction_pdf, sample_direction, pattern_rotation
 from engine.indirect._reflection_kernels import HALF_PI, ONE, ZERO, _node
 from engine.material._kernels import gamma, quotient_cosine
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def albedo_bands(model, q, kind_a, kind_b, pole, eyes, tables_cosine, tables_pole, out):
+def albedo_bands(model, q, kind_a, kind_b, lobe_axis, eyes, tables_cosine, tables_lobe, out):
     """Add ∫ ρ_q cos θ_i Δ_j Δ_k dω_i of each eye direction (S, 3) to out (S, J, K)."""
     n_a, n_b = out.shape[1], out.shape[2]
-    n_cosine, n_pole = tables_cosine.shape[1], tables_pole.shape[1]
+    n_cosine, n_lobe = tables_cosine.shape[1], tables_lobe.shape[1]
     for s in range(eyes.shape[0]):
         ox, oy, oz = eyes[s, 0], eyes[s, 1], eyes[s, 2]
-        seed, cosine, sine = turn_of(s)
+        seed, cosine, sine = pattern_rotation(s)
         pattern = s % tables_cosine.shape[0]
-        for m in range(n_cosine + n_pole):
+        for m in range(n_cosine + n_lobe):
             if m < n_cosine:
-                x, y, z = fan_direction(tables_cosine[pattern], m, BY_COSINE, cosine, sine, pole, ox, oy, oz)
+                x, y, z = sample_direction(tables_cosine[pattern], m, BY_COSINE, cosine, sine, lobe_axis, ox, oy, oz)
             else:
-                x, y, z = fan_direction(tables_pole[pattern], m - n_cosine, ABOUT_POLE, cosine, sine, pole, ox, oy, oz)
+                x, y, z = sample_direction(tables_lobe[pattern], m - n_cosine, ABOUT_AXIS, cosine, sine, lobe_axis, ox, oy, oz)
             if z <= HORIZON:
                 continue
             angle = gamma(kind_a, q, x, y, z, ox, oy, oz)
@@ -34,7 +34,7 @@ def albedo_bands(model, q, kind_a, kind_b, pole, eyes, tables_cosine, tables_pol
                 if angle > HALF_PI:
                     continue
                 k, u = _node(angle, n_b)
-            density = fan_density(np.float32(n_cosine), np.float32(n_pole), pole, x, y, z, ox, oy, oz)
+            density = direction_pdf(np.float32(n_cosine), np.float32(n_lobe), lobe_axis, x, y, z, ox, oy, oz)
             value = quotient_cosine(model, q, x, y, z, ox, oy, oz) / density
             j1, k1 = min(j + 1, n_a - 1), min(k + 1, n_b - 1)
             out[s, j, k] += (ONE - t) * (ONE - u) * value

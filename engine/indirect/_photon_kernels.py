@@ -1,7 +1,7 @@
 """Compiled: light that leaves glossy surfaces, followed to where it lands, and what is reflected of it there.
 
 A photon starts at a place of a glossy surface, evenly by area, takes light from one of the lamps, by power, and goes
-about the pole of that surface's highlight: which curve the surface has is not known yet, and any will do. Where it
+about the lobe_axis of that surface's highlight: which curve the surface has is not known yet, and any will do. Where it
 lands it counts for the gather points around, by a kernel that falls to 0 at their radius r,
 
     E(x) = Σ 2 (1 - d²/r²) / (π r²) Φ .
@@ -16,10 +16,10 @@ import math
 import numba as nb
 import numpy as np
 
-from engine.indirect._cell_kernels import _point_in_triangle, _position, _shading_normal
-from engine.indirect._ray_kernels import ABOUT_POLE, HORIZON, fan_density, fan_direction, local_eye
+from engine.indirect._cache_kernels import _point_in_triangle, _position, _shading_normal
+from engine.indirect._ray_kernels import ABOUT_AXIS, HORIZON, direction_pdf, sample_direction, local_wo
 from engine.indirect._reflection_kernels import CONSTANT, HALF_PI, ONE, ZERO, _node
-from engine.indirect._second_kernels import (
+from engine.indirect._second_bounce_kernels import (
     TINY,
     _add_gloss,
     _pick_light,
@@ -27,7 +27,7 @@ from engine.indirect._second_kernels import (
     _to_local,
     _to_world,
     photon_share,
-    photons_ahead,
+    expected_photons,
 )
 from engine.material._kernels import gamma, quotient_cosine
 
@@ -39,13 +39,13 @@ _OFF_PLANE = np.float32(0.07)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def emit(numbers, about, triangles, per_area, mesh, poles, axes, lamps, offset,
+def emit(numbers, about, triangles, per_area, mesh, lobe_axes, axes, lamps, offset,
          starts, to_light, limits, onward, normals, power, ahead):  # fmt: skip
-    """n photons from the triangles (n,), by numbers (n, 5) in [0, 1) and unit vectors `about` (n, 3) of a pole table.
+    """n photons from the triangles (n,), by numbers (n, 5) in [0, 1) and unit vectors `about` (n, 3) of a lobe_axis table.
 
     per_area (M,): how many start on a square metre of each object. Writes starts (n, 3) of rays to_light (n, 3), as
     far as limits (n,), and onward (n, 3), normals (n, 3), power (n, 3) without the material, 0 where there is none;
-    ahead (n,): as `photons_ahead`.
+    ahead (n,): as `expected_photons`.
     """
     for i in range(triangles.shape[0]):
         triangle = triangles[i]
@@ -73,7 +73,7 @@ def emit(numbers, about, triangles, per_area, mesh, poles, axes, lamps, offset,
         lx, ly, lz = _to_local(tx, ty, tz, nx, ny, nz, x, y, z)
         if lz <= HORIZON or geometry <= ZERO:
             continue
-        ox, oy, oz = fan_direction(about, i, ABOUT_POLE, ONE, ZERO, poles[o], lx, ly, lz)
+        ox, oy, oz = sample_direction(about, i, ABOUT_AXIS, ONE, ZERO, lobe_axes[o], lx, ly, lz)
         if oz <= HORIZON:
             continue
         wx, wy, wz = _to_world(tx, ty, tz, nx, ny, nz, ox, oy, oz)
@@ -83,8 +83,8 @@ def emit(numbers, about, triangles, per_area, mesh, poles, axes, lamps, offset,
         leaving = face[0] * wx + face[1] * wy + face[2] * wz
         if side * leaving <= ZERO:
             continue
-        density = fan_density(ZERO, ONE, poles[o], ox, oy, oz, lx, ly, lz)
-        ahead[i] = photons_ahead(lamps, m, poles[o], per_area[o], lx, ly, lz, ox, oy, oz)
+        density = direction_pdf(ZERO, ONE, lobe_axes[o], ox, oy, oz, lx, ly, lz)
+        ahead[i] = expected_photons(lamps, m, lobe_axes[o], per_area[o], lx, ly, lz, ox, oy, oz)
         lift = offset if side >= ZERO else -offset
         for axis in range(3):
             starts[i, axis] = (px if axis == 0 else py if axis == 1 else pz) + lift * face[axis]
@@ -95,7 +95,7 @@ def emit(numbers, about, triangles, per_area, mesh, poles, axes, lamps, offset,
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def send(photons, g, out):
+def photon_power(photons, g, out):
     """What each photon carries under the curves of the glossy layers g, and by the means of their images, (n, 3)
     watts."""
     nowhere = np.int64(-1)  # a literal would be a type of its own, and have `_add_gloss` compiled twice
@@ -113,7 +113,7 @@ def send(photons, g, out):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _turns_away(face, place, photons, n, distance2):
+def _faces_away(face, place, photons, n, distance2):
     """Whether photon n comes to the side of the surface at a place that this normal points to, but off its plane."""
     if n < 0:
         return False
@@ -125,20 +125,20 @@ def _turns_away(face, place, photons, n, distance2):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def weigh(fans, begin, end, times, geometric, position, photons, found, distances2, radii2, weights):
+def weigh_photons(samples, begin, end, times, geometric, position, photons, found, distances2, radii2, weights):
     """How much each of the photons found (p, k) about points [begin, end), nearest first, counts, (p, k): 1/m² over the
     cosine.
 
     distances2 (p, k), radii2 (p,), which shrinks to where the surface turns away, lest light be missing that falls
     there; a photon beyond the last is −1 in `found`.
     """
-    n_cosine, n_pole = np.float32(fans.tables_cosine.shape[1]), np.float32(fans.tables_pole.shape[1])
+    n_cosine, n_lobe = np.float32(samples.tables_cosine.shape[1]), np.float32(samples.tables_lobe.shape[1])
     for i in range(begin, end):
-        r = fans.rows[i]
-        tangent, normal, face = fans.tangent[r], fans.normal[r], geometric[r]
-        ox, oy, oz = local_eye(tangent, normal, fans.wo[r])
+        r = samples.rows[i]
+        tangent, normal, face = samples.tangent[r], samples.normal[r], geometric[r]
+        ox, oy, oz = local_wo(tangent, normal, samples.wo[r])
         for k in range(found.shape[1]):
-            if distances2[i, k] < radii2[i] and _turns_away(face, position[r], photons, found[i, k], distances2[i, k]):
+            if distances2[i, k] < radii2[i] and _faces_away(face, position[r], photons, found[i, k], distances2[i, k]):
                 radii2[i] = distances2[i, k]
         area = np.float32(math.pi / 2.0) * radii2[i]
         for k in range(found.shape[1]):
@@ -151,27 +151,27 @@ def weigh(fans, begin, end, times, geometric, position, photons, found, distance
             x, y, z = _to_local(tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], dx, dy, dz)
             if z <= HORIZON or cosine <= ZERO:
                 continue
-            fan = fan_density(n_cosine, n_pole, fans.poles[i], x, y, z, ox, oy, oz) / times[i]
-            share = photon_share(photons.ahead[n], z, area, fan)
+            sample_set = direction_pdf(n_cosine, n_lobe, samples.lobe_axes[i], x, y, z, ox, oy, oz) / times[i]
+            share = photon_share(photons.ahead[n], z, area, sample_set)
             kernel = (ONE - distances2[i, k] / radii2[i]) / area
             weights[i, k] = share * kernel / max(cosine, _LEAST_COSINE)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _arrival(fans, i, n, directions):
+def _arrival(samples, i, n, directions):
     """Local direction to where photon n comes from, and to the eye."""
-    r = fans.rows[i]
-    tangent, normal = fans.tangent[r], fans.normal[r]
+    r = samples.rows[i]
+    tangent, normal = samples.tangent[r], samples.normal[r]
     x, y, z = _to_local(
         tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2],
         -directions[n, 0], -directions[n, 1], -directions[n, 2],
     )  # fmt: skip
-    ox, oy, oz = local_eye(tangent, normal, fans.wo[r])
+    ox, oy, oz = local_wo(tangent, normal, samples.wo[r])
     return x, y, z, ox, oy, oz
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _counts(half, n):
+def _is_in_half(half, n):
     return half < 0 or (n & 1) == half
 
 
@@ -193,18 +193,18 @@ def _on_curves(optics, x, y, z, ox, oy, oz):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def reflect_photons(fans, begin, end, optics, landed, sent, out):
+def reflect_photons(samples, begin, end, optics, nearby, sent, out):
     """Add what points [begin, end) reflect of photons to out (p, D, 3), without f_q and f_o."""
     n_a, n_b, n_powers = optics.curve_a.shape[0], optics.curve_b.shape[0], out.shape[1]
-    scale = ONE if fans.half < 0 else TWO
+    scale = ONE if samples.half < 0 else TWO
     for i in range(begin, end):
-        for e in range(landed.start[i], landed.start[i + 1]):
-            n = landed.photon[e]
+        for e in range(nearby.start[i], nearby.start[i + 1]):
+            n = nearby.photon[e]
             power = sent.powers[n]
-            if not _counts(fans.half, n) or power >= n_powers:
+            if not _is_in_half(samples.half, n) or power >= n_powers:
                 continue
-            x, y, z, ox, oy, oz = _arrival(fans, i, n, sent.directions)
-            weight = scale * landed.weight[e] * np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
+            x, y, z, ox, oy, oz = _arrival(samples, i, n, sent.directions)
+            weight = scale * nearby.weight[e] * np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
             within, j, t, k, u = _on_curves(optics, x, y, z, ox, oy, oz)
             if not within:
                 continue
@@ -217,18 +217,18 @@ def reflect_photons(fans, begin, end, optics, landed, sent, out):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def reflect_photon_bands(fans, begin, end, optics, of_a, landed, sent, out):
+def reflect_photon_bands(samples, begin, end, optics, of_a, nearby, sent, out):
     """As `reflect_photons`, by band of one of the curves, to out (3, J, D, p): of the first where of_a."""
     n_bands, n_powers = out.shape[1], out.shape[2]
-    scale = ONE if fans.half < 0 else TWO
+    scale = ONE if samples.half < 0 else TWO
     for i in range(begin, end):
-        for e in range(landed.start[i], landed.start[i + 1]):
-            n = landed.photon[e]
+        for e in range(nearby.start[i], nearby.start[i + 1]):
+            n = nearby.photon[e]
             power = sent.powers[n]
-            if not _counts(fans.half, n) or power >= n_powers:
+            if not _is_in_half(samples.half, n) or power >= n_powers:
                 continue
-            x, y, z, ox, oy, oz = _arrival(fans, i, n, sent.directions)
-            weight = scale * landed.weight[e] * np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
+            x, y, z, ox, oy, oz = _arrival(samples, i, n, sent.directions)
+            weight = scale * nearby.weight[e] * np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
             within, j, t, k, u = _on_curves(optics, x, y, z, ox, oy, oz)
             if not within:
                 continue

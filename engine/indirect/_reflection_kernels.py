@@ -6,16 +6,16 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from engine.indirect._cell_kernels import NO_CELL
+from engine.indirect._cache_kernels import NO_RECORD
 from engine.indirect._ray_kernels import (
-    ABOUT_POLE,
+    ABOUT_AXIS,
     BY_COSINE,
     HORIZON,
-    fan_density,
-    fan_direction,
-    local_eye,
+    direction_pdf,
+    sample_direction,
+    local_wo,
     pattern_of,
-    turn_of,
+    pattern_rotation,
 )
 from engine.material._kernels import gamma, quotient_cosine
 
@@ -38,7 +38,7 @@ class ReflectingLayer(NamedTuple):
     curve_b: np.ndarray
 
 
-class Aimed(NamedTuple):
+class WeightArrays(NamedTuple):
     """How a layer weighs the rays of points from number `base` on, but for its curves: scales (p',) times the squares
     of roots (p', R) uint16, 0 for rays that bring nothing, and angles (A, p', R) uint16 that its curves take, A = 0, 1
     or 2, in shares of a right angle of 1/65535.
@@ -52,7 +52,7 @@ class Aimed(NamedTuple):
     base: int
 
 
-class Second(NamedTuple):
+class SecondBounce(NamedTuple):
     """What glossy surfaces send back along some of the rays, as radiosity: start (p + 1,) of each point's numbers, ray
     (n,) of the fan, and light (n', D, 4), which begins with number `base`."""
 
@@ -62,18 +62,18 @@ class Second(NamedTuple):
     base: int
 
 
-class FanArrays(NamedTuple):
-    """q fans: rows (q,) of the hits, which of its point's each is (q,), poles (q,), the cells their rays see (q, R)
+class SampleArrays(NamedTuple):
+    """q fans: rows (q,) of the hits, which of its point's each is (q,), lobe_axes (q,), the cells their rays see (q, R)
     uint16; which half of the rays counts (of each table the first, 0, or the second, 1; −1 for all); tables
     (64 n, R_c, 3), (64 n, R_p, 3), see `pattern_of`; the hits' tangent, normal, wo (P, 3)."""
 
     rows: np.ndarray
     nth: np.ndarray
-    poles: np.ndarray
-    seen: np.ndarray
+    lobe_axes: np.ndarray
+    records: np.ndarray
     half: int
     tables_cosine: np.ndarray
-    tables_pole: np.ndarray
+    tables_lobe: np.ndarray
     tangent: np.ndarray
     normal: np.ndarray
     wo: np.ndarray
@@ -122,40 +122,40 @@ def _coded_node(code, n):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _counts(fans, m):
+def _is_in_half(samples, m):
     """Whether ray m is in the half that counts; half of a Sobol set, its first or last, is as even as the whole."""
-    n = fans.tables_cosine.shape[1]
-    k, n = (m, n) if m < n else (m - n, fans.tables_pole.shape[1])
-    return fans.half < 0 or (2 * k >= n) == (fans.half == 1)
+    n = samples.tables_cosine.shape[1]
+    k, n = (m, n) if m < n else (m - n, samples.tables_lobe.shape[1])
+    return samples.half < 0 or (2 * k >= n) == (samples.half == 1)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _ray(fans, i, m, pattern, cosine, sine, ox, oy, oz):
+def _ray(samples, i, m, pattern, cosine, sine, ox, oy, oz):
     """Local direction of ray m of point i."""
-    n_cosine = fans.tables_cosine.shape[1]
+    n_cosine = samples.tables_cosine.shape[1]
     if m < n_cosine:
-        return fan_direction(fans.tables_cosine[pattern], m, BY_COSINE, cosine, sine, fans.poles[i], ox, oy, oz)
-    return fan_direction(fans.tables_pole[pattern], m - n_cosine, ABOUT_POLE, cosine, sine, fans.poles[i], ox, oy, oz)
+        return sample_direction(samples.tables_cosine[pattern], m, BY_COSINE, cosine, sine, samples.lobe_axes[i], ox, oy, oz)
+    return sample_direction(samples.tables_lobe[pattern], m - n_cosine, ABOUT_AXIS, cosine, sine, samples.lobe_axes[i], ox, oy, oz)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def aim(fans, begin, end, optics, aimed):
-    """How points [begin, end) weigh what their rays bring, whatever the curves: into `aimed`."""
-    n_angles = aimed.angles.shape[0]
-    n_cosine, n_pole = np.float32(fans.tables_cosine.shape[1]), np.float32(fans.tables_pole.shape[1])
-    scale = (ONE if fans.half < 0 else np.float32(2.0)) / np.float32(math.pi)
-    weights = np.empty(fans.seen.shape[1], np.float32)
+def weigh_rays(samples, begin, end, optics, stored_weights):
+    """How points [begin, end) weigh what their rays bring, whatever the curves: into `stored_weights`."""
+    n_angles = stored_weights.angles.shape[0]
+    n_cosine, n_lobe = np.float32(samples.tables_cosine.shape[1]), np.float32(samples.tables_lobe.shape[1])
+    scale = (ONE if samples.half < 0 else np.float32(2.0)) / np.float32(math.pi)
+    weights = np.empty(samples.records.shape[1], np.float32)
     for i in range(begin, end):
-        r, at = fans.rows[i], i - aimed.base
-        ox, oy, oz = local_eye(fans.tangent[r], fans.normal[r], fans.wo[r])
-        seed, cosine, sine = turn_of(r)
-        pattern = pattern_of(seed, fans.nth[i])
+        r, at = samples.rows[i], i - stored_weights.base
+        ox, oy, oz = local_wo(samples.tangent[r], samples.normal[r], samples.wo[r])
+        seed, cosine, sine = pattern_rotation(r)
+        pattern = pattern_of(seed, samples.nth[i])
         weights[:] = ZERO
         most = ZERO
-        for m in range(fans.seen.shape[1]):
-            if fans.seen[i, m] == NO_CELL or not _counts(fans, m):
+        for m in range(samples.records.shape[1]):
+            if samples.records[i, m] == NO_RECORD or not _is_in_half(samples, m):
                 continue
-            x, y, z = _ray(fans, i, m, pattern, cosine, sine, ox, oy, oz)
+            x, y, z = _ray(samples, i, m, pattern, cosine, sine, ox, oy, oz)
             weight = np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
             if z <= HORIZON or weight <= ZERO:
                 continue
@@ -163,18 +163,18 @@ def aim(fans, begin, end, optics, aimed):
                 angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
                 if angle > HALF_PI:
                     continue
-                aimed.angles[0, at, m] = _coded(angle)
+                stored_weights.angles[0, at, m] = _coded(angle)
             if n_angles > 1:
                 angle = gamma(optics.kind_b, optics.q, x, y, z, ox, oy, oz)
                 if angle > HALF_PI:
                     continue
-                aimed.angles[1, at, m] = _coded(angle)
-            weights[m] = weight * scale / fan_density(n_cosine, n_pole, fans.poles[i], x, y, z, ox, oy, oz)
+                stored_weights.angles[1, at, m] = _coded(angle)
+            weights[m] = weight * scale / direction_pdf(n_cosine, n_lobe, samples.lobe_axes[i], x, y, z, ox, oy, oz)
             most = max(most, weights[m])
-        aimed.scales[at] = most / (CODES * CODES)
+        stored_weights.scales[at] = most / (CODES * CODES)
         inverse = ONE / most if most > ZERO else ZERO
         for m in range(weights.shape[0]):
-            aimed.roots[at, m] = np.uint16(np.sqrt(weights[m] * inverse) * CODES + HALF_BAND)
+            stored_weights.roots[at, m] = np.uint16(np.sqrt(weights[m] * inverse) * CODES + HALF_BAND)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
@@ -230,36 +230,36 @@ def bounce(begin, end, seen, radiosity, n_powers, out):
     for c in range(begin, end):
         total[:] = ZERO
         for m in range(seen.shape[1]):
-            if seen[c, m] != NO_CELL:
+            if seen[c, m] != NO_RECORD:
                 add_product(share, share, share, radiosity[seen[c, m]], total)
         _take_colours(total, out[c])
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def reflect(fans, begin, end, optics, aimed, radiosity, second, out):
+def reflect(samples, begin, end, optics, stored_weights, radiosity, second, out):
     """What points [begin, end) reflect towards the eye, (p, D, 3), of radiosity (C, D, 4), with the curves as they are.
 
     Without f_q and f_o. aimed: of the same points and optics, with as many angles as the curves have; none are read
     where the only curve is the same at all angles.
     """
-    n_angles = 0 if optics.kind_a == CONSTANT else aimed.angles.shape[0]
-    values, total = np.zeros((fans.seen.shape[1], 3), np.float32), np.empty((radiosity.shape[1], 4), np.float32)
+    n_angles = 0 if optics.kind_a == CONSTANT else stored_weights.angles.shape[0]
+    values, total = np.zeros((samples.records.shape[1], 3), np.float32), np.empty((radiosity.shape[1], 4), np.float32)
     for i in range(begin, end):
-        at = i - aimed.base
+        at = i - stored_weights.base
         total[:] = ZERO
-        for m in range(fans.seen.shape[1]):
-            root = np.float32(aimed.roots[at, m])
-            a = b = c = root * root * aimed.scales[at]
+        for m in range(samples.records.shape[1]):
+            root = np.float32(stored_weights.roots[at, m])
+            a = b = c = root * root * stored_weights.scales[at]
             if a > ZERO:
                 if n_angles == 0:
                     a, b, c = a * optics.curve_a[0, 0], b * optics.curve_a[0, 1], c * optics.curve_a[0, 2]
                 else:
-                    red, green, blue = _curve_at(aimed.angles[0, at, m], optics.curve_a)
+                    red, green, blue = _curve_at(stored_weights.angles[0, at, m], optics.curve_a)
                     a, b, c = a * red, b * green, c * blue
                 if n_angles > 1:
-                    red, green, blue = _curve_at(aimed.angles[1, at, m], optics.curve_b)
+                    red, green, blue = _curve_at(stored_weights.angles[1, at, m], optics.curve_b)
                     a, b, c = a * red, b * green, c * blue
-                add_product(a, b, c, radiosity[fans.seen[i, m]], total)
+                add_product(a, b, c, radiosity[samples.records[i, m]], total)
             values[m, 0], values[m, 1], values[m, 2] = a, b, c
         for e in range(second.start[i], second.start[i + 1]):
             m = second.ray[e]
@@ -268,26 +268,26 @@ def reflect(fans, begin, end, optics, aimed, radiosity, second, out):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def reflect_bands(fans, begin, end, optics, of_a, aimed, radiosity, second, out):
+def reflect_bands(samples, begin, end, optics, of_a, stored_weights, radiosity, second, out):
     """As `reflect`, by band of one of the curves, out (3, J, D, p): of the first where of_a; the other is as it is."""
     n_powers, n_bands = radiosity.shape[1], out.shape[1]
     bands = np.empty((n_bands + 1, n_powers, 4), np.float32)
     kept, other = (0, 1) if of_a else (1, 0)
     curve = optics.curve_b if of_a else optics.curve_a
     for i in range(begin, end):
-        at = i - aimed.base
+        at = i - stored_weights.base
         bands[:] = ZERO
         e, last = second.start[i], second.start[i + 1]
-        for m in range(fans.seen.shape[1]):
-            root = np.float32(aimed.roots[at, m])
-            a = b = c = root * root * aimed.scales[at]
+        for m in range(samples.records.shape[1]):
+            root = np.float32(stored_weights.roots[at, m])
+            a = b = c = root * root * stored_weights.scales[at]
             if a <= ZERO:
                 continue
-            if aimed.angles.shape[0] > 1:
-                red, green, blue = _curve_at(aimed.angles[other, at, m], curve)
+            if stored_weights.angles.shape[0] > 1:
+                red, green, blue = _curve_at(stored_weights.angles[other, at, m], curve)
                 a, b, c = a * red, b * green, c * blue
-            j, t = _coded_node(aimed.angles[kept, at, m], n_bands)
-            _add_shared(a, b, c, t, radiosity[fans.seen[i, m]], bands[j], bands[j + 1])
+            j, t = _coded_node(stored_weights.angles[kept, at, m], n_bands)
+            _add_shared(a, b, c, t, radiosity[samples.records[i, m]], bands[j], bands[j + 1])
             while e < last and second.ray[e] < m:
                 e += 1
             if e < last and second.ray[e] == m:

@@ -4,7 +4,7 @@ Light that has been reflected is soft, so that a few of the picture's points sta
 every eighth pixel, of fewer in small pictures, refined in quarters down to single pixels where a block of the lattice
 shows a silhouette or a crease, where what its corners gather differs, or where something else is near; the others
 interpolate between the corners of their block. Each point has a fan of rays, and further ones where it asks for them,
-see `further`.
+see `adaptive_resampling`.
 """
 
 from __future__ import annotations
@@ -17,42 +17,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect import _ray_kernels as kernels
-from engine.indirect._second_kernels import Records
-from engine.indirect.cells import CHUNK, Cells, room_for_rays
-from engine.indirect.rays import cosine_tables, pole_tables
-from engine.indirect.second_bounce import SecondRays, joined_records, no_records
-from engine.indirect.turns import Turn, by_turns
+from engine.indirect._second_bounce_kernels import GlossyHits
+from engine.indirect.irradiance_cache import CHUNK, IrradianceCache, room_for_rays
+from engine.indirect.direction_patterns import cosine_tables, lobe_tables
+from engine.indirect.second_bounce import SecondBounceTracer, join_glossy_hits, no_glossy_hits
+from engine.indirect.ordered_threads import OrderedSection, run_in_order
 from engine.scene.primary_hits import PrimaryHits
 from engine.transport._projection_kernels import ViewedPoints
 
-MOST_FANS = 4  # of one gather point
+MAX_SAMPLE_SETS = 4  # of one gather point
 # Metres: no ray is taken for shorter.
 _TOUCHING = np.float32(1e-6)
 _OPEN = 1e18  # farther than anything, and its square is a float32
 
 
 @dataclass(frozen=True)
-class FanSize:
-    """Rays a gather point: powers of two; a matt surface has none about a pole."""
+class SampleCounts:
+    """Rays a gather point: powers of two; a matt surface has none about a lobe_axis."""
 
     n_cosine: int
-    n_pole: int
+    n_lobe: int
 
     @property
     def n_rays(self) -> int:
-        return self.n_cosine + self.n_pole
+        return self.n_cosine + self.n_lobe
 
 
 @dataclass(frozen=True, eq=False)
-class Gathered:
+class GatherSamples:
     """q fans of p gather points: rows (q,) int32 of the hits, ascending; nth (q,) uint8: which fan of its point it is;
     seen (q, R) uint16: the cell each ray hits; records of the rays that end on glossy surfaces; clearance (q,) float32:
     the harmonic mean distance of what is around."""
 
     rows: NDArray[np.int32]
     nth: NDArray[np.uint8]
-    seen: NDArray[np.uint16]
-    records: Records
+    records: NDArray[np.uint16]
+    glossy_hits: GlossyHits
     clearance: NDArray[np.float32]
 
     @cached_property
@@ -62,58 +62,58 @@ class Gathered:
 
     @property
     def n_bytes(self) -> int:
-        own = (self.rows, self.nth, self.seen, self.clearance)
-        return sum(array.nbytes for array in (*own, *self.records))
+        own = (self.rows, self.nth, self.records, self.clearance)
+        return sum(array.nbytes for array in (*own, *self.glossy_hits))
 
 
-def joined(parts: Sequence[Gathered]) -> Gathered:
+def join_samples(parts: Sequence[GatherSamples]) -> GatherSamples:
     """All of the fans as one set, by row; of one point the further ones come in later parts, or behind."""
     rows = np.concatenate([part.rows for part in parts])
     order = np.argsort(rows, kind="stable")
     nth = np.concatenate([part.nth for part in parts])[order]
-    seen = np.concatenate([part.seen for part in parts])[order]
+    seen = np.concatenate([part.records for part in parts])[order]
     clearance = np.concatenate([part.clearance for part in parts])[order]
-    return Gathered(rows[order], nth, seen, joined_records([part.records for part in parts], order), clearance)
+    return GatherSamples(rows[order], nth, seen, join_glossy_hits([part.glossy_hits for part in parts], order), clearance)
 
 
 def gather(
-    hits: PrimaryHits, cells: Cells, rows: NDArray[np.int32], nth: NDArray[np.uint8], poles: NDArray[np.int64],
-    size: FanSize, second: SecondRays | None = None, focused: bool = True, first_open: int = 0,
-) -> Iterator[Gathered]:  # fmt: skip
+    hits: PrimaryHits, cells: IrradianceCache, rows: NDArray[np.int32], nth: NDArray[np.uint8], lobe_axes: NDArray[np.int64],
+    size: SampleCounts, second: SecondBounceTracer | None = None, focused: bool = True, first_open: int = 0,
+) -> Iterator[GatherSamples]:  # fmt: skip
     """Trace the nth (q,) fans of the points `rows` (q,), ascending, two chunks at a time.
 
-    poles: of every object; second: None to record nothing of glossy surfaces; focused: whether what glossy surfaces
+    lobe_axes: of every object; second: None to record nothing of glossy surfaces; focused: whether what glossy surfaces
     show is in cells by distance; first_open: the first cell that takes its places from these rays. Raises
-    TooManyCells.
+    CacheFull.
     """
-    tables = fan_tables(size)
+    tables = direction_tables(size)
     surface = ViewedPoints(hits.position, hits.tangent, hits.normal, hits.wo)
     step = max(1, CHUNK // size.n_rays)
-    point_poles = poles[object_of_rows(hits, rows)]
+    point_poles = lobe_axes[object_of_rows(hits, rows)]
 
-    def trace(begin: int, turn: Turn) -> Gathered:
+    def trace(begin: int, turn: OrderedSection) -> GatherSamples:
         chunk, which = rows[begin : begin + step], nth[begin : begin + step]
         rays = room_for_rays(len(chunk) * size.n_rays)
-        kernels.fan_rays(
+        kernels.write_sample_rays(
             chunk, which, point_poles[begin : begin + step], surface, hits.geometric_normal, hits.horizon,
             np.float32(cells.caster.offset), *tables, 0, size.n_rays, rays.origins, rays.directions, rays.there,
         )  # fmt: skip
         mirrored = np.zeros(len(rays.there), np.uint8)
         if focused:
-            kernels.mark_mirrored(chunk, point_poles[begin : begin + step], surface, rays.directions, mirrored)
-        seen, found = cells.hit_by(rays, first_open, mirrored, turn)
-        records = no_records(len(chunk))
+            kernels.mark_glossy_rays(chunk, point_poles[begin : begin + step], surface, rays.directions, mirrored)
+        seen, found = cells.records_and_hits(rays, first_open, mirrored, turn)
+        records = no_glossy_hits(len(chunk))
         if second is not None:
             records = second.trace(cells, chunk, which, rays, seen, found, first_open, turn)
         distances = found.distance.reshape(len(chunk), -1)[:, : size.n_cosine]
-        return Gathered(chunk, which, seen.reshape(len(chunk), -1), records, _clearance(distances))
+        return GatherSamples(chunk, which, seen.reshape(len(chunk), -1), records, _clearance(distances))
 
-    yield from by_turns(trace, range(0, len(rows), step), 1 if second is None else 2)
+    yield from run_in_order(trace, range(0, len(rows), step), 1 if second is None else 2)
 
 
-def fan_tables(size: FanSize) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The patterns of fans of this size, by the cosine and about poles."""
-    return cosine_tables(size.n_cosine, MOST_FANS), pole_tables(size.n_pole, MOST_FANS)
+def direction_tables(size: SampleCounts) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The patterns of fans of this size, by the cosine and about lobe_axes."""
+    return cosine_tables(size.n_cosine, MAX_SAMPLE_SETS), lobe_tables(size.n_lobe, MAX_SAMPLE_SETS)
 
 
 def _clearance(distances: NDArray[np.float32]) -> NDArray[np.float32]:

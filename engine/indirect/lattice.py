@@ -17,21 +17,21 @@ TOLERANCE, FLOOR = 0.15, 0.03
 # How large a block may be, in clearances of its corners: its middle is then off by an eighth of the square of that.
 REACH = 0.4
 # How far normals may turn from a gather point to what it stands for: a gloss shows something else where they turn.
-MATT_TURN, GLOSSY_TURN = math.cos(math.radians(25.0)), math.cos(math.radians(4.0))
+DIFFUSE_TURN, GLOSSY_TURN = math.cos(math.radians(25.0)), math.cos(math.radians(4.0))
 
 
 def least_alike(glossy: NDArray[np.bool_]) -> NDArray[np.float32]:
     """The cosine (M,) by which normals of an object may differ; glossy (M,): whose reflection turns with them."""
-    return np.asarray(np.where(glossy, GLOSSY_TURN, MATT_TURN), np.float32)
+    return np.asarray(np.where(glossy, GLOSSY_TURN, DIFFUSE_TURN), np.float32)
 
 
 def count_by_shape(lattice: "Lattice") -> int:
     """How many rows a new lattice asks for by silhouettes and creases alone, as of a picture that is even in light."""
     hits = lattice.hits
     even = np.zeros((len(hits.pixel), 1), np.float32)
-    n_rows = len(lattice.wanted())
+    n_rows = len(lattice.missing_rows())
     while lattice.refine(even, even, np.full(len(even), np.inf, np.float32)):
-        n_rows += len(lattice.wanted())
+        n_rows += len(lattice.missing_rows())
     return n_rows
 
 
@@ -46,7 +46,7 @@ def coarsest_of(height: int) -> int:
 class Lattice:
     """Blocks that are not finer than needed, and the rows at their corners.
 
-    Drive it by turns: `wanted()` names rows that have no value yet; `take` gives it values of all rows asked so far;
+    Drive it by turns: `missing_rows()` names rows that have no value yet; `take` gives it values of all rows asked so far;
     until `refine` finds nothing to do.
     """
 
@@ -61,7 +61,7 @@ class Lattice:
         self._objects = hits.object_image.astype(np.int32)
         size = coarsest_of(height) if close else COARSEST
         y, x = np.mgrid[0:height:size, 0:width:size]
-        self._open = self._showing(np.stack([y.ravel(), x.ravel(), np.full(y.size, size)], axis=1))
+        self._open = self._visible_blocks(np.stack([y.ravel(), x.ravel(), np.full(y.size, size)], axis=1))
         self._closed = np.zeros((0, 3), np.int64)
         self._known = np.zeros(len(hits.pixel), bool)
         self._alone = self._beside[self._nearest < 0]
@@ -71,8 +71,8 @@ class Lattice:
         """For a trial: at most so many of the blocks alone, and as large a share of what stands beside centres. Before
         the first turn only."""
         self._share = min(n_blocks / max(len(self._open), 1), 1.0)
-        self._open = self._open[_some(len(self._open), self._share, generator)]
-        self._alone = self._alone[_some(len(self._alone), self._share, generator)]
+        self._open = self._open[_random_subset(len(self._open), self._share, generator)]
+        self._alone = self._alone[_random_subset(len(self._alone), self._share, generator)]
         self._first = self._open
 
     @property
@@ -92,7 +92,7 @@ class Lattice:
         """All rows asked for so far, ascending."""
         return np.flatnonzero(self._known).astype(np.int32)
 
-    def wanted(self) -> NDArray[np.int32]:
+    def missing_rows(self) -> NDArray[np.int32]:
         """Rows at corners of open blocks, and beside the pixels' centres where none is on the same surface, that were
         not asked for yet, ascending; they count as asked now."""
         rows = self._row_image[self._corners(self._open)].ravel()
@@ -116,7 +116,7 @@ class Lattice:
         )  # fmt: skip
         split &= self._open[:, 2] > 1
         self._closed = np.concatenate([self._closed, self._open[~split]])
-        self._open = self._showing(_quarters(self._open[split]))
+        self._open = self._visible_blocks(_quarters(self._open[split]))
         return len(self._open) > 0
 
     def footprint(self) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
@@ -144,7 +144,7 @@ class Lattice:
         x = np.minimum(blocks[:, 1:2] + step * np.array([0, 1, 0, 1]), width - 1)
         return y, x
 
-    def _showing(self, blocks: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _visible_blocks(self, blocks: NDArray[np.int64]) -> NDArray[np.int64]:
         """Those blocks that lie in the picture and see something that reflects."""
         height, width = self._objects.shape
         blocks = blocks[(blocks[:, 0] < height) & (blocks[:, 1] < width)]
@@ -155,7 +155,7 @@ class Lattice:
         return blocks[filled[last_y, last_x] - filled[y, last_x] - filled[last_y, x] + filled[y, x] > 0]
 
 
-def _some(n: int, share: float, generator: np.random.Generator) -> NDArray[np.integer]:
+def _random_subset(n: int, share: float, generator: np.random.Generator) -> NDArray[np.integer]:
     """Numbers of a share of n things, ascending."""
     return np.sort(generator.choice(n, round(share * n), replace=False))
 

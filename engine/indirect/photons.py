@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect import _photon_kernels as kernels
-from engine.indirect._reflection_kernels import FanArrays
-from engine.indirect._second_kernels import Glossy, SampledLights
-from engine.indirect.cells import CHUNK, Cells
-from engine.indirect.rays import pole_vectors
+from engine.indirect._reflection_kernels import SampleArrays
+from engine.indirect._second_bounce_kernels import GlossyLayers, SampledLights
+from engine.indirect.irradiance_cache import CHUNK, IrradianceCache
+from engine.indirect.direction_patterns import lobe_vectors
 from engine.scene.camera import camera_frame, project
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.scene_loader import Scene
@@ -30,13 +30,13 @@ from engine.threads import even_parts, n_threads, on_threads
 
 _SEED = 20260812
 _N_NEAREST = 128
-_AT_ONCE = 8192  # points, whose nearest photons are 30 MB; of all points they were most of what a search took
+_BATCH = 8192  # points, whose nearest photons are 30 MB; of all points they were most of what a search took
 # Of the picture's height: a gather point takes photons from no farther than this.
 _FARTHEST = 1.0 / 24.0
 _PILOT, _LEAST_SHARE = 2048, 0.125
 # Where photons come from farther than this share of what is clear about a point, a wall may stand between.
 _NEAR = 0.1
-_ALL_BUT = 0.999
+_VISIBILITY_MARGIN = 0.999
 
 
 class Photons(NamedTuple):
@@ -57,7 +57,7 @@ class Photons(NamedTuple):
     per_area: NDArray[np.float32]
 
 
-class Landed(NamedTuple):
+class NearbyPhotons(NamedTuple):
     """Photons about p gather points: start (p + 1,) of each point's, photon (n,), weight (n,), and the area (p,) of
     half the disc they were looked for in."""
 
@@ -67,7 +67,7 @@ class Landed(NamedTuple):
     area: NDArray[np.float32]
 
 
-class Sent(NamedTuple):
+class PhotonFlux(NamedTuple):
     """What photons carry under certain curves: light (n, 3), as which power (n,) of the edited object's albedo;
     directions (n, 3) of flight."""
 
@@ -78,13 +78,13 @@ class Sent(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PhotonSource:
-    """What sends photons: the scene and the cells' mesh in it, which objects (M,) are glossy, their poles (M,) and axes
+    """What sends photons: the scene and the cells' mesh in it, which objects (M,) are glossy, their lobe_axes (M,) and axes
     (M, 2, 3), the lamps."""
 
     scene: Scene
-    cells: Cells
+    cells: IrradianceCache
     glossy: NDArray[np.bool_]
-    poles: NDArray[np.int64]
+    lobe_axes: NDArray[np.int64]
     axes: NDArray[np.float32]
     lamps: SampledLights
 
@@ -97,17 +97,17 @@ class PhotonSource:
         if not len(able) or not len(self.lamps.cumulative) or n_photons == 0:
             return _joined([], np.zeros(len(mine), np.float32))
         n_pilot = min(_PILOT, n_photons)
-        useful = np.array([len(self._from(hits, area, int(o), n_pilot, mine).power) / n_pilot for o in able])
+        useful = np.array([len(self._photons_from_object(hits, area, int(o), n_pilot, mine).power) / n_pilot for o in able])
         if not useful.any():
             return _joined([], np.zeros(len(mine), np.float32))
         share = np.maximum(useful / useful.max(), _LEAST_SHARE)
         counts = np.ceil(n_photons * share / share.sum()).astype(int)
         per_area = np.zeros(len(mine), np.float32)
         per_area[able] = counts / mine[able]
-        parts = [self._from(hits, area, int(o), n, mine) for o, n in zip(able, counts, strict=True)]
+        parts = [self._photons_from_object(hits, area, int(o), n, mine) for o, n in zip(able, counts, strict=True)]
         return _joined(parts, per_area)
 
-    def _from(
+    def _photons_from_object(
         self, hits: PrimaryHits, area: NDArray[np.float64], o: int, n_photons: int, mine: NDArray[np.float64]
     ) -> Photons:
         """Photons from one object, of which n_photons start."""
@@ -132,8 +132,8 @@ class PhotonSource:
         starts, to_light, onward, normals, power = np.empty((5, n, 3), np.float32)
         limits, ahead = np.empty((2, n), np.float32)
         kernels.emit(
-            numbers[:, :5].astype(np.float32), pole_vectors(numbers[:, 5], numbers[:, 6]), triangles, per_area, mesh,
-            self.poles, self.axes, self.lamps, np.float32(caster.offset), starts, to_light, limits, onward, normals,
+            numbers[:, :5].astype(np.float32), lobe_vectors(numbers[:, 5], numbers[:, 6]), triangles, per_area, mesh,
+            self.lobe_axes, self.axes, self.lamps, np.float32(caster.offset), starts, to_light, limits, onward, normals,
             power, ahead,
         )  # fmt: skip
         kept = np.flatnonzero(power.max(axis=1) > 0.0)
@@ -143,7 +143,7 @@ class PhotonSource:
         far = np.where(ends >= 0, found.distance, np.float32(0.0))
         positions = np.asarray(starts[kept] + far[:, None] * onward[kept], np.float32)
         faces = mesh.face_normals[found.triangle]
-        seen = (ends >= 0) & self._is_seen(hits, ends, positions, faces, onward[kept])
+        seen = (ends >= 0) & self._is_visible(hits, ends, positions, faces, onward[kept])
         rows = kept[seen]
         return Photons(
             positions[seen], ends[seen].astype(np.int32), onward[rows], starts[rows],
@@ -151,7 +151,7 @@ class PhotonSource:
             per_area,
         )  # fmt: skip
 
-    def _is_seen(
+    def _is_visible(
         self, hits: PrimaryHits, objects: NDArray[np.int32], positions: NDArray[np.float32],
         faces: NDArray[np.float32], directions: NDArray[np.float32],
     ) -> NDArray[np.bool_]:  # fmt: skip
@@ -206,9 +206,9 @@ class PhotonMap:
         self.photons = photons
         self._order = np.argsort(photons.objects, kind="stable").astype(np.int32)
         self._ends = np.searchsorted(photons.objects[self._order], np.arange(len(photons.per_area) + 1))
-        self._trees = {} if not len(self._order) else self._grown()
+        self._trees = {} if not len(self._order) else self._build_trees()
 
-    def _grown(self) -> dict[int, Any]:
+    def _build_trees(self) -> dict[int, Any]:
         from scipy.spatial import cKDTree  # late: scenes without photons need none of it
 
         return {
@@ -236,74 +236,74 @@ def farthest_of(scene: Scene, hits: PrimaryHits, rows: NDArray[np.integer]) -> N
     return np.asarray(_FARTHEST * height * np.linalg.norm(hits.position[rows] - scene.camera_position, axis=1), np.float32)
 
 
-def land(
-    photon_map: PhotonMap, i_object: int, hits: PrimaryHits, fans: FanArrays, times: NDArray[np.float32],
+def find_nearby_photons(
+    photon_map: PhotonMap, i_object: int, hits: PrimaryHits, samples: SampleArrays, times: NDArray[np.float32],
     farthest: NDArray[np.float32], clearance: NDArray[np.float32], caster: RayCaster,
-) -> Landed:  # fmt: skip
+) -> NearbyPhotons:  # fmt: skip
     """The photons about the gather points of one object, some points at a time, for whom all that are near are looked
     at; times (p,): what each of their recorded rays stands for; clearance (p,) of what is around."""
     parts = []
-    for begin in range(0, max(len(fans.rows), 1), _AT_ONCE):
-        part = slice(begin, begin + _AT_ONCE)
-        some = fans._replace(rows=fans.rows[part], nth=fans.nth[part], poles=fans.poles[part], seen=fans.seen[part])
-        parts.append(_land(photon_map, i_object, hits, some, times[part], farthest[part], clearance[part], caster))
-    return joined_landed(parts)
+    for begin in range(0, max(len(samples.rows), 1), _BATCH):
+        part = slice(begin, begin + _BATCH)
+        some = samples._replace(rows=samples.rows[part], nth=samples.nth[part], lobe_axes=samples.lobe_axes[part], records=samples.records[part])
+        parts.append(_find_nearby(photon_map, i_object, hits, some, times[part], farthest[part], clearance[part], caster))
+    return join_nearby(parts)
 
 
-def _land(
-    photon_map: PhotonMap, i_object: int, hits: PrimaryHits, fans: FanArrays, times: NDArray[np.float32],
+def _find_nearby(
+    photon_map: PhotonMap, i_object: int, hits: PrimaryHits, samples: SampleArrays, times: NDArray[np.float32],
     farthest: NDArray[np.float32], clearance: NDArray[np.float32], caster: RayCaster,
-) -> Landed:  # fmt: skip
-    found, distances2, radii2 = photon_map.nearest(i_object, hits.position[fans.rows], farthest)
+) -> NearbyPhotons:  # fmt: skip
+    found, distances2, radii2 = photon_map.nearest(i_object, hits.position[samples.rows], farthest)
     weights = np.empty(found.shape, np.float32)
 
     def weigh(begin: int, end: int) -> None:
-        kernels.weigh(
-            fans, begin, end, times, hits.geometric_normal, hits.position, photon_map.photons, found, distances2,
+        kernels.weigh_photons(
+            samples, begin, end, times, hits.geometric_normal, hits.position, photon_map.photons, found, distances2,
             radii2, weights,
         )  # fmt: skip
 
     on_threads(weigh, *even_parts(len(found)))
     kept = weights > 0.0
     doubted = kept & (radii2 > (_NEAR * clearance) ** 2)[:, None]
-    kept[doubted] = ~_hidden(photon_map.photons, hits, caster, fans.rows[np.nonzero(doubted)[0]], found[doubted])
+    kept[doubted] = ~_is_occluded(photon_map.photons, hits, caster, samples.rows[np.nonzero(doubted)[0]], found[doubted])
     start = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
-    return Landed(start, found[kept], weights[kept], np.asarray(np.pi / 2 * radii2, np.float32))
+    return NearbyPhotons(start, found[kept], weights[kept], np.asarray(np.pi / 2 * radii2, np.float32))
 
 
-def _hidden(
+def _is_occluded(
     photons: Photons, hits: PrimaryHits, caster: RayCaster, rows: NDArray[np.int32], numbers: NDArray[np.int32]
 ) -> NDArray[np.bool_]:
     """Whether each of some points (n,) does not see the place that one of the photons (n,) comes from."""
     origins = hits.offset_position[rows]
-    return caster.occluded(origins, photons.starts[numbers] - origins, np.full(len(rows), _ALL_BUT, np.float32))
+    return caster.occluded(origins, photons.starts[numbers] - origins, np.full(len(rows), _VISIBILITY_MARGIN, np.float32))
 
 
-def nothing_landed(n_points: int) -> Landed:
+def no_nearby_photons(n_points: int) -> NearbyPhotons:
     """About points that no photon was looked for."""
     none = np.zeros(0, np.float32)
-    return Landed(np.zeros(n_points + 1, np.int64), none.astype(np.int32), none, np.zeros(n_points, np.float32))
+    return NearbyPhotons(np.zeros(n_points + 1, np.int64), none.astype(np.int32), none, np.zeros(n_points, np.float32))
 
 
-def joined_landed(parts: Sequence[Landed]) -> Landed:
+def join_nearby(parts: Sequence[NearbyPhotons]) -> NearbyPhotons:
     """The photons about several sets of points, one after the other."""
     start = np.concatenate([[0], np.cumsum(np.concatenate([np.diff(part.start) for part in parts]))])
-    return Landed(start, *(np.concatenate(arrays) for arrays in list(zip(*parts, strict=True))[1:]))
+    return NearbyPhotons(start, *(np.concatenate(arrays) for arrays in list(zip(*parts, strict=True))[1:]))
 
 
-def landed_of(landed: Landed, begin: int, end: int) -> Landed:
+def slice_nearby(landed: NearbyPhotons, begin: int, end: int) -> NearbyPhotons:
     """Those about points [begin, end)."""
     first, last = landed.start[begin], landed.start[end]
-    return Landed(
+    return NearbyPhotons(
         landed.start[begin : end + 1] - first, landed.photon[first:last], landed.weight[first:last],
         landed.area[begin:end],
     )  # fmt: skip
 
 
-def sent_by(photons: Photons, layers: Glossy, edited: int, inverse: NDArray[np.float32]) -> Sent:
+def photon_flux(photons: Photons, layers: GlossyLayers, edited: int, inverse: NDArray[np.float32]) -> PhotonFlux:
     """What photons carry; those of the object `edited` as proportional to its albedo, one over which is `inverse`."""
     light = np.zeros((len(photons.objects), 3), np.float32)
-    kernels.send(photons, layers, light)
+    kernels.photon_power(photons, layers, light)
     own = photons.sources == edited
     light[own] *= inverse
-    return Sent(light, own.astype(np.uint8), photons.directions)
+    return PhotonFlux(light, own.astype(np.uint8), photons.directions)

@@ -13,14 +13,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect.irradiance import NOBODY
-from engine.indirect.layers import IndirectLayer
-from engine.indirect.light import IndirectLight
-from engine.indirect.reflection import Fans
+from engine.indirect.irradiance import NO_OBJECT
+from engine.indirect.indirect_layers import IndirectLayer
+from engine.indirect.indirect_light import IndirectLight
+from engine.indirect.reflection import HemisphereSamples
 
 
 @dataclass(frozen=True)
-class Selected:
+class SelectedCurve:
     """Of which layer, by its number among all, and along which of its curves bands are wanted."""
 
     layer: int
@@ -47,7 +47,7 @@ class Representation(Protocol):
         """Memory, beyond what was traced."""
 
     def freeze(
-        self, layers: Sequence[IndirectLayer], edited: int = NOBODY, selected: Selected | None = None
+        self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT, selected: SelectedCurve | None = None
     ) -> Freezing:
         """The light under these layers as a polynomial in the albedo of the object `edited`, in steps."""
 
@@ -76,38 +76,38 @@ class GatherPolynomial:
     def __init__(self, light: IndirectLight, keeps: bool = True) -> None:
         """keeps: what does not depend on curves, for the next freezing."""
         self._light, self._keeps = light, keeps
-        self._fans: dict[int, Fans] = {}
+        self._samples: dict[int, HemisphereSamples] = {}
 
-    def under(self, light: IndirectLight) -> GatherPolynomial:
+    def with_light(self, light: IndirectLight) -> GatherPolynomial:
         """The same for other light, which keeps what is known of the rays if these are the same."""
         other = GatherPolynomial(light, self._keeps)
-        if light.points.gathered is self._light.points.gathered:
-            other._fans = self._fans
+        if light.points.samples is self._light.points.samples:
+            other._samples = self._samples
         return other
 
     @property
     def n_bytes(self) -> int:
-        return sum(fans.n_bytes for fans in self._fans.values())
+        return sum(samples.n_bytes for samples in self._samples.values())
 
     def freeze(
-        self, layers: Sequence[IndirectLayer], edited: int = NOBODY, selected: Selected | None = None
+        self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT, selected: SelectedCurve | None = None
     ) -> Freezing:
-        light = self._light.sent(layers, edited)
+        light = self._light.outgoing_radiance(layers, edited)
         yield None
         reflected: dict[int, NDArray[np.float32]] = {}
         bands = np.zeros((3, 0, light.n_powers, 0), np.float32)
         for i_object in sorted({layer.i_object for layer in layers}):
-            fans = self._fans_of(i_object)
+            samples = self._samples_of(i_object)
             own = [i for i, layer in enumerate(layers) if layer.i_object == i_object]
-            fans.forget_all_but([layers[i].curves for i in own])
+            samples.forget_all_but([layers[i].curves for i in own])
             whole = [i for i in own if selected is None or i != selected.layer]
-            found = yield from fans.reflected([layers[i].curves for i in whole], light)
+            found = yield from samples.reflect([layers[i].curves for i in whole], light)
             reflected |= zip(whole, found, strict=True)
             if selected is not None and selected.layer in own:
-                bands = yield from fans.by_band(layers[selected.layer].curves, selected.factor, light)
+                bands = yield from samples.by_band(layers[selected.layer].curves, selected.factor, light)
         return FrozenLight(reflected, bands)
 
-    def _fans_of(self, i_object: int) -> Fans:
-        if i_object not in self._fans:
-            self._fans[i_object] = self._light.points.fans(i_object, keeps=self._keeps)
-        return self._fans[i_object]
+    def _samples_of(self, i_object: int) -> HemisphereSamples:
+        if i_object not in self._samples:
+            self._samples[i_object] = self._light.points.hemisphere_samples(i_object, keeps=self._keeps)
+        return self._samples[i_object]

@@ -32,7 +32,7 @@ _QUIET, _LOUD = 0.02, 0.08
 # Of the mean: what is darker counts as this bright.
 _DARK = 0.1
 # Times its expectation: less may be chance.
-_SURELY = 2.0
+_CONFIDENCE = 2.0
 _TINY = 1e-20
 
 
@@ -62,7 +62,7 @@ def no_smoothing(n_points: int) -> Smoothing:
     )
 
 
-def mean_of_fans(nth: NDArray[np.uint8]) -> Smoothing:
+def mean_of_sample_sets(nth: NDArray[np.uint8]) -> Smoothing:
     """What each of p points has, by all of its fans alike; nth (q,): which fan of its point each is."""
     start = np.append(np.flatnonzero(nth == 0), len(nth))
     weight = np.repeat(1.0 / np.diff(start), np.diff(start))
@@ -134,13 +134,13 @@ def _weights(
     noise = np.sqrt(variance.sum(axis=1)) / (bright + dark + _TINY)
     share = np.clip((noise - _QUIET) / (_LOUD - _QUIET), 0.0, 1.0)[:, None]
     weight /= weight.sum(axis=1, keepdims=True)
-    share *= _trust(weight, nearest, few, first, second)
+    share *= _filter_weight(weight, nearest, few, first, second)
     weight *= share
     weight[:, :1] += 1.0 - share
     return np.asarray(weight, np.float32)
 
 
-def _trust(
+def _filter_weight(
     weight: NDArray[np.floating], nearest: NDArray[np.intp], few: NDArray[np.float32], first: NDArray[np.float32],
     second: NDArray[np.float32],
 ) -> NDArray[np.floating]:  # fmt: skip
@@ -154,7 +154,7 @@ def _trust(
     crossed = 0.5 * ((filtered[0] - second) ** 2 + (filtered[1] - first) ** 2)
     chance = 0.5 * (first - second) ** 2
     crossed, chance = (mean_of_neighbours(each, nearest, few).sum(axis=1, keepdims=True) for each in (crossed, chance))
-    blurred = np.maximum(crossed - _SURELY * chance, 0.0)
+    blurred = np.maximum(crossed - _CONFIDENCE * chance, 0.0)
     return np.asarray(0.5 * chance / (0.5 * chance + blurred + _TINY), np.float64)
 
 

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from engine.indirect.rays import cosine_tables
+from engine.indirect.direction_patterns import cosine_tables
 from engine.orbit import _picture_kernels as kernels
 from engine.orbit.picture import PointMesh
 from engine.orbit.shading_points import Int32Array, ShadingPoints

@@ -7,7 +7,7 @@ from collections.abc import Generator
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect.rays import cosine_tables
+from engine.indirect.direction_patterns import cosine_tables
 from engine.orbit.shading_points import ShadingPoints
 from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect.beyond import held, in_full
-from engine.indirect.fineness import STILL, Fineness
+from engine.indirect.clamping import clamp_radiance, unscaled
+from engine.indirect.sampling_settings import STILL, SamplingSettings
 from engine.indirect.gather import object_of_rows
-from engine.indirect.layers import IndirectLayer, indirect_layer, seen_from
-from engine.indirect.light import IndirectLight
+from engine.indirect.indirect_layers import IndirectLayer, indirect_layer, view_factors
+from engine.indirect.indirect_light import IndirectLight
 from engine.indirect.representation import GatherPolynomial
 from engine.indirect.series import BounceSeries
 from engine.indirect.solver import Solver
@@ -26,17 +26,17 @@ _N_ROWS, _N_PATHS = 2048, 8
 
 
 def indirect_radiance(
-    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, series: BounceSeries, fineness: Fineness = STILL,
+    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, series: BounceSeries, settings: SamplingSettings = STILL,
     as_needed: bool = False,
 ) -> Generator[StillProgress, None, NDArray[np.float32]]:  # fmt: skip
     """Radiance (P, 3) that reaches the eye after 2 bounces to all of the series, at the points of the hits; arguments:
     see `find_indirect`."""
-    found = yield from find_indirect(placement, layers, sky, series, fineness, as_needed)
+    found = yield from find_indirect(placement, layers, sky, series, settings, as_needed)
     return run_to_end(reflected_light(found, layers, series.second, placement.hits))
 
 
 def find_indirect(
-    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, series: BounceSeries, fineness: Fineness,
+    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, series: BounceSeries, settings: SamplingSettings,
     as_needed: bool,
 ) -> Generator[StillProgress, None, IndirectLight]:  # fmt: skip
     """The light of a picture after 2 bounces to all of the series; as_needed: by no more rays than it needs."""
@@ -44,7 +44,7 @@ def find_indirect(
     if as_needed:
         looking = StillProgress(0.0, "looking around")
         other_light = yield from map_steps(direct_mean(placement, by_object(layers), sky), lambda step: looking)
-    solver = Solver(placement, models_of(layers), sky, series.n_bounces, fineness, series.second != 1, other_light)
+    solver = Solver(placement, models_of(layers), sky, series.n_bounces, settings, series.second != 1, other_light)
     steps = solver.solve(indirect_layers(layers, series.second))
     return (yield from map_steps(steps, lambda step: StillProgress(*step)))
 
@@ -58,10 +58,10 @@ def reflected_light(
 
     Layers with images one by one: what they reflect varies slowly between gather points, the images do not."""
     reflecting = indirect_layers(layers, second)
-    found = found.by_albedo() if second == 1 else found
-    polynomial = GatherPolynomial(found, keeps=False) if polynomial is None else polynomial.under(found)
+    found = found.without_glossy_hits() if second == 1 else found
+    polynomial = GatherPolynomial(found, keeps=False) if polynomial is None else polynomial.with_light(found)
     frozen = yield from polynomial.freeze(reflecting)
-    gather_points = found.points.gathered.points
+    gather_points = found.points.samples.points
     objects = object_of_rows(hits, gather_points)
 
     def at_points(i: int, layer: IndirectLayer) -> NDArray[np.float32]:
@@ -69,12 +69,12 @@ def reflected_light(
         out = np.zeros((len(gather_points), 3), np.float32)
         mine = np.flatnonzero(objects == layer.i_object)
         with np.errstate(over="ignore"):
-            out[mine] = frozen.reflected[i][:, 0] * seen_from(hits, gather_points[mine], layer)
+            out[mine] = frozen.reflected[i][:, 0] * view_factors(hits, gather_points[mine], layer)
         return out
 
     def at_pixels(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
         rows, weights = found.footprint
-        return in_full(np.einsum("pk,pkc->pc", weights, held(radiance)[rows]), found.unit)
+        return unscaled(np.einsum("pk,pkc->pc", weights, clamp_radiance(radiance)[rows]), found.unit)
 
     pairs = list(zip(layers, reflecting, strict=True))
     plain = np.zeros((len(gather_points), 3), np.float32)
@@ -93,7 +93,7 @@ def reflected_light(
 def noise_in(found: IndirectLight, layers: Sequence[StillLayer], second: int | None) -> Generator[None, None, float]:
     """The chance that is left in that light as the layers reflect it, RMS radiance, in steps; arguments: see
     `reflected_light`."""
-    found = found.by_albedo() if second == 1 else found
+    found = found.without_glossy_hits() if second == 1 else found
     relative, mean = yield from found.noise(indirect_layers(layers, second))
     return relative * mean
 

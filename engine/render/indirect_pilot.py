@@ -19,16 +19,16 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect.cells import MOST_CELLS, Cells
-from engine.indirect.fineness import FINE, LEVELS, Fineness, RayNeed
-from engine.indirect.gather import Gathered
-from engine.indirect.irradiance import CellLight
+from engine.indirect.irradiance_cache import MAX_RECORDS, IrradianceCache
+from engine.indirect.sampling_settings import FINE, LEVELS, SamplingSettings, RayBudget
+from engine.indirect.gather import GatherSamples
+from engine.indirect.irradiance import CacheLight
 from engine.indirect.lattice import Lattice
-from engine.indirect.layers import IndirectLayer
-from engine.indirect.parts import Parts
+from engine.indirect.indirect_layers import IndirectLayer
+from engine.indirect.checkpoints import Checkpoints
 from engine.indirect.photons import PhotonMap
-from engine.indirect.solver import CELLS_BY_FANS, FULL, PART_POINTS, Progress, Solver, Try, growth
-from engine.indirect.stored import arrays_of
+from engine.indirect.solver import RECORDS_BY_SETS, FULL, PART_POINTS, Progress, Solver, CellSizeTry, growth
+from engine.indirect.stored_light import arrays_of
 from engine.transport.pipeline import Placement, SkyState
 
 N_BLOCKS = 192
@@ -60,7 +60,7 @@ class IndirectCost:
     n_bytes: float
     n_points: int
     n_cells: int
-    need: RayNeed | None = None
+    need: RayBudget | None = None
 
 
 class _Trial(Solver):
@@ -68,15 +68,15 @@ class _Trial(Solver):
 
     def __init__(
         self, placement: Placement, models: Mapping[int, Sequence[str]], sky: SkyState, n_bounces: int,
-        fineness: Fineness, n_blocks: int, larger: float = 1.0, other_light: float | None = None,
+        settings: SamplingSettings, n_blocks: int, larger: float = 1.0, other_light: float | None = None,
     ) -> None:  # fmt: skip
         """larger: by how much cells are than the solver would have them at first. `n_rays_traced`: of all fans."""
         fewer = replace(
-            fineness, n_cell_rays=fineness.n_cell_rays // FEWER, n_samples=fineness.n_samples // FEWER,
-            n_photons=fineness.n_photons // FEWER,
+            settings, n_record_rays=settings.n_record_rays // FEWER, n_samples=settings.n_samples // FEWER,
+            n_photons=settings.n_photons // FEWER,
         )  # fmt: skip
         super().__init__(placement, models, sky, n_bounces, fewer, other_light=other_light)
-        self._whole = fineness
+        self._whole = settings
         self._n_blocks, self._larger = n_blocks, larger
         self.seconds = dict.fromkeys(("size", "photons", "fans", "rough", "cells"), 0.0)
         self.n_rays_traced = 0
@@ -87,37 +87,37 @@ class _Trial(Solver):
         self.lattice.thin(self._n_blocks, np.random.default_rng(1))
         return self.lattice
 
-    def _roughly(self) -> Fineness:
+    def _rough_settings(self) -> SamplingSettings:
         """As the solver does: noise of cells would be taken for that of the picture."""
         whole = self._whole
-        return replace(self._most, n_cell_rays=whole.n_cell_rays // 4, n_samples=whole.n_samples // 4)
+        return replace(self._most, n_record_rays=whole.n_record_rays // 4, n_samples=whole.n_samples // 4)
 
     @property
     def n_first(self) -> int:
         """How many fans the first look of the whole picture has."""
-        return len(self._whole_lattice().wanted())
+        return len(self._whole_lattice().missing_rows())
 
-    def _forecast(self, cells: Cells, n_fans: int) -> None:
+    def _forecast(self, cells: IrradianceCache, n_fans: int) -> None:
         """Nothing: of some blocks there are never too many."""
 
     def _cell_size(self) -> float:
         return self._larger * self._timed("size", super()._cell_size)
 
-    def _photons(self, cells: Cells) -> PhotonMap:
+    def _photons(self, cells: IrradianceCache) -> PhotonMap:
         return self._timed("photons", super()._photons, cells)
 
     def _gather(
-        self, cells: Cells, before: Gathered, rows: NDArray[np.int32], nth: NDArray[np.uint8], parts: Parts,
+        self, cells: IrradianceCache, before: GatherSamples, rows: NDArray[np.int32], nth: NDArray[np.uint8], parts: Checkpoints,
         span: tuple[float, float], first_open: int = 0,
-    ) -> Generator[Progress, None, Gathered]:  # fmt: skip
-        self.n_rays_traced += len(rows) * self._fineness.n_rays
+    ) -> Generator[Progress, None, GatherSamples]:  # fmt: skip
+        self.n_rays_traced += len(rows) * self._settings.n_rays
         return (yield from self._steps("fans", super()._gather(cells, before, rows, nth, parts, span, first_open)))
 
     def _light(
-        self, cells: Cells, fineness: Fineness, parts: Parts, span: tuple[float, float]
-    ) -> Generator[Progress, None, CellLight]:
-        what = "cells" if fineness is self._fineness else "rough"
-        return (yield from self._steps(what, super()._light(cells, fineness, parts, span)))
+        self, cells: IrradianceCache, settings: SamplingSettings, parts: Checkpoints, span: tuple[float, float]
+    ) -> Generator[Progress, None, CacheLight]:
+        what = "cells" if settings is self._settings else "rough"
+        return (yield from self._steps(what, super()._light(cells, settings, parts, span)))
 
     def _timed(self, what: str, work: Callable[..., Value], *arguments: object) -> Value:
         started = time.process_time()
@@ -139,35 +139,35 @@ class _Trial(Solver):
 
 def indirect_cost(
     placement: Placement, models: Mapping[int, Sequence[str]], sky: SkyState, n_bounces: int,
-    layers: Sequence[IndirectLayer], fineness: Fineness = FINE, other_light: float | None = None,
+    layers: Sequence[IndirectLayer], settings: SamplingSettings = FINE, other_light: float | None = None,
 ) -> Generator[Progress, None, IndirectCost]:  # fmt: skip
     """What `Solver(placement, models, sky, n_bounces, fineness, other_light=other_light)` will cost for these layers;
     yields its progress."""
     seconds = first = 0.0
     for n_blocks in (2, N_BLOCKS):  # the first reads kernels
-        trial = _Trial(placement, models, sky, n_bounces, fineness, n_blocks, other_light=other_light)
+        trial = _Trial(placement, models, sky, n_bounces, settings, n_blocks, other_light=other_light)
         started, first = time.process_time(), seconds
         found = yield from trial.solve(layers)
         seconds = time.process_time() - started
     if trial.lattice is None:
-        raise ValueError(f"fineness {fineness.name!r}: expected one that refines a lattice")
+        raise ValueError(f"fineness {settings.name!r}: expected one that refines a lattice")
     tried = trial.seconds
     n_points, n_tried_cells = trial.lattice.n_expected, max(len(found.cells), 1)
-    by_point = n_points / max(len(found.points.gathered.points), 1)
-    is_small = found.need.n_rays <= found.need.most // LEVELS[0]
-    wanted = n_tried_cells * max(by_point, 1.0) ** (CELLS_BY_SMALL_FANS if is_small else CELLS_BY_FANS)
+    by_point = n_points / max(len(found.points.samples.points), 1)
+    is_small = found.ray_budget.n_rays <= found.ray_budget.max_rays // LEVELS[0]
+    wanted = n_tried_cells * max(by_point, 1.0) ** (CELLS_BY_SMALL_FANS if is_small else RECORDS_BY_SETS)
     lost = NOTHING_LOST
-    if wanted > MOST_CELLS:
-        coarser = _Trial(placement, models, sky, n_bounces, fineness, N_BLOCKS, COARSER, other_light)
+    if wanted > MAX_RECORDS:
+        coarser = _Trial(placement, models, sky, n_bounces, settings, N_BLOCKS, COARSER, other_light)
         n_coarser = len((yield from coarser.solve(layers)).cells)
         lost = lost_tries(
             wanted, n_points, trial.n_first, math.log(n_tried_cells / max(n_coarser, 1)) / math.log(COARSER)
         )
-    n_cells = min(wanted, FULL * MOST_CELLS) if lost.n_tries else wanted
+    n_cells = min(wanted, FULL * MAX_RECORDS) if lost.n_tries else wanted
     by_cell = n_cells / n_tried_cells
     rest = seconds - sum(tried.values())
     # A try that is given up ends with its first look, and most know by then how many rays are needed.
-    by_fan = tried["fans"] * found.need.n_rays / max(trial.n_rays_traced, 1)
+    by_fan = tried["fans"] * found.ray_budget.n_rays / max(trial.n_rays_traced, 1)
     reading = max(first - tried["size"] - tried["photons"], 0.0)
     total = (
         reading
@@ -179,17 +179,17 @@ def indirect_cost(
     )
     arrays = arrays_of(found).items()
     n_bytes = sum(array.nbytes * _times(name, len(array), n_tried_cells, by_point, by_cell) for name, array in arrays)
-    return IndirectCost(total, n_bytes, round(n_points), round(n_cells), found.need)
+    return IndirectCost(total, n_bytes, round(n_points), round(n_cells), found.ray_budget)
 
 
 def lost_tries(wanted: float, n_fans: float, n_first: int, power: float) -> Lost:
     """What is lost until cells are large enough: wanted: cells of the first size after all fans, which the first look,
     of n_first, foresees; of s times larger ones there are s^-power as many."""
-    size, n_lost, tries = 1.0, 0.0, list[Try]()
-    while (n_cells := wanted * size**-power) > MOST_CELLS and len(tries) < MOST_TRIES:
-        done = n_fans * (MOST_CELLS / n_cells) ** (1.0 / CELLS_BY_FANS)
+    size, n_lost, tries = 1.0, 0.0, list[CellSizeTry]()
+    while (n_cells := wanted * size**-power) > MAX_RECORDS and len(tries) < MOST_TRIES:
+        done = n_fans * (MAX_RECORDS / n_cells) ** (1.0 / RECORDS_BY_SETS)
         n_lost += min(done, n_first)
-        tries.append(Try(size, round(done) + PART_POINTS // 2))
+        tries.append(CellSizeTry(size, round(done) + PART_POINTS // 2))
         size *= growth(tries, n_fans)
     return Lost(len(tries), n_lost / max(n_fans, 1.0))
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from engine.indirect.fineness import FINE
+from engine.indirect.sampling_settings import FINE
 from engine.light.triangle_lights import cut_lights
 from engine.planner import Cost, Plan
 from engine.render.indirect import direct_mean, indirect_layers, models_of

@@ -17,8 +17,8 @@ from app.project import Project, open_project, with_edges
 from app.stills import Still, layers_by_object, plan_still, render_picture, render_project
 from engine.deform.live import Deform, finished
 from engine.indirect import lattice
-from engine.indirect.fineness import STILL, Fineness
-from engine.indirect.light import IndirectLight
+from engine.indirect.sampling_settings import STILL, SamplingSettings
+from engine.indirect.indirect_light import IndirectLight
 from engine.indirect.series import BounceSeries
 from engine.light.radiance_files import read_radiance_image
 from engine.orbit.live import Orbit
@@ -192,19 +192,19 @@ def test_the_error_of_indirect_light_is_told_as_it_is_where_it_is_interpolated(
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     direct = run_to_end(reflected(placement, layers, project.sky, still_quality(plan)))
 
-    def indirect(fineness: Fineness, as_needed: bool) -> tuple[IndirectLight, np.ndarray]:
+    def indirect(fineness: SamplingSettings, as_needed: bool) -> tuple[IndirectLight, np.ndarray]:
         found = run_to_end(find_indirect(placement, layers, project.sky, series, fineness, as_needed))
         return found, run_to_end(reflected_light(found, layers, series.second, placement.hits))
 
     found, shown = indirect(STILL, True)
-    assert len(found.points.gathered.points) < 0.9 * len(shown)
+    assert len(found.points.samples.points) < 0.9 * len(shown)
     noise = run_to_end(noise_in(found, layers, series.second))
     judging = judge(placement, layers, project.sky, still_quality(plan), 4, direct + shown, shown, noise=noise)
     told = run_to_end(judging).estimate.indirect
     for name, value in {"TOLERANCE": -1.0, "FLOOR": -1.0, "REACH": 0.0}.items():
         monkeypatch.setattr(lattice, name, value)
     finer, truth = indirect(STILL.with_rays(4096), False)
-    assert len(finer.points.gathered.points) == len(shown)
+    assert len(finer.points.samples.points) == len(shown)
     error = np.sqrt(((shown - truth) ** 2).mean()) / (direct + truth).mean()
     assert told is not None and 0.7 * error < told < 1.5 * error
 

@@ -17,7 +17,7 @@ from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
 from app.project import open_project
 from app.view_state import ViewState
-from engine.indirect.fineness import ROUGH
+from engine.indirect.sampling_settings import ROUGH
 from engine.indirect.solver import Solver
 
 SCENE = """version = 1

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from engine import threads
-from engine.indirect.layers import indirect_layer
+from engine.indirect.indirect_layers import indirect_layer
 from engine.light.environment import Environment, _angular_to_latlong, triangle_integrals
 from engine.material import MODELS, make_layer
 from engine.render.path_tracer import trace_paths

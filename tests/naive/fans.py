@@ -3,29 +3,29 @@
 import numpy as np
 
 from engine.indirect import _ray_kernels as rays
-from engine.indirect._cell_kernels import NO_CELL
-from engine.indirect._reflection_kernels import FanArrays
-from engine.indirect.curves import LayerCurves
+from engine.indirect._cache_kernels import NO_RECORD
+from engine.indirect._reflection_kernels import SampleArrays
+from engine.indirect.layer_curves import LayerCurves
 from engine.material._kernels import gamma, quotient_cosine
 
 
-def reflected(fans: FanArrays, i: int, layer: LayerCurves, radiosity: np.ndarray) -> np.ndarray:
+def reflected(fans: SampleArrays, i: int, layer: LayerCurves, radiosity: np.ndarray) -> np.ndarray:
     """Radiance (D, 3) of point i under radiosity (C, D, 3), without f_q and f_o: Σ ρ_q f_A f_B cos θ L / density."""
     row, q = fans.rows[i], np.asarray(layer.quotient_parameters, float)
-    eye = rays.local_eye(fans.tangent[row], fans.normal[row], fans.wo[row])
-    seed, cosine, sine = rays.turn_of(row)
-    tables = fans.tables_cosine, fans.tables_pole
+    eye = rays.local_wo(fans.tangent[row], fans.normal[row], fans.wo[row])
+    seed, cosine, sine = rays.pattern_rotation(row)
+    tables = fans.tables_cosine, fans.tables_lobe
     pattern, sizes = rays.pattern_of(np.uint64(seed), fans.nth[i]), [np.float32(table.shape[1]) for table in tables]
     total, m = np.zeros(radiosity.shape[1:]), 0
     for table, is_cosine in zip(tables, (True, False), strict=True):
         for k in range(table.shape[1]):
-            x, y, z = rays.fan_direction(table[pattern], k, is_cosine, cosine, sine, fans.poles[i], *eye)
-            if fans.seen[i, m] != NO_CELL and z > rays.HORIZON:
-                density = rays.fan_density(*sizes, fans.poles[i], x, y, z, *eye)
+            x, y, z = rays.sample_direction(table[pattern], k, is_cosine, cosine, sine, fans.lobe_axes[i], *eye)
+            if fans.records[i, m] != NO_RECORD and z > rays.HORIZON:
+                density = rays.direction_pdf(*sizes, fans.lobe_axes[i], x, y, z, *eye)
                 value = quotient_cosine(layer.model.number, q, x, y, z, *eye) / density / np.pi
                 for factor, curve in zip(layer.model.factors, layer.curves, strict=False):
                     value = value * _curve_at(gamma(factor.gamma, q, x, y, z, *eye), curve)
-                total += value * radiosity[fans.seen[i, m]]
+                total += value * radiosity[fans.records[i, m]]
             m += 1
     return total
 

@@ -119,8 +119,8 @@ def test_transport_is_made_anew_only_where_it_must_be(file: Path, monkeypatch: p
 def test_light_that_bounces_is_frozen_between_edits(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """After an edit how layers weigh rays is not found again, and the sum is that of rays of which nothing is kept."""
     aimed: list[int] = []
-    original = reflection.Aim
-    monkeypatch.setattr(reflection, "Aim", lambda *a: aimed.append(1) or original(*a))
+    original = reflection.RayWeights
+    monkeypatch.setattr(reflection, "RayWeights", lambda *a: aimed.append(1) or original(*a))
     scene = insitu.open(file)
     first = scene.image(bounces=3)
     aimed.clear()

@@ -18,7 +18,7 @@ from app.jobs.tasks import Tasks
 from app.messages import Failed, Response
 from app.placement.curves import Curves
 from app.placement.messages import ComputeTransport, Contract, Freeze, Frozen, LayerPicture
-from engine.indirect.fineness import ROUGH
+from engine.indirect.sampling_settings import ROUGH
 from engine.scene.scene_loader import load_scene
 from tests.app.jobs.ball_and_lamp import GLOSS, SCENE, compute, twice
 from tests.opened import ask_for_scene

@@ -19,8 +19,8 @@ from app.placement.curves import Curves
 from app.placement.messages import Freeze, Frozen, IndirectFound
 from app.sky import sky_of
 from engine.indirect import solver as solver_module
-from engine.indirect.fineness import ROUGH
-from engine.indirect.gather import Gathered, gather
+from engine.indirect.sampling_settings import ROUGH
+from engine.indirect.gather import GatherSamples, gather
 from engine.indirect.solver import Solver
 from engine.scene.scene_loader import Scene, load_scene
 from engine.transport.pipeline import Placement
@@ -78,7 +78,7 @@ def test_as_many_rays_are_taken_as_are_needed_or_asked_for(
     numbers = {where.number}
     for n_rays in (128, 256):  # 128 are all of it, too: by hand they are another light than as needed
         more, _ = found_by(tasks, scene, n_rays=n_rays)
-        assert (more.n_rays, more.reason) == (0, "") and tasks.light.points.gathered.seen.shape[1] == n_rays
+        assert (more.n_rays, more.reason) == (0, "") and tasks.light.points.samples.records.shape[1] == n_rays
         numbers.add(more.number)
     assert len(numbers) == 3
     back, *frozen = found_by(tasks, scene)
@@ -139,7 +139,7 @@ def test_a_search_that_was_killed_goes_on(scene: Scene, tmp_path: Path, monkeypa
     assert {path.suffix for path in (tmp_path / "cache").iterdir()} == {".tiles", ".lock"}
     gathered: list[int] = []
 
-    def counted(*given: Any, **named: Any) -> Iterator[Gathered]:
+    def counted(*given: Any, **named: Any) -> Iterator[GatherSamples]:
         gathered.extend([] if named else [len(given[2])])  # the first look is named otherwise
         return gather(*given, **named)
 

@@ -24,7 +24,7 @@ from app.project import ProjectWords
 from app.stills import render_project
 from app.view_state import SetView
 from engine.curve.operators import Operator
-from engine.indirect.fineness import ROUGH
+from engine.indirect.sampling_settings import ROUGH
 from engine.indirect.series import BounceSeries
 from tests.scene_text import ground
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from engine.indirect.fineness import FINE, Fineness
-from engine.indirect.layers import IndirectLayer, indirect_layer
-from engine.indirect.light import IndirectLight
+from engine.indirect.sampling_settings import FINE, SamplingSettings
+from engine.indirect.indirect_layers import IndirectLayer, indirect_layer
+from engine.indirect.indirect_light import IndirectLight
 from engine.indirect.solver import Solver
 from engine.light.environment import Environment
 from engine.material import MODELS
@@ -19,7 +19,7 @@ from engine.scene.scene_loader import build_scene
 from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, SkyState
 
-QUICK = replace(FINE, n_rays=256, most_further=0, n_cells=600, n_cell_rays=64, n_samples=512)
+QUICK = replace(FINE, n_rays=256, max_extra_sets=0, n_cache_records=600, n_record_rays=64, n_samples=512)
 IDENTITY = [1.0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
 
 
@@ -51,7 +51,7 @@ def matt(i_object: int, albedo: float | Sequence[float], n_bands: int = 16) -> I
 
 
 def solve(
-    placement: Placement, layers: Sequence[IndirectLayer], n_bounces: int, fineness: Fineness = QUICK,
+    placement: Placement, layers: Sequence[IndirectLayer], n_bounces: int, fineness: SamplingSettings = QUICK,
     sky: Environment | None = None,
 ) -> IndirectLight:  # fmt: skip
     models: dict[int, list[str]] = {}

@@ -12,8 +12,8 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from engine.indirect.irradiance import NOBODY
-from engine.indirect.layers import IndirectLayer, indirect_layer
+from engine.indirect.irradiance import NO_OBJECT
+from engine.indirect.indirect_layers import IndirectLayer, indirect_layer
 from engine.indirect.series import BounceSeries
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
@@ -38,7 +38,7 @@ from tests.engine.indirect.small_scenes import (
 
 DARK, LIGHT = 0.1, 0.9
 # Cells that cross the edge of the wainscot have the mean of both sides' light.
-FINER = replace(QUICK, n_cells=8000)
+FINER = replace(QUICK, n_cache_records=8000)
 
 
 @pytest.fixture(scope="module")
@@ -132,7 +132,7 @@ def test_albedos_of_edits_stay_powers(ball: Placement) -> None:
     assert bright.shape[1] == 4
     for albedo in (0.0, 0.3, 1.2):
         changed = [replace(layer, albedo=np.full(3, albedo))]
-        plain = found.radiosity(changed, NOBODY)[:, 0]
+        plain = found.radiosity(changed, NO_OBJECT)[:, 0]
         powers = albedo ** np.arange(4)[:, None]
         np.testing.assert_allclose((bright * powers).sum(axis=1), plain, rtol=1e-5, atol=1e-6 * plain.max() + 1e-12)
 

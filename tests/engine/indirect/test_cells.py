@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from engine.indirect._ray_kernels import EVEN, GLOSSY, MATT, SHARP
-from engine.indirect.cells import Cells, Rays
+from engine.indirect._ray_kernels import EVEN, GLOSSY, DIFFUSE, SHARP
+from engine.indirect.irradiance_cache import IrradianceCache, Rays
 from tests.engine.indirect.small_scenes import placed, placement_of
 
 SIZE = 0.1
@@ -18,9 +18,9 @@ POST = {"name": "post", "primitive": "cube", "transform": placed(0.9, 0.5, 0.9, 
     # In the middle of a highlight it may be an eighth as large. It takes at most half of a matt point's ray.
     [
         (0.02, EVEN, SIZE),
-        (9.0, MATT, SIZE),
-        (0.11, MATT, SIZE / 2),
-        (0.02, MATT, SIZE / 8),
+        (9.0, DIFFUSE, SIZE),
+        (0.11, DIFFUSE, SIZE / 2),
+        (0.02, DIFFUSE, SIZE / 8),
         (0.1, GLOSSY, SIZE / 2),
         (1.0, GLOSSY, SIZE),
         (2.0, GLOSSY, 2 * SIZE),
@@ -32,23 +32,23 @@ POST = {"name": "post", "primitive": "cube", "transform": placed(0.9, 0.5, 0.9, 
 )
 def test_what_is_near_by_is_in_small_cells(height, mirrored, size):
     placement = placement_of([FLOOR, POST])
-    cells = Cells(placement.scene, placement.caster, SIZE)
+    cells = IrradianceCache(placement.scene, placement.caster, SIZE)
     x, z = np.meshgrid(np.linspace(-0.8, 0.8, 401), np.linspace(-0.8, 0.8, 401))
     origins = np.stack([x.ravel(), np.full(x.size, height), z.ravel()], axis=1).astype(np.float32)
     origins -= placement.scene.origin.astype(np.float32)
     down = np.tile(np.array([0.0, -1.0, 0.0], np.float32), (x.size, 1))
-    seen, _ = cells.hit_by(Rays(origins, down, np.ones(x.size, bool)), mirrored=np.full(x.size, mirrored, np.uint8))
+    seen, _ = cells.records_and_hits(Rays(origins, down, np.ones(x.size, bool)), mirrored=np.full(x.size, mirrored, np.uint8))
     assert (1.6 / size) ** 2 <= len(np.unique(seen)) <= (1.6 / size + 2) ** 2
 
 
 def straight_down(placement, size: float, height: float = 2.0, reach: float = 0.3, n: int = 401):
     """The cell (R,) and the place (R, 3) that each of n² rays hits."""
-    cells = Cells(placement.scene, placement.caster, size)
+    cells = IrradianceCache(placement.scene, placement.caster, size)
     x, z = np.meshgrid(np.linspace(-reach, reach, n), np.linspace(-reach, reach, n))
     places = np.stack([x.ravel(), np.full(x.size, height), z.ravel()], axis=1)
     down = np.tile(np.array([0.0, -1.0, 0.0], np.float32), (len(places), 1))
     origins = (places - placement.scene.origin).astype(np.float32)
-    seen, found = cells.hit_by(Rays(origins, down, np.ones(len(places), bool)))
+    seen, found = cells.records_and_hits(Rays(origins, down, np.ones(len(places), bool)))
     places[:, 1] -= found.distance
     return seen, places
 

@@ -6,7 +6,7 @@ import pytest
 from engine.curve.operators import Operator
 from engine.indirect import _ray_kernels as kernels
 from engine.indirect.albedo import equivalent_albedo
-from engine.indirect.rays import N_PATTERNS, cosine_tables, pole_tables
+from engine.indirect.direction_patterns import N_PATTERNS, cosine_tables, lobe_tables
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.transport._projection_kernels import ViewedPoints
@@ -16,15 +16,15 @@ EYES = [(0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (-0.3, 0.86, 0.41), (0.99, 0.0, 0.141)
 
 def fan(pole: int, eye: tuple[float, float, float], pattern: int, n: int = 1024) -> tuple[np.ndarray, np.ndarray]:
     """Directions (R, 3) above the horizon of one fan and their densities (R,)."""
-    tables, sizes = (cosine_tables(n)[pattern], pole_tables(n)[pattern]), np.float32(n)
+    tables, sizes = (cosine_tables(n)[pattern], lobe_tables(n)[pattern]), np.float32(n)
     o = [np.float32(x) for x in np.asarray(eye) / np.linalg.norm(eye)]
     found = [
-        kernels.fan_direction(table, k, is_cosine, np.float32(0.8), np.float32(0.6), pole, *o)
+        kernels.sample_direction(table, k, is_cosine, np.float32(0.8), np.float32(0.6), pole, *o)
         for table, is_cosine in zip(tables, (True, False), strict=True)
         for k in range(n)
     ]
     directions = np.array([d for d in found if d[2] > kernels.HORIZON], np.float32)
-    return directions, np.array([kernels.fan_density(sizes, sizes, pole, *d, *o) for d in directions])
+    return directions, np.array([kernels.direction_pdf(sizes, sizes, pole, *d, *o) for d in directions])
 
 
 @pytest.mark.parametrize("pole", [kernels.NORMAL, kernels.MIRROR, kernels.HALF])
@@ -66,9 +66,9 @@ def test_rays_are_sharp_in_the_middle_of_a_highlight_alone(pole):
     away = np.radians(np.arange(0.5, 80.0))
     directions = np.stack([np.sin(away), 0 * away, np.cos(away)], axis=1).astype(np.float32)
     marks = np.full(len(away), 9, np.uint8)
-    kernels.mark_mirrored(np.zeros(1, np.int32), np.array([pole]), surface, directions, marks)
+    kernels.mark_glossy_rays(np.zeros(1, np.int32), np.array([pole]), surface, directions, marks)
     sharp, rest = (
-        (0, kernels.MATT) if pole == kernels.NORMAL else (12 if pole == kernels.MIRROR else 11, kernels.GLOSSY)
+        (0, kernels.DIFFUSE) if pole == kernels.NORMAL else (12 if pole == kernels.MIRROR else 11, kernels.GLOSSY)
     )
     assert marks.tolist() == [kernels.SHARP] * sharp + [rest] * (len(away) - sharp)
 
@@ -78,12 +78,12 @@ def test_patterns_are_unit_and_differ():
     assert tables.shape == (N_PATTERNS, 64, 3)
     assert tables[..., 2].mean() == pytest.approx(2 / 3, abs=2e-3)
     assert not np.allclose(tables[0], tables[1])
-    assert pole_tables(0).shape == (N_PATTERNS, 0, 3)
+    assert lobe_tables(0).shape == (N_PATTERNS, 0, 3)
 
 
 def test_further_fans_go_on_where_the_first_ended():
     # Two fans of 64 are one of 128: together as even as one, which two patterns of their own are not.
-    for tables in (cosine_tables, pole_tables):
+    for tables in (cosine_tables, lobe_tables):
         two = tables(64, 2).reshape(2, N_PATTERNS, 64, 3)
         np.testing.assert_array_equal(two[0], tables(64))
         np.testing.assert_array_equal(np.concatenate(list(two), axis=1), tables(128))

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from engine.errors import InsituError
-from engine.indirect.fineness import FINE, TOLERANCE, RayNeed, needed_rays, noise_of
-from engine.indirect.light import IndirectLight
+from engine.indirect.sampling_settings import FINE, TOLERANCE, RayBudget, required_rays, noise_of
+from engine.indirect.indirect_light import IndirectLight
 from engine.indirect.solver import Solver
-from engine.indirect.stored import arrays_of
+from engine.indirect.stored_light import arrays_of
 from engine.light.environment import constant_environment
 from engine.plan_lines import HEMISPHERE_RAYS, checked_line
 from engine.generators import run_to_end
@@ -17,7 +17,7 @@ from engine.stored_arrays import UnsoundArrays
 from engine.transport.pipeline import SkyState
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of
 
-ASKING = replace(QUICK, n_rays=512, n_cell_rays=64, n_samples=64)
+ASKING = replace(QUICK, n_rays=512, n_record_rays=64, n_samples=64)
 ONE = np.ones(50)
 LAYERS = [matt(0, 0.7), matt(1, 0.5), matt(2, 0.3)]
 MODELS_OF = {i: ["lambert"] for i in range(3)}
@@ -34,7 +34,7 @@ def solved(other_light: float | None) -> IndirectLight:
 
 @pytest.mark.parametrize(("noise", "expected"), [(0.0, 128), (0.004, 128), (0.015, 256), (0.08, 512), (np.inf, 512)])
 def test_more_noise_calls_for_more_rays(noise: float, expected: int) -> None:
-    need = needed_rays(512, noise)
+    need = required_rays(512, noise)
     assert need.n_rays == expected
     assert expected == 512 or need.added(need.n_rays) <= TOLERANCE
     assert expected == 128 or not need.added(expected // 2) <= TOLERANCE
@@ -42,7 +42,7 @@ def test_more_noise_calls_for_more_rays(noise: float, expected: int) -> None:
 
 def test_fewer_rays_take_others_with_them() -> None:
     quick = FINE.with_rays(128)
-    assert (quick.n_rays, quick.n_cell_rays, quick.n_samples) == (128, FINE.n_cell_rays // 2, FINE.n_samples // 2)
+    assert (quick.n_rays, quick.n_record_rays, quick.n_samples) == (128, FINE.n_record_rays // 2, FINE.n_samples // 2)
     assert FINE.with_rays(512) == FINE and FINE.with_rays(1024) == replace(FINE, n_rays=1024)
     assert FINE.with_rays(0) == FINE  # as nobody has asked for
 
@@ -64,20 +64,20 @@ def test_noise_is_half_of_what_halves_differ_by() -> None:
 
 def test_a_quiet_picture_is_found_by_few_rays_and_a_noisy_one_by_all() -> None:
     every, many, few = solved(None), solved(0.0), solved(1e3)  # the last beside a thousand times as much light
-    assert every.need.n_rays == 512 and few.need.n_rays == 128
-    assert many.need == needed_rays(512, many.need.noise)
-    assert few.points.gathered.seen.shape[1] == 128 and few.light.seen.shape[1] == ASKING.n_cell_rays // 2
-    assert every.need.noise is None and few.need.noise < many.need.noise
+    assert every.ray_budget.n_rays == 512 and few.ray_budget.n_rays == 128
+    assert many.ray_budget == required_rays(512, many.ray_budget.noise)
+    assert few.points.samples.records.shape[1] == 128 and few.light.records_hit.shape[1] == ASKING.n_record_rays // 2
+    assert every.ray_budget.noise is None and few.ray_budget.noise < many.ray_budget.noise
     first, last = (light.picture(LAYERS).mean() for light in (every, few))
     assert last == pytest.approx(first, rel=0.02)
 
 
 def test_all_rays_are_those_of_a_solver_that_never_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     # Cells that the first look alone has hit have other places: so alike, not equal.
-    monkeypatch.setattr("engine.indirect.fineness.TOLERANCE", 0.0)
+    monkeypatch.setattr("engine.indirect.sampling_settings.TOLERANCE", 0.0)
     asked, plain = solved(0.0), solved(None)
-    assert asked.need.n_rays == 512 and asked.need.reason.startswith("256 would be")
-    assert asked.points.gathered.seen.shape == plain.points.gathered.seen.shape
+    assert asked.ray_budget.n_rays == 512 and asked.ray_budget.reason.startswith("256 would be")
+    assert asked.points.samples.records.shape == plain.points.samples.records.shape
     np.testing.assert_allclose(asked.picture(LAYERS), plain.picture(LAYERS), rtol=0.1, atol=0.02)
 
 
@@ -85,7 +85,7 @@ def test_all_rays_are_those_of_a_solver_that_never_asked(monkeypatch: pytest.Mon
 def test_what_is_stored_knows_how_many_rays_it_has(other_light: float | None) -> None:
     light = solved(other_light)
     restored = solver(other_light).restored(arrays_of(light))
-    assert restored.need == light.need
+    assert restored.ray_budget == light.ray_budget
     np.testing.assert_array_equal(restored.picture(LAYERS), light.picture(LAYERS))
 
 
@@ -96,9 +96,9 @@ def test_what_nobody_asked_for_is_refused(name: str, value: np.ndarray) -> None:
 
 
 def test_each_reason_can_be_read() -> None:
-    assert RayNeed(512, 512).reason == "as many as there may be"
-    assert needed_rays(512, 0.004).reason == "within 0.2 % of what 512 show"
-    assert needed_rays(512, 0.08).reason == "256 would be 1.8 % noisier"
+    assert RayBudget(512, 512).reason == "as many as there may be"
+    assert required_rays(512, 0.004).reason == "within 0.2 % of what 512 show"
+    assert required_rays(512, 0.08).reason == "256 would be 1.8 % noisier"
 
 
 @pytest.mark.parametrize("value", [0, 100, 2048, "many", True, 128.0])

@@ -2,18 +2,18 @@
 
 import pytest
 
-from engine.indirect.cells import MOST_CELLS
-from engine.indirect.solver import CELLS_BY_FANS, Try, growth
+from engine.indirect.irradiance_cache import MAX_RECORDS
+from engine.indirect.solver import RECORDS_BY_SETS, CellSizeTry, growth
 
 
 def beginnings(power: float, too_many: float, n_fans: float = 50_000.0) -> tuple[int, float]:
     """How many tries there are where cells of size 1 would be so many times too many, C n^0.4 s^-power; and the share
     of the cells that there may be in the last."""
-    size, tries = 1.0, list[Try]()
+    size, tries = 1.0, list[CellSizeTry]()
     while (cells := too_many * size**-power) > 1.0:
         # The table is full after so many fans: the part under way is given up, and half of it counted.
-        full_after = n_fans * cells ** (-1.0 / CELLS_BY_FANS)
-        tries.append(Try(size, max(int(full_after), 2048)))
+        full_after = n_fans * cells ** (-1.0 / RECORDS_BY_SETS)
+        tries.append(CellSizeTry(size, max(int(full_after), 2048)))
         size *= growth(tries, n_fans)
         assert len(tries) < 20
     return len(tries) + 1, cells
@@ -33,5 +33,5 @@ def test_a_plain_surface_is_told_at_once() -> None:
 
 
 def test_never_by_less_than_a_quarter() -> None:
-    assert growth([Try(1.0, 50_000)], 50_000.0) == pytest.approx(1.26)
-    assert MOST_CELLS < 1 << 16
+    assert growth([CellSizeTry(1.0, 50_000)], 50_000.0) == pytest.approx(1.26)
+    assert MAX_RECORDS < 1 << 16

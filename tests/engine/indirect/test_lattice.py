@@ -18,9 +18,9 @@ FAR = np.full(len(HITS.pixel), np.inf, np.float32)
 
 def refined(values: np.ndarray, noise: float = 0.0, clearance: np.ndarray = FAR) -> Lattice:
     lattice, turns = Lattice(HITS, MATT), 0
-    lattice.wanted()
+    lattice.missing_rows()
     while lattice.refine(values, np.full_like(values, noise), clearance):
-        lattice.wanted()
+        lattice.missing_rows()
         turns += 1
         assert turns <= 4
     return lattice
@@ -92,9 +92,9 @@ def test_a_groove_between_corners_that_are_alike_is_stood_for():
     normal = HITS.normal.copy()
     normal[np.random.default_rng(4).choice(len(normal), len(normal) // 40, replace=False)] *= -1.0
     lattice = Lattice(replace(HITS, normal=normal), MATT)
-    lattice.wanted()
+    lattice.missing_rows()
     while lattice.refine(np.ones((len(normal), 1)), np.zeros((len(normal), 1)), FAR):
-        lattice.wanted()
+        lattice.missing_rows()
     rows, weights = lattice.footprint()
     np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-5)
     faces = np.einsum("pkc,pc->pk", normal[lattice.rows[rows]], normal)
@@ -107,9 +107,9 @@ def test_a_gloss_is_stood_for_by_normals_like_its_own(glossy):
     normal = HITS.normal + turn
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     lattice = Lattice(replace(HITS, normal=normal), np.full(len(CORNER), glossy))
-    lattice.wanted()
+    lattice.missing_rows()
     while lattice.refine(np.ones((len(normal), 1)), np.zeros((len(normal), 1)), FAR):
-        lattice.wanted()
+        lattice.missing_rows()
     rows, weights = lattice.footprint()
     np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-5)
     alike = np.einsum("pkc,pc->pk", normal[lattice.rows[rows]], normal)[weights > 0.0].min()
@@ -134,9 +134,9 @@ def test_whatever_the_size_every_point_is_stood_for_by_known_ones(n, close):
     values, far = np.random.default_rng(n).random((len(hits.pixel), 1)), np.full(len(hits.pixel), np.inf, np.float32)
     values[np.max(np.divmod(hits.pixel, n), axis=0) == n - 1] = 0.5
     lattice = Lattice(hits, MATT, close)
-    lattice.wanted()
+    lattice.missing_rows()
     while lattice.refine(values, np.zeros_like(values), far):
-        lattice.wanted()
+        lattice.missing_rows()
     rows, weights = lattice.footprint()
     assert rows.min() >= 0 and rows.max() < len(lattice.rows)
     np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-5)

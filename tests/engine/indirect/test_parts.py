@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from engine.indirect import cells as cells_module
-from engine.indirect import fineness as fineness_module
-from engine.indirect import further
+from engine.indirect import irradiance_cache as cells_module
+from engine.indirect import sampling_settings as fineness_module
+from engine.indirect import adaptive_resampling
 from engine.indirect import solver as solver_module
-from engine.indirect.fineness import LEVELS
-from engine.indirect.layers import IndirectLayer, indirect_layer
-from engine.indirect.parts import Keeper
+from engine.indirect.sampling_settings import LEVELS
+from engine.indirect.indirect_layers import IndirectLayer, indirect_layer
+from engine.indirect.checkpoints import CheckpointStore
 from engine.indirect.solver import Solver
-from engine.indirect.stored import Arrays, arrays_of
-from engine.indirect.turns import Turn, by_turns
+from engine.indirect.stored_light import Arrays, arrays_of
+from engine.indirect.ordered_threads import OrderedSection, run_in_order
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.generators import run_to_end
@@ -27,7 +27,7 @@ from engine.transport.pipeline import SkyState
 from tests.engine.forging import forged_numbers, forged_shapes
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placed, placement_of
 
-FINENESS = replace(QUICK, n_rays=64, most_further=0.5, n_cells=300, n_cell_rays=32, n_samples=32, n_photons=1 << 10)
+FINENESS = replace(QUICK, n_rays=64, max_extra_sets=0.5, n_cache_records=300, n_record_rays=32, n_samples=32, n_photons=1 << 10)
 MODELS_OF = {0: ["lambert"], 1: ["rough_conductor"], 2: ["lambert"]}
 LAMP = {"name": "lamp", "primitive": "cube", "emission": [30.0] * 3, "transform": placed(0.3, 1.5, 0.3, 0.2)}
 
@@ -46,11 +46,11 @@ class Memory:
         self.parts: dict[int, Mapping[str, NDArray[np.generic]]] = {}
         self.lives, self.read = lives, 0
 
-    def part(self, index: int) -> Mapping[str, NDArray[np.generic]] | None:
+    def load(self, index: int) -> Mapping[str, NDArray[np.generic]] | None:
         self.read += index in self.parts
         return self.parts.get(index)
 
-    def keep(self, index: int, arrays: Mapping[str, NDArray[np.generic]]) -> None:
+    def store(self, index: int, arrays: Mapping[str, NDArray[np.generic]]) -> None:
         self.parts[index] = {name: np.array(array) for name, array in arrays.items()}
         self.lives -= 1
         if self.lives == 0:
@@ -60,14 +60,14 @@ class Memory:
 @pytest.fixture(autouse=True)
 def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(solver_module, "PART_POINTS", POINTS)
-    monkeypatch.setattr(further, "NOISY", 0.0)  # further fans are parts as well
+    monkeypatch.setattr(adaptive_resampling, "NOISY", 0.0)  # further fans are parts as well
 
 
 def layers_of(albedo: float = 0.5) -> list[IndirectLayer]:
     return [matt(0, albedo), indirect_layer(1, make_layer(MODELS["rough_conductor"]), (16, 8)), matt(2, 0.3)]
 
 
-def found(keeper: Keeper | None, albedo: float = 0.5, other_light: float | None = None) -> Arrays:
+def found(keeper: CheckpointStore | None, albedo: float = 0.5, other_light: float | None = None) -> Arrays:
     placement = placement_of([*CORNER, LAMP], **CORNER_VIEW)
     solver = Solver(placement, MODELS_OF, SkyState(None), 4, FINENESS, other_light=other_light)
     return arrays_of(run_to_end(solver.solve(layers_of(albedo), keeper), lambda progress: None))
@@ -82,7 +82,7 @@ def assert_same(one: Arrays, two: Arrays) -> None:
 def at_once() -> Arrays:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(solver_module, "PART_POINTS", POINTS)  # cells are numbered part by part
-        patch.setattr(further, "NOISY", 0.0)
+        patch.setattr(adaptive_resampling, "NOISY", 0.0)
         once = found(None)
         assert once["nth"].any()
         return once
@@ -133,7 +133,7 @@ def test_parts_for_other_materials_are_not_taken() -> None:
 
 def test_a_grid_that_was_too_fine_is_not_tried_again(at_once: Arrays, monkeypatch: pytest.MonkeyPatch) -> None:
     n_cells = len(at_once["cells.objects"])
-    monkeypatch.setattr(cells_module, "MOST_CELLS", n_cells - 20)
+    monkeypatch.setattr(cells_module, "MAX_RECORDS", n_cells - 20)
     coarser = found(None)
     assert len(coarser["cells.objects"]) <= n_cells - 20
     memory = Memory()
@@ -148,26 +148,26 @@ def test_a_grid_that_was_too_fine_is_not_tried_again(at_once: Arrays, monkeypatc
 def test_turns_come_in_order_whoever_is_first() -> None:
     log: list[tuple[int, int]] = []
 
-    def work(item: int, turn: Turn) -> int:
+    def work(item: int, turn: OrderedSection) -> int:
         for stage in (0, 1):
             time.sleep(0.002 * (item % 2 == 0))  # the first of two is the later one
             with turn:
                 log.append((stage, item))
         return -item
 
-    assert list(by_turns(work, range(5), 2)) == [0, -1, -2, -3, -4]
+    assert list(run_in_order(work, range(5), 2)) == [0, -1, -2, -3, -4]
     assert log == [(0, 0), (0, 1), (1, 0), (1, 1), (0, 2), (0, 3), (1, 2), (1, 3), (0, 4), (1, 4)]
 
 
 def test_nobody_waits_for_one_that_failed() -> None:
-    def work(item: int, turn: Turn) -> None:
+    def work(item: int, turn: OrderedSection) -> None:
         if item == 0:
             raise Killed
         with turn:
             pass
 
     with pytest.raises(Killed):
-        list(by_turns(work, range(2), 1))
+        list(run_in_order(work, range(2), 1))
     assert not any("ThreadPool" in thread.name for thread in threading.enumerate())
 
 
@@ -219,10 +219,10 @@ def test_what_a_first_look_foresees_is_not_traced_to_its_end(monkeypatch: pytest
     found(None)
     n_traced = sum(traced)
     traced.clear()
-    monkeypatch.setattr(cells_module, "MOST_CELLS", n_cells // 2)
+    monkeypatch.setattr(cells_module, "MAX_RECORDS", n_cells // 2)
     late = len(found(None)["cells.objects"]), sum(traced)
     traced.clear()
-    monkeypatch.setattr(solver_module, "MOST_CELLS", n_cells // 2)
+    monkeypatch.setattr(solver_module, "MAX_RECORDS", n_cells // 2)
     early = len(found(None)["cells.objects"]), sum(traced)
     assert max(late[0], early[0]) <= n_cells // 2
     assert n_traced < early[1] < late[1]

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.indirect.layers import indirect_layer
-from engine.indirect.reflection import SentLight
+from engine.indirect.indirect_layers import indirect_layer
+from engine.indirect.reflection import OutgoingRadiance
 from engine.light.environment import constant_environment
 from engine.material import MODELS, make_layer
 from engine.render.integrator import evaluate_layer
@@ -29,7 +29,7 @@ SPARK = {
 }  # fmt: skip
 SPARK_VIEW = {"eye": (0.6, 2.2, 2.2), "target": (0.1, 0.0, 0.3)}
 EVEN = constant_environment((1.0, 1.0, 1.0))
-FINENESS = replace(QUICK, n_rays=4 * QUICK.n_rays, n_photons=1 << 17, n_records=1024)
+FINENESS = replace(QUICK, n_rays=4 * QUICK.n_rays, n_photons=1 << 17, n_glossy_hits=1024)
 
 
 @pytest.fixture(scope="module")
@@ -107,13 +107,13 @@ def test_nothing_is_missing_on_a_surface_that_turns_away():
 @pytest.mark.parametrize("edited", [0, 1])
 def test_bands_times_the_curve_are_the_reflection_of_photons(under_lamp, edited):
     found, layers, _ = under_lamp
-    thrown = found.points.thrown(layers, edited)
+    thrown = found.points.caustics(layers, edited)
     assert set(thrown.powers) == {int(edited == 1)}
     n_powers = 2
     nothing = np.zeros((len(found.light.objects), n_powers, 3), np.float32)
-    light = SentLight(nothing, None, thrown)
+    light = OutgoingRadiance(nothing, None, thrown)
     for layer in (matt(0, 0.7), indirect_layer(0, make_layer(MODELS["rough_conductor"], GOLD), (32, 8))):
-        [whole] = run_to_end(found.points.fans(0).reflected([layer.curves], light))
+        [whole] = run_to_end(found.points.fans(0).reflect([layer.curves], light))
         assert whole[:, int(edited == 1)].max() > 0.0
         for factor, curve in enumerate(layer.curves.curves):
             bands = run_to_end(found.points.fans(0).by_band(layer.curves, factor, light))
@@ -123,7 +123,7 @@ def test_bands_times_the_curve_are_the_reflection_of_photons(under_lamp, edited)
 
 def test_the_light_of_an_edited_object_follows_its_albedo(under_lamp):
     found, layers, _ = under_lamp
-    plain, edited = found.points.thrown(layers), found.points.thrown(layers, 1)
+    plain, edited = found.points.caustics(layers), found.points.caustics(layers, 1)
     np.testing.assert_allclose(edited.light * layers[1].albedo, plain.light, rtol=1e-4, atol=1e-6 * plain.light.max())
 
 
@@ -142,7 +142,7 @@ def test_matt_surfaces_throw_nothing(model):
     ball = indirect_layer(1, make_layer(MODELS[model], {"albedo": [0.7] * 3}), (16,))
     found = solve(placement_of([FLOOR, BALL, LAMP], **VIEW), [matt(0, 0.7), ball], 2, replace(QUICK, n_photons=1 << 12))
     assert len(found.points.photons.power) == 0 and len(found.points.landed.weight) == 0
-    assert len(found.points.gathered.records.ray) == 0  # nor are rays followed that end on it
+    assert len(found.points.samples.glossy_hits.ray) == 0  # nor are rays followed that end on it
 
 
 @pytest.mark.parametrize("lean", [0.0, 0.3])

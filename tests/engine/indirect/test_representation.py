@@ -10,10 +10,10 @@ import pytest
 from app.measure.dense import DenseTensor
 from app.measure.multisets import NONE, Multisets
 from engine.errors import InsituError
-from engine.indirect.irradiance import NOBODY
-from engine.indirect.layers import even_slant, indirect_layer
-from engine.indirect.light import IndirectLight
-from engine.indirect.representation import GatherPolynomial, Representation, Selected
+from engine.indirect.irradiance import NO_OBJECT
+from engine.indirect.indirect_layers import diffuse_slant, indirect_layer
+from engine.indirect.indirect_light import IndirectLight
+from engine.indirect.representation import GatherPolynomial, Representation, SelectedCurve
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
@@ -21,8 +21,8 @@ from engine.generators import run_to_end
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of, solve
 
 LAYERS = [
-    matt(0, [0.5, 0.1, 0.9]), even_slant(indirect_layer(0, make_layer(MODELS["phong"]), (32,))), matt(1, 0.8),
-    even_slant(indirect_layer(2, make_layer(MODELS["blinn_phong"]), (64,))),
+    matt(0, [0.5, 0.1, 0.9]), diffuse_slant(indirect_layer(0, make_layer(MODELS["phong"]), (32,))), matt(1, 0.8),
+    diffuse_slant(indirect_layer(2, make_layer(MODELS["blinn_phong"]), (64,))),
 ]  # fmt: skip
 
 
@@ -30,7 +30,7 @@ LAYERS = [
 def found() -> IndirectLight:
     sky = constant_environment((1.0, 0.8, 0.6))
     light = solve(placement_of(CORNER, **CORNER_VIEW), LAYERS, 5, replace(QUICK, n_samples=64), sky)
-    return light.by_albedo()
+    return light.without_glossy_hits()
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 5])
@@ -57,7 +57,7 @@ def test_a_multiset_with_one_more():
 
 @pytest.mark.parametrize(
     ("edited", "selected"),
-    [(NOBODY, None), (0, Selected(1, 0)), (0, Selected(0, 0)), (1, Selected(2, 0)), (2, None)],
+    [(NO_OBJECT, None), (0, SelectedCurve(1, 0)), (0, SelectedCurve(0, 0)), (1, SelectedCurve(2, 0)), (2, None)],
 )
 def test_both_freeze_alike(found, edited, selected):
     edits = [replace(x, albedo=x.albedo * 0.0) if x.i_object == 2 else x for x in LAYERS]

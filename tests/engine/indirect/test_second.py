@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from engine.indirect import _ray_kernels as rays
-from engine.indirect import _second_kernels as kernels
-from engine.indirect._cell_kernels import NO_CELL
-from engine.indirect.layers import indirect_layer
-from engine.indirect.rays import pole_tables
-from engine.indirect.reflection import Fans
-from engine.indirect.second_bounce import N_POLE_RAYS, SecondLight
+from engine.indirect import _second_bounce_kernels as kernels
+from engine.indirect._cache_kernels import NO_RECORD
+from engine.indirect.indirect_layers import indirect_layer
+from engine.indirect.direction_patterns import lobe_tables
+from engine.indirect.reflection import HemisphereSamples
+from engine.indirect.second_bounce import N_LOBE_RAYS, SecondBounceLight
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
@@ -31,8 +31,8 @@ class Found:
     """The floor's fans, what is sent along their recorded rays (n, 3, 3), and the light under which it is."""
 
     placement: Placement
-    fans: Fans
-    light: SecondLight
+    fans: HemisphereSamples
+    light: SecondBounceLight
     sent: np.ndarray
 
 
@@ -40,28 +40,28 @@ class Found:
 def found() -> Found:
     placement = placement_of([*CORNER, LAMP], **CORNER_VIEW, n=48)
     solved = solve(placement, LAYERS, 2, replace(QUICK, n_photons=0), constant_environment(tuple(SKY)))
-    fans, light = solved.points.fans(0), solved.sent(LAYERS).glossy
+    fans, light = solved.points.hemisphere_samples(0), solved.outgoing_radiance(LAYERS).glossy
     assert light is not None
     records, n_points = fans._second._records, len(fans)
     assert records.start[0] == 0  # the floor is the first object
     sent = np.zeros((int(records.start[-1]), 3, 3), np.float32)
-    kernels.second_light(
-        fans._fans, placement.hits.position, records, 0, n_points, light.objects, light.layers, light.lamps,
-        pole_tables(N_POLE_RAYS), np.zeros(n_points, np.float32), light.per_area, np.ones(4, bool), 0, sent,
+    kernels.second_bounce_light(
+        fans._samples, placement.hits.position, records, 0, n_points, light.objects, light.layers, light.lamps,
+        lobe_tables(N_LOBE_RAYS), np.zeros(n_points, np.float32), light.per_area, np.ones(4, bool), 0, sent,
     )  # fmt: skip
     return Found(placement, fans, light, sent)
 
 
-def ray_of(fans: Fans, i: int, m: int) -> np.ndarray:
+def ray_of(fans: HemisphereSamples, i: int, m: int) -> np.ndarray:
     """The direction of ray m of point i in the scene's frame."""
-    each = fans._fans
+    each = fans._samples
     row = each.rows[i]
-    eye = rays.local_eye(each.tangent[row], each.normal[row], each.wo[row])
-    turn, cosine, sine = rays.turn_of(row)
-    tables, n = (each.tables_cosine, each.tables_pole), each.tables_cosine.shape[1]
+    eye = rays.local_wo(each.tangent[row], each.normal[row], each.wo[row])
+    turn, cosine, sine = rays.pattern_rotation(row)
+    tables, n = (each.tables_cosine, each.tables_lobe), each.tables_cosine.shape[1]
     table, k = (tables[0], m) if m < n else (tables[1], m - n)
     pattern = rays.pattern_of(np.uint64(turn), each.nth[i])
-    local = rays.fan_direction(table[pattern], k, m < n, cosine, sine, each.poles[i], *eye)
+    local = rays.sample_direction(table[pattern], k, m < n, cosine, sine, each.lobe_axes[i], *eye)
     frame = np.stack([each.tangent[row], np.cross(each.normal[row], each.tangent[row]), each.normal[row]])
     return np.array(local) @ frame.astype(float)
 
@@ -74,7 +74,7 @@ def test_recorded_rays_bring_the_light_that_is_reflected_there(found: Found) -> 
     for k, e in enumerate(chosen):
         i = point[e]
         way = ray_of(found.fans, i, int(records.ray[e]))
-        place = found.placement.hits.position[found.fans._fans.rows[i]] + records.distance[e] * way
+        place = found.placement.hits.position[found.fans._samples.rows[i]] + records.distance[e] * way
         normal = records.normal[e].astype(float)
         assert abs(place[2] + 1.0) < 1e-3 and normal == pytest.approx([0.0, 0.0, 1.0])  # on the glossy wall
         expected[k] = sent_back(GLOSSY, place, normal, -way, found.placement.caster, SKY, patches)
@@ -88,11 +88,11 @@ def test_recorded_rays_bring_the_light_that_is_reflected_there(found: Found) -> 
 
 
 def test_light_beyond_is_added_number_by_number(found: Found) -> None:
-    records, each, light = found.fans._second._records, found.fans._fans, found.light
+    records, each, light = found.fans._second._records, found.fans._samples, found.light
     rng = np.random.default_rng(2)
     radiosity = rng.uniform(size=(2, len(light.objects), 3, 4)).astype(np.float32)
     # Some of what is beyond reflects a light by a gloss of its own.
-    twice = (records.beyond[: len(found.sent)] != NO_CELL) & (rng.random(len(found.sent)) < 0.5)
+    twice = (records.beyond[: len(found.sent)] != NO_RECORD) & (rng.random(len(found.sent)) < 0.5)
     light_3 = np.full(len(records.beyond), kernels.NO_LIGHT, np.uint16)
     light_3[: len(twice)][twice] = 0
     records = records._replace(light_3=light_3)
@@ -101,13 +101,13 @@ def test_light_beyond_is_added_number_by_number(found: Found) -> None:
     inverse = np.array([2.0, 3.0, 4.0], np.float32)
     for edited in (1, 2):
         lit = np.empty((len(sent), 3, 4), np.float32)
-        kernels.lit_second(each, records, 0, len(found.fans), light.objects, sent, 0, radiosity, edited, inverse, lit)
+        kernels.light_second_bounce(each, records, 0, len(found.fans), light.objects, sent, 0, radiosity, edited, inverse, lit)
         for i in range(0, len(found.fans), 5):
             for e in range(records.start[i], records.start[i + 1]):
-                own = int(light.objects[each.seen[i, records.ray[e]]] == edited)  # what the edited object sends itself
+                own = int(light.objects[each.records[i, records.ray[e]]] == edited)  # what the edited object sends itself
                 expected = np.zeros((3, 3))
                 expected[own] = sent[e, 0] * inverse**own
-                if records.beyond[e] != NO_CELL:
+                if records.beyond[e] != NO_RECORD:
                     expected += sent[e, 1] * radiosity[own, records.beyond[e], :, :3]
                 if twice[e]:
                     power = own + int(light.objects[records.beyond[e]] == edited)

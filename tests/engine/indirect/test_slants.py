@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.indirect.equivalence import slant_roots
-from engine.indirect.layers import indirect_layer
+from engine.indirect.albedo_from_curves import slant_roots
+from engine.indirect.indirect_layers import indirect_layer
 from engine.indirect.series import BounceSeries
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
@@ -56,7 +56,7 @@ def test_a_floor_sends_on_what_a_lamp_brings_by_its_angle(aside: float) -> None:
     lamp = {"name": "lamp", "primitive": "cube", "emission": [100.0] * 3, "transform": placed(0, height - 1, 0, 0.02)}
     placement = placement_of([floor, wall, lamp], eye=(0, 0.5, 1.0), target=(0, -0.6, -1.2))
     layers = [indirect_layer(0, POLISH, (128, 32)), matt(1, 0.5)]
-    found = solve(placement, layers, 2, replace(QUICK, n_cells=3000)).by_albedo()
+    found = solve(placement, layers, 2, replace(QUICK, n_cache_records=3000)).without_glossy_hits()
     light = found.light
     sent, brought = found.radiosity(layers)[:, 0, 1], light.irradiance[:, 1]
     # Its angle by the hats that light is shared out by: exact where all of it comes at one.

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.indirect import further, irradiance
-from engine.indirect.beyond import is_beyond
-from engine.indirect.fineness import ROUGH
-from engine.indirect.irradiance import NOBODY
-from engine.indirect.layers import indirect_layer
+from engine.indirect import adaptive_resampling, irradiance
+from engine.indirect.clamping import is_clamped
+from engine.indirect.sampling_settings import ROUGH
+from engine.indirect.irradiance import NO_OBJECT
+from engine.indirect.indirect_layers import indirect_layer
 from engine.indirect.solver import Solver
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
@@ -63,7 +63,7 @@ def test_the_polynomial_is_the_sum_over_the_same_paths(corner):
         bright = found.radiosity(layers, edited)
         for albedo in (np.zeros(3), *generator.uniform(0.0, 1.5, (3, 3))):
             changed = [replace(x, albedo=albedo) if x.i_object == edited else x for x in layers]
-            plain = found.radiosity(changed, NOBODY)[:, 0]
+            plain = found.radiosity(changed, NO_OBJECT)[:, 0]
             powers = albedo ** np.arange(bright.shape[1])[:, None]
             np.testing.assert_allclose((bright * powers).sum(axis=1), plain, rtol=1e-5, atol=1e-6 * plain.max())
 
@@ -73,8 +73,8 @@ def test_bands_times_the_curve_are_the_reflection(corner, model):
     found, layers = corner
     layer = make_layer(MODELS[model])
     glossy = indirect_layer(0, layer, (16, 8)[: len(layer.model.factors)])
-    light = found.sent([*layers, indirect_layer(1, make_layer(MODELS["rough_conductor"]), (16, 8))], 1)
-    [whole] = run_to_end(found.points.fans(0).reflected([glossy.curves], light))
+    light = found.second_curves([*layers, indirect_layer(1, make_layer(MODELS["rough_conductor"]), (16, 8))], 1)
+    [whole] = run_to_end(found.points.fans(0).reflect([glossy.curves], light))
     assert whole.max() > 0.0
     for factor, curve in enumerate(glossy.curves.curves):
         bands = run_to_end(found.points.fans(0).by_band(glossy.curves, factor, light))
@@ -172,8 +172,8 @@ def _under_a_gradient(scale: float, *layers) -> np.ndarray:
 def _glossy(i_object: int, times: float = 1.0):
     """A Cook-Torrance layer with its first curve so many times as high."""
     layer = indirect_layer(i_object, make_layer(MODELS["cook_torrance"], {}), (32, 16))
-    seen, sent = (replace(each, curves=(times * each.curves[0], each.curves[1])) for each in (layer.curves, layer.sent))
-    return replace(layer, curves=seen, sent=sent, albedo=times * layer.albedo)
+    seen, sent = (replace(each, curves=(times * each.curves[0], each.curves[1])) for each in (layer.curves, layer.second_curves))
+    return replace(layer, curves=seen, second_curves=sent, albedo=times * layer.albedo)
 
 
 def test_light_is_linear_over_sixty_decades():
@@ -191,11 +191,11 @@ def test_curves_that_make_light_of_nothing_are_bright_and_never_black():
     once, thrice = (_under_a_gradient(1.0, matt(0, 0.7), matt(1, 0.5), _glossy(2, times)) for times in (1.0, 1e18))
     assert np.isfinite(thrice).all() and (thrice[once > 0.0] > 0.0).all()
     all_three = _under_a_gradient(1.0, matt(0, 1e18), matt(1, 1e18), _glossy(2, 1e18))
-    assert np.isfinite(all_three).all() and is_beyond(all_three)
+    assert np.isfinite(all_three).all() and is_clamped(all_three)
 
 
 def test_its_progress_grows_to_near_its_end(corner, monkeypatch):
-    monkeypatch.setattr(further, "NOISY", 0.0)
+    monkeypatch.setattr(adaptive_resampling, "NOISY", 0.0)
     placement, (_, layers) = placement_of(CORNER, **CORNER_VIEW), corner
     models = {layer.i_object: [layer.curves.model.name] for layer in layers}
     for changes in ({"adaptive": False}, {}, {"most_further": 1}):

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from engine.indirect.layers import indirect_layer
+from engine.indirect.indirect_layers import indirect_layer
 from engine.indirect.solver import Solver, relit
-from engine.indirect.stored import NAMES, arrays_of
+from engine.indirect.stored_light import NAMES, arrays_of
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer

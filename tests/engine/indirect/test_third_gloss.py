@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.indirect.fineness import STILL
-from engine.indirect.layers import indirect_layer
-from engine.indirect.light import IndirectLight
+from engine.indirect.sampling_settings import STILL
+from engine.indirect.indirect_layers import indirect_layer
+from engine.indirect.indirect_light import IndirectLight
 from engine.material import MODELS, make_layer
 from engine.render.path_tracer import trace_paths
 from engine.generators import run_to_end
@@ -48,12 +48,12 @@ def test_light_of_a_third_gloss_is_that_of_paths(placement: Placement, thrice: I
 @pytest.mark.parametrize("edited", [0, 1])
 def test_it_follows_the_albedo_of_what_is_edited(thrice: IndirectLight, edited: int) -> None:
     # By powers of that albedo, each as often as the light meets the object after the eye's own reflection.
-    plain = thrice.sent(LAYERS)
-    sent = thrice.sent(LAYERS, edited)
+    plain = thrice.outgoing_radiance(LAYERS)
+    sent = thrice.outgoing_radiance(LAYERS, edited)
     albedo = LAYERS[edited].albedo.astype(np.float32)
     for i in (0, 1):
         curves = [LAYERS[i].curves]
-        [whole], [powers] = (run_to_end(thrice.points.fans(i).reflected(curves, light)) for light in (plain, sent))
+        [whole], [powers] = (run_to_end(thrice.points.hemisphere_samples(i).reflect(curves, light)) for light in (plain, sent))
         summed = sum(powers[:, n] * albedo**n for n in range(powers.shape[1]))
         np.testing.assert_allclose(summed, whole[:, 0], rtol=1e-3, atol=1e-5 * whole.max())
         assert powers[:, 1].max() > 0.0

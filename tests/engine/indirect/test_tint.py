@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from engine.indirect.albedo import equivalent_albedo
-from engine.indirect.layers import IndirectLayer, indirect_layer
-from engine.indirect.representation import GatherPolynomial, Selected
+from engine.indirect.indirect_layers import IndirectLayer, indirect_layer
+from engine.indirect.representation import GatherPolynomial, SelectedCurve
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
@@ -58,7 +58,7 @@ def test_each_colour_has_the_albedo_of_its_own_data(measurement: Measurement) ->
 
 
 def tinted(layer: IndirectLayer) -> IndirectLayer:
-    return replace(layer, curves=replace(layer.curves, tint=TINT), sent=replace(layer.sent, tint=TINT))
+    return replace(layer, curves=replace(layer.curves, tint=TINT), second_curves=replace(layer.second_curves, tint=TINT))
 
 
 def test_sums_over_rays_are_tinted() -> None:
@@ -66,15 +66,15 @@ def test_sums_over_rays_are_tinted() -> None:
     layers = [METAL, matt(1, 0.8), matt(2, 0.3)]
     light = solve(placement_of(CORNER, **CORNER_VIEW), layers, 2, replace(QUICK, n_samples=64), constant_environment(1))
     changed = [tinted(METAL), *layers[1:]]
-    held = light.sent(layers)
-    plain, seen = (run_to_end(light.points.reflected(each, held)) for each in (layers, changed))
+    held = light.outgoing_radiance(layers)
+    plain, seen = (run_to_end(light.points.reflect(each, held)) for each in (layers, changed))
     mine = seen[:, 0] > 1.5 * plain[:, 0]
     assert mine.any()
     np.testing.assert_allclose(seen[mine], plain[mine] * TINT, rtol=1e-4)
-    selected = Selected(0, 0)
-    before, after = (run_to_end(GatherPolynomial(light.by_albedo()).freeze(each, selected=selected), lambda _: None)
+    selected = SelectedCurve(0, 0)
+    before, after = (run_to_end(GatherPolynomial(light.without_glossy_hits()).freeze(each, selected=selected), lambda _: None)
                      for each in (layers, changed))  # fmt: skip
     np.testing.assert_allclose(after.bands, before.bands * TINT[:, None, None, None], rtol=1e-5)
-    one, two = (light.sent(each).glossy for each in (layers, changed))
-    assert one is not None and two is not None and one.looks[0] != two.looks[0]
+    one, two = (light.outgoing_radiance(each).glossy for each in (layers, changed))
+    assert one is not None and two is not None and one.digests[0] != two.digests[0]
     np.testing.assert_allclose(two.layers.gains, one.layers.gains * TINT, rtol=1e-6)

@@ -6,7 +6,7 @@ import pytest
 
 from app.project import open_project
 from app.stills import layers_by_object
-from engine.indirect.rays import cosine_tables
+from engine.indirect.direction_patterns import cosine_tables
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.orbit.bounced import Bounces, bouncing

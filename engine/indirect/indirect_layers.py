@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect.albedo import N_VIEW_SAMPLES, directional_albedo, equivalent_albedo, tint_of
-from engine.indirect.curves import LayerCurves
-from engine.indirect.equivalence import N_SLANTS
+from engine.indirect.layer_curves import LayerCurves
+from engine.indirect.albedo_from_curves import N_SLANTS
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
 from engine.scene.primary_hits import PrimaryHits
@@ -18,12 +18,12 @@ from engine.scene.primary_hits import PrimaryHits
 class IndirectLayer:
     """A visible layer of one object: its curves towards the eye, and as second bounce, f_q (3,), f_o (N, 3) at even
     angles from 0 to π/2, and its equivalent albedo (3,). Of textures and weight maps their mean over the surface, share
-    (3,), is in f_q and in the albedo; cells have their own, see `cell_maps`. slant (N_SLANTS, 3): its albedo for light
-    from one direction, relative, see `equivalence.slant_of`."""
+    (3,), is in f_q and in the albedo; cells have their own, see `record_maps`. slant (N_SLANTS, 3): its albedo for light
+    from one direction, relative, see `albedo_from_curves.slant_of`."""
 
     i_object: int
     curves: LayerCurves
-    sent: LayerCurves
+    second_curves: LayerCurves
     gain: NDArray[np.float64]
     view_curve: NDArray[np.float64]
     albedo: NDArray[np.float64]
@@ -58,14 +58,14 @@ def _coefficients(layer: Layer, bands: tuple[int, ...]) -> tuple[NDArray[np.floa
     return tuple(layer.coefficients(factor.name, n) for factor, n in zip(layer.model.factors, bands, strict=False))
 
 
-def even_slant(layer: IndirectLayer) -> IndirectLayer:
+def diffuse_slant(layer: IndirectLayer) -> IndirectLayer:
     """The same as if it sent on light from all directions alike."""
     return replace(layer, slant=np.ones_like(layer.slant))
 
 
 def is_glossy(layer: IndirectLayer) -> bool:
     """Whether what it sends on depends on the direction."""
-    return not layer.sent.model.is_diffuse
+    return not layer.second_curves.model.is_diffuse
 
 
 def albedos_of(layers: Sequence[IndirectLayer], n_objects: int) -> NDArray[np.float64]:
@@ -76,7 +76,7 @@ def albedos_of(layers: Sequence[IndirectLayer], n_objects: int) -> NDArray[np.fl
     return albedos
 
 
-def seen_from(hits: PrimaryHits, rows: NDArray[np.integer], layer: IndirectLayer) -> NDArray[np.float32]:
+def view_factors(hits: PrimaryHits, rows: NDArray[np.integer], layer: IndirectLayer) -> NDArray[np.float32]:
     """f_q f_o(θ_o), (p, 3)."""
     cosine = np.einsum("pc,pc->p", hits.normal[rows], hits.wo[rows], dtype=np.float64)
     position = np.arccos(np.clip(cosine, 0.0, 1.0)) * (len(layer.view_curve) - 1) / (np.pi / 2)

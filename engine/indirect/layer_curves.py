@@ -47,7 +47,7 @@ def any_glossy(model_names: Iterable[str]) -> bool:
     return not all(MODELS[name].is_diffuse for name in model_names)
 
 
-def pole_of(model_names: Iterable[str]) -> int:
+def lobe_axis_of(model_names: Iterable[str]) -> int:
     """About which direction the rays of an object with layers of these models are dense."""
     gammas = {factor.gamma for name in model_names for factor in MODELS[name].factors}
     if gammas.intersection(kinds.HALF_ANGLES):

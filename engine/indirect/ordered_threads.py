@@ -19,7 +19,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-class Turn:
+class OrderedSection:
     """What one of several items worked on at a time waits for: `with turn:` lets it do what is its turn, once a stage.
 
     All items have their first stage in their order, then all their second.
@@ -42,17 +42,17 @@ class Turn:
             event.set()
 
 
-def by_turns(work: Callable[[Item, Turn], Result], items: Sequence[Item], n_stages: int) -> Iterator[Result]:
+def run_in_order(work: Callable[[Item, OrderedSection], Result], items: Sequence[Item], n_stages: int) -> Iterator[Result]:
     """`work` of all items, two at a time, in their order; each may enter its turn `n_stages` times."""
     with pool(AT_A_TIME) as threads:
         for begin in range(0, len(items), AT_A_TIME):
             few = items[begin : begin + AT_A_TIME]
             passed = [Event() for _ in range(n_stages * len(few))]
-            turns = [Turn(passed, i, len(few)) for i in range(len(few))]
+            turns = [OrderedSection(passed, i, len(few)) for i in range(len(few))]
             yield from threads.map(lambda item, turn: _ended(work, item, turn), few, turns)
 
 
-def _ended(work: Callable[[Item, Turn], Result], item: Item, turn: Turn) -> Result:
+def _ended(work: Callable[[Item, OrderedSection], Result], item: Item, turn: OrderedSection) -> Result:
     try:
         return work(item, turn)
     finally:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect.gather import MOST_FANS, object_of_rows
+from engine.indirect.gather import MAX_SAMPLE_SETS, object_of_rows
 from engine.indirect.smoothing import mean_of_neighbours, neighbours_of
 from engine.scene.primary_hits import PrimaryHits
 
@@ -25,7 +25,7 @@ _DARK = 0.25
 _TINY = 1e-30
 
 
-def further_fans(
+def extra_sample_sets(
     hits: PrimaryHits, rows: NDArray[np.int32], least_alike: NDArray[np.float32], light: NDArray[np.float32],
     noise: NDArray[np.float32], shown: NDArray[np.float64], most: float,
 ) -> NDArray[np.int64]:  # fmt: skip
@@ -36,8 +36,8 @@ def further_fans(
     the cosine by which normals of an object may differ.
     """
     relative = np.sqrt(np.minimum(shown, 1.0)) * relative_noise(hits, rows, least_alike, light, noise)
-    asked = (relative > NOISY) + (MOST_FANS - 2) * (relative > VERY_NOISY).astype(np.int64)
-    return _within(asked, shown * relative, int(most * len(rows)))
+    asked = (relative > NOISY) + (MAX_SAMPLE_SETS - 2) * (relative > VERY_NOISY).astype(np.int64)
+    return _within_budget(asked, shown * relative, int(most * len(rows)))
 
 
 def relative_noise(
@@ -59,7 +59,7 @@ def relative_noise(
     return relative
 
 
-def _within(asked: NDArray[np.int64], worth: NDArray[np.float64], most: int) -> NDArray[np.int64]:
+def _within_budget(asked: NDArray[np.int64], worth: NDArray[np.float64], most: int) -> NDArray[np.int64]:
     """Of the fans (p,) that are asked for no more than `most` in all: every point's first of them before its others,
     and where these are too many, those that are worth (p,) most."""
     given = np.zeros_like(asked)

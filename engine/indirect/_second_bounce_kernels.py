@@ -1,9 +1,9 @@
 """Compiled: what glossy surfaces send on towards gather points.
 
 Where a ray of a fan ends on a glossy surface, two further rays are remembered. One goes to a light that is chosen among
-eight candidates, half drawn by power and half about the pole of that surface's highlight, in proportion to what each
-would bring if the highlight were as the pole's density is (resampled importance sampling [Talbot05]; the halves count
-by the balance heuristic). The other goes about the pole, for what other surfaces send; where it ends on a glossy one in
+eight candidates, half drawn by power and half about the lobe_axis of that surface's highlight, in proportion to what each
+would bring if the highlight were as the lobe_axis's density is (resampled importance sampling [Talbot05]; the halves count
+by the balance heuristic). The other goes about the lobe_axis, for what other surfaces send; where it ends on a glossy one in
 turn, a light is chosen there too. All hold for any curve.
 """
 
@@ -13,25 +13,25 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from engine.indirect._cell_kernels import NO_CELL, _point_in_triangle, _shading_normal
+from engine.indirect._cache_kernels import NO_RECORD, _point_in_triangle, _shading_normal
 from engine.indirect._ray_kernels import (
-    ABOUT_POLE,
+    ABOUT_AXIS,
     HORIZON,
-    fan_density,
-    fan_direction,
-    local_eye,
-    mixed,
+    direction_pdf,
+    sample_direction,
+    local_wo,
+    hash64,
     pattern_of,
-    turn_of,
+    pattern_rotation,
     uniform,
 )
-from engine.indirect._reflection_kernels import HALF_PI, ONE, ZERO, _counts, _node, _ray
+from engine.indirect._reflection_kernels import HALF_PI, ONE, ZERO, _is_in_half, _node, _ray
 from engine.material._kernels import gamma, quotient_cosine
 
-N_BY_POWER, N_BY_POLE = 4, 4
+N_BY_POWER, N_BY_LOBE = 4, 4
 NO_LIGHT = 0xFFFF
 # Photons' errors are alike at neighbours, which looks calmer than those of rays, so that they have the say of several.
-PHOTONS_SAY = np.float32(8.0)
+PHOTON_WEIGHT = np.float32(8.0)
 PI = np.float32(math.pi)
 TINY = np.float32(1e-30)
 
@@ -50,10 +50,10 @@ class SampledLights(NamedTuple):
     raster: np.ndarray
 
 
-class Glossy(NamedTuple):
+class GlossyLayers(NamedTuple):
     """The glossy layers of all objects: those of object o are first[o] to first[o + 1]. models, kinds_a, kinds_b (L,),
     q (L, 8); their curves' values joined (V, 3), the first from begin_a (L,), n_a (L,) long, the second likewise;
-    gains (L, 3); views (L, N, 3), f_o at even angles. poles (M,), axes (M, 2, 3): each object's Y and X. image (L,):
+    gains (L, 3); views (L, N, 3), f_o at even angles. lobe_axes (M,), axes (M, 2, 3): each object's Y and X. image (L,):
     which of texels (K, C, 3), factors at the cells over those in the gains, a layer has; −1 for none."""
 
     first: np.ndarray
@@ -68,17 +68,17 @@ class Glossy(NamedTuple):
     n_b: np.ndarray
     gains: np.ndarray
     views: np.ndarray
-    poles: np.ndarray
+    lobe_axes: np.ndarray
     axes: np.ndarray
     image: np.ndarray
     texels: np.ndarray
 
 
-# Of places n (n,) that paths come to: normal (n, 3), distance, light, candidate, weight, see `Records`.
+# Of places n (n,) that paths come to: normal (n, 3), distance, light, candidate, weight, see `GlossyHits`.
 LitPlaces = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
-class Records(NamedTuple):
+class GlossyHits(NamedTuple):
     """n rays that end on glossy surfaces, by point and ray: start (p + 1,) of each point's, and how many rays (p,) each
     of them stands for; ray (n,); normal (n, 3) and
     distance (n,) there; light (n,) that is seen, NO_LIGHT where none is, which candidate it was (n,) and how many times
@@ -105,7 +105,7 @@ class Records(NamedTuple):
 def _seed(row, nth, n_rays, m, vertex):
     """Of a vertex of ray m of the nth fan of a point."""
     ray = np.uint64(row) * np.uint64(0x10001) + np.uint64(m + n_rays * np.int64(nth))
-    return mixed(ray + np.uint64(vertex) * np.uint64(0x55E68000000))
+    return hash64(ray + np.uint64(vertex) * np.uint64(0x55E68000000))
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -150,12 +150,12 @@ def _towards_light(lamps, m, seed, px, py, pz):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _about_pole(table, seed, pole, ox, oy, oz):
-    """Local direction of a ray about the pole."""
+def _sample_about_axis(table, seed, lobe_axis, ox, oy, oz):
+    """Local direction of a ray about the lobe_axis."""
     turn = np.float32(2.0 * math.pi) * uniform(seed ^ np.uint64(3))
     pattern = np.int64(seed % np.uint64(table.shape[0]))
     k = np.int64((seed >> np.uint64(20)) % np.uint64(table.shape[1]))
-    return fan_direction(table[pattern], k, ABOUT_POLE, np.cos(turn), np.sin(turn), pole, ox, oy, oz)
+    return sample_direction(table[pattern], k, ABOUT_AXIS, np.cos(turn), np.sin(turn), lobe_axis, ox, oy, oz)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -179,10 +179,10 @@ def _sky_at(lamps, x, y, z):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _share(lamps, m, geometry, pole_density):
+def _share(lamps, m, geometry, lobe_density):
     """What a candidate's light counts as one of all: (factor on radiance for the sky, on power for patches)."""
     if m < lamps.density.shape[0]:
-        return ONE / (N_BY_POWER * lamps.density[m] + N_BY_POLE * pole_density)
+        return ONE / (N_BY_POWER * lamps.density[m] + N_BY_LOBE * lobe_density)
     return geometry / np.float32(N_BY_POWER)
 
 
@@ -193,12 +193,12 @@ def _brightest(lamps, m):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _candidate(lamps, table, c, m, seed, pole, frame, place, eye):
+def _candidate(lamps, table, c, m, seed, lobe_axis, frame, place, eye):
     """Candidate c for the light m (−1: yet to be found): light, local direction, distance and share of it."""
     tx, ty, tz, nx, ny, nz = frame
     px, py, pz = place
     ox, oy, oz = eye
-    own = mixed(seed + np.uint64(c) * np.uint64(0x632BE59BD9B4E019))
+    own = hash64(seed + np.uint64(c) * np.uint64(0x632BE59BD9B4E019))
     far, geometry = np.float32(1e30), ONE
     if c < N_BY_POWER:
         if m < 0:
@@ -206,18 +206,18 @@ def _candidate(lamps, table, c, m, seed, pole, frame, place, eye):
         wx, wy, wz, far, geometry = _towards_light(lamps, m, own, px, py, pz)
         x, y, z = _to_local(tx, ty, tz, nx, ny, nz, wx, wy, wz)
     else:
-        x, y, z = _about_pole(table, own, pole, ox, oy, oz)
+        x, y, z = _sample_about_axis(table, own, lobe_axis, ox, oy, oz)
         if m < 0 and z > HORIZON:
             wx, wy, wz = _to_world(tx, ty, tz, nx, ny, nz, x, y, z)
             m = _sky_at(lamps, wx, wy, wz)
     if z <= HORIZON or m < 0:
         return -1, ZERO, ZERO, ONE, far, ZERO, ZERO
-    density = fan_density(ZERO, ONE, pole, x, y, z, ox, oy, oz)
+    density = direction_pdf(ZERO, ONE, lobe_axis, x, y, z, ox, oy, oz)
     return m, x, y, z, far, density, _share(lamps, m, geometry, density)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, directions, mesh, poles, axes, lamps, table,
+def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, directions, mesh, lobe_axes, axes, lamps, table,
                   offset, normals, lights, candidates, weights, to_light, limits, starts):  # fmt: skip
     """A light for each of the places that rays (R,) numbered `at` (n,) end at: the vertex, 2 or 3, that the paths come
     to which begin with the rays `which` (n,) of a chunk of fans, numbered fan by fan: the nth (q,) of the points `rows`
@@ -237,8 +237,8 @@ def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, direction
         normals[i, 0], normals[i, 1], normals[i, 2] = nx, ny, nz
         far = hits.distance[r]
         px, py, pz = origins[r, 0] + far * dx, origins[r, 1] + far * dy, origins[r, 2] + far * dz
-        fan, m = divmod(which[i], n_rays)
-        seed = _seed(rows[fan], nth[fan], n_rays, m, vertex)
+        sample_set, m = divmod(which[i], n_rays)
+        seed = _seed(rows[sample_set], nth[sample_set], n_rays, m, vertex)
         tx, ty, tz = _tangent(axes, o, nx, ny, nz)
         ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
         frame, place, eye = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
@@ -246,9 +246,9 @@ def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, direction
         lights[i], candidates[i], weights[i], limits[i] = NO_LIGHT, 0, ZERO, ONE
         lx, ly, lz = ZERO, ZERO, ONE
         if lamps.cumulative.shape[0] > 0 and oz > HORIZON:
-            for c in range(N_BY_POWER + N_BY_POLE):
+            for c in range(N_BY_POWER + N_BY_LOBE):
                 m, x, y, z, limit, density, share = _candidate(
-                    lamps, table, c, nobody, seed, poles[o], frame, place, eye
+                    lamps, table, c, nobody, seed, lobe_axes[o], frame, place, eye
                 )
                 if m < 0:
                     continue
@@ -272,10 +272,10 @@ def _lifted(face, px, py, pz, x, y, z, offset, start):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def aim_about_poles(which, n_rays, rows, nth, hits, origins, directions, normals, mesh, poles, axes, table, offset,
-                    to_pole, starts, there):  # fmt: skip
-    """From where the rays `which` (n,) of a chunk of fans end, with these normals (n, 3), rays about the poles: their
-    directions to_pole and origins starts (n, 3), and which of them are there (n,)."""
+def sample_lobe_rays(which, n_rays, rows, nth, hits, origins, directions, normals, mesh, lobe_axes, axes, table, offset,
+                    to_lobe, starts, there):  # fmt: skip
+    """From where the rays `which` (n,) of a chunk of fans end, with these normals (n, 3), rays about the lobe_axes: their
+    directions to_lobe and origins starts (n, 3), and which of them are there (n,)."""
     for i in range(which.shape[0]):
         w = which[i]
         triangle, o = hits.triangle[w], mesh.objects[hits.triangle[w]]
@@ -283,13 +283,13 @@ def aim_about_poles(which, n_rays, rows, nth, hits, origins, directions, normals
         nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
         tx, ty, tz = _tangent(axes, o, nx, ny, nz)
         ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
-        fan, m = divmod(w, n_rays)
-        x, y, z = _about_pole(table, _seed(rows[fan], nth[fan], n_rays, m, 2), poles[o], ox, oy, oz)
+        sample_set, m = divmod(w, n_rays)
+        x, y, z = _sample_about_axis(table, _seed(rows[sample_set], nth[sample_set], n_rays, m, 2), lobe_axes[o], ox, oy, oz)
         there[i] = z > HORIZON
         if not there[i]:
             x, y, z = ZERO, ZERO, ONE
         x, y, z = _to_world(tx, ty, tz, nx, ny, nz, x, y, z)
-        to_pole[i, 0], to_pole[i, 1], to_pole[i, 2] = x, y, z
+        to_lobe[i, 0], to_lobe[i, 1], to_lobe[i, 2] = x, y, z
         far = hits.distance[w]
         px, py, pz = origins[w, 0] + far * dx, origins[w, 1] + far * dy, origins[w, 2] + far * dz
         _lifted(mesh.face_normals[triangle], px, py, pz, x, y, z, offset, starts[i])
@@ -333,27 +333,27 @@ def _add_gloss(g, o, cell, x, y, z, ox, oy, oz, factor, out):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def photons_ahead(lamps, m, pole, per_area, x, y, z, ox, oy, oz):
+def expected_photons(lamps, m, lobe_axis, per_area, x, y, z, ox, oy, oz):
     """How many photons are expected for each recorded ray that light m takes from (x, y, z) to (ox, oy, oz), both
     local, by a glossy surface, but for what depends on where it lands: `per_area` of them start on a square metre."""
-    towards = fan_density(ZERO, ONE, pole, ox, oy, oz, x, y, z)
+    towards = direction_pdf(ZERO, ONE, lobe_axis, ox, oy, oz, x, y, z)
     likelier = np.float32(N_BY_POWER)  # among a ray's candidates than as a photon's only one
     if m < lamps.density.shape[0]:
-        back = fan_density(ZERO, ONE, pole, x, y, z, ox, oy, oz)
-        likelier += N_BY_POLE * back / max(lamps.density[m], TINY)
+        back = direction_pdf(ZERO, ONE, lobe_axis, x, y, z, ox, oy, oz)
+        likelier += N_BY_LOBE * back / max(lamps.density[m], TINY)
     return per_area * towards / (oz * likelier)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def photon_share(ahead, cosine, area, fan):
+def photon_share(ahead, cosine, area, sample_set):
     """Of light that comes to a gather point what is left to photons, the rest to its rays: `area` is that of half the
-    disc in which photons count, `fan` how many rays a steradian were recorded."""
-    ratio = PHOTONS_SAY * ahead * cosine * area / max(fan, TINY)
+    disc in which photons count, `sample_set` how many rays a steradian were recorded."""
+    ratio = PHOTON_WEIGHT * ahead * cosine * area / max(sample_set, TINY)
     return ONE - ONE / (ONE + ratio * ratio)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def second_light(fans, position, records, begin, end, objects, g, lamps, table, area, per_area, wanted, first,
+def second_bounce_light(samples, position, records, begin, end, objects, g, lamps, table, area, per_area, wanted, first,
                  out):  # fmt: skip
     """π times what comes back along the recorded rays of points [begin, end) from the glossy layers there, (n, 3, 3):
     of the lights, how much of the radiosity beyond, and, as such radiosity, of the lights by glossy layers beyond.
@@ -362,26 +362,26 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
     objects (C,) of the cells; area (p,), per_area (M,): of photons that bring the same light, see `photon_share`; of
     the objects that are not wanted (M,) nothing changes.
     """
-    n_cosine, n_pole = np.float32(fans.tables_cosine.shape[1]), np.float32(fans.tables_pole.shape[1])
-    n_rays, gloss = fans.seen.shape[1], np.zeros(3, np.float32)
+    n_cosine, n_lobe = np.float32(samples.tables_cosine.shape[1]), np.float32(samples.tables_lobe.shape[1])
+    n_rays, gloss = samples.records.shape[1], np.zeros(3, np.float32)
     for i in range(begin, end):
-        r = fans.rows[i]
-        tangent, normal = fans.tangent[r], fans.normal[r]
-        eye_x, eye_y, eye_z = local_eye(tangent, normal, fans.wo[r])
-        turn, cosine, sine = turn_of(r)
-        pattern = pattern_of(turn, fans.nth[i])
+        r = samples.rows[i]
+        tangent, normal = samples.tangent[r], samples.normal[r]
+        eye_x, eye_y, eye_z = local_wo(tangent, normal, samples.wo[r])
+        turn, cosine, sine = pattern_rotation(r)
+        pattern = pattern_of(turn, samples.nth[i])
         times = records.times[i]
         for e in range(records.start[i], records.start[i + 1]):
             n = e - first
             m = np.int64(records.ray[e])
-            cell, beyond = np.int64(fans.seen[i, m]), records.beyond[e]
+            cell, beyond = np.int64(samples.records[i, m]), records.beyond[e]
             o = objects[cell]
             if not wanted[o] and (records.light_3[e] == NO_LIGHT or not wanted[objects[beyond]]):
                 continue
             out[n] = ZERO
-            if not _counts(fans, m):
+            if not _is_in_half(samples, m):
                 continue
-            x, y, z = _ray(fans, i, m, pattern, cosine, sine, eye_x, eye_y, eye_z)
+            x, y, z = _ray(samples, i, m, pattern, cosine, sine, eye_x, eye_y, eye_z)
             dx, dy, dz = _to_world(tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], x, y, z)
             far = records.distance[e]
             px, py, pz = position[r, 0] + far * dx, position[r, 1] + far * dy, position[r, 2] + far * dz
@@ -390,31 +390,31 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
             ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
             if oz <= HORIZON:
                 continue
-            fan = fan_density(n_cosine, n_pole, fans.poles[i], x, y, z, eye_x, eye_y, eye_z) / times
+            sample_set = direction_pdf(n_cosine, n_lobe, samples.lobe_axes[i], x, y, z, eye_x, eye_y, eye_z) / times
             slant = z
-            seed, third = _seed(r, fans.nth[i], n_rays, m, 2), _seed(r, fans.nth[i], n_rays, m, 3)
+            seed, third = _seed(r, samples.nth[i], n_rays, m, 2), _seed(r, samples.nth[i], n_rays, m, 3)
             light = np.int64(records.light[e])
             if light != NO_LIGHT:
                 frame, place, eye = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
                 c = np.int64(records.candidate[e])
-                m, x, y, z, _, _, share = _candidate(lamps, table, c, light, seed, g.poles[o], frame, place, eye)
+                m, x, y, z, _, _, share = _candidate(lamps, table, c, light, seed, g.lobe_axes[o], frame, place, eye)
                 if m >= 0:
                     gloss[:] = ZERO
-                    ahead = photons_ahead(lamps, m, g.poles[o], per_area[o], x, y, z, ox, oy, oz)
-                    share *= ONE - photon_share(ahead, slant, area[i], fan)
+                    ahead = expected_photons(lamps, m, g.lobe_axes[o], per_area[o], x, y, z, ox, oy, oz)
+                    share *= ONE - photon_share(ahead, slant, area[i], sample_set)
                     _add_gloss(
                         g, o, cell, x, y, z, ox, oy, oz, np.float32(PI * times * share * records.weight[e]), gloss
                     )
                     colour = lamps.radiance[m] if m < lamps.density.shape[0] else lamps.power[m]
                     for channel in range(3):
                         out[n, 0, channel] = gloss[channel] * colour[channel]
-            if beyond == NO_CELL:
+            if beyond == NO_RECORD:
                 continue
-            x, y, z = _about_pole(table, seed, g.poles[o], ox, oy, oz)
+            x, y, z = _sample_about_axis(table, seed, g.lobe_axes[o], ox, oy, oz)
             if z <= HORIZON:
                 continue
             gloss[:] = ZERO
-            density = fan_density(ZERO, ONE, g.poles[o], x, y, z, ox, oy, oz)
+            density = direction_pdf(ZERO, ONE, g.lobe_axes[o], x, y, z, ox, oy, oz)
             _add_gloss(g, o, cell, x, y, z, ox, oy, oz, times / density, gloss)
             out[n, 1] = gloss
             light = np.int64(records.light_3[e])
@@ -428,7 +428,7 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
             ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
             frame, place, eye = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
             c = np.int64(records.candidate_3[e])
-            m, x, y, z, _, _, share = _candidate(lamps, table, c, light, third, g.poles[o], frame, place, eye)
+            m, x, y, z, _, _, share = _candidate(lamps, table, c, light, third, g.lobe_axes[o], frame, place, eye)
             if m < 0 or oz <= HORIZON:
                 continue
             gloss[:] = ZERO
@@ -439,8 +439,8 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def lit_second(fans, records, begin, end, objects, sent, first, radiosity, edited, inverse, out):
-    """What `second_light` found, under radiosity beyond: (n, D, 4), of which number start[begin] is out[0].
+def light_second_bounce(samples, records, begin, end, objects, sent, first, radiosity, edited, inverse, out):
+    """What `second_bounce_light` found, under radiosity beyond: (n, D, 4), of which number start[begin] is out[0].
 
     radiosity (2, C, D, 4): for light that the object `edited` sends on, the second, multiplied by `inverse` (4,) and
     moved to the next power, since it counts as proportional to that object's albedo.
@@ -448,10 +448,10 @@ def lit_second(fans, records, begin, end, objects, sent, first, radiosity, edite
     for i in range(begin, end):
         for e in range(records.start[i], records.start[i + 1]):
             n, at, beyond = e - first, e - records.start[begin], records.beyond[e]
-            own = 1 if objects[fans.seen[i, records.ray[e]]] == edited else 0
+            own = 1 if objects[samples.records[i, records.ray[e]]] == edited else 0
             own_3 = 1 if records.light_3[e] != NO_LIGHT and objects[beyond] == edited else 0
             a, b, c = sent[n, 1, 0], sent[n, 1, 1], sent[n, 1, 2]
-            if beyond == NO_CELL:
+            if beyond == NO_RECORD:
                 a, b, c, beyond = ZERO, ZERO, ZERO, 0
             for k in range(out.shape[1]):
                 light = radiosity[own, beyond, k]

@@ -14,24 +14,24 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect import _cell_kernels as kernels
+from engine.indirect import _cache_kernels as kernels
 from engine.indirect._ray_kernels import EVEN
-from engine.indirect.cell_maps import CellMaps
-from engine.indirect.equivalence import N_SLANTS
+from engine.indirect.record_maps import RecordMaps
+from engine.indirect.albedo_from_curves import N_SLANTS
 from engine.light.emitters import EmitterPatches
 from engine.light.triangle_lights import TriangleLights
 from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.threads import on_threads
 
-MOST_CELLS = kernels.MOST_CELLS
+MAX_RECORDS = kernels.MAX_RECORDS
 N_SLOTS = 1 << 18
 # Rays a chunk: what the caster takes at once without splitting it over threads of its own.
 CHUNK = 32768
-NO_TURN = nullcontext()
+NO_ORDER = nullcontext()
 
 
-class TooManyCells(Exception):
+class CacheFull(Exception):
     """The grid is too fine for 65,534 cells."""
 
 
@@ -48,7 +48,7 @@ def room_for_rays(n: int) -> Rays:
     return Rays(np.empty((n, 3), np.float32), np.empty((n, 3), np.float32), np.empty(n, bool))
 
 
-class Cells:
+class IrradianceCache:
     """The cells of one scene on a grid of cubes of `size` metres. Safe to use from several threads."""
 
     def __init__(self, scene: Scene, caster: RayCaster, size: float) -> None:
@@ -61,15 +61,15 @@ class Cells:
             scene.object_of_triangle, scene.smooth, reflects,
         )  # fmt: skip
         self._low = scene.vertices[np.unique(scene.triangles)].min(axis=0) - np.float32(0.37 * size)
-        places = (MOST_CELLS, kernels.N_PLACES)
-        self._table = kernels.CellTable(
+        places = (MAX_RECORDS, kernels.N_PLACES)
+        self._table = kernels.CacheTable(
             np.zeros(N_SLOTS, np.uint64), np.zeros(N_SLOTS, np.int32), np.zeros(1, np.int64),
-            np.zeros(MOST_CELLS, np.int32), np.zeros(MOST_CELLS, np.uint64), np.zeros(MOST_CELLS, np.int64),
+            np.zeros(MAX_RECORDS, np.int32), np.zeros(MAX_RECORDS, np.uint64), np.zeros(MAX_RECORDS, np.int64),
             np.zeros(places, np.uint32), np.zeros(places, np.int32), np.zeros(places, np.float32),
             np.zeros(places, np.float32), np.zeros(places, np.uint8),
         )  # fmt: skip
         self._lock = Lock()
-        self._maps: tuple[tuple[int, int], CellMaps] | None = None
+        self._maps: tuple[tuple[int, int], RecordMaps] | None = None
 
     def __len__(self) -> int:
         return int(self._table.n_cells[0])
@@ -79,22 +79,22 @@ class Cells:
         """Memory of what rays have found; the mesh is the scene's."""
         return sum(array.nbytes for array in self._table)
 
-    def table(self) -> kernels.CellTable:
+    def table(self) -> kernels.CacheTable:
         """All that is known of them, to be stored: no longer than there are cells."""
         n = len(self)
-        return kernels.CellTable(*self._table[:3], *(array[:n] for array in self._table[3:]))
+        return kernels.CacheTable(*self._table[:3], *(array[:n] for array in self._table[3:]))
 
-    def restore(self, table: kernels.CellTable) -> None:
+    def restore(self, table: kernels.CacheTable) -> None:
         """Become what `table` gave."""
         for mine, stored in zip(self._table, table, strict=True):
             mine[: len(stored)] = stored
 
     @property
-    def maps(self) -> CellMaps:
+    def maps(self) -> RecordMaps:
         """What images do at the cells that there are now; kept until there are others, or others of their places."""
         state = len(self), int(self._table.n_places.sum())
         if self._maps is None or self._maps[0] != state:
-            self._maps = state, CellMaps(self._scene, self.table())
+            self._maps = state, RecordMaps(self._scene, self.table())
         return self._maps[1]
 
     @property
@@ -102,21 +102,21 @@ class Cells:
         """Which object each cell belongs to, (C,)."""
         return self._table.objects[: len(self)]
 
-    def seen_by(
-        self, rays: Rays, first_open: int = 0, turn: AbstractContextManager[None] = NO_TURN
+    def records_hit(
+        self, rays: Rays, first_open: int = 0, turn: AbstractContextManager[None] = NO_ORDER
     ) -> NDArray[np.uint16]:
         """The cell each ray hits, (R,), NO_CELL where it leaves the scene or hits what does not reflect.
 
         Cells from `first_open` on take the hits for their places. turn: entered while they are numbered.
-        Raises TooManyCells.
+        Raises CacheFull.
         """
-        return self.hit_by(rays, first_open, turn=turn)[0]
+        return self.records_and_hits(rays, first_open, turn=turn)[0]
 
-    def hit_by(
+    def records_and_hits(
         self, rays: Rays, first_open: int = 0, mirrored: NDArray[np.uint8] | None = None,
-        turn: AbstractContextManager[None] = NO_TURN,
+        turn: AbstractContextManager[None] = NO_ORDER,
     ) -> tuple[NDArray[np.uint16], Intersections]:  # fmt: skip
-        """As `seen_by`, with where the rays end; mirrored (R,): MATT, GLOSSY or SHARP for those of
+        """As `records_hit`, with where the rays end; mirrored (R,): MATT, GLOSSY or SHARP for those of
         gather points, that find smaller cells near by."""
         found = self.caster.intersect(rays.origins, rays.directions)
         hits = kernels.Hits(found.triangle, found.u, found.v, found.distance)
@@ -128,21 +128,21 @@ class Cells:
             self.mesh, self._low, np.float32(1.0 / self.size), hits, rays.there, rays.directions, in_focus, keys, sides,
             levels,
         )  # fmt: skip
-        self._part(hits, keys, sides, levels)
+        self._split_by_probe(hits, keys, sides, levels)
         with turn, self._lock:
-            if not kernels.take_hits(self._table, self.mesh, hits, keys, sides, first_open, seen):
-                raise TooManyCells(f"cells of {self.size:.3g} m")
+            if not kernels.insert_hits(self._table, self.mesh, hits, keys, sides, first_open, seen):
+                raise CacheFull(f"cells of {self.size:.3g} m")
         return seen, found
 
-    def _part(
+    def _split_by_probe(
         self, hits: kernels.Hits, keys: NDArray[np.uint64], sides: NDArray[np.uint8], levels: NDArray[np.uint8]
     ) -> None:
         """Tell keys apart by which of the lookouts is the first that is seen; not at all of those that see none."""
         hidden = np.flatnonzero(keys)
-        for lookout in range(kernels.N_LOOKOUTS):
+        for probe in range(kernels.N_VISIBILITY_PROBES):
             origins, directions = np.empty((2, len(hidden), 3), np.float32)
-            kernels.lookout_rays(
-                self.mesh, self._low, np.float32(1.0 / self.size), hits, hidden, sides, levels, lookout, origins,
+            kernels.probe_rays(
+                self.mesh, self._low, np.float32(1.0 / self.size), hits, hidden, sides, levels, probe, origins,
                 directions,
             )  # fmt: skip
             hidden = hidden[self.caster.occluded(origins, directions, np.ones(len(hidden), np.float32))]
@@ -151,7 +151,7 @@ class Cells:
     def rays(self, begin: int, end: int, tables: NDArray[np.float32]) -> Rays:
         """Cosine-distributed rays from the places of cells [begin, end), ((end - begin) · R), tables (64, R, 3)."""
         rays = room_for_rays((end - begin) * tables.shape[1])
-        kernels.cell_rays(
+        kernels.record_rays(
             self._table, self.mesh, begin, end, np.float32(self.caster.offset), tables, rays.origins, rays.directions,
             rays.there,
         )  # fmt: skip
@@ -167,10 +167,10 @@ class Cells:
         if len(lights.cumulative):
             step = max(1, CHUNK // n_samples)
             parts = [(i, min(i + step, n)) for i in range(0, n, step)]
-            on_threads(lambda part: self._light(lights, n_samples, seed, begin, part, irradiance), parts)
+            on_threads(lambda part: self._add_light(lights, n_samples, seed, begin, part, irradiance), parts)
         return irradiance
 
-    def _light(
+    def _add_light(
         self, lights: kernels.Lights, n_samples: int, seed: int, first: int, part: tuple[int, int],
         irradiance: NDArray[np.float32],
     ) -> None:  # fmt: skip
@@ -188,7 +188,7 @@ class Cells:
         asked = np.flatnonzero(~blocked)
         limits = None if lights.is_sky else distances[asked]
         blocked[asked] = self.caster.occluded(rays.origins[asked], rays.directions[asked], limits)
-        kernels.add_free(blocked, cosines, powers, n_samples, irradiance[begin:end])
+        kernels.add_unoccluded(blocked, cosines, powers, n_samples, irradiance[begin:end])
 
 
 def sky_lights(cut: TriangleLights) -> kernels.Lights:

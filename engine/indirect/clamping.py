@@ -2,22 +2,22 @@
 
 Curves of 1e18 on surfaces that see each other make light of 1e54 in three bounces. Sums of it are infinite, and no
 number at all where black is multiplied by it; either stands for the brightest there is, and whoever shows it says so.
-While light is in units of its own it is held at `WITHIN`, which leaves room for what multiplies it.
+While light is in units of its own it is held at `SQUARABLE`, which leaves room for what multiplies it.
 Light to import: the window's process does the same.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-BRIGHTEST, WITHIN = 1e36, 1e30
+BRIGHTEST, SQUARABLE = 1e36, 1e30
 # Where squares are summed.
 SQUARED = 1e15
 # What is within so much of them was held, and multiplied since.
-_NEARLY = 1e-3
+_CLAMP_TOLERANCE = 1e-3
 TOO_BRIGHT = "light between surfaces is brighter than numbers hold, and shown as white: lower a curve or the light"
 
 
-def held(light: NDArray[np.floating], most: float = WITHIN) -> NDArray[np.float32]:
+def clamp_radiance(light: NDArray[np.floating], most: float = SQUARABLE) -> NDArray[np.float32]:
     """Light as it is, but `most` where it went beyond that or has lost its number there."""
     with np.errstate(invalid="ignore"):
         is_sound = bool(light.max(initial=0.0) <= most)  # false for NaN too
@@ -26,12 +26,12 @@ def held(light: NDArray[np.floating], most: float = WITHIN) -> NDArray[np.float3
     return np.asarray(light, np.float32)
 
 
-def in_full(light: NDArray[np.floating], unit: float) -> NDArray[np.float32]:
+def unscaled(light: NDArray[np.floating], unit: float) -> NDArray[np.float32]:
     """Light that was in units of its own; what was held is the brightest there is, whatever the unit."""
-    within = held(light)
-    return held(np.where(within > _NEARLY * WITHIN, BRIGHTEST, within * np.float64(unit)), BRIGHTEST)
+    within = clamp_radiance(light)
+    return clamp_radiance(np.where(within > _CLAMP_TOLERANCE * SQUARABLE, BRIGHTEST, within * np.float64(unit)), BRIGHTEST)
 
 
-def is_beyond(light: NDArray[np.floating]) -> bool:
+def is_clamped(light: NDArray[np.floating]) -> bool:
     """Whether some of it was held."""
-    return bool(light.max(initial=0.0) >= _NEARLY * BRIGHTEST)
+    return bool(light.max(initial=0.0) >= _CLAMP_TOLERANCE * BRIGHTEST)

@@ -23,31 +23,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.errors import LoadError
-from engine.indirect.equivalence import N_SLANTS
-from engine.indirect.layers import IndirectLayer, is_glossy
+from engine.indirect.albedo_from_curves import N_SLANTS
+from engine.indirect.indirect_layers import IndirectLayer, is_glossy
 from engine.material.layer_maps import Images, LayerMaps, factor_of_means
 from engine.scene.surface_uvs import corner_uvs, positions_at, uvs_at
 from engine.texture.texture_store import sample_images
 from engine.texture.stroke_painting import PaintedPoints
 
 if TYPE_CHECKING:
-    from engine.indirect._cell_kernels import CellTable
+    from engine.indirect._cache_kernels import CacheTable
     from engine.scene.scene_loader import Scene
 
 Float32Array = NDArray[np.float32]
 _LEAST_ALBEDO = 1e-6
-_MOST_KEPT = 16
+_MAX_CACHED = 16
 
 
 @dataclass(frozen=True, eq=False)
-class CellReflectance:
+class RecordReflectance:
     """What C cells reflect: relative (C, 3), their equivalent albedo over that of their object; matt (C, 3), the share
     that matt layers have of it, 1 where there is no albedo; slant (C, N_SLANTS, 3), what it is for light from one
     direction over what it is for all, None where nothing is glossy; texels (K, C, 3), the factors of K glossy layers
     over their means; image (L): which of these each of all layers has, −1 for none."""
 
     relative: Float32Array
-    matt: Float32Array
+    diffuse: Float32Array
     slant: Float32Array | None
     texels: Float32Array
     image: tuple[int, ...]
@@ -61,7 +61,7 @@ class CellReflectance:
 class _Places:
     """The places of the cells of one object, and what its images do there on average over each cell."""
 
-    def __init__(self, scene: Scene, table: CellTable, i_object: int, images: Images) -> None:
+    def __init__(self, scene: Scene, table: CacheTable, i_object: int, images: Images) -> None:
         self.cells, self._origin = np.flatnonzero(table.objects == i_object), scene.origin
         counts = table.n_places[self.cells].astype(np.int64)
         self._start, self._counts = np.cumsum(counts) - counts, counts
@@ -106,14 +106,14 @@ def _stretch(scene: Scene, triangle: NDArray[np.integer]) -> NDArray[np.float64]
     return np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]) / np.maximum(np.linalg.norm(normal, axis=1), 1e-30)
 
 
-class CellMaps:
+class RecordMaps:
     """The images of a scene at the cells of one table; what was sampled last is kept."""
 
-    def __init__(self, scene: Scene, table: CellTable) -> None:
+    def __init__(self, scene: Scene, table: CacheTable) -> None:
         self._scene, self._table = scene, table
-        self._kept: dict[tuple[int, Images], _Places] = {}
+        self._cached: dict[tuple[int, Images], _Places] = {}
 
-    def reflectance(self, layers: Sequence[IndirectLayer], n_objects: int) -> CellReflectance:
+    def reflectance(self, layers: Sequence[IndirectLayer], n_objects: int) -> RecordReflectance:
         """What the cells reflect under these layers."""
         objects = self._table.objects
         albedos = np.zeros((2, len(objects), 3))  # of all layers, of matt ones
@@ -134,11 +134,11 @@ class CellMaps:
                 texels.append(np.ones((len(objects), 3), np.float32))
                 texels[-1][mine] = factor
                 image[i] = len(texels) - 1
-        whole, matt = albedos
+        whole, diffuse = albedos
         relative = _ratio(whole, of_object[objects])
         of_images = np.array(texels, np.float32).reshape(len(texels), len(objects), 3)
         slant = None if slanted is None else _ratio(slanted, np.broadcast_to(whole[:, None], slanted.shape))
-        return CellReflectance(relative, _ratio(matt, whole), slant, of_images, tuple(image))
+        return RecordReflectance(relative, _ratio(diffuse, whole), slant, of_images, tuple(image))
 
     def _relative_factor(self, layer: IndirectLayer) -> NDArray[np.float64] | None:
         """Of the cells of a layer's object, the factor (k, 3) of its images over what the layer takes for their mean;
@@ -147,15 +147,15 @@ class CellMaps:
             return None
         images = layer.maps.images.without_strokes
         try:
-            places = self._kept.pop((layer.i_object, images), None)
+            places = self._cached.pop((layer.i_object, images), None)
             if places is None:
                 places = _Places(self._scene, self._table, layer.i_object, images)
             factor = places.factor(layer.maps)
         except LoadError:
             return None
-        self._kept[layer.i_object, images] = places
-        while len(self._kept) > _MOST_KEPT:
-            del self._kept[next(iter(self._kept))]
+        self._cached[layer.i_object, images] = places
+        while len(self._cached) > _MAX_CACHED:
+            del self._cached[next(iter(self._cached))]
         return np.divide(factor, layer.share, out=np.zeros_like(factor), where=layer.share > 0.0)
 
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from engine.indirect._cell_kernels import Lights
-from engine.indirect._second_kernels import SampledLights
-from engine.indirect.cells import patch_lights, sky_lights
-from engine.indirect.second_bounce import lamps_of
+from engine.indirect._cache_kernels import Lights
+from engine.indirect._second_bounce_kernels import SampledLights
+from engine.indirect.irradiance_cache import patch_lights, sky_lights
+from engine.indirect.second_bounce import emitters_for_sampling
 from engine.light.emitters import EmitterPatches
 from engine.light.triangle_lights import TriangleLights, cut_lights
 from engine.transport.lighting import mean_radiance
@@ -25,7 +25,7 @@ N_LIGHTS, N_PATCHES = 4000, 256
 
 
 @dataclass(frozen=True, eq=False)
-class Shining:
+class Emission:
     """lights: sky and emitters, each to be sampled by power; lamps: both together; in units of `unit` (radiance)."""
 
     lights: tuple[Lights, ...]
@@ -33,13 +33,13 @@ class Shining:
     unit: float
 
 
-def shining_on(placement: Placement, sky: SkyState) -> Shining:
+def scene_emission(placement: Placement, sky: SkyState) -> Emission:
     """The sky cut and the scene's emitters."""
     cut = None if sky.environment is None else cut_lights(sky.environment, N_LIGHTS, sky.rotation)
     cut, patches, unit = in_units(cut, placement.patches(N_PATCHES), sky.scale)
     lights = [] if cut is None else [sky_lights(cut)]
     lights += [] if patches is None else [patch_lights(patches)]
-    return Shining(tuple(each for each in lights if len(each.cumulative)), lamps_of(cut, patches), unit)
+    return Emission(tuple(each for each in lights if len(each.cumulative)), emitters_for_sampling(cut, patches), unit)
 
 
 def in_units(

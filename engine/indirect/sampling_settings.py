@@ -33,53 +33,53 @@ from numpy.typing import NDArray
 LEVELS = (4, 2, 1)
 """As many times fewer rays as there may be, the quickest first."""
 _BY_RAYS, _NOISIEST = 0.63, 99.0
-LEFT_OF_MATT, LEFT_OF_GLOSSY = 0.4, 1.8
+LEFT_OF_DIFFUSE, LEFT_OF_GLOSSY = 0.4, 1.8
 TOLERANCE = 0.005
 """By how much more the picture may be off, relative RMS."""
 
 
 @dataclass(frozen=True)
-class Fineness:
+class SamplingSettings:
     """How finely indirect light is found.
 
-    n_rays a fan, of which n_records at most are followed where they end on glossy surfaces; most_further fans, a gather
+    n_rays a fan, of which n_glossy_hits at most are followed where they end on glossy surfaces; max_extra_sets fans, a gather
     point on average, where the first ones are noisy; n_photons that glossy surfaces throw; n_cells to aim at;
-    n_cell_rays between cells, a cell; n_samples of each kind of light, a cell; adaptive: refine the lattice of gather
+    n_record_rays between cells, a cell; n_samples of each kind of light, a cell; adaptive: refine the lattice of gather
     points, else every eighth pixel; close: down to single pixels beside edges and contacts, which doubles what an
     editor would hold and freeze.
     """
 
     name: str
     n_rays: int
-    most_further: float
-    n_records: int
+    max_extra_sets: float
+    n_glossy_hits: int
     n_photons: int
-    n_cells: int
-    n_cell_rays: int
+    n_cache_records: int
+    n_record_rays: int
     n_samples: int
     adaptive: bool
     close: bool = False
 
-    def with_rays(self, n_rays: int) -> Fineness:
+    def with_rays(self, n_rays: int) -> SamplingSettings:
         """The same with so many rays a fan, a power of two, 0 for as many as it has; rays between cells, and the lights
         that these sample, are half as many where these are fewer."""
         n_rays = n_rays or self.n_rays
         share = 2 if n_rays < self.n_rays else 1
-        return replace(self, n_rays=n_rays, n_cell_rays=self.n_cell_rays // share, n_samples=self.n_samples // share)
+        return replace(self, n_rays=n_rays, n_record_rays=self.n_record_rays // share, n_samples=self.n_samples // share)
 
 
-ROUGH = Fineness("rough", 128, 0, 32, 1 << 15, 4000, 64, 64, False)
-FINE = Fineness("fine", 512, 1, 96, 1 << 19, 24000, 64, 128, True)
-STILL = Fineness("still", 1024, 1, 1024, 1 << 20, 16000, 64, 128, True, True)
+ROUGH = SamplingSettings("rough", 128, 0, 32, 1 << 15, 4000, 64, 64, False)
+FINE = SamplingSettings("fine", 512, 1, 96, 1 << 19, 24000, 64, 128, True)
+STILL = SamplingSettings("still", 1024, 1, 1024, 1 << 20, 16000, 64, 128, True, True)
 
 
 @dataclass(frozen=True)
-class RayNeed:
+class RayBudget:
     """How many rays a fan has, of so many that there may be; noise: of the picture by the fewest, relative to its mean,
     None where that was not asked."""
 
     n_rays: int
-    most: int
+    max_rays: int
     noise: float | None = None
 
     @property
@@ -87,21 +87,21 @@ class RayNeed:
         """Why so many, in words."""
         if self.noise is None:
             return "as many as there may be"
-        if self.n_rays < self.most:
-            return f"within {100.0 * self.added(self.n_rays):.1f} % of what {self.most:,} show"
-        fewer = self.most // 2
+        if self.n_rays < self.max_rays:
+            return f"within {100.0 * self.added(self.n_rays):.1f} % of what {self.max_rays:,} show"
+        fewer = self.max_rays // 2
         return f"{fewer:,} would be {100.0 * self.added(fewer):.1f} % noisier"
 
     def added(self, n_rays: int) -> float:
         """By how much more the picture would be off with so many than with the most."""
-        fewest = self.most // LEVELS[0]
-        noise, least = ((fewest / n) ** _BY_RAYS for n in (n_rays, self.most))
+        fewest = self.max_rays // LEVELS[0]
+        noise, least = ((fewest / n) ** _BY_RAYS for n in (n_rays, self.max_rays))
         return (self.noise or 0.0) * (noise - least)
 
 
-def needed_rays(most: int, noise: float) -> RayNeed:
+def required_rays(most: int, noise: float) -> RayBudget:
     """How many rays a fan needs of `most`, by the noise that the fewest of them leave in the picture."""
-    need = RayNeed(most, most, noise)
+    need = RayBudget(most, most, noise)
     fewer = (replace(need, n_rays=most // level) for level in LEVELS)
     return next((each for each in fewer if need.added(each.n_rays) <= TOLERANCE), need)
 

@@ -6,13 +6,13 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from engine.indirect._ray_kernels import mixed, uniform
+from engine.indirect._ray_kernels import hash64, uniform
 
-NO_CELL = 0xFFFF
-MOST_CELLS = 0xFFFE
+NO_RECORD = 0xFFFF
+MAX_RECORDS = 0xFFFE
 NO_KEY = np.uint64(0)
 N_PLACES = 32
-_GRID_BITS, _LEVEL_BITS, _SHEET_BITS, _LOOKOUT_BITS = 16, 3, 3, 3
+_GRID_BITS, _LEVEL_BITS, _SHEET_BITS, _PROBE_BITS = 16, 3, 3, 3
 _PLACE_BITS = 20
 # By how rays look at cells (`_ray_kernels`: matt, glossy, sharp, even): such a share of the ray, inverted, is the most
 # that a cell takes. What a gloss shows is in focus; and where surfaces all but touch, light changes within their
@@ -23,8 +23,8 @@ _GRID = 2
 _COARSEST, _FINEST = (_GRID, 0, 0, _GRID), (5, 3, 5, _GRID)
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 # Where a cube's lookouts stand over a surface in it: above its middle, and aside towards its corners.
-_LOOKOUTS = ((0, 0), (1, 1), (-1, 1), (1, -1), (-1, -1))
-N_LOOKOUTS = len(_LOOKOUTS)
+_VISIBILITY_PROBES = ((0, 0), (1, 1), (-1, 1), (1, -1), (-1, -1))
+N_VISIBILITY_PROBES = len(_VISIBILITY_PROBES)
 # Of a cube's size: how far aside; how high at least, so that what shines through below a door is not taken for a sight
 # of what is behind it, and at most, since hollow surfaces see one another from higher; how high above a hit its ray to
 # them starts.
@@ -54,7 +54,7 @@ class Hits(NamedTuple):
     distance: np.ndarray
 
 
-class CellTable(NamedTuple):
+class CacheTable(NamedTuple):
     """Cells by key, open addressing: keys (S,) uint64, 0 where free; cells (S,) int32. n_cells (1,): how many.
 
     Of each cell: objects (C,) int32, seeds (C,) uint64, n_places (C,) int64, and up to 32 places: triangle (C, 32)
@@ -137,18 +137,18 @@ def find_keys(mesh, low, inverse_size, hits, there, directions, mirrored, keys, 
         sheet = np.int64(math.floor((-height if side & 1 else height) / _SHEET)) + (1 << _SHEET_BITS - 1)
         surface = (np.int64(mesh.objects[triangle]) * 6 + facing << _LEVEL_BITS | level) << _SHEET_BITS | sheet
         cube = (i << _GRID_BITS | j) << _GRID_BITS | k
-        key = mixed(np.uint64(cube) ^ mixed(np.uint64(surface))) | np.uint64(1)
-        keys[r] = key << np.uint64(_LOOKOUT_BITS)
+        key = hash64(np.uint64(cube) ^ hash64(np.uint64(surface))) | np.uint64(1)
+        keys[r] = key << np.uint64(_PROBE_BITS)
         sides[r], levels[r] = side, level
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def lookout_rays(mesh, low, inverse_size, hits, which, sides, levels, lookout, origins, directions):
+def probe_rays(mesh, low, inverse_size, hits, which, sides, levels, probe, origins, directions):
     """From hits `which` (n,) to one of their cubes' lookouts, rays of the length of their directions (n, 3).
 
     What sees the same lookout is not divided by a wall, be it thin.
     """
-    aside_a, aside_b = _LOOKOUTS[lookout]
+    aside_a, aside_b = _VISIBILITY_PROBES[probe]
     for n in range(which.shape[0]):
         r = which[n]
         triangle, face, sign = hits.triangle[r], mesh.face_normals[hits.triangle[r]], -ONE if sides[r] & 1 else ONE
@@ -197,7 +197,7 @@ def _cube(low, scale, x, y, z):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def take_hits(table, mesh, hits, keys, sides, first_open, found):
+def insert_hits(table, mesh, hits, keys, sides, first_open, found):
     """Look keys (R,) up, adding cells for new ones: their numbers into found (R,) uint16. False when there is no room.
 
     Cells from `first_open` on may take a hit for one of their places.
@@ -206,10 +206,10 @@ def take_hits(table, mesh, hits, keys, sides, first_open, found):
     most = table.objects.shape[0]
     for r in range(keys.shape[0]):
         key = keys[r]
-        found[r] = NO_CELL
+        found[r] = NO_RECORD
         if key == NO_KEY:
             continue
-        hashed = mixed(key)
+        hashed = hash64(key)
         slot = hashed & mask
         while table.keys[slot] != key and table.keys[slot] != NO_KEY:
             slot = (slot + np.uint64(1)) & mask
@@ -223,16 +223,16 @@ def take_hits(table, mesh, hits, keys, sides, first_open, found):
         cell = table.cells[slot]
         found[r] = cell
         if cell >= first_open:
-            _take_place(table, cell, hits.triangle[r], hits.u[r], hits.v[r], sides[r])
+            _insert_place(table, cell, hits.triangle[r], hits.u[r], hits.v[r], sides[r])
     return True
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _take_place(table, cell, triangle, u, v, side):
+def _insert_place(table, cell, triangle, u, v, side):
     """Make a hit one of a cell's places if its hash is among the least."""
     grid = np.float32(1 << _PLACE_BITS)
     number = np.uint64(max(u, ZERO) * grid) << np.uint64(_PLACE_BITS) | np.uint64(max(v, ZERO) * grid)
-    hashed = np.uint32(mixed(number ^ np.uint64(triangle) << np.uint64(2 * _PLACE_BITS)) >> np.uint64(32))
+    hashed = np.uint32(hash64(number ^ np.uint64(triangle) << np.uint64(2 * _PLACE_BITS)) >> np.uint64(32))
     n = table.n_places[cell]
     if n == N_PLACES and hashed >= table.hashes[cell, N_PLACES - 1]:
         return
@@ -271,11 +271,11 @@ def _write_ray(origins, directions, out, x, y, z, gx, gy, gz, dx, dy, dz, offset
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def cell_rays(table, mesh, begin, end, offset, cosine_table, origins, directions, there):
+def record_rays(table, mesh, begin, end, offset, cosine_table, origins, directions, there):
     """Cosine-distributed rays from the places of cells [begin, end): (n · R, 3) from tables (64, R, 3)."""
     n_rays = cosine_table.shape[1]
     for cell in range(begin, end):
-        seed = mixed(table.seeds[cell] + np.uint64(0x51ED2701))
+        seed = hash64(table.seeds[cell] + np.uint64(0x51ED2701))
         angle = np.float32(2.0 * math.pi) * uniform(seed)
         cosine, sine = np.cos(angle), np.sin(angle)
         pattern = np.int64(seed & np.uint64(cosine_table.shape[0] - 1))
@@ -344,7 +344,7 @@ def light_rays(
     for cell in range(begin, end):
         for s in range(n_samples):
             x, y, z, gx, gy, gz, nx, ny, nz = _place(table, mesh, cell, s)
-            number = mixed(table.seeds[cell] + np.uint64(s) + np.uint64(seed) * np.uint64(0x9E3779B9))
+            number = hash64(table.seeds[cell] + np.uint64(s) + np.uint64(seed) * np.uint64(0x9E3779B9))
             m = _pick(lights.cumulative, (np.float32(s) + uniform(number)) / np.float32(n_samples))
             u, v = uniform(number ^ np.uint64(1)), uniform(number ^ np.uint64(2))
             lx, ly, lz = _point_in_triangle(lights.corners, m, u, v)
@@ -366,7 +366,7 @@ def light_rays(
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def add_free(blocked, cosines, powers, n_samples, irradiance):
+def add_unoccluded(blocked, cosines, powers, n_samples, irradiance):
     """irradiance (n, B, 3) += the powers (n · S, 3) of the samples that are not blocked, shared out by hats over the
     root of their cosines (n · S,)."""
     last = irradiance.shape[1] - 1
