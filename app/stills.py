@@ -27,8 +27,8 @@ from engine.indirect.clamping import BRIGHTEST, clamp_radiance
 from engine.indirect.sampling_settings import STILL
 from engine.indirect.series import BounceSeries
 from engine.material.layer import Layer, object_of
-from engine.orbit.live import Orbit
-from engine.orbit.still import render_orbit
+from engine.orbit.orbit_engine import Orbit
+from engine.orbit.orbit_still import render_orbit
 from engine.planner import N_LIGHTS, N_PATCHES, Plan, plan_scene
 from engine.render.bounces import planned_bounces
 from engine.render.error_estimate import estimate_error, judge_drawn

@@ -21,7 +21,7 @@ from ui.measuring import Figures, command_line, write_found
 
 if TYPE_CHECKING:
     from app.project import Project
-    from engine.orbit.live import Orbit
+    from engine.orbit.orbit_engine import Orbit
 
 COUNTS = (80, 320)  # coefficients a point
 WARM_UP = 3
@@ -34,7 +34,7 @@ def measure(source: str, resolution: tuple[int, int], n_points: int, n_frames: i
     Raises InsituError where shaders do not draw.
     """
     from app.project import open_project
-    from engine.orbit.telling import Telling
+    from engine.orbit.gpu_export import PointExporter
 
     context = create_headless_context()
     most_bytes = shader_bytes(context)
@@ -43,7 +43,7 @@ def measure(source: str, resolution: tuple[int, int], n_points: int, n_frames: i
     project = open_project(source, resolution)
     orbit, shaded = _worked(project, n_points), ShadedPicture(context)
     begun = time.perf_counter()
-    for part in Telling(most_bytes).parts(orbit):
+    for part in PointExporter(most_bytes).parts(orbit):
         shaded.buffers.take(part)
     context.finish()
     told = time.perf_counter() - begun
@@ -57,7 +57,7 @@ def measure(source: str, resolution: tuple[int, int], n_points: int, n_frames: i
 
 
 def _worked(project: Project, n_points: int) -> Orbit:
-    from engine.orbit.live import Orbit
+    from engine.orbit.orbit_engine import Orbit
 
     layers: dict[int, tuple[Any, ...]] = {}
     for i, layer in project.indexed_layers:

@@ -13,7 +13,7 @@ from engine.deform.live import Deform
 from engine.errors import InsituError
 from engine.indirect.clamping import BRIGHTEST, clamp_radiance
 from engine.indirect.series import BounceSeries
-from engine.orbit.live import Orbit
+from engine.orbit.orbit_engine import Orbit
 from engine.render.bounces import planned_bounces
 from engine.render.error_estimate import judge_drawn
 from engine.render.picture_error import ErrorEstimate
@@ -77,7 +77,7 @@ class Pictures:
         if self._orbit is None or self._orbit[0] != document.poses:
             self._orbit = document.poses, prepared_orbit(project)
         orbit = self._orbit[1]
-        orbit.shine({name: tuple(scene.emission[i].tolist()) for i, name in enumerate(scene.object_names)})
+        orbit.set_emission({name: tuple(scene.emission[i].tolist()) for i, name in enumerate(scene.object_names)})
         orbit.set_bumps({each.name: each.bumps for each in scene.description.objects})
         orbit.set_light(project.sky)
         orbit.set_layers(layers_by_object(project))

@@ -44,8 +44,8 @@ from engine.generators import map_steps
 from engine.transport.pipeline import SkyState
 
 if TYPE_CHECKING:
-    from engine.orbit.live import Orbit
-    from engine.orbit.telling import Telling
+    from engine.orbit.orbit_engine import Orbit
+    from engine.orbit.gpu_export import PointExporter
     from engine.render.still import StillProgress
 
 STAGE = "orbit"
@@ -61,7 +61,7 @@ class OrbitWork(ModeWork):
         self._orbit: Orbit | None = None
         self._caster: RayCaster | None = None
         self._prepared = 0
-        self._telling: tuple[int, Telling] | None = None
+        self._telling: tuple[int, PointExporter] | None = None
         self._posed: tuple[tuple[Scene, Poses], Scene, RayCaster] | None = None
         self._emission: tuple[tuple[str, RGB], ...] = ()
         self._effort: tuple[int, ...] = ()
@@ -95,7 +95,7 @@ class OrbitWork(ModeWork):
         if not orbit.n_bytes:  # nothing is placed yet
             self._bench.store.get(_key(orbit), orbit.restore)
         if scene.emission != self._emission:
-            orbit.shine(dict(scene.emission))
+            orbit.set_emission(dict(scene.emission))
             self._emission = scene.emission
         orbit.set_bumps(_bumps(self._bench.open_placement.scene))
         orbit.set_light(sky)
@@ -119,17 +119,17 @@ class OrbitWork(ModeWork):
         yield from self._tell(orbit, request)
         yield OrbitAdvanced(orbit.version, orbit.is_done, orbit.n_bytes)
         if orbit.has_traced:
-            self._bench.store.put(_key(orbit), orbit.stored())
+            self._bench.store.put(_key(orbit), orbit.stored_visibility())
 
     def _tell(self, orbit: Orbit, request: PrepareOrbit) -> Steps:
         """What the listener does not know yet."""
-        from engine.orbit.telling import Telling
+        from engine.orbit.gpu_export import PointExporter
 
         if not request.listener:
             self._telling = None
             return
         if self._telling is None or self._telling[0] != request.listener:
-            self._telling = request.listener, Telling(request.most_bytes)
+            self._telling = request.listener, PointExporter(request.most_bytes)
         for part in self._telling[1].parts(orbit):
             yield OrbitTold(part)
 
@@ -137,7 +137,7 @@ class OrbitWork(ModeWork):
         orbit = self._orbit
         if orbit is not None:
             was_done = orbit.is_done
-            orbit.look(orbit.scene.from_camera(request.camera).description.camera)
+            orbit.prioritize_view(orbit.scene.from_camera(request.camera).description.camera)
             if was_done and not orbit.is_done:
                 yield OrbitAdvanced(orbit.version, False, orbit.n_bytes, id=self._prepared)
 
@@ -189,7 +189,7 @@ class OrbitWork(ModeWork):
         """That of the scene which is open; another one where it is to have other points, or coefficients at each."""
         effort = n_points, n_coefficients
         if self._orbit is None or effort != self._effort:
-            from engine.orbit.live import Orbit
+            from engine.orbit.orbit_engine import Orbit
 
             scene = self._bench.open_placement.scene
             self._orbit = Orbit(
@@ -212,7 +212,7 @@ def until_compiled(bench: Bench, what: str) -> Steps:
 def _prepared_sky(sky: SkyState, text: str) -> Steps:
     """In steps, between which the window is drawn objects in light from the eye."""
     yield Progress(STAGE, 0.0, text=text)
-    from engine.orbit.sky import preparing_sky
+    from engine.orbit.sky_map import preparing_sky
 
     for _ in preparing_sky(sky.environment):
         yield Progress(STAGE, 0.0, text=text)
@@ -221,7 +221,7 @@ def _prepared_sky(sky: SkyState, text: str) -> Steps:
 def _drawing(orbit: Orbit, wanted: DrawOrbit) -> Generator[StillProgress, None, NDArray[np.float32]]:
     """The picture that is asked for, piece by piece."""
     camera = orbit.scene.from_camera(wanted.camera).description.camera
-    return orbit.drawing(camera, wanted.resolution, wanted.quality, wanted.n_coefficients, has_soft_edges=True)
+    return orbit.draw_steps(camera, wanted.resolution, wanted.quality, wanted.n_coefficients, has_soft_edges=True)
 
 
 def _key(orbit: Orbit) -> str:
@@ -239,7 +239,7 @@ def _rehearsed(orbit: Orbit) -> Steps:
     camera = orbit.scene.description.camera
     for quality in ("moving", "rest"):
         yield Progress(STAGE, orbit.fraction, text=FIRST_TIME)
-        yield from map_steps(orbit.drawing(camera, (8, 8), quality), lambda step: None)
+        yield from map_steps(orbit.draw_steps(camera, (8, 8), quality), lambda step: None)
 
 
 def layers_by_object(scene: Scene, layers: Sequence[LayerState]) -> dict[int, tuple[Layer, ...]]:

@@ -24,14 +24,14 @@ def available_memory() -> int:
 
 def orbit_bytes() -> int:
     """What the points of Orbit may keep: a third of all memory, and no less than the engine takes for granted."""
-    from engine.orbit.live import MOST_BYTES
+    from engine.orbit.orbit_engine import MOST_BYTES
 
     return max(MOST_BYTES, memory_bytes()[1] // 3)
 
 
 def orbit_slice_bytes() -> int:
     """What the slices of Orbit's layers may: a 32nd of all memory, and no less than the engine takes for granted."""
-    from engine.orbit.live import MOST_SLICE_BYTES
+    from engine.orbit.orbit_engine import MOST_SLICE_BYTES
 
     return max(MOST_SLICE_BYTES, memory_bytes()[1] // 32)
 

@@ -29,7 +29,7 @@ from app.stills import layers_by_object, plan_still, still_quality
 from engine.deform.live import N_POINTS
 from engine.indirect.sampling_settings import FINE
 from engine.indirect.series import BounceSeries
-from engine.orbit.live import Orbit
+from engine.orbit.orbit_engine import Orbit
 from engine.render.bounces import planned_bounces
 from engine.render.error_estimate import judge, judge_drawn
 from engine.render.indirect import indirect_radiance

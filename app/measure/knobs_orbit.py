@@ -22,8 +22,8 @@ from app.measure.subject import Subject
 from app.measure.sweep import MIB
 from app.measure.truncation import Float64Array, direct_factors
 from app.project import Project
-from engine.orbit.drawing import N_MOVING, Quality
-from engine.orbit.live import N_COEFFICIENTS, N_POINTS, Orbit
+from engine.orbit.view_radiance import N_MOVING, Quality
+from engine.orbit.orbit_engine import N_COEFFICIENTS, N_POINTS, Orbit
 from engine.sphere.haar import Rule, forward, inverse, select_coefficients
 from engine.stored_arrays import Arrays
 from engine.transport.pipeline import Placement
@@ -106,7 +106,7 @@ class _Bench:
     def _orbit(self, n_kept: int) -> Orbit:
         if n_kept not in self._ready:
             self._ready = {n_kept: self._made(n_kept, self._effort.n_points, self._seen)}
-            self._seen = self._seen or self._ready[n_kept].stored()
+            self._seen = self._seen or self._ready[n_kept].stored_visibility()
         return self._ready[n_kept]
 
     def _made(self, n_kept: int, n_points: int, seen: Arrays | None = None) -> Orbit:

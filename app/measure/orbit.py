@@ -22,7 +22,7 @@ from app.measure.truncation import Truncated, truncation_errors, write_truncatio
 from app.project import Project, open_project
 from engine.light.environment import Environment
 from engine.material.layer import Layer
-from engine.orbit.live import N_POINTS, Orbit
+from engine.orbit.orbit_engine import N_POINTS, Orbit
 from engine.render.integrator import integrate_direct
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.primary_hits import PrimaryHits
@@ -128,7 +128,7 @@ def errors_by_coefficients(project: Project, effort: OrbitEffort) -> list[tuple[
         _wait(orbit, project.sky, layers)
         orbit.draw(camera, project.scene.resolution)
         _wait(orbit, project.sky, layers)  # backs that this has seen
-        arrays = arrays or orbit.stored()
+        arrays = arrays or orbit.stored_visibility()
         for quality in ("moving", "rest", "still"):
             picture = orbit.draw(camera, project.scene.resolution, quality, n)  # type: ignore[arg-type]
             off = errors(picture.reshape(-1, 3)[placement.hits.pixel[rows]], truth)
@@ -162,7 +162,7 @@ def speed_figures(project: Project, effort: OrbitEffort) -> list[Figure]:
     stall = _turn_stall(orbit, sky, effort.n_frames)
     size = f"{effort.resolution[0]}x{effort.resolution[1]}"
     how = f"{SCENE}, {len(project.scene.vertices)} vertices and {effort.n_points} points between them"
-    parts = {"mb": orbit.n_bytes / 1e6, "stored_mb": sum(a.nbytes for a in orbit.stored().values()) / 1e6}
+    parts = {"mb": orbit.n_bytes / 1e6, "stored_mb": sum(a.nbytes for a in orbit.stored_visibility().values()) / 1e6}
     return [
         Figure("orbit_fps_moving", tuple(1.0 / each for each in frames), f"{how}, {size}, {DEGREES_A_FRAME:g}° each"),
         Figure("orbit_rest_s", (rest,), f"{how}, {size}"),

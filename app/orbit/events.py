@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from app.picture import PictureEvent
 
 if TYPE_CHECKING:
-    from engine.orbit.parts import Part
+    from engine.orbit.gpu_parts import Part
 
 
 @dataclass(frozen=True, eq=False)

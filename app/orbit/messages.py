@@ -13,7 +13,7 @@ from app.messages import LookFrom, OpenScene, Request, Response
 if TYPE_CHECKING:
     from app.scene_state import SceneState
     from engine.deform.pose import Poses
-    from engine.orbit.parts import Part
+    from engine.orbit.gpu_parts import Part
     from engine.render.picture_error import ErrorEstimate
     from engine.scene.description import Camera
 
@@ -136,7 +136,7 @@ class OrbitAdvanced(Response):
 
 @dataclass(frozen=True, eq=False)
 class OrbitTold(Response):
-    """A part of what moving pictures are drawn of, see `engine.orbit.parts`."""
+    """A part of what moving pictures are drawn of, see `engine.orbit.gpu_parts`."""
 
     part: Part
 

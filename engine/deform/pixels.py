@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from engine.deform.points import BendingPoints
 from engine.deform.raster import Drawn
 from engine.material.layer_maps import LayerMaps
-from engine.orbit.seen_maps import MOVING_PROBES
+from engine.orbit.view_maps import MOVING_PROBES
 from engine.render.surface_maps import painted, sample_images
 from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import Intersections

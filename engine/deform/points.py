@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from engine.deform.pose import Pose, orthonormal
 from engine.deform.raster import Surface
 from engine.deform.transfer import TransferPoints
-from engine.orbit.lit_sides import lit_sides
+from engine.orbit.lit_faces import lit_sides
 from engine.orbit.shading_points import ShadingPoints, shading_points, with_backs
 from engine.scene.local_frames import local_frames
 from engine.scene.scene_loader import Scene

@@ -15,7 +15,7 @@ from engine.deform.gloss import LowGloss, low_gloss
 from engine.deform.raster import BLACK, Backdrop
 from engine.deform.shading import BandLight, Lobes
 from engine.material.layer import Layer
-from engine.orbit.slices import matt_reflectance
+from engine.orbit.slices import diffuse_reflectance
 from engine.render.surface_maps import mean_factor
 from engine.scene.scene_loader import Scene
 from engine.transport.pipeline import SkyState
@@ -94,4 +94,4 @@ def is_glossy(layer: Layer) -> bool:
     return _reflectance(layer) is None
 
 
-_reflectance = lru_cache(maxsize=256)(matt_reflectance)  # which every picture asks for
+_reflectance = lru_cache(maxsize=256)(diffuse_reflectance)  # which every picture asks for

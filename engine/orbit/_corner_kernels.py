@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from engine import lanes
 from engine.fast_math import FAST
-from engine.orbit._incident_kernels import Kept, child_at
+from engine.orbit._incident_kernels import StoredLight, child_at
 from engine.orbit._slice_kernels import Cell, Tables, add_corners, between, cell_at, corners_at, reflect, unpack
 
 Float32Array = NDArray[np.float32]
@@ -18,9 +18,9 @@ Words = NDArray[np.uint64]
 _MOST_CELLS = 24
 
 
-class Suns(NamedTuple):
+class PeakLights(NamedTuple):
     """Direction and power (M, 3) of a sky's suns, at most 128; which of them each point sees (S, ⌈M / 8⌉),
-    `Kept.sun_bits`; `Hemisphere.children`; and by which share of all that is reflected a sun may differ among slices
+    `StoredLight.peak_bits`; `Hemisphere.children`; and by which share of all that is reflected a sun may differ among slices
     and still be looked up in them."""
 
     direction: Float32Array
@@ -33,7 +33,7 @@ class Suns(NamedTuple):
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def shade_corners(
     start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64],
-    mirrored: Float32Array, n_most: int, frame: Float32Array, slots: NDArray[np.int32], kept: Kept, suns: Suns, t: Tables,
+    mirrored: Float32Array, n_most: int, frame: Float32Array, slots: NDArray[np.int32], stored: StoredLight, peaks: PeakLights, t: Tables,
     radiance: Float32Array, sharp: Words,
 ) -> None:  # fmt: skip
     """Fill radiance (3 N, 3): what points send of their first n_most coefficients to where they show in the mirror the
@@ -43,18 +43,18 @@ def shade_corners(
     The point points[j] is asked by members[first[j]:first[j + 1]] of the 3 N corners. These look at it from about one
     side: most find a cell that another of them has paid for.
     """
-    n = min(n_most, kept.number.shape[1])
+    n = min(n_most, stored.number.shape[1])
     words, cells = np.zeros(3 * n + 1, np.uint32), np.empty((_MOST_CELLS, 4, 4), np.float32)
     keys, differ = np.empty(_MOST_CELLS, np.int64), np.zeros((_MOST_CELLS, 2), np.uint64)
-    seen, place = np.empty((2, len(suns.power)), np.int64)
-    spread = np.empty(len(suns.power), np.float32)
+    seen, place = np.empty((2, len(peaks.power)), np.int64)
+    spread = np.empty(len(peaks.power), np.float32)
     value = words.view(np.float32)
     for j in range(start, stop):
         p = points[j]
         slot, f, n_cells = slots[p], frame[p], 0
-        number = kept.number[slot]
-        unpack(kept.value[slot], n, words)
-        n_seen = _suns_seen(suns, p, f, seen, place)
+        number = stored.number[slot]
+        unpack(stored.value[slot], n, words)
+        n_seen = _visible_peaks(peaks, p, f, seen, place)
         for at in range(first[j], first[j + 1]):
             r = members[at]
             a, b, c = mirrored[r // 3, 0], mirrored[r // 3, 1], mirrored[r // 3, 2]
@@ -72,7 +72,7 @@ def shade_corners(
                 keys[i] = key
                 n_cells += 1
                 reflect(cell, number, value, n, t, cells[i])
-                _add_suns(cell, suns, seen[:n_seen], place, t, spread, cells[i], differ[i])
+                _add_peaks(cell, peaks, seen[:n_seen], place, t, spread, cells[i], differ[i])
             for channel in range(3):
                 radiance[r, channel] = between(cell, cells[i], channel)
             if len(sharp):
@@ -80,23 +80,23 @@ def shade_corners(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _suns_seen(suns: Suns, p: int, frame: Float32Array, seen: NDArray[np.int64], place: NDArray[np.int64]) -> int:
+def _visible_peaks(peaks: PeakLights, p: int, frame: Float32Array, seen: NDArray[np.int64], place: NDArray[np.int64]) -> int:
     """How many suns a point sees; their numbers and the upper triangles of its frame in which they stand."""
     n = 0
-    for s in range(len(suns.power)):
-        if suns.bits[p, s >> 3] >> (s & 7) & 1:
-            d = suns.direction[s]
+    for s in range(len(peaks.power)):
+        if peaks.bits[p, s >> 3] >> (s & 7) & 1:
+            d = peaks.direction[s]
             x = frame[0, 0] * d[0] + frame[0, 1] * d[1] + frame[0, 2] * d[2]
             y = frame[1, 0] * d[0] + frame[1, 1] * d[1] + frame[1, 2] * d[2]
             z = frame[2, 0] * d[0] + frame[2, 1] * d[1] + frame[2, 2] * d[2]
-            seen[n], place[n] = s, child_at(x, y, z, suns.children) >> 2
+            seen[n], place[n] = s, child_at(x, y, z, peaks.children) >> 2
             n += 1
     return n
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _add_suns(
-    cell: Cell, suns: Suns, seen: NDArray[np.int64], place: NDArray[np.int64], t: Tables, spread: Float32Array,
+def _add_peaks(
+    cell: Cell, peaks: PeakLights, seen: NDArray[np.int64], place: NDArray[np.int64], t: Tables, spread: Float32Array,
     corners: Float32Array, differ: Words,
 ) -> None:  # fmt: skip
     """Add to corners (4, 4) the suns that are seen, by their places, of which the largest of four slices is above their
@@ -106,7 +106,7 @@ def _add_suns(
     for k in range(4, 16, 4):
         whole = lanes.plus_product(whole, quarter, lanes.floats(corners, k))
     for m in range(len(seen)):
-        at, power = corners_at(cell, place[m], t), suns.power[seen[m]]
+        at, power = corners_at(cell, place[m], t), peaks.power[seen[m]]
         first, across = lanes.halves(t.values, at.first), lanes.halves(t.values, at.across)
         down, last = lanes.halves(t.values, at.down), lanes.halves(t.values, at.last)
         light = lanes.of(power[0], power[1], power[2])
@@ -117,10 +117,10 @@ def _add_suns(
         largest = lanes.larger(lanes.larger(first, across), lanes.larger(down, last))
         spread[m] = lanes.total(lanes.plus_product(lanes.zeros(), light, lanes.minus(largest, mean)))
         whole = lanes.plus_product(whole, light, mean)
-    most = np.float32(suns.little) * lanes.total(whole)
+    most = np.float32(peaks.little) * lanes.total(whole)
     differ[:] = np.uint64(0)
     for m in range(len(seen)):
-        s, power = seen[m], suns.power[seen[m]]
+        s, power = seen[m], peaks.power[seen[m]]
         if spread[m] <= most:
             add_corners(corners_at(cell, place[m], t), power[0], power[1], power[2], t, corners)
         else:

@@ -16,9 +16,9 @@ Bytes = NDArray[np.uint8]
 
 N_ROOTS = 20
 # Directions of suns that a point keeps apart while something moves.
-N_SUN_PLACES = 40
+N_PEAK_PLACES = 40
 # Of the brightest suns, that points ask by a ray each.
-N_ASKED = 8
+N_QUERIED = 8
 
 
 class Hemisphere(NamedTuple):
@@ -38,15 +38,15 @@ class Hemisphere(NamedTuple):
 
 
 class Light(NamedTuple):
-    """What shines: sky map (side, side, 4) and a coarse one, as `sky.Sky`, turned by the angle of this cosine and sine;
+    """What shines: sky map (side, side, 4) and a coarse one, as `sky.SkyMap`, turned by the angle of this cosine and sine;
     suns' direction and power (M, 3), brightest first; patches' centre, normal and flux (L, 3): radiance × area."""
 
     sky: Float32Array
     coarse_sky: Float32Array
     cosine: float
     sine: float
-    sun_direction: Float32Array
-    sun_power: Float32Array
+    peak_direction: Float32Array
+    peak_power: Float32Array
     centre: Float32Array
     normal: Float32Array
     flux: Float32Array
@@ -62,21 +62,21 @@ class Places(NamedTuple):
     bits: Bytes
     patch_bits: Bytes
     slot: NDArray[np.int32]
-    suns: NDArray[np.int16]
+    peaks: NDArray[np.int16]
 
 
-class Kept(NamedTuple):
+class StoredLight(NamedTuple):
     """What points keep: irradiance (S, 3), bits of the suns that they see (S, ⌈M / 8⌉); by slot the coefficients'
     number (G, n) and value (G, n, 3), bfloat16, largest first, the suns by place (G, 40), −1 for none, and power
     (G, 40, 3), and leaning (G, 2, 3): Σ power × x and Σ power × z of all light's directions in the point's frame."""
 
     irradiance: Float32Array
-    sun_bits: Bytes
+    peak_bits: Bytes
     number: NDArray[np.int16]
     value: NDArray[np.uint16]
-    sun_place: NDArray[np.int16]
-    sun_power: Float32Array
-    leaning: Float32Array
+    peak_place: NDArray[np.int16]
+    peak_power: Float32Array
+    irradiance_gradient: Float32Array
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
@@ -185,14 +185,14 @@ def _nearest(places: NDArray[np.int16], directions: Float32Array, x: float, y: f
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _add_suns(p: int, at: Places, half: Hemisphere, light: Light, kept: Kept) -> None:
+def _add_peaks(p: int, at: Places, half: Hemisphere, light: Light, stored: StoredLight) -> None:
     """What point p sees of the suns: bits, irradiance and, if it is glossy, where in its hemisphere they stand."""
     frame, slot, n_found = at.frame[p], at.slot[p], 0
-    kept.sun_bits[p] = 0
+    stored.peak_bits[p] = 0
     if slot >= 0:
-        kept.sun_place[slot] = -1
-    for s in range(len(light.sun_power)):
-        d = light.sun_direction[s]
+        stored.peak_place[slot] = -1
+    for s in range(len(light.peak_power)):
+        d = light.peak_direction[s]
         y = frame[1, 0] * d[0] + frame[1, 1] * d[1] + frame[1, 2] * d[2]
         if y <= 0.0:
             continue
@@ -200,28 +200,28 @@ def _add_suns(p: int, at: Places, half: Hemisphere, light: Light, kept: Kept) ->
         z = frame[2, 0] * d[0] + frame[2, 1] * d[1] + frame[2, 2] * d[2]
         child = child_at(x, y, z, half.children)
         k = child >> 2
-        if at.suns[p] >= 0 and s < N_ASKED:
-            if not at.suns[p] >> s & 1:
+        if at.peaks[p] >= 0 and s < N_QUERIED:
+            if not at.peaks[p] >> s & 1:
                 continue
         elif not at.bits[p, k >> 1] >> (4 * (k & 1) + (child & 3)) & 1:
             continue
-        kept.sun_bits[p, s >> 3] |= np.uint8(1 << (s & 7))
+        stored.peak_bits[p, s >> 3] |= np.uint8(1 << (s & 7))
         for i in range(3):
-            kept.irradiance[p, i] += light.sun_power[s, i] * y
+            stored.irradiance[p, i] += light.peak_power[s, i] * y
         if slot >= 0:
             for i in range(3):
-                kept.leaning[slot, 0, i] += light.sun_power[s, i] * x
-                kept.leaning[slot, 1, i] += light.sun_power[s, i] * z
+                stored.irradiance_gradient[slot, 0, i] += light.peak_power[s, i] * x
+                stored.irradiance_gradient[slot, 1, i] += light.peak_power[s, i] * z
             j = 0
-            while j < n_found and kept.sun_place[slot, j] != k:
+            while j < n_found and stored.peak_place[slot, j] != k:
                 j += 1
-            if j == N_SUN_PLACES:
-                j = _nearest(kept.sun_place[slot], half.direction, x, y, z)
+            if j == N_PEAK_PLACES:
+                j = _nearest(stored.peak_place[slot], half.direction, x, y, z)
             elif j == n_found:
-                kept.sun_place[slot, j], n_found = k, n_found + 1
-                kept.sun_power[slot, j] = 0.0
+                stored.peak_place[slot, j], n_found = k, n_found + 1
+                stored.peak_power[slot, j] = 0.0
             for i in range(3):
-                kept.sun_power[slot, j, i] += light.sun_power[s, i]
+                stored.peak_power[slot, j, i] += light.peak_power[s, i]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
@@ -330,7 +330,7 @@ def _transform(means: Float32Array, place: NDArray[np.int32], wavelets: Float32A
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def light_range(
     start: int, stop: int, points: NDArray[np.int64], is_coarse: bool, at: Places, half: Hemisphere, light: Light,
-    kept: Kept,
+    stored: StoredLight,
 ) -> None:  # fmt: skip
     """Light the points[start:stop], by triangles of level 4, or coarsely by those of level 2."""
     n = len(half.place)
@@ -346,10 +346,10 @@ def light_range(
             add_sky(p, at, half, light, powers, moments)
         add_patches(p, at, half, light, is_coarse, powers, moments)
         for i in range(3):  # not all at once: for that the compiler makes the words of an error
-            kept.irradiance[p, i] = moments[1, i]
+            stored.irradiance[p, i] = moments[1, i]
             if at.slot[p] >= 0:
-                kept.leaning[at.slot[p], 0, i], kept.leaning[at.slot[p], 1, i] = moments[0, i], moments[2, i]
-        _add_suns(p, at, half, light, kept)
+                stored.irradiance_gradient[at.slot[p], 0, i], stored.irradiance_gradient[at.slot[p], 1, i] = moments[0, i], moments[2, i]
+        _add_peaks(p, at, half, light, stored)
         if at.slot[p] >= 0:
             slot, size = at.slot[p], 320 if is_coarse else n
-            compress(powers[:size], half.place, wavelets[:size], sizes[:size], kept.number[slot], kept.value[slot])
+            compress(powers[:size], half.place, wavelets[:size], sizes[:size], stored.number[slot], stored.value[slot])

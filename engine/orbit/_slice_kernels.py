@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from engine import lanes
 from engine.fast_math import FAST
-from engine.orbit._incident_kernels import Kept
+from engine.orbit._incident_kernels import StoredLight
 
 Float32Array = NDArray[np.float32]
 UInt16Array = NDArray[np.uint16]
@@ -180,11 +180,11 @@ def _add_suns(cell: Cell, place: NDArray[np.int16], power: Float32Array, t: Tabl
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def shade_points(
     start: int, stop: int, points: NDArray[np.int64], eye: Float32Array, n_most: int, position: Float32Array, frame: Float32Array,
-    slots: NDArray[np.int32], kept: Kept, t: Tables, shades: Shades, radiance: Float32Array,
+    slots: NDArray[np.int32], stored: StoredLight, t: Tables, shades: Shades, radiance: Float32Array,
 ) -> None:  # fmt: skip
     """Add to rows `points[start:stop]` of radiance (S, 3) what each sends to the eye by its first n_most coefficients
     and the suns, these by their triangles. Where the eye is still in the cell in which it was, it asks for no sums."""
-    n = min(n_most, kept.number.shape[1])
+    n = min(n_most, stored.number.shape[1])
     words = np.zeros(3 * n + 1, np.uint32)
     value = words.view(np.float32)
     for j in range(start, stop):
@@ -203,8 +203,8 @@ def shade_points(
         key = (((t.serial * 8192 + n) * 16 + cell.symmetry) * 64 + cell.row) * 64 + cell.column
         if shades.key[slot] != key:
             shades.key[slot] = key
-            unpack(kept.value[slot], n, words)
-            reflect(cell, kept.number[slot], value, n, t, corners)
-            _add_suns(cell, kept.sun_place[slot], kept.sun_power[slot], t, corners)
+            unpack(stored.value[slot], n, words)
+            reflect(cell, stored.number[slot], value, n, t, corners)
+            _add_suns(cell, stored.peak_place[slot], stored.peak_power[slot], t, corners)
         for i in range(3):
             radiance[p, i] += between(cell, corners, i)

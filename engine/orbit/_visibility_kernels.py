@@ -24,12 +24,12 @@ def _begin_ray(point: Float32Array, direction: Float32Array, frame: Float32Array
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def first_rays(points: NDArray[np.int64], lifted: Float32Array, frames: Float32Array, directions: Float32Array, origins: Float32Array,
-               ways: Float32Array) -> None:  # fmt: skip
+               ray_directions: Float32Array) -> None:  # fmt: skip
     """Rays (N · U / 4, 3) of points (N,) through the middle child of each parent: direction 4 j + 3 of (U, 3)."""
     at = 0
     for p in points:
         for j in range(len(directions) // 4):
-            _begin_ray(lifted[p], directions[4 * j + 3], frames[p], origins[at], ways[at])
+            _begin_ray(lifted[p], directions[4 * j + 3], frames[p], origins[at], ray_directions[at])
             at += 1
 
 
@@ -50,22 +50,22 @@ def differing(free: Flags, around: Int32Array, found: Flags) -> int:
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def more_rays(
-    points: NDArray[np.int64], asked: Flags, lifted: Float32Array, frames: Float32Array, directions: Float32Array, n_children: int,
-    origins: Float32Array, ways: Float32Array,
+    points: NDArray[np.int64], queried: Flags, lifted: Float32Array, frames: Float32Array, directions: Float32Array, n_children: int,
+    origins: Float32Array, ray_directions: Float32Array,
 ) -> None:  # fmt: skip
     """Rays through the first n_children of the four of each triangle that is asked (N, T); directions (4 T, 3)."""
     at = 0
-    for n in range(asked.shape[0]):
+    for n in range(queried.shape[0]):
         p = points[n]
-        for t in range(asked.shape[1]):
-            if asked[n, t]:
+        for t in range(queried.shape[1]):
+            if queried[n, t]:
                 for c in range(n_children):
-                    _begin_ray(lifted[p], directions[4 * t + c], frames[p], origins[at], ways[at])
+                    _begin_ray(lifted[p], directions[4 * t + c], frames[p], origins[at], ray_directions[at])
                     at += 1
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def spread(middle: Flags, asked: Flags, blocked: Flags, free: Flags) -> None:
+def spread(middle: Flags, queried: Flags, blocked: Flags, free: Flags) -> None:
     """Fill free (N, 4 T): as the middle child of each parent (N, T), but what was asked of the other three."""
     at = 0
     for n in range(middle.shape[0]):
@@ -73,13 +73,13 @@ def spread(middle: Flags, asked: Flags, blocked: Flags, free: Flags) -> None:
             free[n, 4 * t + 3] = middle[n, t]
             for c in range(3):
                 free[n, 4 * t + c] = middle[n, t]
-                if asked[n, t]:
+                if queried[n, t]:
                     free[n, 4 * t + c] = not blocked[at]
                     at += 1
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def pack(free: Flags, asked: Flags, blocked: Flags, points: NDArray[np.int64], bits: NDArray[np.uint8]) -> None:
+def pack(free: Flags, queried: Flags, blocked: Flags, points: NDArray[np.int64], bits: NDArray[np.uint8]) -> None:
     """Write bits (S, U / 2) of points (N,): four a triangle, alike where its children were not asked (N, U)."""
     at = 0
     for n in range(free.shape[0]):
@@ -87,7 +87,7 @@ def pack(free: Flags, asked: Flags, blocked: Flags, points: NDArray[np.int64], b
         for k in range(0, free.shape[1], 2):
             byte = 0
             for half in range(2):
-                if asked[n, k + half]:
+                if queried[n, k + half]:
                     for c in range(4):
                         byte |= (0 if blocked[at] else 1) << (4 * half + c)
                         at += 1

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from engine.light.emitters import EmitterPatches
 from engine.orbit import _incident_kernels as kernels
 from engine.orbit.shading_points import ShadingPoints
-from engine.orbit.sky import MOST_SUNS, Sky
-from engine.orbit.visibility import LEVEL, Bits, upper
+from engine.orbit.sky_map import MAX_PEAKS, SkyMap
+from engine.orbit.visibility import LEVEL, Bits, upper_triangles
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic, locate, triangle_first_moments
 from engine.threads import on_threads
@@ -36,74 +36,74 @@ _CHILDREN_SIDE = 384  # a quarter of a degree
 
 @dataclass(frozen=True, eq=False)
 class Incident:
-    """What points keep of the light, see `_incident_kernels.Kept`; slot (S,): the row of those that reflect with gloss,
+    """What points keep of the light, see `_incident_kernels.StoredLight`; slot (S,): the row of those that reflect with gloss,
     −1 of others."""
 
     slot: NDArray[np.int32]
-    kept: kernels.Kept
+    stored: kernels.StoredLight
 
     @property
     def irradiance(self) -> Float32Array:
         """(S, 3) float32, W/m² where the light has W/m²/sr: Σ power × cosine, suns and all."""
-        return self.kept.irradiance
+        return self.stored.irradiance
 
     @property
     def n_bytes(self) -> int:
-        return self.slot.nbytes + sum(array.nbytes for array in self.kept)
+        return self.slot.nbytes + sum(array.nbytes for array in self.stored)
 
     def coefficients(self, p: int) -> tuple[NDArray[np.int16], Float32Array]:
         """Numbers (n,) and values (n, 3) that point p keeps."""
-        words = self.kept.value[self.slot[p]].astype(np.uint32) << 16
-        return self.kept.number[self.slot[p]], words.view(np.float32)
+        words = self.stored.value[self.slot[p]].astype(np.uint32) << 16
+        return self.stored.number[self.slot[p]], words.view(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
-class Lamps:
-    """Emitters inside the scene: L patches, which of them each point sees (S, ⌈L / 8⌉), as `visibility.see_patches`."""
+class SceneEmitters:
+    """Emitters inside the scene: L patches, which of them each point sees (S, ⌈L / 8⌉), as `visibility.trace_patches`."""
 
     patches: EmitterPatches
     bits: Bits
 
 
-def no_light(is_glossy: NDArray[np.bool_], n: int) -> Incident:
+def empty_incident(is_glossy: NDArray[np.bool_], n: int) -> Incident:
     """Room for the irradiance of S points, and for n coefficients, 20 to 5,120, of those that are glossy (S,)."""
     n, n_glossy = min(max(n, kernels.N_ROOTS), geodesic(LEVEL).n_triangles), int(is_glossy.sum())
     slot = np.where(is_glossy, np.cumsum(is_glossy) - 1, -1).astype(np.int32)
-    return Incident(slot, kernels.Kept(
-        np.zeros((len(slot), 3), np.float32), np.zeros((len(slot), MOST_SUNS // 8), np.uint8),
+    return Incident(slot, kernels.StoredLight(
+        np.zeros((len(slot), 3), np.float32), np.zeros((len(slot), MAX_PEAKS // 8), np.uint8),
         np.zeros((n_glossy, n), np.int16), np.zeros((n_glossy, n, 3), np.uint16),
-        np.full((n_glossy, kernels.N_SUN_PLACES), -1, np.int16),
-        np.zeros((n_glossy, kernels.N_SUN_PLACES, 3), np.float32), np.zeros((n_glossy, 2, 3), np.float32),
+        np.full((n_glossy, kernels.N_PEAK_PLACES), -1, np.int16),
+        np.zeros((n_glossy, kernels.N_PEAK_PLACES, 3), np.float32), np.zeros((n_glossy, 2, 3), np.float32),
     ))  # fmt: skip
 
 
-def more_glossy(incident: Incident, new: NDArray[np.bool_], n_more: int = 0) -> Incident:
+def with_glossy_points(incident: Incident, new: NDArray[np.bool_], n_more: int = 0) -> Incident:
     """The same with room for the coefficients of points that are new to gloss (S,), and for n_more matt points."""
-    slot, kept = incident.slot.copy(), incident.kept
-    slot[new] = len(kept.number) + np.arange(new.sum())
+    slot, stored = incident.slot.copy(), incident.stored
+    slot[new] = len(stored.number) + np.arange(new.sum())
 
     def grown(array: NDArray, n: int, value: int = 0) -> NDArray:
         return np.concatenate([array, np.full((n, *array.shape[1:]), value, array.dtype)]) if n else array
 
     n_new = int(new.sum())
-    return Incident(grown(slot, n_more, -1), kernels.Kept(
-        grown(kept.irradiance, n_more), grown(kept.sun_bits, n_more), grown(kept.number, n_new),
-        grown(kept.value, n_new), grown(kept.sun_place, n_new, -1), grown(kept.sun_power, n_new),
-        grown(kept.leaning, n_new),
+    return Incident(grown(slot, n_more, -1), kernels.StoredLight(
+        grown(stored.irradiance, n_more), grown(stored.peak_bits, n_more), grown(stored.number, n_new),
+        grown(stored.value, n_new), grown(stored.peak_place, n_new, -1), grown(stored.peak_power, n_new),
+        grown(stored.irradiance_gradient, n_new),
     ))  # fmt: skip
 
 
-def light(
-    points: ShadingPoints, bits: Bits, sky: Sky, incident: Incident, lamps: Lamps | None = None,
-    which: NDArray[np.integer] | None = None, is_coarse: bool = False, suns: NDArray[np.int16] | None = None,
+def light_points(
+    points: ShadingPoints, bits: Bits, sky: SkyMap, incident: Incident, lamps: SceneEmitters | None = None,
+    which: NDArray[np.integer] | None = None, is_coarse: bool = False, peaks: NDArray[np.int16] | None = None,
 ) -> None:  # fmt: skip
     """Fill `incident` at all points, or at those which (N,) are named.
 
-    bits: as `visibility.see` gives them; is_coarse: by triangles of level 2, in a sixth of the time. Lamps are not
-    distant: their directions and distances are each point's own. suns (S,): see `visible_suns`.
+    bits: as `visibility.trace_hemispheres` gives them; is_coarse: by triangles of level 2, in a sixth of the time. Lamps are not
+    distant: their directions and distances are each point's own. suns (S,): see `visible_peaks`.
     """
     asked = np.arange(len(points)) if which is None else np.asarray(which, np.int64)
-    tables: Any = places(points, bits, incident.slot, lamps, suns), hemisphere(), lights(sky, lamps), incident.kept
+    tables: Any = kernel_places(points, bits, incident.slot, lamps, peaks), hemisphere(), kernel_lights(sky, lamps), incident.stored
     fill_range: Any = kernels.light_range
 
     def fill(start: int) -> None:
@@ -123,21 +123,21 @@ def evenly_lit(
         alike = EmitterPatches(
             patches.corners, patches.centre, patches.normal, np.ones_like(patches.radiance), patches.area
         )
-        lamps = Lamps(alike, patch_bits)
+        lamps = SceneEmitters(alike, patch_bits)
     for i, (sky, shining) in enumerate(((white, None), (black, lamps))):
         if sky is white or shining is not None:
-            incident = no_light(np.zeros(len(points), bool), kernels.N_ROOTS)
-            light(points, bits, Sky(sky, sky, 0.0, none, none, none[:, None]), incident, shining, is_coarse=True)
+            incident = empty_incident(np.zeros(len(points), bool), kernels.N_ROOTS)
+            light_points(points, bits, SkyMap(sky, sky, 0.0, none, none, none[:, None]), incident, shining, is_coarse=True)
             found[:, i] = incident.irradiance[:, 0]
     return found
 
 
-def visible_suns(points: ShadingPoints, caster: RayCaster, sky: Sky, which: NDArray[np.integer]) -> NDArray[np.int16]:
+def visible_peaks(points: ShadingPoints, caster: RayCaster, sky: SkyMap, which: NDArray[np.integer]) -> NDArray[np.int16]:
     """Bits (S,) of the brightest suns that points (N,) see, −1 at the others; caster: of the scene's triangles.
 
     A triangle of the sphere says that to 1.4 degrees, by which the shadow of a slat may lie beside it.
     """
-    found, directions = np.full(len(points), -1, np.int16), sky.sun_direction[: kernels.N_ASKED]
+    found, directions = np.full(len(points), -1, np.int16), sky.peak_direction[: kernels.N_QUERIED]
     found[which] = 0
     for s, direction in enumerate(directions):
         above = which[points.normal[which] @ direction > 0.0]
@@ -146,17 +146,17 @@ def visible_suns(points: ShadingPoints, caster: RayCaster, sky: Sky, which: NDAr
     return found
 
 
-def places(
-    points: ShadingPoints, bits: Bits, slot: NDArray[np.int32], lamps: Lamps | None,
-    suns: NDArray[np.int16] | None = None,
+def kernel_places(
+    points: ShadingPoints, bits: Bits, slot: NDArray[np.int32], lamps: SceneEmitters | None,
+    peaks: NDArray[np.int16] | None = None,
 ) -> kernels.Places:  # fmt: skip
     """Points as the kernels take them."""
     patch_bits = lamps.bits if lamps else np.zeros((len(points), 0), np.uint8)
-    asked = np.full(len(points), -1, np.int16) if suns is None else suns
+    asked = np.full(len(points), -1, np.int16) if peaks is None else peaks
     return kernels.Places(points.position, points.frames, bits, patch_bits, slot, asked)
 
 
-def lights(sky: Sky, lamps: Lamps | None) -> kernels.Light:
+def kernel_lights(sky: SkyMap, lamps: SceneEmitters | None) -> kernels.Light:
     """What shines as the kernels take it."""
     none = np.zeros((0, 3), np.float32)
     patches: Any = (none, none, none)
@@ -164,14 +164,14 @@ def lights(sky: Sky, lamps: Lamps | None) -> kernels.Light:
         own = lamps.patches
         patches = own.centre, own.normal, own.radiance * own.area[:, None]
     return kernels.Light(
-        sky.map, sky.coarse_map, math.cos(sky.turn), math.sin(sky.turn), sky.sun_direction, sky.sun_power, *patches
+        sky.map, sky.coarse_map, math.cos(sky.turn), math.sin(sky.turn), sky.peak_direction, sky.peak_power, *patches
     )
 
 
 @lru_cache(maxsize=1)
 def hemisphere() -> kernels.Hemisphere:
     """The triangles above the surface, as the kernels take them."""
-    above, sphere = upper(), geodesic(LEVEL)
+    above, sphere = upper_triangles(), geodesic(LEVEL)
     place = np.full(sphere.n_triangles, -1, np.int32)
     place[above] = np.arange(len(above))
     return kernels.Hemisphere(

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from engine.light.emitters import EmitterPatches
 from engine.orbit import _lamp_kernels as kernels
-from engine.orbit.incident import Lamps
-from engine.orbit.picture import Rows, Seen
+from engine.orbit.incident import SceneEmitters
+from engine.orbit.view_samples import Rows, ViewSamples
 from engine.orbit.pixel_light import Wrong, phases
 from engine.orbit.visibility import SHORT
 from engine.scene.raycaster import RayCaster
@@ -59,7 +59,7 @@ class _Asking:
         return asked, free
 
 
-def lamp_shadows(seen: Seen, which: Rows, lamps: Lamps, caster: RayCaster, quality: str) -> Iterator[Wrong]:
+def lamp_shadows(seen: ViewSamples, which: Rows, lamps: SceneEmitters, caster: RayCaster, quality: str) -> Iterator[Wrong]:
     """What samples (N,) see of patches that their points do not know, some at a time; caster: of the scene's triangles;
     quality: "rest" or "still"."""
     patches, points, step = lamps.patches, seen.points, max(_AT_ONCE // _MOST[quality], 1)
@@ -83,9 +83,9 @@ def lamp_shadows(seen: Seen, which: Rows, lamps: Lamps, caster: RayCaster, quali
             n_free, n_asked = (np.bincount(asked.row, weights, len(some)) for weights in (free, None))
             narrow = (n_free > 0) & (n_free < _NARROW * n_asked) & (seen.share[some] == 1.0)
             whole, free_too = asking.ask(how, np.where(narrow, len(patches), 0), known, patches, caster)
-            kept = ~narrow[asked.row]
-            joined: list[Any] = [np.concatenate([a[kept], b]) for a, b in zip(asked, whole, strict=True)]
-            asked, free = kernels.Asked(*joined), np.concatenate([free[kept], free_too])
+            stored = ~narrow[asked.row]
+            joined: list[Any] = [np.concatenate([a[stored], b]) for a, b in zip(asked, whole, strict=True)]
+            asked, free = kernels.Asked(*joined), np.concatenate([free[stored], free_too])
         share = free - asked.known
         wrong = np.flatnonzero(np.abs(share) > 1e-3)
         row, patch = asked.row[wrong], asked.patch[wrong]
@@ -96,7 +96,7 @@ def lamp_shadows(seen: Seen, which: Rows, lamps: Lamps, caster: RayCaster, quali
         yield Wrong(some[row], ways, power, share[wrong], cosine)
 
 
-def _disagree(seen: Seen, which: Rows, lamps: Lamps) -> NDArray[np.bool_]:
+def _disagree(seen: ViewSamples, which: Rows, lamps: SceneEmitters) -> NDArray[np.bool_]:
     """Whether points around samples (N,) see other patches than one another."""
     found = np.empty(len(which), bool)
 

@@ -9,20 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.light.emitters import EmitterPatches
-from engine.orbit.bounced import Bounces, Exchange, bouncing, refining
-from engine.orbit.buried import buried
-from engine.orbit.incident import Incident, Lamps, evenly_lit, light, more_glossy, no_light, visible_suns
-from engine.orbit.picture import PointMesh
-from engine.orbit.reflected import no_shades
+from engine.orbit.irradiance_bounces import Bounces, Exchange, trace_bounce_rays, refining
+from engine.orbit.enclosed_points import find_enclosed
+from engine.orbit.incident import Incident, SceneEmitters, evenly_lit, light_points, with_glossy_points, empty_incident, visible_peaks
+from engine.orbit.view_samples import PointMesh
+from engine.orbit.point_reflection import empty_shades
 from engine.orbit.shading_points import ShadingPoints, with_backs
-from engine.orbit.sky import Sky
-from engine.orbit.visibility import N_UPPER, Bits, see, see_patches
+from engine.orbit.sky_map import SkyMap
+from engine.orbit.visibility import N_UPPER, Bits, trace_hemispheres, trace_patches
 from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
 from engine.generators import StepRunner, run_to_end
 
 Float32Array = NDArray[np.float32]
-STALE, COARSELY, EXACTLY = 0, 1, 2
+UNLIT, COARSELY, EXACTLY = 0, 1, 2
 
 
 class LitPoints:
@@ -32,7 +32,7 @@ class LitPoints:
     picture saw; behind: objects whose backs are to have points, as a picture saw them or light goes on from them;
     is_bounced: of which light the indirect irradiance (S, 3) is, and the radiance sent_on (S, 3) that gloss shows of
     points; known (S,): whether it was lit once, by whatever light; shadowed (S,): whether that light had the point's
-    shadows; n_traced: points that were traced since this was stored; untold (S,): whose light has changed since `parts`
+    shadows; n_traced: points that were traced since this was stored; untold (S,): whose light has changed since `gpu_parts`
     told it. caster: of the scene's triangles.
     """
 
@@ -45,12 +45,12 @@ class LitPoints:
         self.points, self.mesh = points, PointMesh(scene, points)
         self.bits: Bits = np.full((self._n, N_UPPER // 2), 255, np.uint8)
         self.patch_bits: Bits = np.full((self._n, (n_patches + 7) // 8), 255, np.uint8)
-        self.incident: Incident = no_light(is_glossy[points.i_object], n_coefficients)
-        self.shades = no_shades(self.incident)
+        self.incident: Incident = empty_incident(is_glossy[points.i_object], n_coefficients)
+        self.shades = empty_shades(self.incident)
         self.colours = np.zeros((self._n, 3), np.float32)
         self.state = np.zeros(self._n, np.uint8)
         self.traced, self.seen, self.known, self.shadowed, self.untold = np.zeros((5, self._n), bool)
-        self._leave_buried()
+        self._skip_enclosed()
         # Irradiance of each object's points, summed, before they had their shadows and after.
         self._unshaded, self._shaded = np.zeros((2, len(is_glossy), 3))
         self.n_traced = 0
@@ -61,15 +61,15 @@ class LitPoints:
         self._to_backs: dict[int, Exchange] = {}
         self.with_backs: list[int] = []
         self.bounces: Bounces | None = None
-        self._bouncing: StepRunner[Bounces | None] | None = None
+        self._bounce_steps: StepRunner[Bounces | None] | None = None
         self.indirect, self.sent_on = np.zeros((2, self._n, 3), np.float32)
-        self.is_bounced = STALE
+        self.is_bounced = UNLIT
 
     @property
     def is_lit(self) -> int:
         """How the light of all points is known that has shadows."""
-        if (self.state == STALE).any():
-            return STALE
+        if (self.state == UNLIT).any():
+            return UNLIT
         return EXACTLY if self.is_done else COARSELY
 
     @property
@@ -85,17 +85,17 @@ class LitPoints:
     def fraction(self) -> float:
         return float(0.75 * self.traced.mean() + 0.25 * (self.state / EXACTLY).mean()) if self._n else 1.0
 
-    def first(self, wanted: NDArray[np.bool_], n: int) -> NDArray[np.int64]:
+    def next_points(self, wanted: NDArray[np.bool_], n: int) -> NDArray[np.int64]:
         """n of the points that are wanted (S,), those that are seen before others."""
         found = np.flatnonzero(wanted & self.seen)[:n]
         return found if len(found) else np.flatnonzero(wanted)[:n]
 
-    def light(self, which: NDArray[np.int64], sky: Sky, lamps: Lamps | None, is_coarse: bool) -> None:
+    def light(self, which: NDArray[np.int64], sky: SkyMap, lamps: SceneEmitters | None, is_coarse: bool) -> None:
         traced = which[self.traced[which]]
-        suns = None if is_coarse else visible_suns(self.points, self.caster, sky, traced)
-        first = traced[~self.shadowed[traced] & (self.state[traced] != STALE)]
+        peaks = None if is_coarse else visible_peaks(self.points, self.caster, sky, traced)
+        first = traced[~self.shadowed[traced] & (self.state[traced] != UNLIT)]
         unshaded, i_object = self.incident.irradiance[first], self.points.i_object[first]
-        light(self.points, self.bits, sky, self.incident, lamps, which, is_coarse, suns)
+        light_points(self.points, self.bits, sky, self.incident, lamps, which, is_coarse, peaks)
         np.add.at(self._unshaded, i_object, unshaded)
         np.add.at(self._shaded, i_object, self.incident.irradiance[first])
         slots = self.incident.slot[which]
@@ -105,9 +105,9 @@ class LitPoints:
         self.shadowed[which] = self.traced[which]
 
     def trace(self, which: NDArray[np.int64], patches: tuple[EmitterPatches, NDArray[np.intp]] | None) -> None:
-        see(self.points, self.caster, which, self.bits)
+        trace_hemispheres(self.points, self.caster, which, self.bits)
         if patches is not None:
-            see_patches(self.points, self.caster, patches[0], which, self.patch_bits)
+            trace_patches(self.points, self.caster, patches[0], which, self.patch_bits)
         self.traced[which], self.state[which] = True, np.minimum(self.state[which], COARSELY)
         self.n_traced += len(which)
 
@@ -126,10 +126,10 @@ class LitPoints:
 
     def send_rays(self) -> None:
         """A part of those by which light bounces on."""
-        if self._bouncing is None:
-            self._bouncing = StepRunner(self._sending())
-        if self._bouncing.advance():
-            self.bounces, self._bouncing = self._bouncing.result, None
+        if self._bounce_steps is None:
+            self._bounce_steps = StepRunner(self._sending())
+        if self._bounce_steps.advance():
+            self.bounces, self._bounce_steps = self._bounce_steps.result, None
 
     @property
     def late(self) -> NDArray[np.int32]:
@@ -146,11 +146,11 @@ class LitPoints:
         if self._needed <= self._backs.keys():
             if self._between is None:
                 rows = np.concatenate([self._fronts, *(self._backs[i] for i in sorted(self._needed))])
-                self._between = yield from bouncing(self.points, self.mesh, late, rows=rows)
+                self._between = yield from trace_bounce_rays(self.points, self.mesh, late, rows=rows)
             if self._between.behind <= self._needed:
                 open_ = late >= 0 if self.points.buried is None else (late >= 0) & ~self.points.buried
                 for i in sorted(set(late[open_].tolist()) - self._to_backs.keys()):
-                    self._to_backs[i] = yield from bouncing(self.points, self.mesh, late, i, self._backs[i])
+                    self._to_backs[i] = yield from trace_bounce_rays(self.points, self.mesh, late, i, self._backs[i])
                 return Bounces(self._between, tuple(self._to_backs.values()))
             self._needed |= self._between.behind
             self._between, self._to_backs = None, {}
@@ -159,10 +159,10 @@ class LitPoints:
 
     def refine_rays(self, patches: EmitterPatches | None) -> None:
         """A part of more of them, when all shadows are known."""
-        if self._bouncing is None:
-            self._bouncing = StepRunner(self._refining(patches))
-        if self._bouncing.advance():
-            self.bounces, self._bouncing, self.is_bounced = self._bouncing.result, None, STALE
+        if self._bounce_steps is None:
+            self._bounce_steps = StepRunner(self._refining(patches))
+        if self._bounce_steps.advance():
+            self.bounces, self._bounce_steps, self.is_bounced = self._bounce_steps.result, None, UNLIT
 
     def _refining(self, patches: EmitterPatches | None) -> Generator[None, None, Bounces]:
         assert self.bounces is not None
@@ -189,7 +189,7 @@ class LitPoints:
         shares = np.where(self.traced[:, None], 1.0, np.minimum(share, 1.0)[self.points.i_object])
         return np.asarray(self.incident.irradiance * shares, np.float32)
 
-    def sent_evenly(
+    def diffuse_radiance(
         self, which: NDArray[np.int64], reflectance: Sequence[float] | None, albedo: NDArray[np.floating] | None,
         n_bounces: int,
     ) -> Float32Array:  # fmt: skip
@@ -202,13 +202,13 @@ class LitPoints:
             sent += self.indirect[which] * np.asarray(albedo / np.pi, np.float32)
         return sent
 
-    def need_gloss(self, is_glossy: NDArray[np.bool_]) -> None:
+    def add_gloss(self, is_glossy: NDArray[np.bool_]) -> None:
         """Keep coefficients of light for objects (M,) that reflect with gloss by now."""
         new = is_glossy[self.points.i_object] & (self.incident.slot < 0)
         if new.any():
-            self.incident = more_glossy(self.incident, new)
-            self.shades = no_shades(self.incident)
-            self.state[new] = STALE
+            self.incident = with_glossy_points(self.incident, new)
+            self.shades = empty_shades(self.incident)
+            self.state[new] = UNLIT
 
     def add_backs(self, objects: Sequence[int], is_glossy: NDArray[np.bool_]) -> None:
         """One object's after the other, so that `restore` finds those that came at several times where they were."""
@@ -219,23 +219,23 @@ class LitPoints:
             self._backs[each] = np.arange(n, len(self.points))
         self._n = len(self.points)
         if self.points.buried is not None:
-            of_backs = run_to_end(buried(self._scene, self.caster, self.points, before))
+            of_backs = run_to_end(find_enclosed(self._scene, self.caster, self.points, before))
             self.points = replace(self.points, buried=np.concatenate([self.points.buried, of_backs]))
         self.mesh, self.with_backs = self.mesh.of(self.points), [*self.with_backs, *objects]
         self.bits = _longer(self.bits, self._n, 255)
         self.patch_bits = _longer(self.patch_bits, self._n, 255)
-        self.colours, self.state = _longer(self.colours, self._n, 0), _longer(self.state, self._n, STALE)
+        self.colours, self.state = _longer(self.colours, self._n, 0), _longer(self.state, self._n, UNLIT)
         self.traced, self.seen = _longer(self.traced, self._n, 0), _longer(self.seen, self._n, 0)
         self.known, self.untold = _longer(self.known, self._n, 0), _longer(self.untold, self._n, 1)
         self.shadowed = _longer(self.shadowed, self._n, 0)
-        self.incident = more_glossy(self.incident, np.zeros(before, bool), self._n - before)
-        self._leave_buried()
+        self.incident = with_glossy_points(self.incident, np.zeros(before, bool), self._n - before)
+        self._skip_enclosed()
         self.indirect, self.sent_on = _longer(self.indirect, self._n, 0), _longer(self.sent_on, self._n, 0)
-        self.is_bounced = STALE
-        self.bounces = self._bouncing = None
-        self.need_gloss(is_glossy)
+        self.is_bounced = UNLIT
+        self.bounces = self._bounce_steps = None
+        self.add_gloss(is_glossy)
 
-    def _leave_buried(self) -> None:
+    def _skip_enclosed(self) -> None:
         """What is within something solid sees nothing, and no ray needs to find that out."""
         if self.points.buried is not None:
             self.traced |= self.points.buried

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from engine.material.layer import Layer
 from engine.orbit.lit_points import LitPoints
-from engine.orbit.picture import Rows, Seen
+from engine.orbit.view_samples import Rows, ViewSamples
 from engine.render.path_lobes import N_NUMBERS, Scattering
 from engine.scene.primary_hits import LEAST_COSINE
 from engine.scene.scene_loader import Scene
@@ -27,7 +27,7 @@ _BRIGHTEST = 1e4  # of what a ray brings, by what the surface that it meets send
 
 
 def mirrored_light(
-    seen: Seen, which: Rows, lit: LitPoints, scene: Scene, i_object: int, layers: Sequence[Layer], quality: str,
+    seen: ViewSamples, which: Rows, lit: LitPoints, scene: Scene, i_object: int, layers: Sequence[Layer], quality: str,
     normals: Float32Array | None = None,
 ) -> Float32Array:  # fmt: skip
     """Radiance (N, 3) that layers of an object send to the eye from samples (N,) of what other surfaces send on.

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.layer import Layer
-from engine.orbit.picture import Rows, Seen
+from engine.orbit.view_samples import Rows, ViewSamples
 from engine.render.integrator import evaluate_layers
 from engine.scene.primary_hits import LEAST_COSINE
 from engine.scene.scene_loader import Scene
@@ -28,7 +28,7 @@ class PixelLight:
     direction: Floats
     power: Floats
 
-    def reflected(self, seen: Seen, scene: Scene, i_object: int, layers: Sequence[Layer]) -> Floats:
+    def reflected(self, seen: ViewSamples, scene: Scene, i_object: int, layers: Sequence[Layer]) -> Floats:
         """What is to be added of an object's layers to the radiance of its samples (N,), (N, 3)."""
         which = seen.of(i_object)
         found = np.zeros((len(which), 3), np.float32)
@@ -58,11 +58,11 @@ class Wrong:
     cosine: Floats
 
 
-def added_up(seen: Seen, parts: Iterable[Wrong], has_gloss: NDArray[np.bool_]) -> PixelLight:
+def added_up(seen: ViewSamples, parts: Iterable[Wrong], has_gloss: NDArray[np.bool_]) -> PixelLight:
     """Of all parts; has_gloss (R,): samples of which directions are kept."""
     irradiance = np.zeros((len(seen.pixel), 3))
     none = np.zeros((0, 3), np.float32)
-    kept = [(np.zeros(0, np.int64), none, none)]
+    stored = [(np.zeros(0, np.int64), none, none)]
     for part in parts:
         if not len(part.sample):
             continue
@@ -72,12 +72,12 @@ def added_up(seen: Seen, parts: Iterable[Wrong], has_gloss: NDArray[np.bool_]) -
             found = np.bincount(at, weighed[:, i])
             irradiance[first : first + len(found), i] += found
         own = has_gloss[part.sample]
-        kept.append((part.sample[own], part.direction[own], part.power[own] * part.share[own, None]))
-    sample, direction, power = (np.concatenate(each) for each in zip(*kept, strict=True))
+        stored.append((part.sample[own], part.direction[own], part.power[own] * part.share[own, None]))
+    sample, direction, power = (np.concatenate(each) for each in zip(*stored, strict=True))
     return PixelLight(irradiance.astype(np.float32), sample, direction, power)
 
 
-def phases(seen: Seen, samples: Rows) -> NDArray[np.int64]:
+def phases(seen: ViewSamples, samples: Rows) -> NDArray[np.int64]:
     """A number from 0 to 15 for each of some samples (N,), by which few rays of each are others than its neighbours':
     the sixteen of four pixels by four, and of an edge's rays, are all different."""
     row, column = np.divmod(seen.pixel[samples], seen.resolution[0])

@@ -18,7 +18,7 @@ from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
 from engine.orbit import _slice_kernels
 from engine.orbit.slice_levels import SliceLevels
-from engine.orbit.slices import Slices, matt_reflectance, slicing
+from engine.orbit.slices import Slices, diffuse_reflectance, slice_steps
 from engine.orbit.visibility import LEVEL
 from engine.render.surface_maps import mean_factor
 from engine.scene.scene_loader import Scene
@@ -51,7 +51,7 @@ class Reflections:
         self._slices: dict[Layer, Slices] = {}
         self._fine: set[Layer] = set()
         self._tables: dict[tuple[Layer, ...], _slice_kernels.Tables] = {}
-        self._slicing: tuple[Layer, StepRunner[Slices]] | None = None
+        self._slice_steps: tuple[Layer, StepRunner[Slices]] | None = None
         self._means: dict[tuple[object, ...], NDArray[np.floating]] = {}
 
     def set_layers(self, layers_of: LayersOf) -> bool:
@@ -109,21 +109,21 @@ class Reflections:
         missing = next((layer for layer in self._wanted if layer not in self._slices), None)
         if missing is None:
             return False
-        coarse = run_to_end(slicing(missing, -1))
+        coarse = run_to_end(slice_steps(missing, -1))
         self._take(missing, coarse.at_level(min(coarse.level, self._levels.of[missing])))
         return True
 
     def refine(self) -> bool:
         """A step towards the fine slices of a layer whose are coarse; whether it was the last of them."""
         rough = self._rough
-        if self._slicing is None or self._slicing[0] not in rough:
-            self._slicing = rough[0], StepRunner(slicing(rough[0]))
-        layer, steps = self._slicing
+        if self._slice_steps is None or self._slice_steps[0] not in rough:
+            self._slice_steps = rough[0], StepRunner(slice_steps(rough[0]))
+        layer, steps = self._slice_steps
         if not steps.advance():
             return False
         self._take(layer, steps.result)
         self._fine.add(layer)
-        self._slicing = None
+        self._slice_steps = None
         return True
 
     def tables(self, layers: tuple[Layer, ...]) -> _slice_kernels.Tables | None:
@@ -190,17 +190,17 @@ def _terms(layers_of: Mapping[int, Sequence[Layer]]) -> Iterator[Term]:
     for i, layers in layers_of.items():
         visible = [layer for layer in layers if layer.visible]
         plain = [layer for layer in visible if layer.maps.is_plain]
-        glossy = tuple(layer for layer in plain if _matt(layer) is None)
-        matt = [found for layer in plain if (found := _matt(layer)) is not None]
-        if matt:
-            red, green, blue = np.sum(matt, axis=0)
+        glossy = tuple(layer for layer in plain if _diffuse(layer) is None)
+        diffuse = [found for layer in plain if (found := _diffuse(layer)) is not None]
+        if diffuse:
+            red, green, blue = np.sum(diffuse, axis=0)
             yield Term(i, tuple(layer for layer in plain if layer not in glossy), (red, green, blue))
         if glossy:
             yield Term(i, glossy, None)
-        yield from (Term(i, (layer,), _matt(layer), k) for k, layer in enumerate(visible) if not layer.maps.is_plain)
+        yield from (Term(i, (layer,), _diffuse(layer), k) for k, layer in enumerate(visible) if not layer.maps.is_plain)
 
 
 @lru_cache(maxsize=256)
-def _matt(layer: Layer) -> tuple[float, float, float] | None:
-    found = matt_reflectance(layer)
+def _diffuse(layer: Layer) -> tuple[float, float, float] | None:
+    found = diffuse_reflectance(layer)
     return None if found is None else (float(found[0]), float(found[1]), float(found[2]))

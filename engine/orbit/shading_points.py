@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from engine.orbit.lit_sides import lit_sides
+from engine.orbit.lit_faces import lit_sides
 from engine.scene.local_frames import object_tangents
 from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
@@ -50,8 +50,8 @@ class ShadingPoints:
     faces, and those on the other, −1 where light is not asked for; corners (T, 3, 3) float64 in space; source (T,): the
     scene's triangle that each is a part of, within (T, 3, 2): u and v of its corners there. An object's points stand
     together, neighbours mostly close. sides (M, 2): on which sides light can reach objects, relays (M,): whose backs
-    send it on, see `engine.orbit.lit_sides`. buried (S,): points within something solid, of which no picture is drawn,
-    see `engine.orbit.buried`; None where nobody has looked.
+    send it on, see `engine.orbit.lit_faces`. buried (S,): points within something solid, of which no picture is drawn,
+    see `engine.orbit.enclosed_points`; None where nobody has looked.
     """
 
     position: Float32Array
@@ -109,10 +109,10 @@ def shading_points(
     where a triangle is cut, those beside it have the same corners, so that none part when points move. Raises
     ValueError unless n_points ≥ 0.
     """
-    return run_to_end(placing(scene, caster, n_points, even, is_whole))
+    return run_to_end(place_points(scene, caster, n_points, even, is_whole))
 
 
-def placing(
+def place_points(
     scene: Scene, caster: RayCaster, n_points: int, even: NDArray[np.bool_] | None = None, is_whole: bool = False
 ) -> Generator[None, None, ShadingPoints]:
     """The same in pieces of some 30 ms."""
@@ -127,21 +127,21 @@ def placing(
     corners, normals, within, source = _joined_at_edges(parts) if is_whole else parts
     mine = np.flatnonzero(reflects[source])
     ids = np.repeat(scene.object_of_triangle[source[mine]], 3)
-    kept, number = _joined(corners[mine], normals[mine], ids)
-    order = _close_together(corners[mine].reshape(-1, 3)[kept], ids[kept])
-    kept, number = kept[order], np.argsort(order)[number]
+    stored, number = _joined(corners[mine], normals[mine], ids)
+    order = _close_together(corners[mine].reshape(-1, 3)[stored], ids[stored])
+    stored, number = stored[order], np.argsort(order)[number]
     triangles = np.full((len(source), 2, 3), -1, np.int32)
     triangles[mine, 0] = number.reshape(-1, 3)
-    position, normal = corners[mine].reshape(-1, 3)[kept], normals[mine].reshape(-1, 3)[kept]
+    position, normal = corners[mine].reshape(-1, 3)[stored], normals[mine].reshape(-1, 3)[stored]
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    inwards = _inwards(corners[mine], number.reshape(-1, 3), len(kept))
+    inwards = _towards_middles(corners[mine], number.reshape(-1, 3), len(stored))
     inwards -= np.einsum("pk,pk->p", inwards, normal)[:, None] * normal
     return ShadingPoints(
         position.astype(np.float32),
         caster.offset_origins(position + inwards, normal),
         normal.astype(np.float32),
-        object_tangents(scene, ids[kept], normal).astype(np.float32),
-        ids[kept].astype(np.int32),
+        object_tangents(scene, ids[stored], normal).astype(np.float32),
+        ids[stored].astype(np.int32),
         triangles,
         source.astype(np.int32),
         corners,
@@ -161,15 +161,15 @@ def with_backs(points: ShadingPoints, behind: NDArray[np.bool_]) -> ShadingPoint
     position, normal = points.position[twins], -points.normal[twins]
     lift = np.einsum("pk,pk->p", points.lifted[twins] - position, normal)[:, None]
     own = position, points.lifted[twins] - 2.0 * lift * normal, normal, points.tangent[twins], points.i_object[twins]
-    kept = points.position, points.lifted, points.normal, points.tangent, points.i_object
-    position, lifted, normal, tangent, i_object = (np.concatenate(both) for both in zip(kept, own, strict=True))
+    stored = points.position, points.lifted, points.normal, points.tangent, points.i_object
+    position, lifted, normal, tangent, i_object = (np.concatenate(both) for both in zip(stored, own, strict=True))
     return ShadingPoints(
         position, lifted, normal, tangent, i_object, triangles, points.source, points.corners, points.within,
         points.sides, points.relays, points.buried,
     )  # fmt: skip
 
 
-def _inwards(corners: Float64Array, numbers: NDArray[np.intp], n_points: int) -> Float64Array:
+def _towards_middles(corners: Float64Array, numbers: NDArray[np.intp], n_points: int) -> Float64Array:
     """From points (S, 3) a tenth of the way to the middles of the triangles around them, whose corners (T, 3, 3) have
     these numbers (T, 3): off an edge, where two walls meet and a ray may miss both, and nowhere where it goes on."""
     steps, at = corners.mean(axis=1, keepdims=True) - corners, numbers.ravel()
@@ -242,7 +242,7 @@ def _cut(parts: Parts, cut: NDArray[np.bool_]) -> Parts:
 def _joined_at_edges(parts: Parts) -> Parts:
     """The parts, halved wherever others have a corner in the middle of one of their edges; no corner is a new one."""
     there, halved = np.unique(_places(parts[0], parts[0])), parts
-    while (hangs := _hang(halved[0], parts[0], there)).any():
+    while (hangs := _has_hanging_vertices(halved[0], parts[0], there)).any():
         which = hangs.any(axis=1)
         turn = (np.argmax(hangs[which], axis=1)[:, None] + np.arange(3)) % 3  # that edge first
         corners, normals, within = (
@@ -252,7 +252,7 @@ def _joined_at_edges(parts: Parts) -> Parts:
     return halved
 
 
-def _hang(corners: Float64Array, among: Float64Array, there: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _has_hanging_vertices(corners: Float64Array, among: Float64Array, there: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Which edges (T, 3) have one of these places between their ends; one without length has nothing between them."""
     ends, middles = _places(corners, among), _places(_middles(corners), among)
     return np.isin(middles, there) & (middles != ends) & (middles != np.roll(ends, -1, axis=1))

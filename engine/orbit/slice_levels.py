@@ -6,7 +6,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 
 from engine.material.layer import Layer
-from engine.orbit.slices import LEAST_LEVEL, looks_isotropic, slice_bytes_of, table_bytes_of
+from engine.orbit.slices import LEAST_LEVEL, has_isotropic_reflection, slice_bytes_of, table_bytes_of
 from engine.orbit.visibility import LEVEL
 
 Layers = tuple[Layer, ...]
@@ -31,7 +31,7 @@ class SliceLevels:
         """The levels for layers that are summed so, each sum once."""
         layers = dict.fromkeys(layer for term in terms for layer in term)
         known = self._isotropic
-        self._isotropic = {each: known[each] if each in known else looks_isotropic(each) for each in layers}
+        self._isotropic = {each: known[each] if each in known else has_isotropic_reflection(each) for each in layers}
 
         def at(level: int, n_finer: int) -> dict[Layer, int]:
             finer = {layer for term in terms[:n_finer] for layer in term}

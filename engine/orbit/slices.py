@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from engine.material.layer import Layer
 from engine.orbit import _slice_kernels as kernels
-from engine.orbit.visibility import LEVEL, upper
+from engine.orbit.visibility import LEVEL, upper_triangles
 from engine.render.integrator import evaluate_layer
 from engine.sphere.geodesic import geodesic
 from engine.sphere.haar import forward, levels_of_coefficients
@@ -156,10 +156,10 @@ def _n_slices(is_isotropic: bool) -> int:
     return N_POLAR * (N_AZIMUTHS if is_isotropic else N_GRAINED)
 
 
-def slicing(layer: Layer, finer: int = 1) -> Generator[float, None, Slices]:
+def slice_steps(layer: Layer, finer: int = 1) -> Generator[float, None, Slices]:
     """The slices of a layer, yielding how much is done; each triangle's mean is taken over 4^finer parts of it, or, −1,
     by the triangles of the level before, in a quarter of the time of 0."""
-    is_isotropic = looks_isotropic(layer)
+    is_isotropic = has_isotropic_reflection(layer)
     n_azimuths, span = (N_AZIMUTHS, SECTOR) if is_isotropic else (N_GRAINED, np.pi)
     polar, azimuth = np.linspace(0.0, _STEEPEST, N_POLAR), np.linspace(0.0, span, n_azimuths)
     packed = np.empty((N_POLAR, n_azimuths, len(_above(LEVEL + min(finer, 0))), 3), np.uint16)
@@ -186,24 +186,24 @@ def spherical(polar: NDArray[np.floating], azimuth: NDArray[np.floating]) -> NDA
     return np.stack([np.sin(polar) * np.sin(azimuth), np.cos(polar), np.sin(polar) * np.cos(azimuth)], axis=1)
 
 
-def looks_isotropic(layer: Layer) -> bool:
+def has_isotropic_reflection(layer: Layer) -> bool:
     """Whether turning both directions about the normal, and mirroring them, changes nothing: asked of 256 pairs."""
     wi, wo = _pairs()
     turn, mirror = np.array([[0.6, 0, 0.8], [0, 1, 0], [-0.8, 0, 0.6]]), np.array([-1.0, 1.0, 1.0])
-    before = evaluate_layer(layer, to_shading(wi), to_shading(wo))
-    after = evaluate_layer(layer, to_shading(wi @ turn.T * mirror), to_shading(wo @ turn.T * mirror))
+    before = evaluate_layer(layer, to_shading_frame(wi), to_shading_frame(wo))
+    after = evaluate_layer(layer, to_shading_frame(wi @ turn.T * mirror), to_shading_frame(wo @ turn.T * mirror))
     return bool(np.allclose(before, after, rtol=1e-4, atol=1e-6 * before.max(initial=0.0)))
 
 
-def matt_reflectance(layer: Layer) -> NDArray[np.float64] | None:
+def diffuse_reflectance(layer: Layer) -> NDArray[np.float64] | None:
     """ρ (3,) of a layer that sends the same everywhere, wherever the light comes from; None of any other."""
     wi, wo = _pairs()
-    brdf = evaluate_layer(layer, to_shading(wi), to_shading(wo)) / wi[:, 1:2]
+    brdf = evaluate_layer(layer, to_shading_frame(wi), to_shading_frame(wo)) / wi[:, 1:2]
     mean = brdf.mean(axis=0)
     return mean if np.abs(brdf - mean).max() <= 1e-4 * mean.max() else None
 
 
-def to_shading(directions: NDArray[np.floating]) -> NDArray[np.floating]:
+def to_shading_frame(directions: NDArray[np.floating]) -> NDArray[np.floating]:
     """Directions on the sphere, +Y the normal, to tangent, bitangent, normal as the layers take them."""
     # `ShadingPoints.frames` has tangent × normal for z, which is minus the bitangent.
     return directions[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
@@ -219,7 +219,7 @@ def _pairs() -> NDArray[np.float64]:
 def _above(level: int) -> NDArray[np.int32]:
     """The triangles of a level above the surface, ascending."""
     size = 4 ** (LEVEL - level)
-    return upper()[::size] // size
+    return upper_triangles()[::size] // size
 
 
 @lru_cache(maxsize=4)
@@ -264,7 +264,7 @@ def _reflected(layer: Layer, wo: NDArray[np.float64], finer: int) -> Float32Arra
     chosen = np.repeat(uneven, 4)
     [parts] = _in_middles(layer, wo[None], LEVEL + finer, np.repeat(chosen, 4**finer))
     parts = parts.reshape(-1, 4**finer, 3)
-    weights = geodesic(LEVEL + finer).solid_angles.reshape(-1, 4**finer)[upper()[chosen]]
+    weights = geodesic(LEVEL + finer).solid_angles.reshape(-1, 4**finer)[upper_triangles()[chosen]]
     values[chosen] = np.einsum("kp,kpi->ki", weights, parts) / weights.sum(axis=1)[:, None]
     return values.astype(np.float32)
 
@@ -274,7 +274,7 @@ def _in_middles(
 ) -> NDArray[np.float64]:
     """ρ cos θ (W, N, 3) for outgoing directions (W, 3), in the middle of all triangles above the surface or some."""
     wi = _middles_above(level)[which]
-    pairs = np.tile(wi, (len(wo), 1)), np.repeat(to_shading(wo), len(wi), axis=0)
+    pairs = np.tile(wi, (len(wo), 1)), np.repeat(to_shading_frame(wo), len(wi), axis=0)
     return evaluate_layer(layer, *pairs).reshape(len(wo), len(wi), 3)
 
 
@@ -282,7 +282,7 @@ def _in_middles(
 def _middles_above(level: int) -> NDArray[np.floating]:
     """Those of all triangles above the surface, as the layers take directions."""
     centres = geodesic(level).centres
-    return to_shading(centres[centres[:, 1] > 0.0])
+    return to_shading_frame(centres[centres[:, 1] > 0.0])
 
 
 @lru_cache(maxsize=1)

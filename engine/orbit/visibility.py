@@ -32,14 +32,14 @@ Bits = NDArray[np.uint8]
 
 
 @lru_cache(maxsize=1)
-def upper() -> NDArray[np.int32]:
+def upper_triangles() -> NDArray[np.int32]:
     """The triangles above the surface (2560,), ascending: four children of one parent stand together. Read-only."""
     above = np.flatnonzero(geodesic(LEVEL).centres[:, 1] > 0.0).astype(np.int32)
     above.flags.writeable = False
     return above
 
 
-def see(points: ShadingPoints, caster: RayCaster, which: NDArray[np.integer], bits: Bits) -> None:
+def trace_hemispheres(points: ShadingPoints, caster: RayCaster, which: NDArray[np.integer], bits: Bits) -> None:
     """Fill the bits (S, 1280) of points (N,); caster: of the scene's triangles.
 
     Half a byte is a triangle of upper(), the first in the low half; bit c of it is child c, and 1 is free.
@@ -47,12 +47,12 @@ def see(points: ShadingPoints, caster: RayCaster, which: NDArray[np.integer], bi
     asked = np.asarray(which, np.int64)
 
     def part(start: int) -> None:
-        _see_few(points, caster, asked[start : start + _CHUNK], bits)
+        _trace_batch(points, caster, asked[start : start + _CHUNK], bits)
 
     on_threads(part, range(0, len(asked), _CHUNK))
 
 
-def see_patches(
+def trace_patches(
     points: ShadingPoints, caster: RayCaster, patches: EmitterPatches, which: NDArray[np.integer], bits: Bits
 ) -> None:
     """Fill the bits (S, ⌈L / 8⌉) of points (N,), which of L patches of emitters each sees: a ray to a place on each."""
@@ -68,7 +68,7 @@ def see_patches(
     on_threads(part, range(0, len(which), step))
 
 
-def _see_few(points: ShadingPoints, caster: RayCaster, which: NDArray[np.int64], bits: Bits) -> None:
+def _trace_batch(points: ShadingPoints, caster: RayCaster, which: NDArray[np.int64], bits: Bits) -> None:
     way4, way5, around3, beside4 = _tables()
     n = len(which)
     lifted, frames = points.lifted, points.frames
@@ -90,7 +90,7 @@ def _see_few(points: ShadingPoints, caster: RayCaster, which: NDArray[np.int64],
 def _tables() -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
     """Directions of the upper triangles (2560, 3) and of their children (10240, 3); the triangles that share a corner
     with each of the parents (640, 13), and those beside each (2560, 3), −1 for none and for those below."""
-    above = upper()
+    above = upper_triangles()
     way4 = geodesic(LEVEL).centres[above].astype(np.float32)
     way5 = geodesic(LEVEL + 1).centres.reshape(-1, 4, 3)[above].reshape(-1, 3).astype(np.float32)
     place = np.full(geodesic(LEVEL).n_triangles, -1, np.int32)

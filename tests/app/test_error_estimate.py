@@ -21,7 +21,7 @@ from engine.indirect.sampling_settings import STILL, SamplingSettings
 from engine.indirect.indirect_light import IndirectLight
 from engine.indirect.series import BounceSeries
 from engine.light.radiance_files import read_radiance_image
-from engine.orbit.live import Orbit
+from engine.orbit.orbit_engine import Orbit
 from engine.render.error_estimate import inside, judge, judge_drawn
 from engine.render.indirect import find_indirect, noise_in, reflected_light
 from engine.render.path_tracer import trace_halves

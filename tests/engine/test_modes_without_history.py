@@ -16,7 +16,7 @@ from engine.deform.pose import Deformation
 from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.orbit.live import Orbit
+from engine.orbit.orbit_engine import Orbit
 from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.surface_kinds import DeformSurface, Subsurface
 from engine.transport.pipeline import SkyState
@@ -131,7 +131,7 @@ def test_edits_that_are_undone_leave_no_trace(scene: Scene, mode: str, seed: int
     np.testing.assert_allclose(drawn(made, first, scene), before, rtol=1e-5, atol=1e-6)
     if isinstance(made, Orbit):  # another window finds in the cache what this one has seen
         other = MAKERS[mode](scene)
-        other.restore(made.stored())
+        other.restore(made.stored_visibility())
         np.testing.assert_allclose(drawn(other, first, scene), before, rtol=1e-5, atol=1e-6)
 
 

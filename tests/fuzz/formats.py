@@ -341,13 +341,13 @@ def read_cornell_file(path: Path) -> None:
 def entries(folder: Path) -> list[bytes]:
     """Of visibility, of a store of bands, and of fitted lobes."""
     from engine.deform.membrane import membrane
-    from engine.orbit.kept_visibility import deflated
+    from engine.orbit.stored_visibility import deflate_bits
     from tests.engine.transport.test_bandstore import sparse_bands, store_of, whole
 
     bits = np.random.default_rng(1).integers(0, 256, (9, 40)).astype(np.uint8)
     fitted = membrane(np.full(5, 0.5), 6)
     kinds = (
-        deflated("bits", bits),
+        deflate_bits("bits", bits),
         whole(store_of(sparse_bands(7, 8, 4, seed=2))),
         {name: getattr(fitted, name).astype(np.float32) for name in ("low", "axes", "coefficients", "errors")},
     )
@@ -365,13 +365,13 @@ def read_entry(path: Path) -> None:
     """By all who take such; none of them raises."""
     from app.jobs.cache import Store
     from app.jobs.deform import stored_lobes
-    from engine.orbit.kept_visibility import inflated
+    from engine.orbit.stored_visibility import inflate_bits
     from engine.stored_arrays import ArrayReader
     from engine.transport.bandstore import arrays_of_file, store_from_arrays
 
     data = path.read_bytes()
     for read in (
-        lambda arrays: inflated("bits", ArrayReader(arrays), 9, 40),
+        lambda arrays: inflate_bits("bits", ArrayReader(arrays), 9, 40),
         lambda arrays: store_from_arrays((8, 4), arrays_of_file((8, 4), 7, arrays)).radiance(
             np.ones((8, 3)), np.ones((4, 3))
         ),

@@ -26,7 +26,7 @@ from app.orbit.talk import OrbitTalk
 from app.orbit.wishes import OrbitWish
 from app.view_state import SetView, ViewState
 from engine.material.layer import Layer
-from engine.orbit.live import Orbit
+from engine.orbit.orbit_engine import Orbit
 from engine.render.still import StillProgress
 from engine.scene.description import Camera, CameraDescription
 from engine.scene.scene_loader import Scene
@@ -52,7 +52,7 @@ def said_of_layers(layers: Sequence[Layer]) -> list[object]:
 
 
 class NamedOrbit:
-    """As `engine.orbit.live.Orbit`; each picture is of one colour, that of all it is drawn of, or black while
+    """As `engine.orbit.orbit_engine.Orbit`; each picture is of one colour, that of all it is drawn of, or black while
     anything of it is still to be made ready. Nothing of it is kept in the cache."""
 
     n_bytes, n_bounces, has_traced, notes = 1, 1, False, ()
@@ -242,7 +242,7 @@ def replace_camera(walk: OrbitWalk):  # type: ignore[no-untyped-def]
 
 @pytest.fixture
 def source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    monkeypatch.setattr("engine.orbit.live.Orbit", NamedOrbit)
+    monkeypatch.setattr("engine.orbit.orbit_engine.Orbit", NamedOrbit)
     return str(write_small_scene(tmp_path))
 
 

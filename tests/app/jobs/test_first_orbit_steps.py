@@ -7,7 +7,7 @@ from app.jobs.tasks import Tasks
 from app.messages import Progress, Response
 from app.orbit.messages import DrawPlainly, OrbitDrawn, OrbitUnknown, PrepareOrbit
 from engine.light.environment import constant_environment
-from engine.orbit import sky
+from engine.orbit import sky_map
 from engine.scene.description import Camera
 from tests.app.jobs.ball_and_lamp import SCENE, compute
 from tests.opened import open_in_process
@@ -16,8 +16,8 @@ CAMERA = Camera(position=(0.4, 1.6, 2.6), target=(0.0, 0.3, 0.0))
 
 
 def forget_skies() -> None:
-    sky._averaging.cache_clear()
-    sky._unturned.cache_clear()
+    sky_map._averaging_matrix.cache_clear()
+    sky_map._map_and_peaks.cache_clear()
 
 
 def drawn(tasks: Tasks) -> Response:
@@ -28,15 +28,15 @@ def drawn(tasks: Tasks) -> Response:
 def test_the_sky_is_prepared_step_by_step_and_made_of_what_the_steps_remember() -> None:
     forget_skies()
     environment = constant_environment((2.0, 1.0, 0.5))
-    steps = sky.preparing_sky(environment)
+    steps = sky_map.preparing_sky(environment)
     most, before = 0, 0
     for _ in steps:
-        now = sky._averaging.cache_info().misses
+        now = sky_map._averaging_matrix.cache_info().misses
         most, before = max(most, now - before), now
-    assert most == 1 and sky._averaging.cache_info().misses > 8  # no step does more than a part of it
-    made = sky._unturned.cache_info().misses
-    sky.make_sky(environment, 30.0)
-    assert sky._unturned.cache_info().misses == made
+    assert most == 1 and sky_map._averaging_matrix.cache_info().misses > 8  # no step does more than a part of it
+    made = sky_map._map_and_peaks.cache_info().misses
+    sky_map.make_sky(environment, 30.0)
+    assert sky_map._map_and_peaks.cache_info().misses == made
 
 
 def test_plain_pictures_are_drawn_before_orbit_has_made_its_sky(tmp_path: Path) -> None:
@@ -46,7 +46,7 @@ def test_plain_pictures_are_drawn_before_orbit_has_made_its_sky(tmp_path: Path) 
     open_in_process(tasks, str(tmp_path / "scene.toml"), resolution=(8, 6))
     steps = (each for each in tasks.handle(PrepareOrbit(compute().scene)) if isinstance(each, Progress))
     for n_steps in range(8):
-        assert isinstance(next(steps), Progress) and sky._averaging.cache_info().misses <= n_steps
+        assert isinstance(next(steps), Progress) and sky_map._averaging_matrix.cache_info().misses <= n_steps
         assert isinstance(drawn(tasks), OrbitDrawn)
 
 

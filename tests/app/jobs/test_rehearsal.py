@@ -19,7 +19,7 @@ called = {}
 for part in rehearse_later():
     from engine.deform._zonal_kernels import fit_range
     from engine.indirect._second_bounce_kernels import second_light
-    from engine.orbit._sun_kernels import add_asked
+    from engine.orbit._peak_kernels import add_asked
     from engine.texture._stroke_kernels import cover
     from engine.transport._relight_kernels import fill_rows
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from engine.orbit.shading_points import ShadingPoints, shading_points
-from engine.orbit.visibility import Bits, see
+from engine.orbit.visibility import Bits, trace_hemispheres
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import Scene, build_scene
 from engine.scene.raycaster import RayCaster
@@ -51,5 +51,5 @@ def ball(ball_scene: Scene) -> tuple[ShadingPoints, RayCaster, Bits]:
     caster = RayCaster(ball_scene.vertices, ball_scene.triangles)
     points = shading_points(ball_scene, caster, 1500)
     bits = np.empty((len(points), 1280), np.uint8)
-    see(points, caster, np.arange(len(points)), bits)
+    trace_hemispheres(points, caster, np.arange(len(points)), bits)
     return points, caster, bits

@@ -9,8 +9,8 @@ from app.stills import layers_by_object
 from engine.indirect.direction_patterns import cosine_tables
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.orbit.bounced import Bounces, bouncing
-from engine.orbit.live import Orbit
+from engine.orbit.irradiance_bounces import Bounces, trace_bounce_rays
+from engine.orbit.orbit_engine import Orbit
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import build_scene
 from engine.generators import run_to_end
@@ -89,4 +89,4 @@ def test_more_points_gather_where_bounced_light_has_an_edge(tmp_path: Path) -> N
         found = bounces.indirect(lit.incident.irradiance, albedo, 2)[0][floor]
         return float(np.sqrt(((found - truth) ** 2).mean()) / truth.mean())
 
-    assert error(lit.bounces) < 0.85 * error(Bounces(run_to_end(bouncing(points, lit.mesh), lambda _: None)))
+    assert error(lit.bounces) < 0.85 * error(Bounces(run_to_end(trace_bounce_rays(points, lit.mesh), lambda _: None)))

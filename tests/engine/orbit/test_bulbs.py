@@ -8,7 +8,7 @@ import pytest
 
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.orbit.live import Orbit
+from engine.orbit.orbit_engine import Orbit
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import build_scene
 

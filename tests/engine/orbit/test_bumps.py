@@ -9,7 +9,7 @@ from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS, make_layer
 from engine.material.bumps import NO_BUMPS
 from engine.material.layer import Layer
-from engine.orbit.live import Orbit
+from engine.orbit.orbit_engine import Orbit
 from engine.planner import plan_scene
 from engine.render.still import render_still, still_layers, still_quality
 from engine.scene.scene_loader import Scene, load_scene

@@ -9,9 +9,9 @@ import pytest
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.orbit.live import Orbit
+from engine.orbit.orbit_engine import Orbit
 from engine.orbit.mirrored_light import mirrored_light
-from engine.orbit.slices import to_shading
+from engine.orbit.slices import to_shading_frame
 from engine.render.integrator import evaluate_layers
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import build_scene
@@ -82,9 +82,9 @@ def test_shadows_of_the_sun_are_found_between_points() -> None:
     orbit = made(camera((0.0, 6.0, 0.6), 45, (32, 24)) + FLOOR + slat, 0, light)
     eye = orbit.scene.description.camera
     picture = orbit.draw(eye, (96, 72), "still").max(axis=2)
-    seen = orbit.lit.mesh.look(eye, (96, 72), 16)
+    seen = orbit.lit.mesh.sample_view(eye, (96, 72), 16)
     whole = seen.order[(seen.share[seen.order] == 1.0) & (seen.samples.i_object[seen.order] == 0)]
-    places, toward = seen.places(whole), orbit._sky.sun_direction[0]
+    places, toward = seen.places(whole), orbit._sky.peak_direction[0]
     above = places + (1.0 - places[:, 1:2]) / toward[1] * toward
     inside = np.maximum(np.abs(above[:, 0]) / 1.5, np.abs(above[:, 2]) / 0.15)
     value = picture.ravel()[seen.pixel[whole]]
@@ -96,7 +96,7 @@ def whole_floor(orbit: Orbit, size: tuple[int, int]) -> tuple[np.ndarray, np.nda
     """Places (N, 3) of pixels that the floor fills, and what a still shows there (N,)."""
     eye = orbit.scene.description.camera
     picture = orbit.draw(eye, size, "still").mean(axis=2)
-    seen = orbit.lit.mesh.look(eye, size, 16, True)
+    seen = orbit.lit.mesh.sample_view(eye, size, 16, True)
     whole = seen.order[(seen.share[seen.order] == 1.0) & (seen.samples.i_object[seen.order] == 0)]
     return seen.places(whole).astype(np.float64), picture.ravel()[seen.pixel[whole]]
 
@@ -152,9 +152,9 @@ def test_points_know_the_suns_that_they_see() -> None:
     orbit = made(camera((0.0, 6.0, 0.6), 45, (32, 24)) + FLOOR + slat, 2000, SkyState(Environment(image, "sun")))
     lit, sky = orbit.lit, orbit._sky
     floor = np.flatnonzero((lit.points.i_object == 0) & (lit.points.normal[:, 1] > 0.0) & ~lit.points.buried)
-    assert 0 < len(sky.sun_power) <= 8
-    bits = np.unpackbits(lit.incident.kept.sun_bits[floor], axis=1, bitorder="little")
-    for s, direction in enumerate(sky.sun_direction):
+    assert 0 < len(sky.peak_power) <= 8
+    bits = np.unpackbits(lit.incident.stored.peak_bits[floor], axis=1, bitorder="little")
+    for s, direction in enumerate(sky.peak_direction):
         free = ~lit.caster.occluded(lit.points.lifted[floor], np.tile(direction, (len(floor), 1)))
         np.testing.assert_array_equal(bits[:, s], free)
         assert 0.01 < (~free).mean() < 0.5
@@ -167,16 +167,16 @@ def test_gloss_shows_what_stands_around_it(quality: str) -> None:
     tile = placed("tile", "quad", "2,0,0,0, 0,0,2,-1, 0,-2,0,0, 0,0,0,1")
     orbit = made(camera((0.0, 1.4, 2.0), 30, (32, 24), (0.0, -1.0, 0.0)) + shell + tile, 200)
     lit, layers = orbit.lit, [make_layer(MODELS["rough_conductor"], {"alpha": 0.2})]
-    seen = lit.mesh.look(orbit.scene.description.camera, (32, 24), 4)
+    seen = lit.mesh.sample_view(orbit.scene.description.camera, (32, 24), 4)
     which = seen.of(1)
     lit.sent_on[:] = 1.0
     found = mirrored_light(seen, which, lit, orbit.scene, 1, layers, quality)
     centres, solid = geodesic(5).centres, geodesic(5).solid_angles
     up = centres[:, 1] > 0.0
-    wo = to_shading(seen.samples.wo[which])  # the tile's normal is +Y, as the sphere's
+    wo = to_shading_frame(seen.samples.wo[which])  # the tile's normal is +Y, as the sphere's
     rows = np.linspace(0, len(which) - 1, 12).astype(int)
     expected = [
-        solid[up] @ evaluate_layers(layers, to_shading(centres[up]), np.tile(wo[r], (up.sum(), 1))) for r in rows
+        solid[up] @ evaluate_layers(layers, to_shading_frame(centres[up]), np.tile(wo[r], (up.sum(), 1))) for r in rows
     ]
     np.testing.assert_allclose(found.mean(axis=0), np.mean(expected, axis=0), rtol=0.04 if quality == "rest" else 0.02)
 

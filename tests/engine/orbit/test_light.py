@@ -11,22 +11,22 @@ from engine.material.layer import make_layer
 from engine.orbit import _corner_kernels as corner_kernels
 from engine.orbit import _incident_kernels as kernels
 from engine.orbit import _slice_kernels as slice_kernels
-from engine.orbit.incident import Lamps, hemisphere, light, lights, more_glossy, no_light, places
-from engine.orbit.picture import PointMesh, interpolated
-from engine.orbit.reflected import at_corners, mirrored, no_shades, reflected, reflected_quickly, shaded, suns_of
+from engine.orbit.incident import SceneEmitters, hemisphere, light_points, kernel_lights, with_glossy_points, empty_incident, kernel_places
+from engine.orbit.view_samples import PointMesh, interpolate
+from engine.orbit.point_reflection import reflect_at_corners, mirror_directions, empty_shades, reflect_at_rest, reflect_moving, shade_points, peak_lights_of
 from engine.orbit.reflections import SHARP
 from engine.orbit.shading_points import shading_points
-from engine.orbit.sky import MAP_SIDE, make_sky, texel_directions
+from engine.orbit.sky_map import MAP_SIDE, make_sky, texel_directions
 from engine.orbit.slices import (
-    looks_isotropic,
-    matt_reflectance,
+    has_isotropic_reflection,
+    diffuse_reflectance,
     slice_bytes_of,
-    slicing,
+    slice_steps,
     spherical,
     table_bytes_of,
-    to_shading,
+    to_shading_frame,
 )
-from engine.orbit.visibility import see, see_patches, upper
+from engine.orbit.visibility import trace_hemispheres, trace_patches, upper_triangles
 from engine.render.integrator import evaluate_layers
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import build_scene
@@ -42,16 +42,16 @@ FLOOR = 0
 
 def lit(ball, sky, n: int = 5120, lamps=None, is_coarse: bool = False):
     points, _, bits = ball
-    incident = no_light(np.ones(len(points), bool), n)
-    light(points, bits, sky, incident, lamps, is_coarse=is_coarse)
+    incident = empty_incident(np.ones(len(points), bool), n)
+    light_points(points, bits, sky, incident, lamps, is_coarse=is_coarse)
     return incident
 
 
 def visible_powers(points, p: int, bits, sky) -> np.ndarray:
     """Radiance × solid angle of each triangle (5120, 3) of point p's frame, as it is seen there; without suns."""
     powers = np.empty((5120, 3), np.float32)
-    at = places(points, bits, np.full(len(points), -1, np.int32), None)
-    kernels.add_sky(p, at, hemisphere(), lights(sky, None), powers, np.zeros((3, 3), np.float32))
+    at = kernel_places(points, bits, np.full(len(points), -1, np.int32), None)
+    kernels.add_sky(p, at, hemisphere(), kernel_lights(sky, None), powers, np.zeros((3, 3), np.float32))
     return powers
 
 
@@ -74,7 +74,7 @@ def test_texels_of_the_octahedron_are_found_again() -> None:
 
 def test_an_even_sky_is_even_and_has_no_sun() -> None:
     sky = make_sky(constant_environment((2.0, 1.0, 0.5)), 0.0)
-    assert len(sky.sun_power) == 0
+    assert len(sky.peak_power) == 0
     np.testing.assert_allclose(sky.map[..., :3], np.broadcast_to([2.0, 1.0, 0.5], (MAP_SIDE, MAP_SIDE, 3)), rtol=1e-5)
     assert not make_sky(None, 0.0).map.any()
 
@@ -85,10 +85,10 @@ def test_one_bright_texel_is_a_sun_that_keeps_its_power(ball) -> None:
     image[20, 40] = 1e4
     environment = Environment(image, "test")
     sky = make_sky(environment, 0.0)
-    direction = (sky.sun_direction * sky.sun_power[:, :1]).sum(axis=0)
+    direction = (sky.peak_direction * sky.peak_power[:, :1]).sum(axis=0)
     direction /= np.linalg.norm(direction)
     solid_angle = 2 * np.pi / 128 * (np.cos(20 * np.pi / 64) - np.cos(21 * np.pi / 64))
-    assert sky.sun_power.sum() == pytest.approx(3 * 1e4 * solid_angle, rel=1e-3)
+    assert sky.peak_power.sum() == pytest.approx(3 * 1e4 * solid_angle, rel=1e-3)
     incident = lit(ball, sky)
     # What sees it gets its power times the cosine of the triangle that holds it; the ball's shadow gets nothing.
     floor = points.i_object == FLOOR
@@ -98,7 +98,7 @@ def test_one_bright_texel_is_a_sun_that_keeps_its_power(ball) -> None:
     across = np.cross(points.position - [0.0, 0.5, 0.0], direction)
     shaded = floor & (np.linalg.norm(across, axis=1) < 0.42)
     assert shaded.sum() > 20 and incident.irradiance[shaded].max() < 1e-4 * expected
-    lower = np.delete(np.arange(5120), upper())
+    lower = np.delete(np.arange(5120), upper_triangles())
     assert not visible_powers(points, 0, bits, sky)[lower].any()
 
 
@@ -115,7 +115,7 @@ def test_turning_the_environment_turns_what_is_looked_up(ball) -> None:
     np.testing.assert_allclose(turned.map.reshape(-1, 4)[flat, :3], smooth.evaluate(directions[flat]), atol=0.02)
     points, _, bits = ball
     p = np.flatnonzero(points.i_object == FLOOR)[0]
-    seen = upper()[np.unpackbits(bits[p], bitorder="little").reshape(-1, 4).all(axis=1)]
+    seen = upper_triangles()[np.unpackbits(bits[p], bitorder="little").reshape(-1, 4).all(axis=1)]
     powers = visible_powers(points, p, bits, turned)[seen] / geodesic(4).solid_angles[seen, None]
     ways = geodesic(4).centres[seen] @ points.frames[p]
     low = np.abs(ways[:, 1]) < 0.8
@@ -127,11 +127,11 @@ def test_suns_turn_with_the_environment_and_are_as_bright_in_sum() -> None:
     image[20, 40] = 1e4
     environment = Environment(image, "test")
     there, here = make_sky(environment, 90.0), make_sky(environment, 0.0)
-    found = (here.sun_direction * here.sun_power[:, :1]).sum(axis=0) / here.sun_power[:, 0].sum()
+    found = (here.peak_direction * here.peak_power[:, :1]).sum(axis=0) / here.peak_power[:, 0].sum()
     assert environment.evaluate(found[None])[0, 0] > 5e3
-    found = (there.sun_direction * there.sun_power[:, :1]).sum(axis=0) / there.sun_power[:, 0].sum()
+    found = (there.peak_direction * there.peak_power[:, :1]).sum(axis=0) / there.peak_power[:, 0].sum()
     assert environment.evaluate(found[None], 90.0)[0, 0] > 5e3
-    np.testing.assert_allclose(make_sky(environment, 90.0, 2.0).sun_power, 2.0 * here.sun_power)
+    np.testing.assert_allclose(make_sky(environment, 90.0, 2.0).peak_power, 2.0 * here.peak_power)
 
 
 # --------------------------------------------------------------------------------------------------- light at points
@@ -158,9 +158,9 @@ def test_all_coefficients_are_the_wavelets_of_the_powers_and_fewer_are_the_large
         dense = np.zeros((5120, 3))
         np.add.at(dense, *whole.coefficients(p))
         np.testing.assert_allclose(dense, expected, rtol=2**-8, atol=1e-6 * np.abs(expected).max())
-        sunlit = 0.0 if not len(sky.sun_power) else suns_irradiance(points, p, whole, sky)
+        sunlit = 0.0 if not len(sky.peak_power) else suns_irradiance(points, p, whole, sky)
         assert whole.irradiance[p] == pytest.approx(
-            (powers[upper()] * hemisphere().cosine[:, None]).sum(axis=0) + sunlit, rel=1e-4
+            (powers[upper_triangles()] * hemisphere().cosine[:, None]).sum(axis=0) + sunlit, rel=1e-4
         )
         number, value = few.coefficients(p)
         best = np.flatnonzero(haar.select_coefficients(expected, 100))
@@ -172,27 +172,27 @@ def test_all_coefficients_are_the_wavelets_of_the_powers_and_fewer_are_the_large
 
 
 def suns_irradiance(points, p, incident, sky) -> np.ndarray:
-    seen = np.unpackbits(incident.kept.sun_bits[p], count=len(sky.sun_power), bitorder="little")
-    cosine = np.maximum(sky.sun_direction @ points.normal[p], 0.0)
-    return (sky.sun_power * (seen * cosine)[:, None]).sum(axis=0)
+    seen = np.unpackbits(incident.stored.peak_bits[p], count=len(sky.peak_power), bitorder="little")
+    cosine = np.maximum(sky.peak_direction @ points.normal[p], 0.0)
+    return (sky.peak_power * (seen * cosine)[:, None]).sum(axis=0)
 
 
 def test_coarse_light_is_about_as_bright(ball, uneven) -> None:
     sky = make_sky(uneven, 10.0)
     coarse, fine = lit(ball, sky, 100, is_coarse=True), lit(ball, sky, 100)
     np.testing.assert_allclose(coarse.irradiance, fine.irradiance, rtol=0.1, atol=0.02 * fine.irradiance.max())
-    assert coarse.kept.number.max() < 320
+    assert coarse.stored.number.max() < 320
 
 
 def test_matt_points_keep_irradiance_alone_until_they_gloss(ball, uneven) -> None:
     points, _, bits = ball
     sky, floor = make_sky(uneven, 0.0), points.i_object == FLOOR
-    glossy, some = lit(ball, sky, 80), no_light(~floor, 80)
-    light(points, bits, sky, some)
+    glossy, some = lit(ball, sky, 80), empty_incident(~floor, 80)
+    light_points(points, bits, sky, some)
     np.testing.assert_array_equal(some.irradiance, glossy.irradiance)
     assert some.n_bytes < glossy.n_bytes and (some.slot[floor] == -1).all()
-    grown = more_glossy(some, floor)
-    light(points, bits, sky, grown, which=np.flatnonzero(floor))
+    grown = with_glossy_points(some, floor)
+    light_points(points, bits, sky, grown, which=np.flatnonzero(floor))
     for p in (0, len(points) - 1):
         for mine, theirs in zip(grown.coefficients(p), glossy.coefficients(p), strict=True):
             np.testing.assert_array_equal(mine, theirs)
@@ -204,8 +204,8 @@ def test_a_lamp_lights_a_floor_as_the_closed_form_says(ball) -> None:
     points, caster, _ = ball
     lamp = emitter_patches(square((2.0, 1.0, 2.0), (1, 0, 0), (0, 0, 1)), np.ones((2, 3)), 512)
     seen = np.empty((len(points), (len(lamp) + 7) // 8), np.uint8)
-    see_patches(points, caster, lamp, np.arange(len(points)), seen)
-    incident = lit(ball, make_sky(None, 0.0), 5120, Lamps(lamp, seen))
+    trace_patches(points, caster, lamp, np.arange(len(points)), seen)
+    incident = lit(ball, make_sky(None, 0.0), 5120, SceneEmitters(lamp, seen))
     floor = (points.i_object == FLOOR) & (np.linalg.norm(points.position[:, [0, 2]] - [2, 2], axis=1) < 0.4)
     towards = lamp.centre[None] - points.position[floor][:, None]
     squared = (towards**2).sum(axis=2)
@@ -225,13 +225,13 @@ MATT_LIKE = make_layer(MODELS["oren_nayar"], {"sigma": 0.3})
 def test_a_look_is_kept_until_what_it_shows_changes(ball_scene, ball) -> None:
     points, camera = ball[0], ball_scene.description.camera
     mesh = PointMesh(ball_scene, points)
-    seen = mesh.look(camera, (24, 18))
-    assert mesh.look(camera, (24, 18)) is seen and mesh.look(camera, (25, 18)) is not seen
-    again = mesh.look(camera, (24, 18))
-    soft = mesh.look(camera, (24, 18), 4)
-    assert soft is not again and mesh.look(camera, (24, 18), 4) is soft
-    mesh.shines(ball_scene)  # what it emits is in it
-    assert mesh.look(camera, (24, 18), 4) is not soft
+    seen = mesh.sample_view(camera, (24, 18))
+    assert mesh.sample_view(camera, (24, 18)) is seen and mesh.sample_view(camera, (25, 18)) is not seen
+    again = mesh.sample_view(camera, (24, 18))
+    soft = mesh.sample_view(camera, (24, 18), 4)
+    assert soft is not again and mesh.sample_view(camera, (24, 18), 4) is soft
+    mesh.set_emission(ball_scene)  # what it emits is in it
+    assert mesh.sample_view(camera, (24, 18), 4) is not soft
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -240,15 +240,15 @@ def test_every_model_is_the_same_mirrored_across_its_grain(name: str) -> None:
     layer, mirror = make_layer(MODELS[name]), np.array([-1.0, 1.0, 1.0])
     polar, azimuth = np.random.default_rng(3).random((2, 2, 64)) * np.array([1.4, 2.0 * np.pi])[:, None, None]
     wi, wo = (spherical(polar[i], azimuth[i]) for i in range(2))
-    there = evaluate_layers([layer], to_shading(wi), to_shading(wo))
-    back = evaluate_layers([layer], to_shading(wi * mirror), to_shading(wo * mirror))
+    there = evaluate_layers([layer], to_shading_frame(wi), to_shading_frame(wo))
+    back = evaluate_layers([layer], to_shading_frame(wi * mirror), to_shading_frame(wo * mirror))
     np.testing.assert_allclose(back, there, rtol=1e-6, atol=1e-9)
 
 
 def test_what_turns_with_its_grain_is_told_from_what_does_not() -> None:
-    assert looks_isotropic(GOLD) and looks_isotropic(make_layer(MODELS["oren_nayar"])) and not looks_isotropic(BRUSHED)
-    assert matt_reflectance(GOLD) is None and matt_reflectance(make_layer(MODELS["oren_nayar"], {"sigma": 0.5})) is None
-    assert matt_reflectance(MATT) == pytest.approx(np.array([0.5, 0.25, 1.0]) / np.pi)
+    assert has_isotropic_reflection(GOLD) and has_isotropic_reflection(make_layer(MODELS["oren_nayar"])) and not has_isotropic_reflection(BRUSHED)
+    assert diffuse_reflectance(GOLD) is None and diffuse_reflectance(make_layer(MODELS["oren_nayar"], {"sigma": 0.5})) is None
+    assert diffuse_reflectance(MATT) == pytest.approx(np.array([0.5, 0.25, 1.0]) / np.pi)
 
 
 def along(slices, ball, incident, p: int, wo: np.ndarray) -> np.ndarray:
@@ -259,7 +259,7 @@ def along(slices, ball, incident, p: int, wo: np.ndarray) -> np.ndarray:
     members = np.arange(3 * len(wo))
     corner_kernels.shade_corners(
         0, 1, np.array([p]), np.array([0, len(members)]), members, world, 5120, points.frames, incident.slot,
-        incident.kept, suns_of(make_sky(None, 0.0), incident, 0.0), slices.make_tables(), found,
+        incident.stored, peak_lights_of(make_sky(None, 0.0), incident, 0.0), slices.make_tables(), found,
         np.zeros((0, 2), np.uint64),
     )  # fmt: skip
     return found[::3]
@@ -270,17 +270,17 @@ def test_slices_reflect_as_the_sum_over_triangles_does(ball, uneven, layers) -> 
     # With all coefficients, and an outgoing direction on the grid, it is the same sum in another basis.
     points, _, bits = ball
     sky = make_sky(uneven, 0.0)
-    incident, slices = lit(ball, sky), run_to_end(slicing(layers[0], 0))
+    incident, slices = lit(ball, sky), run_to_end(slice_steps(layers[0], 0))
     for layer in layers[1:]:
-        slices = slices + run_to_end(slicing(layer, 0))
+        slices = slices + run_to_end(slice_steps(layer, 0))
     assert slices.is_isotropic == (BRUSHED not in layers)
-    sphere, above = geodesic(4), upper()
+    sphere, above = geodesic(4), upper_triangles()
     steps = np.arange(0, 360, 9.0)[::7]
     for p, angle in ((len(points) // 3, 2), (len(points) // 2, 9), (len(points) - 1, 20)):
         powers = visible_powers(points, p, bits, sky).astype(np.float64)
         wo = spherical(np.full(len(steps), np.radians(89.0) / 23 * angle), np.radians(steps))
         exact = np.stack([
-            (evaluate_layers(layers, to_shading(sphere.centres[above]), np.tile(to_shading(d[None]), (2560, 1)))
+            (evaluate_layers(layers, to_shading_frame(sphere.centres[above]), np.tile(to_shading_frame(d[None]), (2560, 1)))
              * powers[above]).sum(axis=0)
             for d in wo
         ])  # fmt: skip
@@ -291,12 +291,12 @@ def test_what_moves_shows_the_colours_of_rest_interpolated(ball_scene, ball, une
     points, _, _ = ball
     sky = make_sky(uneven, 0.0)
     incident = lit(ball, sky, 320)
-    seen = PointMesh(ball_scene, points).look(ball_scene.description.camera, (48, 36))
-    tables, which = run_to_end(slicing(GOLD, 0)).make_tables(), seen.of(1)
-    resting = reflected(seen, which, incident, sky, [GOLD], tables, 0.005)
+    seen = PointMesh(ball_scene, points).sample_view(ball_scene.description.camera, (48, 36))
+    tables, which = run_to_end(slice_steps(GOLD, 0)).make_tables(), seen.of(1)
+    resting = reflect_at_rest(seen, which, incident, sky, [GOLD], tables, 0.005)
     colours, moving = np.zeros((len(points), 3), np.float32), np.zeros((48 * 36, 3), np.float32)
-    shaded(seen, np.flatnonzero(seen.points_seen()), incident, tables, 320, no_shades(incident), colours)
-    interpolated(seen, which, colours, np.ones((1, 3), np.float32), moving)
+    shade_points(seen, np.flatnonzero(seen.visible_points()), incident, tables, 320, empty_shades(incident), colours)
+    interpolate(seen, which, colours, np.ones((1, 3), np.float32), moving)
     assert np.sqrt(((moving[which] - resting) ** 2).mean()) < 0.05 * resting.mean()
 
 
@@ -307,13 +307,13 @@ def test_a_sun_is_reflected_in_its_own_direction(ball_scene, ball) -> None:
     image[60, 300] = 1e5
     sky = make_sky(Environment(image, "test"), 0.0)
     sharp = make_layer(MODELS["rough_conductor"], {"alpha": 0.05})
-    seen = PointMesh(ball_scene, points).look(ball_scene.description.camera, (240, 180))
+    seen = PointMesh(ball_scene, points).sample_view(ball_scene.description.camera, (240, 180))
     on_ball = seen.of(1)
-    tables = run_to_end(slicing(sharp, 0)).make_tables()
-    found = reflected(seen, on_ball, lit(ball, sky, 20), sky, [sharp], tables, 0.01)
+    tables = run_to_end(slice_steps(sharp, 0)).make_tables()
+    found = reflect_at_rest(seen, on_ball, lit(ball, sky, 20), sky, [sharp], tables, 0.01)
     normal = np.einsum("pk,pki->pi", seen.samples.weights[on_ball], points.normal[seen.samples.corners[on_ball]])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    half = sky.sun_direction.mean(axis=0) / np.linalg.norm(sky.sun_direction.mean(axis=0)) + seen.samples.wo[on_ball]
+    half = sky.peak_direction.mean(axis=0) / np.linalg.norm(sky.peak_direction.mean(axis=0)) + seen.samples.wo[on_ball]
     half /= np.linalg.norm(half, axis=1, keepdims=True)
     assert (normal * half).sum(axis=1)[found[:, 0].argmax()] > np.cos(np.radians(2.0))
 
@@ -326,26 +326,26 @@ def test_a_highlight_stands_where_the_surface_shows_it_also_where_points_are_far
     caster = RayCaster(scene.vertices, scene.triangles)
     points = shading_points(scene, caster, 0)
     bits = np.empty((len(points), 1280), np.uint8)
-    see(points, caster, np.arange(len(points)), bits)
+    trace_hemispheres(points, caster, np.arange(len(points)), bits)
     rows, columns = np.mgrid[0:64, 0:128]
     panel = 0.1 + 20.0 * np.exp(-((rows - 16.0) ** 2 + (columns - 70.0) ** 2) / 8.0)
     sky = make_sky(Environment(np.repeat(panel[..., None], 3, axis=2).astype(np.float32), "test"), 0.0)
-    sky = replace(sky, sun_power=sky.sun_power[:0], sun_direction=sky.sun_direction[:0])
+    sky = replace(sky, peak_power=sky.peak_power[:0], peak_direction=sky.peak_direction[:0])
     layer = make_layer(MODELS["rough_conductor"], {"alpha": 0.12})
-    seen = PointMesh(scene, points).look(scene.description.camera, (48, 36))
+    seen = PointMesh(scene, points).sample_view(scene.description.camera, (48, 36))
     which = seen.of(1)[::5]
     incident = lit((points, caster, bits), sky)
-    tables = run_to_end(slicing(layer)).make_tables()
-    found = reflected(seen, which, incident, sky, [layer], tables, 0.01)
-    quickly = reflected_quickly(seen, which, incident, sky, tables, 96)
-    above, exact = upper(), np.zeros((len(which), 3))
+    tables = run_to_end(slice_steps(layer)).make_tables()
+    found = reflect_at_rest(seen, which, incident, sky, [layer], tables, 0.01)
+    quickly = reflect_moving(seen, which, incident, sky, tables, 96)
+    above, exact = upper_triangles(), np.zeros((len(which), 3))
     for n, (j, normal) in enumerate(zip(which, seen.normals(which), strict=True)):
         tangent = np.cross([0.0, 1.0, 0.0], normal)
         tangent /= np.linalg.norm(tangent)
         frame = np.stack([tangent, normal, np.cross(tangent, normal)])
-        wo = to_shading((seen.samples.wo[j] @ frame.T)[None])
+        wo = to_shading_frame((seen.samples.wo[j] @ frame.T)[None])
         for p, weight in zip(seen.samples.corners[j], seen.samples.weights[j], strict=True):
-            wi = to_shading(geodesic(4).centres[above] @ points.frames[p] @ frame.T)
+            wi = to_shading_frame(geodesic(4).centres[above] @ points.frames[p] @ frame.T)
             values = evaluate_layers([layer], wi, np.repeat(wo, len(wi), axis=0))
             exact[n] += weight * (values * visible_powers(points, p, bits, sky)[above]).sum(axis=0)
     assert np.sqrt(((found - exact) ** 2).mean()) < 0.1 * exact.mean()
@@ -354,13 +354,13 @@ def test_a_highlight_stands_where_the_surface_shows_it_also_where_points_are_far
 
 def test_how_sharp_a_layer_is_is_told_by_its_slices() -> None:
     # Of a matt one f = cos θ: (∫ f)² / ∫ f² = π² / (2 π / 3).
-    assert run_to_end(slicing(MATT, 0)).lobe == pytest.approx(1.5 * np.pi, rel=1e-2)
+    assert run_to_end(slice_steps(MATT, 0)).lobe == pytest.approx(1.5 * np.pi, rel=1e-2)
     blunt, sharp = (make_layer(MODELS["rough_conductor"], {"alpha": alpha}) for alpha in (0.3, 0.1))
-    assert run_to_end(slicing(sharp, -1)).lobe < SHARP < run_to_end(slicing(blunt, -1)).lobe
+    assert run_to_end(slice_steps(sharp, -1)).lobe < SHARP < run_to_end(slice_steps(blunt, -1)).lobe
 
 
 def test_a_layer_with_gloss_is_kept_in_seven_megabytes() -> None:
-    slices = run_to_end(slicing(GOLD, 0))
+    slices = run_to_end(slice_steps(GOLD, 0))
     tables = slices.make_tables()
     assert tables.table.nbytes + slices.packed.nbytes < 7.2e6 and np.shares_memory(tables.values, slices.packed)
 
@@ -374,7 +374,7 @@ def entries(flat: np.ndarray, images: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("level", [1, 2, 3])
 @pytest.mark.parametrize("layer", [GOLD, BRUSHED], ids=["isotropic", "brushed"])
 def test_coarse_slices_are_read_as_even_fine_ones(layer, level: int) -> None:
-    coarse = run_to_end(slicing(layer, -1)).at_level(level)
+    coarse = run_to_end(slice_steps(layer, -1)).at_level(level)
     fine = coarse.at_level(4)
     assert coarse.packed.shape[2] == 10 * 4**level and fine.packed.shape[2] == 2560
     near, far = coarse.make_tables(), fine.make_tables()
@@ -384,7 +384,7 @@ def test_coarse_slices_are_read_as_even_fine_ones(layer, level: int) -> None:
     kept, even = entries(near.table, near.images), entries(far.table, far.images)
     np.testing.assert_allclose(kept, even, rtol=0.01, atol=1e-6 * even.max())
     np.testing.assert_allclose(coarse.albedo, fine.albedo, rtol=0.01)
-    both, twice = coarse + run_to_end(slicing(MATT_LIKE, 0)), fine + run_to_end(slicing(MATT_LIKE, 0))
+    both, twice = coarse + run_to_end(slice_steps(MATT_LIKE, 0)), fine + run_to_end(slice_steps(MATT_LIKE, 0))
     np.testing.assert_array_equal(both.packed, twice.packed)
     turned = coarse.half_around()
     assert not turned.is_isotropic and turned.level == level
@@ -392,7 +392,7 @@ def test_coarse_slices_are_read_as_even_fine_ones(layer, level: int) -> None:
 
 
 def test_slices_over_larger_triangles_are_means_and_have_the_first_coefficients() -> None:
-    fine = run_to_end(slicing(GOLD, 0))
+    fine = run_to_end(slice_steps(GOLD, 0))
     coarse = fine.at_level(3)
     means = fine.values.reshape(24, 9, 640, 4, 3).mean(axis=3)
     np.testing.assert_allclose(coarse.values, means, rtol=2**-8)
@@ -405,10 +405,10 @@ def test_slices_over_larger_triangles_are_means_and_have_the_first_coefficients(
 def test_finer_slices_are_the_means_over_finer_triangles() -> None:
     # Where a layer is about even, triangles are asked in their middles alone; a highlight is sharper than that.
     sharp = make_layer(MODELS["rough_conductor"], {"alpha": 0.1})
-    found, weights = run_to_end(slicing(sharp)).values[8, 3], geodesic(5).solid_angles.reshape(-1, 4)[upper()]
-    wi = geodesic(5).centres.reshape(-1, 4, 3)[upper()].reshape(-1, 3)
+    found, weights = run_to_end(slice_steps(sharp)).values[8, 3], geodesic(5).solid_angles.reshape(-1, 4)[upper_triangles()]
+    wi = geodesic(5).centres.reshape(-1, 4, 3)[upper_triangles()].reshape(-1, 3)
     wo = spherical(np.array([np.radians(89.0) / 23 * 8]), np.array([np.radians(4.5 * 3)]))
-    values = evaluate_layers([sharp], to_shading(wi), np.tile(to_shading(wo), (len(wi), 1))).reshape(-1, 4, 3)
+    values = evaluate_layers([sharp], to_shading_frame(wi), np.tile(to_shading_frame(wo), (len(wi), 1))).reshape(-1, 4, 3)
     exact = np.einsum("kp,kpi->ki", weights, values) / weights.sum(axis=1)[:, None]
     assert np.linalg.norm(found - exact) < 0.005 * np.linalg.norm(exact)
 
@@ -418,12 +418,12 @@ def test_all_suns_that_are_asked_are_the_sum_over_them(ball_scene, ball, uneven)
     image = uneven.radiance.copy()
     image[8:11, 40:44] *= 300.0
     sky = make_sky(Environment(image, "test"), 30.0)
-    assert len(sky.sun_power) > 5
+    assert len(sky.peak_power) > 5
     incident = lit(ball, sky, 20)
-    seen = PointMesh(ball_scene, points).look(ball_scene.description.camera, (48, 36))
-    which, tables = seen.of(1)[::7], run_to_end(slicing(GOLD, 0)).make_tables()
-    incident.kept.value[:] = 0  # suns alone
-    found = reflected(seen, which, incident, sky, [GOLD], tables, -1.0)
+    seen = PointMesh(ball_scene, points).sample_view(ball_scene.description.camera, (48, 36))
+    which, tables = seen.of(1)[::7], run_to_end(slice_steps(GOLD, 0)).make_tables()
+    incident.stored.value[:] = 0  # suns alone
+    found = reflect_at_rest(seen, which, incident, sky, [GOLD], tables, -1.0)
     for j, row in zip(which, found, strict=True):
         corners, weights = seen.samples.corners[j], seen.samples.weights[j].astype(np.float64)
         frame = np.einsum("k,kij->ij", weights, points.frames[corners])
@@ -431,10 +431,10 @@ def test_all_suns_that_are_asked_are_the_sum_over_them(ball_scene, ball, uneven)
         tangent = frame[0] - (frame[0] @ normal) * normal
         tangent /= np.linalg.norm(tangent)
         frame = np.stack([tangent, normal, np.cross(tangent, normal)])
-        seen_by = np.unpackbits(incident.kept.sun_bits[corners], axis=1, bitorder="little")[:, : len(sky.sun_power)]
-        wi, wo = sky.sun_direction @ frame.T, seen.samples.wo[j] @ frame.T
-        values = evaluate_layers([GOLD], to_shading(wi), np.tile(to_shading(wo[None]), (len(wi), 1)))
-        exact = ((weights @ seen_by * (wi[:, 1] > 0.0))[:, None] * sky.sun_power * values).sum(axis=0)
+        seen_by = np.unpackbits(incident.stored.peak_bits[corners], axis=1, bitorder="little")[:, : len(sky.peak_power)]
+        wi, wo = sky.peak_direction @ frame.T, seen.samples.wo[j] @ frame.T
+        values = evaluate_layers([GOLD], to_shading_frame(wi), np.tile(to_shading_frame(wo[None]), (len(wi), 1)))
+        exact = ((weights @ seen_by * (wi[:, 1] > 0.0))[:, None] * sky.peak_power * values).sum(axis=0)
         np.testing.assert_allclose(row, exact, rtol=0.02, atol=1e-3 * found.max())
 
 
@@ -445,11 +445,11 @@ def test_suns_that_differ_little_are_looked_up_as_they_stand(ball_scene, ball, u
     sky = make_sky(Environment(image, "test"), 30.0)
     points, _, _ = ball
     incident = lit(ball, sky, 20)
-    seen = PointMesh(ball_scene, points).look(ball_scene.description.camera, (48, 36))
-    which, tables = seen.of(1), run_to_end(slicing(GOLD)).make_tables()
+    seen = PointMesh(ball_scene, points).sample_view(ball_scene.description.camera, (48, 36))
+    which, tables = seen.of(1), run_to_end(slice_steps(GOLD)).make_tables()
     sharp = np.zeros((3 * len(which), 2), np.uint64)
-    ways = mirrored(seen.samples.wo[which], seen.normals(which))
-    found = at_corners(seen, which, ways, incident, suns_of(sky, incident, 1e9), tables, sharp)
+    ways = mirror_directions(seen.samples.wo[which], seen.normals(which))
+    found = reflect_at_corners(seen, which, ways, incident, peak_lights_of(sky, incident, 1e9), tables, sharp)
     assert not sharp.any()
-    exact = reflected(seen, which, incident, sky, [GOLD], tables, -1.0)
+    exact = reflect_at_rest(seen, which, incident, sky, [GOLD], tables, -1.0)
     assert np.sqrt(((found - exact) ** 2).mean()) < 0.1 * exact.mean()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from engine.orbit.lit_sides import lit_sides
+from engine.orbit.lit_faces import lit_sides
 from engine.scene.scene_loader import load_scene
 from engine.scene.raycaster import RayCaster
 from tests.rooms import inside_out, solid

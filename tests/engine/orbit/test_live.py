@@ -8,10 +8,10 @@ from engine.errors import InsituError
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.orbit import live
+from engine.orbit import orbit_engine
 from engine.orbit._picture_kernels import silhouettes
-from engine.orbit.lit_points import STALE
-from engine.orbit.live import Orbit
+from engine.orbit.lit_points import UNLIT
+from engine.orbit.orbit_engine import Orbit
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import Scene, build_scene
 from engine.generators import run_to_end
@@ -76,7 +76,7 @@ def test_what_was_seen_is_kept_and_restored_with_backs(block_scene, orbit) -> No
     assert [*orbit.work()]
     orbit.draw(below, SIZE)
     assert [*orbit.work()] and orbit.has_traced
-    arrays = orbit.stored()
+    arrays = orbit.stored_visibility()
     assert not orbit.has_traced  # there is nothing new
     assert sum(array.nbytes for array in arrays.values()) < 0.15 * orbit.n_bytes
     again = Orbit(block_scene, n_points=300, n_coefficients=64)
@@ -93,7 +93,7 @@ def test_damaged_visibility_is_refused(orbit, name: str) -> None:
     work = orbit.work()
     while not orbit.n_bytes:
         next(work)
-    arrays = orbit.stored()
+    arrays = orbit.stored_visibility()
     arrays[name] = arrays[name][:-1] if arrays[name].size else np.array([7], np.int64)
     with pytest.raises(UnsoundArrays):
         orbit.restore(arrays)
@@ -132,7 +132,7 @@ def test_what_points_sent_before_is_forgotten_with_what_it_was_made_of(block_sce
     else:
         n = 20
     again = Orbit(block_scene, n_points=300, n_coefficients=64)
-    again.restore(orbit.stored())
+    again.restore(orbit.stored_visibility())
     for each in (orbit, again):
         each.set_light(sky)
         each.set_layers(layers)
@@ -144,17 +144,17 @@ def test_what_points_sent_before_is_forgotten_with_what_it_was_made_of(block_sce
 
 
 def test_what_is_seen_is_shown_before_all_points_have_light(block_scene, orbit, monkeypatch) -> None:
-    monkeypatch.setattr(live, "_COARSE", 16)
+    monkeypatch.setattr(orbit_engine, "_COARSE", 16)
     work, camera = orbit.work(), block_scene.description.camera
     while not orbit.is_ready:
         next(work)
-    assert 0.0 < (orbit._lit.state == STALE).mean() < 1.0
+    assert 0.0 < (orbit._lit.state == UNLIT).mean() < 1.0
     first = orbit.draw(camera, SIZE, "moving")
     assert (first.max(axis=2) > 0.05).all()
 
 
 def test_a_camera_led_away_at_once_sees_no_point_without_light(block_scene, orbit, monkeypatch) -> None:
-    monkeypatch.setattr(live, "_COARSE", 16)
+    monkeypatch.setattr(orbit_engine, "_COARSE", 16)
     work = orbit.work()
     while not orbit.is_ready:
         next(work)
@@ -167,7 +167,7 @@ def test_backs_have_light_in_the_first_picture_that_sees_them(block_scene, orbit
     below = block_scene.description.camera.model_copy(update={"position": (0.0, -3.0, 1.0)})
     first = orbit.draw(below, SIZE, "moving")
     # Nothing stands below the floor: it reflects all of an even sky, its albedo times the radiance.
-    on_floor = first[orbit.lit.mesh.look(below, SIZE).samples.i_object.reshape(first.shape[:2]) == 0]
+    on_floor = first[orbit.lit.mesh.prioritize_view(below, SIZE).samples.i_object.reshape(first.shape[:2]) == 0]
     np.testing.assert_allclose(on_floor, np.broadcast_to([1.0, 0.25, 0.5], on_floor.shape), rtol=0.02)
     assert not orbit.is_done and [*orbit.work()]
     np.testing.assert_allclose(first, orbit.draw(below, SIZE, "moving"), rtol=0.02, atol=1e-3)
@@ -176,7 +176,7 @@ def test_backs_have_light_in_the_first_picture_that_sees_them(block_scene, orbit
 def test_a_look_places_backs_without_a_picture(block_scene, orbit) -> None:
     assert [*orbit.work()]
     version = orbit.version
-    orbit.look(block_scene.description.camera.model_copy(update={"position": (0.0, -3.0, 1.0)}))
+    orbit.prioritize_view(block_scene.description.camera.model_copy(update={"position": (0.0, -3.0, 1.0)}))
     assert orbit.version > version and not orbit.is_done
 
 
@@ -185,8 +185,8 @@ def test_edges_are_smooth_on_request_while_something_moves(orbit) -> None:
         pass
     camera = orbit.scene.description.camera
     hard = orbit.draw(camera, SIZE, "moving")
-    soft = run_to_end(orbit.drawing(camera, SIZE, "moving", has_soft_edges=True))
-    ids = orbit.lit.mesh.look(camera, SIZE).samples.i_object.reshape(SIZE[::-1])
+    soft = run_to_end(orbit.draw_steps(camera, SIZE, "moving", has_soft_edges=True))
+    ids = orbit.lit.mesh.prioritize_view(camera, SIZE).samples.i_object.reshape(SIZE[::-1])
     edges = np.zeros(ids.shape, bool)
     silhouettes(ids, edges)
     np.testing.assert_allclose(soft[~edges], hard[~edges], rtol=1e-5)
@@ -197,7 +197,7 @@ def test_edges_are_smooth_on_request_while_something_moves(orbit) -> None:
 
 def test_too_many_vertices_are_refused_before_any_point_is_placed(block_scene, monkeypatch) -> None:
     # The floor and the block have 12 places; 1,800 bytes each are more than so little memory has.
-    monkeypatch.setattr(live, "placing", None)
+    monkeypatch.setattr(orbit_engine, "place_points", None)
     orbit = Orbit(block_scene, most_bytes=12 * 1500)
     with pytest.raises(InsituError, match=r"^block.toml: 12 vertices, of which Orbit would keep more than 0 MiB; "):
         [*orbit.work()]

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from engine.orbit.shading_points import _joined_at_edges, shading_points, with_backs
-from engine.orbit.visibility import N_UPPER, see_patches, upper
+from engine.orbit.visibility import N_UPPER, trace_patches, upper_triangles
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic
 from tests.engine.transport.by_hand import square
@@ -82,7 +82,7 @@ def test_the_share_that_a_floor_sees_beside_a_ball_is_the_closed_form(ball) -> N
     # r²/d² cos θ of the irradiance.
     points, _, bits = ball
     floor = np.flatnonzero((points.i_object == FLOOR) & (np.linalg.norm(points.position, axis=1) > 0.3))
-    solid_angle = geodesic(4).solid_angles[upper()]
+    solid_angle = geodesic(4).solid_angles[upper_triangles()]
     hidden = ((4 - counts(bits[floor])) * solid_angle / 4).sum(axis=1)
     distance = np.linalg.norm(points.position[floor] - [0.0, 0.5, 0.0], axis=1)
     expected = 2 * np.pi * (1 - np.sqrt(1 - (0.5 / distance) ** 2))
@@ -103,7 +103,7 @@ def test_a_lamp_is_seen_where_no_ball_is_before_it(ball) -> None:
     points, caster, _ = ball
     lamp = emitter_patches(square((0.0, 2.0, 0.0), (0.2, 0, 0), (0, 0, 0.2)), np.ones((2, 3)), 8)
     bits = np.empty((len(points), 1), np.uint8)
-    see_patches(points, caster, lamp, np.arange(len(points)), bits)
+    trace_patches(points, caster, lamp, np.arange(len(points)), bits)
     seen = np.unpackbits(bits, axis=1, bitorder="little")[:, : len(lamp)].mean(axis=1)
     floor = points.i_object == FLOOR
     distance = np.linalg.norm(points.position[floor][:, [0, 2]], axis=1)

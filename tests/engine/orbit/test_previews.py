@@ -11,8 +11,8 @@ from app.stills import layers_by_object
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.orbit import live
-from engine.orbit.live import Orbit
+from engine.orbit import orbit_engine
+from engine.orbit.orbit_engine import Orbit
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import build_scene
 from engine.transport.pipeline import SkyState
@@ -34,8 +34,8 @@ BOX = camera((0.3, 3.0, 0.4), 30, SIZE) + "".join(
 
 
 def gilded_box(monkeypatch: pytest.MonkeyPatch) -> Orbit:
-    monkeypatch.setattr(live, "_TRACED", 32)  # it has few points
-    monkeypatch.setattr(live, "_FINE", 32)
+    monkeypatch.setattr(orbit_engine, "_TRACED", 32)  # it has few points
+    monkeypatch.setattr(orbit_engine, "_FINE", 32)
     scene = build_scene(parse_description(tomllib.loads(BOX), "box"), Path("box.toml"), SIZE)
     orbit = Orbit(scene, n_points=1500, n_coefficients=64)
     orbit.set_light(SkyState(constant_environment((1.0, 1.0, 1.0))))
@@ -63,7 +63,7 @@ def test_no_picture_is_worse_than_one_before_it(name: str, monkeypatch: pytest.M
             pictures.append(orbit.draw(eye, SIZE, "moving"))
             version = orbit.version
     assert orbit.is_done and len(pictures) > 5
-    samples = orbit.lit.mesh.look(eye, SIZE).samples
+    samples = orbit.lit.mesh.sample_view(eye, SIZE).samples
     on_gold = np.isin(samples.i_object.reshape(SIZE[::-1]), gold_objects)
     last = pictures[-1]
     error = np.array([np.sqrt(np.mean((each - last) ** 2)) for each in pictures]) / last.mean()

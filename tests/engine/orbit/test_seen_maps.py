@@ -10,8 +10,8 @@ from PIL import Image
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.material.layer_maps import LayerMaps
-from engine.orbit.picture import PointMesh
-from engine.orbit.seen_maps import factors, footprints_of
+from engine.orbit.view_samples import PointMesh
+from engine.orbit.view_maps import factors, footprints_of
 from engine.orbit.shading_points import shading_points
 from engine.render.maps import MapFactors
 from engine.scene.description import parse_description
@@ -32,7 +32,7 @@ def test_images_are_filtered_as_in_placement(tmp_path: Path, quality: str) -> No
     layer = make_layer(MODELS["lambert"]).replace(maps=LayerMaps(texture="board.png", texture_scale=(3.0, 2.0)))
     placement = Placement(scene)
     points = shading_points(scene, placement.caster, 300)
-    seen = PointMesh(scene, points).look(scene.description.camera, SIZE)
+    seen = PointMesh(scene, points).sample_view(scene.description.camera, SIZE)
     which = seen.of(0)
     found = factors(seen, which, scene, 0, [layer], quality)[0]
     begin, end = placement.hits.object_ranges[0]
@@ -45,7 +45,7 @@ def test_images_are_filtered_as_in_placement(tmp_path: Path, quality: str) -> No
 def test_footprints_are_those_of_the_neighbouring_pixels_rays() -> None:
     scene = build_scene(parse_description(tomllib.loads(SCENE), "ball"), Path("ball.toml"), SIZE)
     points = shading_points(scene, Placement(scene).caster, 300)
-    seen = PointMesh(scene, points).look(scene.description.camera, SIZE)
+    seen = PointMesh(scene, points).sample_view(scene.description.camera, SIZE)
     for i_object in range(len(scene.smooth)):
         which = seen.of(i_object)
         rows, columns = np.divmod(seen.pixel[which], SIZE[0])

@@ -11,7 +11,7 @@ import pytest
 from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
-from engine.orbit.live import Orbit
+from engine.orbit.orbit_engine import Orbit
 from engine.orbit.slice_levels import SliceLevels
 from engine.orbit.slices import slice_bytes_of, table_bytes_of
 from engine.scene.description import parse_description

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from engine.orbit import _slice_kernels, _sun_kernels, _turned_kernels
-from engine.orbit._corner_kernels import Suns
+from engine.orbit import _slice_kernels, _peak_kernels, _perturbed_kernels
+from engine.orbit._corner_kernels import PeakLights
 from engine.orbit._incident_kernels import child_at
 from engine.orbit.incident import hemisphere
-from engine.orbit.sky import Sky
-from engine.orbit.turned import _in_rows
-from engine.orbit.visibility import upper
+from engine.orbit.sky_map import SkyMap
+from engine.orbit.perturbed_normals import _in_rows
+from engine.orbit.visibility import upper_triangles
 
 N_POINTS, N_SAMPLES, N_SUNS = 40, 60, 11
 
@@ -26,7 +26,7 @@ class Case(NamedTuple):
     turned: NDArray[np.float32]
     wo: NDArray[np.float32]
     bits: NDArray[np.uint8]
-    sky: Sky
+    sky: SkyMap
 
     def share(self, j: int, sun: int) -> float:
         """How much of a sun sample j sees."""
@@ -51,19 +51,19 @@ def case() -> Case:
         chance.dirichlet(np.ones(3), N_SAMPLES).astype(np.float32),
         frames(N_POINTS), frames(N_SAMPLES), unit(N_SAMPLES),
         chance.integers(0, 256, (N_POINTS, 12)).astype(np.uint8),
-        Sky(no_map, no_map, 0.0, unit(N_SUNS), chance.uniform(1, 5, (N_SUNS, 3)).astype(np.float32), unit(8, 16)),
+        SkyMap(no_map, no_map, 0.0, unit(N_SUNS), chance.uniform(1, 5, (N_SUNS, 3)).astype(np.float32), unit(8, 16)),
     )  # fmt: skip
 
 
 def test_suns_on_turned_surfaces_one_by_one(case: Case) -> None:
     out = np.empty((N_SAMPLES, 3), np.float32)
-    _turned_kernels.sun_irradiance(
+    _perturbed_kernels.peak_irradiance(
         0, N_SAMPLES, np.arange(N_SAMPLES), case.corners, case.weights, case.turned, case.frame, case.bits,
-        *_in_rows(case.sky), _turned_kernels.of_bytes(), out,
+        *_in_rows(case.sky), _perturbed_kernels.of_bytes(), out,
     )  # fmt: skip
     for j in range(N_SAMPLES):
         before, expected = case.weights[j] @ case.frame[case.corners[j], 1], np.zeros(3)
-        for sun, (way, power) in enumerate(zip(case.sky.sun_direction, case.sky.sun_power, strict=True)):
+        for sun, (way, power) in enumerate(zip(case.sky.peak_direction, case.sky.peak_power, strict=True)):
             cosine = max(float(case.turned[j, 1] @ way), 0.0) - float(before @ way)
             expected += case.share(j, sun) * cosine * power
         np.testing.assert_allclose(out[j], expected, rtol=1e-4, atol=1e-5)
@@ -71,19 +71,19 @@ def test_suns_on_turned_surfaces_one_by_one(case: Case) -> None:
 
 def test_slices_of_suns_on_turned_surfaces_one_by_one(case: Case) -> None:
     """Of slices that are the same seen from anywhere, and of another value in each triangle."""
-    n, children = len(upper()), hemisphere().children
+    n, children = len(upper_triangles()), hemisphere().children
     value = np.random.default_rng(6).integers(1, 128, n).astype(np.float32)  # exact in 16 bits
     values = _slice_kernels.packed(np.append(np.tile(np.repeat(value, 3), 4), np.float32(0.0)))
     same = np.tile(np.arange(n, dtype=np.int32), (2, 1))
     tables = _slice_kernels.Tables(np.zeros(1, np.uint16), values, same, same, 2, 2, 1.5, 1)
     out = np.empty((N_SAMPLES, 3), np.float32)
-    _turned_kernels.suns(
+    _perturbed_kernels.peak_radiance(
         0, N_SAMPLES, np.arange(N_SAMPLES), case.corners, case.weights, case.wo, case.turned, case.bits,
-        *_in_rows(case.sky), children, _turned_kernels.of_bytes(), tables, out,
+        *_in_rows(case.sky), children, _perturbed_kernels.of_bytes(), tables, out,
     )  # fmt: skip
     for j in range(N_SAMPLES):
         expected = np.zeros(3)
-        for sun, (way, power) in enumerate(zip(case.sky.sun_direction, case.sky.sun_power, strict=True)):
+        for sun, (way, power) in enumerate(zip(case.sky.peak_direction, case.sky.peak_power, strict=True)):
             x, y, z = case.turned[j] @ way
             if y > 0.0:
                 expected += case.share(j, sun) * power * value[child_at(x, y, z, children) >> 2]
@@ -95,17 +95,17 @@ def test_slices_of_suns_on_turned_surfaces_one_by_one(case: Case) -> None:
 def test_suns_that_points_do_not_agree_on(case: Case, n_suns: int, everywhere: bool) -> None:
     bits = case.bits.copy()
     bits[: N_POINTS // 2] = 255  # some samples' points agree
-    suns = Suns(case.sky.sun_direction, case.sky.sun_power, bits, hemisphere().children, 0.0)
+    suns = PeakLights(case.sky.peak_direction, case.sky.peak_power, bits, hemisphere().children, 0.0)
     row, sun = np.empty((2, N_SAMPLES * n_suns), np.int32)
     share, cosine = np.empty((2, len(row)), np.float32)
-    n = _sun_kernels.suns_in_question(
+    n = _peak_kernels.uncertain_peaks(
         np.arange(N_SAMPLES), case.corners, case.weights, case.frame, suns, n_suns, everywhere, row, sun, share, cosine
     )
     expected = []
     for j in range(N_SAMPLES):
         for s in range(n_suns):
             seen = bits[case.corners[j], 0] >> s & 1
-            high = case.frame[case.corners[j], 1] @ case.sky.sun_direction[s]
+            high = case.frame[case.corners[j], 1] @ case.sky.peak_direction[s]
             if len(set(seen)) == 2 or (everywhere and case.weights[j] @ high > 0.0):
                 expected.append((j, s, case.weights[j] @ seen, case.weights[j] @ (seen * high)))
     np.testing.assert_allclose(np.stack([row, sun, share, cosine], axis=1)[:n], expected, rtol=1e-5, atol=1e-6)

@@ -1,4 +1,4 @@
-"""What moving pictures are drawn of, in buffers of the graphics card: filled part by part, see `engine.orbit.parts`."""
+"""What moving pictures are drawn of, in buffers of the graphics card: filled part by part, see `engine.orbit.gpu_parts`."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.orbit import parts
-from engine.orbit.parts import N_HEAD, BouncedPart, LightPart, MeshPart, SkyPart, TablePart, TermsPart
+from engine.orbit import gpu_parts
+from engine.orbit.gpu_parts import N_HEAD, BouncedPart, LightPart, MeshPart, SkyPart, TablePart, TermsPart
 from ui.gl.buffers import BufferMemory
 from ui.gl.program import ProgramCache, set_uniforms
 from ui.gl.textures import TextureMemory
@@ -31,7 +31,7 @@ class PointBuffers:
         self._context, self._programs = context, programs
         self._memory, self._textures = BufferMemory(context), TextureMemory(context)
         self.mesh: MeshPart | None = None
-        self.terms: tuple[parts.ToldTerm, ...] = ()
+        self.terms: tuple[gpu_parts.ExportedTerm, ...] = ()
         self.emission = np.zeros((0, 3), np.float32)
         self.tables: dict[int, Tables] = {}
         self.sky: moderngl.Texture | None = None
@@ -47,7 +47,7 @@ class PointBuffers:
     def __getitem__(self, name: str) -> moderngl.Buffer:
         return self._named[name]
 
-    def take(self, part: parts.Part) -> None:
+    def take(self, part: gpu_parts.Part) -> None:
         """Raises GraphicsError where there is no room for it."""
         match part:
             case MeshPart():

@@ -3,7 +3,7 @@
     backdrop ─► what emits, and depth ─► marks on the points that are seen
     for each term: gloss of the marked points towards the eye (gloss.comp) ─► its object's triangles, times its maps
 
-As `engine.orbit.drawing` draws moving pictures, and with several samples a pixel: edges are soft. All lies in buffers
+As `engine.orbit.view_radiance` draws moving pictures, and with several samples a pixel: edges are soft. All lies in buffers
 (`point_buffers`); in a frame nothing is sent but the camera.
 """
 
@@ -15,7 +15,7 @@ from itertools import product
 import moderngl
 import numpy as np
 
-from engine.orbit.parts import MeshPart, ToldTerm
+from engine.orbit.gpu_parts import MeshPart, ExportedTerm
 from engine.scene.description import Camera
 from ui.gl.layer_maps import map_uniforms
 from ui.gl.orbit.point_buffers import PointBuffers, Tables
@@ -128,13 +128,13 @@ class ShadedPicture:
             program.run(min(last - first, _GROUPS), n_rows)
         self._context.memory_barrier()
 
-    def _draw_term(self, mesh: MeshPart, term: ToldTerm, view: dict[str, object]) -> None:
+    def _draw_term(self, mesh: MeshPart, term: ExportedTerm, view: dict[str, object]) -> None:
         buffers, maps, bumps = self.buffers, term.maps, term.bumps
         program = self._program("term", "term", IS_BUMPY=int(bumps is not None), HAS_MAPS=int(maps is not None))
         for binding, name in enumerate(("points", "irradiance", "indirect", "rows", "gloss", "images", "strokes")):
             buffers[name].bind_to_storage_buffer(binding)
         set_uniforms(
-            program, **view, row_words=buffers.row_words, reflectance=term.reflectance, sends_on=term.sends_on,
+            program, **view, row_words=buffers.row_words, reflectance=term.reflectance, sends_on=term.albedo,
             has_gloss=float(term.tables in buffers.tables),
         )  # fmt: skip
         if maps is not None:

@@ -16,9 +16,9 @@ from app.project import open_project
 from engine.light.environment import Environment
 from engine.material.layer import Layer
 from engine.material.strokes import Stroke, Strokes
-from engine.orbit.live import MOST_SLICE_BYTES, Orbit
-from engine.orbit.parts import LightPart
-from engine.orbit.telling import Telling
+from engine.orbit.orbit_engine import MOST_SLICE_BYTES, Orbit
+from engine.orbit.gpu_parts import LightPart
+from engine.orbit.gpu_export import PointExporter
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import CameraDescription
 from engine.transport.pipeline import SkyState
@@ -120,7 +120,7 @@ def assert_same(studio: Studio, shaded: ShadedPicture, camera: CameraDescription
     expected, found = studio.orbit.draw(camera, SIZE, "moving", n), image(shaded, camera, n)
     off = np.abs(found - expected).max(axis=2) / expected.mean()
     assert off.mean() < 0.005
-    on_floor = studio.orbit.lit.mesh.look(camera, SIZE).samples.i_object.reshape(off.shape) == 0  # type: ignore[union-attr]
+    on_floor = studio.orbit.lit.mesh.sample_view(camera, SIZE).samples.i_object.reshape(off.shape) == 0  # type: ignore[union-attr]
     # Images are looked up in one of their levels: where that changes, the two round in their own ways.
     assert np.quantile(off[on_floor], 0.9) < 0.02
     assert np.quantile(off[~on_floor], 0.995) < 0.01
@@ -130,13 +130,13 @@ def test_slices_over_larger_triangles_are_read_as_the_worker_does(tmp_path: Path
     made = Studio(tmp_path, 12 << 20)  # a metal and a brushed layer take 37 MB
     made.work(sky(20.0), made.layers)
     assert made.orbit.notes and made.orbit.reflections.slice_bytes <= 12 << 20
-    for part in Telling(1 << 26).parts(made.orbit):
+    for part in PointExporter(1 << 26).parts(made.orbit):
         shaded.buffers.take(part)
     assert_same(made, shaded, made.camera)
 
 
 def test_it_is_the_workers_picture_after_every_change(studio: Studio, shaded: ShadedPicture) -> None:
-    telling, own = Telling(1 << 26), studio.camera
+    telling, own = PointExporter(1 << 26), studio.camera
 
     def tell() -> int:
         told = list(telling.parts(studio.orbit))
@@ -161,18 +161,18 @@ def test_it_is_the_workers_picture_after_every_change(studio: Studio, shaded: Sh
     assert np.abs(image(shaded, own) - before).max() > 0.05
     assert_same(studio, shaded, own)
     studio.work(sky(80.0), studio.layers)
-    studio.orbit.shine({"lamp": (2.0, 3.0, 9.0)})
+    studio.orbit.set_emission({"lamp": (2.0, 3.0, 9.0)})
     studio.work(sky(80.0), studio.layers)
     tell()
     assert_same(studio, shaded, own)
     assert list(telling.parts(studio.orbit)) == []
-    studio.orbit.shine({"lamp": (9.0, 7.0, 5.0)})
+    studio.orbit.set_emission({"lamp": (9.0, 7.0, 5.0)})
     studio.work(sky(20.0), studio.layers)
 
 
 def test_edges_are_smooth(studio: Studio, context: moderngl.Context) -> None:
     smooth, hard = ShadedPicture(context), ShadedPicture(context, n_samples=0)
-    for part in Telling(1 << 26).parts(studio.orbit):
+    for part in PointExporter(1 << 26).parts(studio.orbit):
         smooth.buffers.take(part)
         hard.buffers.take(part)
     lamp = [image(each, studio.camera).reshape(-1, 3)[:, 0] for each in (smooth, hard)]
@@ -187,14 +187,14 @@ def test_what_does_not_fit_is_told_in_a_line(
 ) -> None:
     monkeypatch.setattr(buffers, "most_buffer_bytes", lambda context: 1000)
     with pytest.raises(GraphicsError, match="buffer of 1 MiB"):
-        for part in Telling(1000).parts(studio.orbit):
+        for part in PointExporter(1000).parts(studio.orbit):
             shaded.buffers.take(part)
     assert not shaded.buffers.is_ready
 
 
 def test_of_light_as_much_is_told_as_goes_into_a_buffer(studio: Studio, shaded: ShadedPicture) -> None:
-    n_rows = len(studio.orbit.lit.incident.kept.number)  # type: ignore[union-attr]
-    for part in Telling(4 * n_rows * (168 + 2 * 24)).parts(studio.orbit):
+    n_rows = len(studio.orbit.lit.incident.stored.number)  # type: ignore[union-attr]
+    for part in PointExporter(4 * n_rows * (168 + 2 * 24)).parts(studio.orbit):
         shaded.buffers.take(part)
     assert shaded.buffers.mesh is not None and shaded.buffers.mesh.n_coefficients == 24
     assert_same(studio, shaded, studio.camera, 24)

@@ -12,12 +12,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.orbit import _sun_kernels as kernels
+from engine.orbit import _peak_kernels as kernels
 from engine.orbit.incident import Incident
-from engine.orbit.picture import Rows, Seen
+from engine.orbit.view_samples import Rows, ViewSamples
 from engine.orbit.pixel_light import Wrong, phases
-from engine.orbit.reflected import suns_of
-from engine.orbit.sky import N_PLACES, Sky
+from engine.orbit.point_reflection import peak_lights_of
+from engine.orbit.sky_map import N_PLACES, SkyMap
 from engine.scene.raycaster import RayCaster
 
 Float32Array = NDArray[np.float32]
@@ -25,37 +25,37 @@ _AT_ONCE = 16384  # samples
 _AT_REST, _FEW = 2, 4  # rays to a sun, the latter in stills at first
 
 
-def sun_shadows(
-    seen: Seen, which: Rows, incident: Incident, sky: Sky, caster: RayCaster, everywhere: bool
+def peak_shadows(
+    seen: ViewSamples, which: Rows, incident: Incident, sky: SkyMap, caster: RayCaster, everywhere: bool
 ) -> Iterator[Wrong]:
     """What samples (N,) see of suns that their points do not know, some at a time; caster: of the scene's triangles;
     everywhere: whether pixels whose points agree are asked as well, and by all rays where few of them tell an edge."""
-    suns, n_suns = suns_of(sky, incident, 0.0), len(sky.sun_places)
-    for start in range(0, len(which) if n_suns else 0, _AT_ONCE):
+    peaks, n_peaks = peak_lights_of(sky, incident, 0.0), len(sky.sun_places)
+    for start in range(0, len(which) if n_peaks else 0, _AT_ONCE):
         some = which[start : start + _AT_ONCE]
-        row, sun = np.empty((2, len(some) * n_suns), np.int32)
+        row, peak = np.empty((2, len(some) * n_peaks), np.int32)
         share, cosine = np.empty((2, len(row)), np.float32)
-        n = kernels.suns_in_question(
-            some, seen.samples.corners, seen.samples.weights, seen.points.frames, suns, n_suns, everywhere,
-            row, sun, share, cosine,
+        n = kernels.uncertain_peaks(
+            some, seen.samples.corners, seen.samples.weights, seen.points.frames, peaks, n_peaks, everywhere,
+            row, peak, share, cosine,
         )  # fmt: skip
-        row, sun, share, cosine = row[:n], sun[:n], share[:n], cosine[:n]
+        row, peak, share, cosine = row[:n], peak[:n], share[:n], cosine[:n]
         is_first = np.diff(row, prepend=-1) > 0  # of the suns of a sample, which stand together
         asked, place = some[row[is_first]], np.cumsum(is_first) - 1
         normals = seen.normals(asked)
-        above = np.einsum("ni,ni->n", normals[place], sky.sun_direction[sun])
+        above = np.einsum("ni,ni->n", normals[place], sky.peak_direction[peak])
         lifted = caster.offset_origins(seen.places(asked), normals)[place]
         first, free, lit = phases(seen, asked)[place], np.zeros(n, np.float32), np.flatnonzero(above > 0.0)
         few = _FEW if everywhere else _AT_REST
-        free[lit] = _free(caster, lifted[lit], sky.sun_places[sun[lit]], first[lit], few)
+        free[lit] = _free(caster, lifted[lit], sky.sun_places[peak[lit]], first[lit], few)
         if everywhere:
             is_edge = (free > 0.0) & (free < 1.0) | (share > 1e-3) & (share < 1.0 - 1e-3)
             edge = np.flatnonzero(is_edge & (above > 0.0))
-            free[edge] = _free(caster, lifted[edge], sky.sun_places[sun[edge]], first[edge], N_PLACES)
+            free[edge] = _free(caster, lifted[edge], sky.sun_places[peak[edge]], first[edge], N_PLACES)
         share, cosine = free - share, free * above - cosine
         wrong = np.flatnonzero(np.abs(share) > 1e-3)
-        own = sun[wrong]
-        yield Wrong(some[row[wrong]], sky.sun_direction[own], sky.sun_power[own], share[wrong], cosine[wrong])
+        own = peak[wrong]
+        yield Wrong(some[row[wrong]], sky.peak_direction[own], sky.peak_power[own], share[wrong], cosine[wrong])
 
 
 def _free(

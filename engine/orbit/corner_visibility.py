@@ -24,7 +24,7 @@ _SHORT = 1e-4  # a ray to a place ends this share before it
 _NEAREST = 16  # points, of which the first in sight is taken
 
 
-class Sight:
+class CornerVisibility:
     """The points of a scene and the triangles between them; see above."""
 
     def __init__(self, points: ShadingPoints, caster: RayCaster) -> None:
@@ -41,7 +41,7 @@ class Sight:
         return seen
 
     @cached_property
-    def divided(self) -> NDArray[np.bool_]:
+    def split_triangles(self) -> NDArray[np.bool_]:
         """Which triangles, on either side (T, 2), have corners that are not in sight of all that is between them."""
         points, found = self._points, np.zeros(self._points.triangles.shape[:2], bool)
         for side in range(2):
@@ -56,12 +56,12 @@ class Sight:
             found[mine, side] = flat & some
         return found
 
-    def look(self, samples: Samples, triangle: NDArray[np.int32]) -> None:
+    def fix_corners(self, samples: Samples, triangle: NDArray[np.int32]) -> None:
         """Change corners and weights of samples (R,) to those that are in sight; triangle (R,): which they lie in."""
         points = self._points
         rows = np.flatnonzero(self._divided_somewhere[triangle] & (samples.corners[:, 0] >= 0))  # few: see above
         side = (np.einsum("ri,ri->r", samples.wo[rows], self._faces[triangle[rows]]) < 0.0).astype(np.intp)
-        mine = self.divided[triangle[rows], side]
+        mine = self.split_triangles[triangle[rows], side]
         rows, side = rows[mine], side[mine]
         if not len(rows):
             return
@@ -82,7 +82,7 @@ class Sight:
     @cached_property
     def _divided_somewhere(self) -> NDArray[np.bool_]:
         """Which triangles (T,) are divided on one of their sides."""
-        return np.asarray(self.divided.any(axis=1))
+        return np.asarray(self.split_triangles.any(axis=1))
 
     @cached_property
     def _faces(self) -> NDArray[np.float64]:

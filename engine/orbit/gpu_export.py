@@ -1,4 +1,4 @@
-"""Tells the parts of which moving pictures are drawn (`parts`) to a graphics card, and then what changes of them.
+"""Tells the parts of which moving pictures are drawn (`gpu_parts`) to a graphics card, and then what changes of them.
 
     telling = Telling(number_of_bytes)
     for part in telling.parts(orbit): ...       all that changed since it was asked last
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.orbit._slice_kernels import Tables
-from engine.orbit.parts import (
+from engine.orbit.gpu_parts import (
     N_HEAD,
     BouncedPart,
     Float32Array,
@@ -26,8 +26,8 @@ from engine.orbit.parts import (
     SkyPart,
     TablePart,
     TermsPart,
-    ToldBumps,
-    ToldTerm,
+    ExportedBumps,
+    ExportedTerm,
     Words,
 )
 from engine.scene.surface_uvs import corner_uvs
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from engine.material.bumps import Bumps
     from engine.orbit.incident import Incident
     from engine.orbit.lit_points import LitPoints
-    from engine.orbit.live import Orbit
+    from engine.orbit.orbit_engine import Orbit
     from engine.orbit.reflections import Term
     from engine.orbit.shading_points import ShadingPoints
     from engine.scene.scene_loader import Scene
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 _AT_ONCE = 4096  # points: 11 MB at 320 coefficients
 
 
-class Telling:
+class PointExporter:
     """What has been told so far."""
 
     def __init__(self, most_bytes: int) -> None:
@@ -71,7 +71,7 @@ class Telling:
         bumps = tuple(described.bumps for described in orbit.scene.description.objects)
         if (lit.points, lit.incident, bumps) != (self._points, self._incident, self._bumps):
             self._points, self._incident, self._bumps = lit.points, lit.incident, bumps
-            self._n = self._coefficients_told(lit.incident)
+            self._n = self._n_exported_coefficients(lit.incident)
             lit.untold[:], self._indirect = True, None
             yield _mesh(orbit.scene, lit, self._n)
         yield from self._sky_parts(orbit)
@@ -83,10 +83,10 @@ class Telling:
             lit.untold[some] = False
         if lit.indirect is not self._indirect:
             self._indirect = lit.indirect
-            yield BouncedPart(_four(lit.indirect))
+            yield BouncedPart(_with_fourth(lit.indirect))
 
-    def _coefficients_told(self, incident: Incident) -> int:
-        n_rows, n = incident.kept.number.shape
+    def _n_exported_coefficients(self, incident: Incident) -> int:
+        n_rows, n = incident.stored.number.shape
         room = self._most_bytes // 4 // max(n_rows, 1) - N_HEAD
         return max(min(n, room // 2), 1)
 
@@ -102,7 +102,7 @@ class Telling:
 
     def _terms_parts(self, orbit: Orbit) -> Iterator[Part]:
         made = _Terms(orbit)
-        strokes, images = made.told.strokes, made.told.images
+        strokes, images = made.exported.strokes, made.exported.images
         told = made.terms, strokes, orbit.scene.emission.tobytes()
         if told == self._terms and images == self._images:
             return
@@ -117,11 +117,11 @@ class _Terms:
 
     def __init__(self, orbit: Orbit) -> None:
         self.tables: dict[int, Tables] = {}
-        self.told = ImageExporter(orbit.scene.textures, orbit.scene.origin)
+        self.exported = ImageExporter(orbit.scene.textures, orbit.scene.origin)
         self._orbit = orbit
-        self.terms = tuple(self._told(term) for term in orbit.reflections.terms)
+        self.terms = tuple(self._export_term(term) for term in orbit.reflections.terms)
 
-    def _told(self, term: Term) -> ToldTerm:
+    def _export_term(self, term: Term) -> ExportedTerm:
         orbit = self._orbit
         albedo = orbit.reflections.albedo(term) / np.pi * (orbit.n_bounces > 1)
         tables = None if term.reflectance is not None else orbit.reflections.tables(term.layers)
@@ -129,18 +129,18 @@ class _Terms:
             self.tables[tables.serial] = tables
         maps = None
         if term.factor is not None:
-            maps = self.told.maps(term.layers[0].maps)
+            maps = self.exported.maps(term.layers[0].maps)
         bumps = None
         if term.reflectance is not None and term.i_object in orbit.scene.bump_normals.objects:
             own = orbit.scene.description.objects[term.i_object].bumps
-            slopes = self.told.image(orbit.scene.textures.slopes(own))
-            bumps = ToldBumps(slopes, own.bump_repeats, own.slope_scale, bool(own.normal_map))
+            slopes = self.exported.image(orbit.scene.textures.slopes(own))
+            bumps = ExportedBumps(slopes, own.bump_repeats, own.slope_scale, bool(own.normal_map))
         reflectance, serial = term.reflectance or (0.0, 0.0, 0.0), tables.serial if tables else 0
-        return ToldTerm(term.i_object, reflectance, _three(albedo), serial, maps, bumps)
+        return ExportedTerm(term.i_object, reflectance, _as_triple(albedo), serial, maps, bumps)
 
 
 def _mesh(scene: Scene, lit: LitPoints, n: int) -> MeshPart:
-    points, kept = lit.points, lit.incident.kept
+    points, stored = lit.points, lit.incident.stored
     zero = np.zeros((len(points), 1), np.float32)
     row = lit.incident.slot.astype(np.int32)[:, None].view(np.float32)
     each = np.concatenate([points.position, row, points.normal, zero, points.tangent, zero], axis=1)
@@ -160,12 +160,12 @@ def _mesh(scene: Scene, lit: LitPoints, n: int) -> MeshPart:
     low, high = scene.vertices.min(axis=0), scene.vertices.max(axis=0)
     return MeshPart(
         each.astype(np.float32).view(np.uint32), corners.reshape(-1, 16).astype(np.float32).view(np.uint32),
-        tuple(zip(bounds[:-1], bounds[1:], strict=True)), tuple(runs), _three(scene.origin), _three((low + high) / 2.0),
-        float(np.linalg.norm(high - low)) / 2.0, len(kept.number), n,
+        tuple(zip(bounds[:-1], bounds[1:], strict=True)), tuple(runs), _as_triple(scene.origin), _as_triple((low + high) / 2.0),
+        float(np.linalg.norm(high - low)) / 2.0, len(stored.number), n,
     )  # fmt: skip
 
 
-def _three(vector: NDArray[np.floating]) -> tuple[float, float, float]:
+def _as_triple(vector: NDArray[np.floating]) -> tuple[float, float, float]:
     x, y, z = map(float, vector)
     return x, y, z
 
@@ -185,23 +185,23 @@ def _runs(numbers: NDArray[np.integer]) -> tuple[Range, ...]:
 
 
 def _light(incident: Incident, which: NDArray[np.integer], n: int) -> LightPart:
-    kept = incident.kept
+    stored = incident.stored
     place = incident.slot[which]
     place = place[place >= 0]
-    value, number = kept.value[place, :n], kept.number[place, :n]
+    value, number = stored.value[place, :n], stored.number[place, :n]
     n_told = np.where((value != 0).any(axis=2), np.arange(1, value.shape[1] + 1), 0).max(axis=1, initial=0)
     most = int(n_told.max(initial=0))
     rows = np.zeros((len(place), N_HEAD + 2 * most), np.uint32)
     rows[:, 0] = n_told
-    rows[:, 1:7] = kept.leaning[place].reshape(-1, 6).view(np.uint32)
-    rows[:, 7:47] = kept.sun_place[place].astype(np.int32).view(np.uint32)
-    rows[:, 47:167] = kept.sun_power[place].reshape(-1, 120).view(np.uint32)
+    rows[:, 1:7] = stored.irradiance_gradient[place].reshape(-1, 6).view(np.uint32)
+    rows[:, 7:47] = stored.peak_place[place].astype(np.int32).view(np.uint32)
+    rows[:, 47:167] = stored.peak_power[place].reshape(-1, 120).view(np.uint32)
     four = np.concatenate([number[:, :most, None].view(np.uint16), value[:, :most]], axis=2)
     rows[:, N_HEAD:] = np.ascontiguousarray(four).reshape(len(place), 4 * most).view(np.uint32)
-    return LightPart(which.astype(np.int32), _four(kept.irradiance[which]), place, rows)
+    return LightPart(which.astype(np.int32), _with_fourth(stored.irradiance[which]), place, rows)
 
 
-def _four(colours: Float32Array) -> Float32Array:
+def _with_fourth(colours: Float32Array) -> Float32Array:
     """Colours (N, 3) as (N, 4)."""
     return np.concatenate([colours, np.zeros((len(colours), 1), np.float32)], axis=1)
 

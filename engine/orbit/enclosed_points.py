@@ -16,7 +16,7 @@ _RAYS, _AT_ONCE = 8, 4096
 _MOST = 0.5  # of a point's rays
 
 
-def buried(
+def find_enclosed(
     scene: Scene, caster: RayCaster, points: ShadingPoints, first: int = 0
 ) -> Generator[None, None, NDArray[np.bool_]]:
     """Which of the points from `first` on (S - first,) see more than by chance what light cannot reach, in pieces.

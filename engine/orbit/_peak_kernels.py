@@ -10,12 +10,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from engine.fast_math import FAST
-from engine.orbit._corner_kernels import Suns
+from engine.orbit._corner_kernels import PeakLights
 
 Float32Array = NDArray[np.float32]
 
 
-class Asked(NamedTuple):
+class BrdfQueries(NamedTuple):
     """What formulas are asked: sample (P,) of those that are named, power (P, 3) that comes in, wi and wo (P, 3) in
     tangent, bitangent, normal."""
 
@@ -26,9 +26,9 @@ class Asked(NamedTuple):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def ask_suns(
-    which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, wo: Float32Array, frame: Float32Array, suns: Suns,
-    sharp: NDArray[np.uint64], least_cosine: float, asked: Asked,
+def query_peaks(
+    which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, wo: Float32Array, frame: Float32Array, peaks: PeakLights,
+    sharp: NDArray[np.uint64], least_cosine: float, asked: BrdfQueries,
 ) -> int:  # fmt: skip
     """Fill what is asked of the suns that are sharp at corners (3 N, 2) of samples (N,), as `shade_corners` finds them,
     each by the share of those corners, in the frame between them; how many that are."""
@@ -47,9 +47,9 @@ def ask_suns(
                     continue
                 if not has_frame:
                     _interpolate_frame(corners[j], weights[j], frame, own)
-                    _look_along(own, wo[j], least_cosine, towards)
+                    _view_direction(own, wo[j], least_cosine, towards)
                     has_frame = True
-                d = suns.direction[s]
+                d = peaks.direction[s]
                 y = own[1, 0] * d[0] + own[1, 1] * d[1] + own[1, 2] * d[2]
                 if y <= 0.0:
                     continue
@@ -61,7 +61,7 @@ def ask_suns(
                 share += weights[j, 2] * np.float32(third >> bit & np.uint64(1))
                 asked.sample[n_asked] = n
                 for i in range(3):
-                    asked.power[n_asked, i], asked.wo[n_asked, i] = share * suns.power[s, i], towards[i]
+                    asked.power[n_asked, i], asked.wo[n_asked, i] = share * peaks.power[s, i], towards[i]
                 asked.wi[n_asked, 0], asked.wi[n_asked, 1], asked.wi[n_asked, 2] = x, -z, y
                 n_asked += 1
     return n_asked
@@ -90,7 +90,7 @@ def _interpolate_frame(corners: NDArray[np.int32], weights: Float32Array, frame:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _look_along(frame: NDArray[np.float64], wo: Float32Array, least_cosine: float, out: NDArray[np.float64]) -> None:
+def _view_direction(frame: NDArray[np.float64], wo: Float32Array, least_cosine: float, out: NDArray[np.float64]) -> None:
     """wo (3,) in tangent, bitangent, normal of a frame, no less than so much above the surface, unit, into out (3,)."""
     x = frame[0, 0] * wo[0] + frame[0, 1] * wo[1] + frame[0, 2] * wo[2]
     y = frame[1, 0] * wo[0] + frame[1, 1] * wo[1] + frame[1, 2] * wo[2]
@@ -101,7 +101,7 @@ def _look_along(frame: NDArray[np.float64], wo: Float32Array, least_cosine: floa
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def add_asked(n: int, asked: Asked, value: NDArray[np.float64], radiance: Float32Array) -> None:
+def add_answers(n: int, asked: BrdfQueries, value: NDArray[np.float64], radiance: Float32Array) -> None:
     """Add what the first n that were asked reflect, by their value (n, 3), to radiance (N, 3)."""
     for m in range(n):
         for i in range(3):
@@ -109,23 +109,23 @@ def add_asked(n: int, asked: Asked, value: NDArray[np.float64], radiance: Float3
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def suns_in_question(
-    samples: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, frame: Float32Array, suns: Suns, n_suns: int,
-    everywhere: bool, row: NDArray[np.int32], sun: NDArray[np.int32], share: Float32Array, cosine: Float32Array,
+def uncertain_peaks(
+    samples: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, frame: Float32Array, peaks: PeakLights, n_peaks: int,
+    everywhere: bool, row: NDArray[np.int32], peak: NDArray[np.int32], share: Float32Array, cosine: Float32Array,
 ) -> int:  # fmt: skip
-    """Which of the first n_suns, at most 8, may stand over samples (N,) otherwise than their points know: those of
+    """Which of the first n_peaks, at most 8, may stand over samples (N,) otherwise than their points know: those of
     which some of the three see one and others do not, or, everywhere, all above. Fills row, ascending, and sun
-    (N · n_suns,) and how much of the sun, and times which cosine, the points see by their weights (R, 3). Their
+    (N · n_peaks,) and how much of the sun, and times which cosine, the points see by their weights (R, 3). Their
     number."""
-    n_found, first_suns = 0, (1 << n_suns) - 1
+    n_found, first_suns = 0, (1 << n_peaks) - 1
     for n in range(len(samples)):
         j = samples[n]
-        a, b, c = suns.bits[corners[j, 0], 0], suns.bits[corners[j, 1], 0], suns.bits[corners[j, 2], 0]
+        a, b, c = peaks.bits[corners[j, 0], 0], peaks.bits[corners[j, 1], 0], peaks.bits[corners[j, 2], 0]
         in_question = ((a | b | c) ^ (a & b & c)) & first_suns
         if in_question == 0 and not everywhere:
             continue
-        for s in range(n_suns):
-            d, seen, known, above = suns.direction[s], np.float32(0.0), np.float32(0.0), np.float32(0.0)
+        for s in range(n_peaks):
+            d, seen, known, above = peaks.direction[s], np.float32(0.0), np.float32(0.0), np.float32(0.0)
             if not (everywhere or in_question >> s & 1):
                 continue
             for k in range(3):
@@ -133,10 +133,10 @@ def suns_in_question(
                 f = frame[p]
                 there = weights[j, k] * (f[1, 0] * d[0] + f[1, 1] * d[1] + f[1, 2] * d[2])
                 above += there
-                if suns.bits[p, 0] >> s & 1:
+                if peaks.bits[p, 0] >> s & 1:
                     seen += weights[j, k]
                     known += there
             if above > 0.0 or in_question >> s & 1:
-                row[n_found], sun[n_found], share[n_found], cosine[n_found] = n, s, seen, known
+                row[n_found], peak[n_found], share[n_found], cosine[n_found] = n, s, seen, known
                 n_found += 1
     return n_found

@@ -1,8 +1,8 @@
 """What moving pictures are drawn of, part by part, for a graphics card that draws them: arrays as buffers have them.
 
-The parts are the points' own functions and the terms that `drawing.reflected_light` sums of them for a moving picture;
+The parts are the points' own functions and the terms that `view_radiance.view_radiance` sums of them for a moving picture;
 the camera is in none of them. Numbers of 32 bits stand in rows of words, so that floats, whole numbers and pairs of
-bfloat16 lie side by side. They are told by `telling`, and kept where slow libraries are not imported.
+bfloat16 lie side by side. They are told by `gpu_export`, and kept where slow libraries are not imported.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class TablePart:
 
 
 @dataclass(frozen=True)
-class ToldBumps:
+class ExportedBumps:
     """Where an object's slopes begin among the images, how often they repeat, and what they are multiplied by."""
 
     slopes: int
@@ -95,16 +95,16 @@ class ToldBumps:
 
 
 @dataclass(frozen=True)
-class ToldTerm:
+class ExportedTerm:
     """One sum: what irradiance is multiplied by (3,), and what indirect irradiance is; the serial of its tables, 0 for
     none; where an object has bumps they lean its irradiance."""
 
     i_object: int
     reflectance: tuple[float, float, float]
-    sends_on: tuple[float, float, float]
+    albedo: tuple[float, float, float]
     tables: int
     maps: ExportedMaps | None
-    bumps: ToldBumps | None
+    bumps: ExportedBumps | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,7 @@ class TermsPart:
     """What is drawn of the points: terms; tables that are new, by serial, others are known; images and strokes (words),
     None where they are as before; emission (M, 3)."""
 
-    terms: tuple[ToldTerm, ...]
+    terms: tuple[ExportedTerm, ...]
     tables: Mapping[int, TablePart]
     images: Words | None
     strokes: Words

@@ -9,18 +9,18 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.orbit.incident import Lamps
+from engine.orbit.incident import SceneEmitters
 from engine.orbit.lamp_shadows import lamp_shadows
 from engine.orbit.lit_points import LitPoints
 from engine.orbit.mirrored_light import mirrored_light
-from engine.orbit.picture import Seen, added, interpolated
+from engine.orbit.view_samples import ViewSamples, add_values, interpolate
 from engine.orbit.pixel_light import PixelLight, added_up
-from engine.orbit.reflected import reflected, reflected_quickly, shaded
+from engine.orbit.point_reflection import reflect_at_rest, reflect_moving, shade_points
 from engine.orbit.reflections import Reflections, Term
-from engine.orbit.seen_maps import factors
-from engine.orbit.sky import Sky
-from engine.orbit.sun_shadows import sun_shadows
-from engine.orbit.turned import TurnedSamples, leaning_irradiance, turned_irradiance, turned_reflection, turned_samples
+from engine.orbit.view_maps import factors
+from engine.orbit.sky_map import SkyMap
+from engine.orbit.peak_shadows import peak_shadows
+from engine.orbit.perturbed_normals import PerturbedSamples, quick_irradiance, perturbed_irradiance, perturbed_reflection, perturb_samples
 from engine.render.still import StillProgress
 from engine.scene.scene_loader import Scene
 
@@ -33,31 +33,31 @@ _N_SHARP = 96  # the same at least of sharp gloss, which fewer would blur again
 _LITTLE = {"rest": 0.005, "still": 0.001}
 
 
-def reflected_light(
-    seen: Seen, lit: LitPoints, reflections: Reflections, scene: Scene, sky: Sky, lamps: Lamps | None, n_bounces: int,
+def view_radiance(
+    seen: ViewSamples, lit: LitPoints, reflections: Reflections, scene: Scene, sky: SkyMap, lamps: SceneEmitters | None, n_bounces: int,
     quality: Quality, n_moving: int,
 ) -> Generator[StillProgress, None, Float32Array]:  # fmt: skip
     """Radiance (R, 3) that samples reflect to the eye, found term by term; see `Orbit.draw`."""
     radiance = np.zeros((len(seen.pixel), 3), np.float32)
     everywhere, mapped = np.ones((1, 3), np.float32), dict[int, dict[int, Float32Array]]()
-    turned: dict[int, TurnedSamples] = {}
+    turned: dict[int, PerturbedSamples] = {}
 
     def reflected_by_bumps(which: NDArray[np.int64], term: Term) -> Float32Array:
         """What a term sends of direct light where bumps turn normals, without its maps, (N, 3)."""
         if quality == "moving":
-            light = leaning_irradiance(seen, which, lit.incident, scene, term.i_object)
+            light = quick_irradiance(seen, which, lit.incident, scene, term.i_object)
             return light * np.array(term.reflectance, np.float32)
         if term.i_object not in turned:
             turned.clear()
-            turned[term.i_object] = turned_samples(seen, which, scene, term.i_object)
+            turned[term.i_object] = perturb_samples(seen, which, scene, term.i_object)
         samples = turned[term.i_object]
         if term.reflectance is not None:
-            light = turned_irradiance(seen, samples, lit.incident, sky)
+            light = perturbed_irradiance(seen, samples, lit.incident, sky)
             return light * np.array(term.reflectance, np.float32)
         tables = reflections.tables(term.layers)
         if tables is None:
             return np.zeros((len(which), 3), np.float32)
-        return turned_reflection(seen, samples, lit.incident, sky, tables, quality == "still")
+        return perturbed_reflection(seen, samples, lit.incident, sky, tables, quality == "still")
 
     if quality != "moving":
         found_out = _found_out(seen, lit, sky, lamps, quality)
@@ -78,32 +78,32 @@ def reflected_light(
         is_sharp = term.reflectance is None and reflections.is_sharp(term.layers)
         shows = n_bounces > 1 and (quality == "still" and term.reflectance is None or quality == "rest" and is_sharp)
         albedo = None if shows else reflections.albedo(term)
-        lit.colours[points] = lit.sent_evenly(points, evenly, albedo, n_bounces)
+        lit.colours[points] = lit.diffuse_radiance(points, evenly, albedo, n_bounces)
         if tables is not None and quality == "moving" and not is_sharp:
-            shaded(seen, points, lit.incident, tables, n_moving, lit.shades, lit.colours)
-        interpolated(seen, which, lit.colours, factor, radiance)
+            shade_points(seen, points, lit.incident, tables, n_moving, lit.shades, lit.colours)
+        interpolate(seen, which, lit.colours, factor, radiance)
         if bumpy:
-            added(which, reflected_by_bumps(which, term), factor, radiance)
+            add_values(which, reflected_by_bumps(which, term), factor, radiance)
         elif term.reflectance is not None and quality != "moving":
-            added(which, found_out.irradiance[which] * np.array(term.reflectance, np.float32), factor, radiance)
+            add_values(which, found_out.irradiance[which] * np.array(term.reflectance, np.float32), factor, radiance)
         if shows:
             normals = turned[term.i_object].frames[:, 1] if bumpy else None
             found = mirrored_light(seen, which, lit, scene, term.i_object, term.layers, quality, normals)
-            added(which, found, factor, radiance)
+            add_values(which, found, factor, radiance)
         if tables is not None and quality != "moving":
-            found = reflected(seen, which, lit.incident, sky, term.layers, tables, _LITTLE[quality])
+            found = reflect_at_rest(seen, which, lit.incident, sky, term.layers, tables, _LITTLE[quality])
             found += found_out.reflected(seen, scene, term.i_object, term.layers)
-            added(which, found, factor, radiance)
+            add_values(which, found, factor, radiance)
         elif tables is not None and is_sharp:
-            found = reflected_quickly(seen, which, lit.incident, sky, tables, max(n_moving, _N_SHARP))
-            added(which, found, factor, radiance)
+            found = reflect_moving(seen, which, lit.incident, sky, tables, max(n_moving, _N_SHARP))
+            add_values(which, found, factor, radiance)
     return radiance
 
 
-def _found_out(seen: Seen, lit: LitPoints, sky: Sky, lamps: Lamps | None, quality: Quality) -> PixelLight:
+def _found_out(seen: ViewSamples, lit: LitPoints, sky: SkyMap, lamps: SceneEmitters | None, quality: Quality) -> PixelLight:
     """What samples learn of suns and lamps by rays of their own."""
     reflects = np.flatnonzero(seen.samples.corners[:, 0] >= 0)
-    of_suns = sun_shadows(seen, reflects, lit.incident, sky, lit.caster, quality == "still")
+    of_suns = peak_shadows(seen, reflects, lit.incident, sky, lit.caster, quality == "still")
     of_lamps = lamp_shadows(seen, reflects, lamps, lit.caster, quality) if lamps is not None else ()
     has_gloss = np.zeros(len(seen.pixel), bool)
     has_gloss[reflects] = lit.incident.slot[seen.samples.corners[reflects, 0]] >= 0

@@ -13,7 +13,7 @@ from engine.light.environment import Environment
 from engine.orbit import _picture_kernels as kernels
 from engine.orbit._footprint_kernels import Charts
 from engine.orbit.shading_points import ShadingPoints
-from engine.orbit.sight import Sight
+from engine.orbit.corner_visibility import CornerVisibility
 from engine.scene.camera import camera_frame
 from engine.scene.description import CameraDescription
 from engine.scene.edges import Surface, edge_pixels, ray_offsets, turn_of
@@ -34,10 +34,10 @@ class PointMesh:
     def __init__(self, scene: Scene, points: ShadingPoints, caster: RayCaster | None = None) -> None:
         """caster: of the triangles between the points, where there is one."""
         self._scene, self._points = scene, points
-        self._last: tuple[tuple[object, ...], Seen] | None = None
+        self._last: tuple[tuple[object, ...], ViewSamples] | None = None
         self._caster = caster or points.caster()
         self._charts: dict[int, Charts] = {}
-        self.sight = Sight(points, self._caster)
+        self.visibility = CornerVisibility(points, self._caster)
         self._surface = kernels.PointTriangles(
             points.shown, np.ascontiguousarray(scene.geometric_normals[points.source]),
             scene.object_of_triangle[points.source], scene.emission,
@@ -49,19 +49,19 @@ class PointMesh:
         other._charts = self._charts
         return other
 
-    def look(
+    def sample_view(
         self, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int = 0, in_sight: bool = False
-    ) -> Seen:
+    ) -> ViewSamples:
         """What the eye sees in a picture of resolution (width, height), one ray through each pixel's centre; where
         edges are to be soft 4, 8 or 16 through the pixels at them, which by more than 4 are also those where an object
         bends or breaks off; in_sight: of points that see what they are asked about alone. The last is kept, as the
         camera stays while a material or the light moves."""
         asked = camera, resolution, n_edge_rays, in_sight
         if self._last is None or self._last[0] != asked:
-            self._last = asked, self._looked(*asked)
+            self._last = asked, self._sample_view(*asked)
         return self._last[1]
 
-    def _looked(self, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int, in_sight: bool) -> Seen:
+    def _sample_view(self, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int, in_sight: bool) -> ViewSamples:
         width, height = resolution
         pixel, share = np.arange(width * height), np.ones(width * height, np.float32)
         samples, found = self._trace(camera, resolution, np.empty((0, 2)), len(pixel))
@@ -79,14 +79,14 @@ class PointMesh:
             pixel = np.concatenate([inner, np.repeat(outer, n_edge_rays)])
             share = np.concatenate([share[inner], np.full(n_edge_rays * len(outer), 1.0 / n_edge_rays, np.float32)])
         if in_sight:
-            self.sight.look(samples, found[0])
+            self.visibility.fix_corners(samples, found[0])
         i_object = samples.i_object
         reflects = samples.corners[:, 0] >= 0
         order, bounds = kernels.by_object(i_object, reflects, len(self._scene.smooth))
         eye = np.subtract(camera.position, self._scene.origin).astype(np.float32)
         axes = _plane(camera, resolution)
         what = samples, pixel, share, order, bounds, found, self._points, self._charts
-        return Seen((width, height), eye, axes, *what)
+        return ViewSamples((width, height), eye, axes, *what)
 
     def _edges(
         self, samples: kernels.Samples, found: tuple[NDArray, ...], resolution: tuple[int, int]
@@ -102,7 +102,7 @@ class PointMesh:
         surface = Surface(ids.astype(np.int32), position, normal)
         return edge_pixels(samples.i_object, surface, turn_of(_FEW_EDGE_RAYS), resolution)
 
-    def shines(self, scene: Scene) -> None:
+    def set_emission(self, scene: Scene) -> None:
         """Take over what objects emit."""
         self._scene, self._surface, self._last = scene, self._surface._replace(emission=scene.emission), None
 
@@ -110,7 +110,7 @@ class PointMesh:
         """What a few rays (R, 3) from anywhere meet, and how far away (R,)."""
         out, hits = _room(len(origins)), self._caster.intersect(origins, directions)
         kernels.resolve(0, hits.triangle, hits.u, hits.v, directions, self._surface, out)
-        self.sight.look(out, hits.triangle)
+        self.visibility.fix_corners(out, hits.triangle)
         return out, hits.distance
 
     def _trace(
@@ -136,14 +136,14 @@ class PointMesh:
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class ViewSamples:
     """Samples (R,) of a picture: resolution (width, height), eye (3,), axes (3, 3) of its plane, what they meet, their
     pixel (R,) and share of it (R,). order (N,): those that reflect, by object, whose ranges are bounds (M + 1,); found:
-    triangle, u, v of the points' triangles; footprints, sampled, leans: what `seen_maps` and `turned` have found for
+    triangle, u, v of the points' triangles; footprints, sampled, leans: what `view_maps` and `perturbed_normals` have found for
     it; charts: how objects' triangles lie on images, shared by all pictures."""
 
     resolution: tuple[int, int]
-    eye: Float32Array
+    camera_position: Float32Array
     axes: NDArray[np.float64]
     samples: kernels.Samples
     pixel: Rows
@@ -177,7 +177,7 @@ class Seen:
         n_samples = np.bincount(self.samples.i_object[self.samples.behind])
         return tuple(np.flatnonzero(n_samples > least * len(self.samples.behind)).tolist())
 
-    def points_seen(self) -> NDArray[np.bool_]:
+    def visible_points(self) -> NDArray[np.bool_]:
         """Which shading points (S,) are corners of samples."""
         seen = np.zeros(len(self.points), bool)
         kernels.mark(0, len(self.pixel), self.samples.corners, seen)
@@ -203,7 +203,7 @@ class Seen:
         return Intersections(self.points.source[triangle], u, v, np.zeros(len(u), np.float32))
 
 
-def interpolated(seen: Seen, which: Rows, values: Float32Array, factor: Float32Array, radiance: Float32Array) -> None:
+def interpolate(seen: ViewSamples, which: Rows, values: Float32Array, factor: Float32Array, radiance: Float32Array) -> None:
     """Add values (S, 3) of shading points between the corners of samples (N,), times factor (N or 1, 3), to
     `radiance`."""
     samples = seen.samples
@@ -214,7 +214,7 @@ def interpolated(seen: Seen, which: Rows, values: Float32Array, factor: Float32A
     on_threads(part, *even_parts(len(which)))
 
 
-def added(which: Rows, values: Float32Array, factor: Float32Array, radiance: Float32Array) -> None:
+def add_values(which: Rows, values: Float32Array, factor: Float32Array, radiance: Float32Array) -> None:
     """Add values (N, 3) of samples (N,), times factor (N or 1, 3), to `radiance`."""
 
     def part(start: int, stop: int) -> None:
@@ -223,8 +223,8 @@ def added(which: Rows, values: Float32Array, factor: Float32Array, radiance: Flo
     on_threads(part, *even_parts(len(which)))
 
 
-def picture(
-    seen: Seen, radiance: Float32Array, environment: Environment | None, rotation: float, scale: float = 1.0
+def assemble_picture(
+    seen: ViewSamples, radiance: Float32Array, environment: Environment | None, rotation: float, scale: float = 1.0
 ) -> Float32Array:
     """The picture (H, W, 3) of samples' reflected radiance (R, 3), which is written over: what shines and the sky
     behind it all are added."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from engine import lanes
 from engine.fast_math import FAST
-from engine.orbit._incident_kernels import Kept, child_at
+from engine.orbit._incident_kernels import StoredLight, child_at
 from engine.orbit._slice_kernels import Tables, cell_at, reflected_between
 
 Float32Array = NDArray[np.float32]
@@ -52,7 +52,7 @@ def _powers(number: NDArray[np.int16], value: NDArray[np.uint16], level: int, wo
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def irradiance(
     start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64],
-    normals: Float32Array, frame: Float32Array, slots: NDArray[np.int32], kept: Kept, level: int, directions: Float32Array, out: Float32Array,
+    normals: Float32Array, frame: Float32Array, slots: NDArray[np.int32], stored: StoredLight, level: int, directions: Float32Array, out: Float32Array,
 ) -> None:  # fmt: skip
     """Fill out (3 N, 3): the irradiance, suns apart, by the light of each corner's point on a surface of normal (N, 3).
 
@@ -72,7 +72,7 @@ def irradiance(
     for j in range(start, stop):
         p = points[j]
         f = frame[p]
-        _powers(kept.number[slots[p]], kept.value[slots[p]], level, words)
+        _powers(stored.number[slots[p]], stored.value[slots[p]], level, words)
         own[:] = 0.0
         for i in range(3):
             for k in range(len(above)):
@@ -92,14 +92,14 @@ def irradiance(
                 blue += light[2, k] * cosine
             out[r, 0], out[r, 1], out[r, 2] = red, green, blue
             for i in range(3):
-                there = max(kept.irradiance[p, i], np.float32(0.0))
+                there = max(stored.irradiance[p, i], np.float32(0.0))
                 out[r, i] = max(there + out[r, i] - own[i], np.float32(0.0))
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def leaning_irradiance(
+def quick_irradiance(
     start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, leans: Float32Array,
-    frame: Float32Array, slots: NDArray[np.int32], kept: Kept, out: Float32Array,
+    frame: Float32Array, slots: NDArray[np.int32], stored: StoredLight, out: Float32Array,
 ) -> None:  # fmt: skip
     """Fill out (N, 3): the irradiance of surfaces at samples (N,) whose unit normals lean by (N, 3) across them.
 
@@ -117,8 +117,8 @@ def leaning_irradiance(
             z = cosine * (f[2, 0] * lean[0] + f[2, 1] * lean[1] + f[2, 2] * lean[2])
             half = np.float32(0.5) + np.float32(0.5) * cosine
             for i in range(3):
-                from_side = x * kept.leaning[slot, 0, i] + z * kept.leaning[slot, 1, i]
-                out[n, i] += weight * (half * kept.irradiance[p, i] + from_side)
+                from_side = x * stored.irradiance_gradient[slot, 0, i] + z * stored.irradiance_gradient[slot, 1, i]
+                out[n, i] += weight * (half * stored.irradiance[p, i] + from_side)
         for i in range(3):
             out[n, i] = max(out[n, i], np.float32(0.0))
 
@@ -126,7 +126,7 @@ def leaning_irradiance(
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def shade_broad(
     start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64], wo: Float32Array,
-    turned: Float32Array, frame: Float32Array, slots: NDArray[np.int32], kept: Kept, level: int, directions: Float32Array,
+    turned: Float32Array, frame: Float32Array, slots: NDArray[np.int32], stored: StoredLight, level: int, directions: Float32Array,
     children: NDArray[np.int16], t: Tables, out: Float32Array,
 ) -> None:  # fmt: skip
     """As `irradiance`, radiance along wo (N, 3) that slices in turned frames (N, 3, 3) reflect, by each triangle."""
@@ -137,7 +137,7 @@ def shade_broad(
     for j in range(start, stop):
         p = points[j]
         f = frame[p]
-        _powers(kept.number[slots[p]], kept.value[slots[p]], level, words)
+        _powers(stored.number[slots[p]], stored.value[slots[p]], level, words)
         n_listed = 0
         for m in range(len(directions)):
             if directions[m, 1] > 0.0 and (powers[m, 0] != 0.0 or powers[m, 1] != 0.0 or powers[m, 2] != 0.0):
@@ -186,45 +186,45 @@ def of_bytes() -> Float32Array:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def sun_irradiance(
+def peak_irradiance(
     start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, turned: Float32Array,
-    frame: Float32Array, sun_bits: NDArray[np.uint8], sun_direction: Float32Array, sun_power: Float32Array, of_bits: Float32Array, out: Float32Array,
+    frame: Float32Array, peak_bits: NDArray[np.uint8], peak_direction: Float32Array, peak_power: Float32Array, of_bits: Float32Array, out: Float32Array,
 ) -> None:  # fmt: skip
     """Fill out (N, 3): by how much more suns, as samples (N,) see them, light turned surfaces than those before.
 
-    sun_direction, sun_power (3, M): each number by itself in a row, so that several suns are summed at once; M is a
+    sun_direction, peak_power (3, M): each number by itself in a row, so that several suns are summed at once; M is a
     multiple of 8, the last may have no power. of_bits: `of_bytes`."""
-    share, before = np.empty(sun_power.shape[1], np.float32), np.empty(3, np.float32)
+    share, before = np.empty(peak_power.shape[1], np.float32), np.empty(3, np.float32)
     for n in range(start, stop):
         j, normal = which[n], turned[n, 1]
         for i in range(3):
             before[i] = np.float32(0.0)
             for k in range(3):
                 before[i] += weights[j, k] * frame[corners[j, k], 1, i]
-        _shares(sun_bits, corners[j], weights[j], of_bits, share)
+        _shares(peak_bits, corners[j], weights[j], of_bits, share)
         x, y, z, a, b, c = normal[0], normal[1], normal[2], before[0], before[1], before[2]
         red = green = blue = np.float32(0.0)
         for s in range(len(share)):
-            d, e, f = sun_direction[0, s], sun_direction[1, s], sun_direction[2, s]
+            d, e, f = peak_direction[0, s], peak_direction[1, s], peak_direction[2, s]
             cosine = max(x * d + y * e + z * f, np.float32(0.0))
             more = share[s] * (cosine - (a * d + b * e + c * f))
-            red += more * sun_power[0, s]
-            green += more * sun_power[1, s]
-            blue += more * sun_power[2, s]
+            red += more * peak_power[0, s]
+            green += more * peak_power[1, s]
+            blue += more * peak_power[2, s]
         out[n, 0], out[n, 1], out[n, 2] = red, green, blue
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def suns(
+def peak_radiance(
     start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, wo: Float32Array,
-    turned: Float32Array, sun_bits: NDArray[np.uint8], sun_direction: Float32Array, sun_power: Float32Array,
+    turned: Float32Array, peak_bits: NDArray[np.uint8], peak_direction: Float32Array, peak_power: Float32Array,
     children: NDArray[np.int16], of_bits: Float32Array, t: Tables, out: Float32Array,
 ) -> None:  # fmt: skip
     """Fill out (N, 3): what slices reflect of suns, as samples (N,) see them, on turned surfaces; the suns as
-    `sun_irradiance` takes them."""
-    n_suns, side = sun_power.shape[1], children.shape[0]
-    share, height, colour = np.empty(n_suns, np.float32), np.empty(n_suns, np.float32), np.empty(4, np.float32)
-    row, column = np.empty(n_suns, np.int32), np.empty(n_suns, np.int32)
+    `peak_irradiance` takes them."""
+    n_peaks, side = peak_power.shape[1], children.shape[0]
+    share, height, colour = np.empty(n_peaks, np.float32), np.empty(n_peaks, np.float32), np.empty(4, np.float32)
+    row, column = np.empty(n_peaks, np.int32), np.empty(n_peaks, np.int32)
     half, last = 0.5 * side, np.int32(side - 1)
     for n in range(start, stop):
         j, g = which[n], turned[n]
@@ -233,10 +233,10 @@ def suns(
             g[1, 0] * wo[n, 0] + g[1, 1] * wo[n, 1] + g[1, 2] * wo[n, 2],
             g[2, 0] * wo[n, 0] + g[2, 1] * wo[n, 1] + g[2, 2] * wo[n, 2], t,
         )  # fmt: skip
-        _shares(sun_bits, corners[j], weights[j], of_bits, share)
+        _shares(peak_bits, corners[j], weights[j], of_bits, share)
         # Where each stands in the turned frame and, as `child_at` says, in `children`: several suns at once.
-        for s in range(n_suns):
-            d, e, f = sun_direction[0, s], sun_direction[1, s], sun_direction[2, s]
+        for s in range(n_peaks):
+            d, e, f = peak_direction[0, s], peak_direction[1, s], peak_direction[2, s]
             x = g[0, 0] * d + g[0, 1] * e + g[0, 2] * f
             y = g[1, 0] * d + g[1, 1] * e + g[1, 2] * f
             z = g[2, 0] * d + g[2, 1] * e + g[2, 2] * f
@@ -245,10 +245,10 @@ def suns(
             column[s] = min(np.int32((x + z) * scale + half), last)
             row[s] = min(np.int32((x - z) * scale + half), last)
         total = lanes.zeros()
-        for s in range(n_suns):
+        for s in range(n_peaks):
             if share[s] > 0.0 and height[s] > 0.0:
                 place = children[max(row[s], 0), max(column[s], 0)] >> 2
-                light = lanes.of(share[s] * sun_power[0, s], share[s] * sun_power[1, s], share[s] * sun_power[2, s])
+                light = lanes.of(share[s] * peak_power[0, s], share[s] * peak_power[1, s], share[s] * peak_power[2, s])
                 total = lanes.plus_product(total, light, reflected_between(cell, place, t))
         lanes.store(colour, 0, total)
         out[n, 0], out[n, 1], out[n, 2] = colour[0], colour[1], colour[2]

@@ -30,7 +30,7 @@ from scipy.spatial import cKDTree
 
 from engine.indirect.direction_patterns import cosine_tables
 from engine.orbit import _picture_kernels as kernels
-from engine.orbit.picture import PointMesh
+from engine.orbit.view_samples import PointMesh
 from engine.orbit.shading_points import Int32Array, ShadingPoints
 
 Float32Array = NDArray[np.float32]
@@ -54,7 +54,7 @@ _FAINT = 0.25  # of the mean, by which faint light counts as if it were as brigh
 # Rays from point to point leave their surfaces by this share of their length: they lie in them, and would hit them.
 _RAISED = 0.002
 # Objects are worth points on their backs from this share of all rays on.
-_BEHIND = 0.02
+_BACK_SHARE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +110,7 @@ class Exchange:
     @property
     def behind(self) -> frozenset[int]:
         """Objects that many rays meet from behind, where these have no points to end at."""
-        often = self.gathering.behind > _BEHIND * max(self.gathering.ends.size, 1)
+        often = self.gathering.behind > _BACK_SHARE * max(self.gathering.ends.size, 1)
         return frozenset(np.flatnonzero(often).tolist())
 
     def gathered(self, sent: Float32Array, found: Float32Array) -> None:
@@ -140,7 +140,7 @@ class Bounces:
         return total, direct + total - (latest if n_bounces > 1 else 0.0)
 
 
-def bouncing(
+def trace_bounce_rays(
     points: ShadingPoints, mesh: PointMesh, late: Int32Array | None = None, i_object: int = -1, rows: Rows | None = None
 ) -> Generator[None, None, Exchange]:
     """Send the rays of some points, rows (N,), in pieces; None: of all.
@@ -150,14 +150,14 @@ def bouncing(
     late = np.full(len(points), -1, np.int32) if late is None else late
     rows = np.arange(len(points)) if rows is None else rows
     space, n_most = _Space.of(points, rows), N_GATHERING if i_object < 0 else N_OF_BACKS
-    gathering = yield from _sent(points, mesh, _evenly(points, space, space.is_open, n_most), space, late, i_object)
-    around = yield from _around(points, mesh, space, gathering)
+    gathering = yield from _trace_rays(points, mesh, _choose_evenly(points, space, space.is_open, n_most), space, late, i_object)
+    around = yield from _interpolate(points, mesh, space, gathering)
     for _ in range(_ROUNDS if i_object < 0 else 0):
-        more = _evenly(points, space, space.is_open & (around.error > _CLOSE), N_MORE)
+        more = _choose_evenly(points, space, space.is_open & (around.error > _CLOSE), N_MORE)
         if not len(more):
             break
-        gathering = gathering.with_more((yield from _sent(points, mesh, more, space, late, i_object)))
-        around = yield from _around(points, mesh, space, gathering)
+        gathering = gathering.with_more((yield from _trace_rays(points, mesh, more, space, late, i_object)))
+        around = yield from _interpolate(points, mesh, space, gathering)
     return Exchange(rows, gathering, around)
 
 
@@ -165,19 +165,19 @@ def refining(
     exchange: Exchange, points: ShadingPoints, mesh: PointMesh, shone: Float32Array, late: Int32Array
 ) -> Generator[None, None, Exchange]:
     """More rays, where those that gather around a point do not agree; shone (S, 3): irradiance of three lights that
-    stand for all that may shine there; late: see `bouncing`."""
+    stand for all that may shine there; late: see `trace_bounce_rays`."""
     rows, space = exchange.rows, _Space.of(points, exchange.rows)
     for _ in range(_FURTHER_ROUNDS):
         unlike, around = _unlike(exchange, shone), exchange.around
         wanted = (unlike > _UNLIKE) | (around.error > _CLOSE)
         near = np.flatnonzero(wanted | (unlike > 0.5 * _UNLIKE))
         wanted &= space.is_open & ~np.isin(rows, exchange.gathering.points)
-        more = _evenly(points, space, wanted, N_MORE)
+        more = _choose_evenly(points, space, wanted, N_MORE)
         yield
         if not len(more):
             break
-        gathering = exchange.gathering.with_more((yield from _sent(points, mesh, more, space, late)))
-        around = yield from _around(points, mesh, space, gathering, around, near)
+        gathering = exchange.gathering.with_more((yield from _trace_rays(points, mesh, more, space, late)))
+        around = yield from _interpolate(points, mesh, space, gathering, around, near)
         exchange = replace(exchange, gathering=gathering, around=around)
     return replace(exchange, is_refined=True)
 
@@ -217,7 +217,7 @@ def _unlike(exchange: Exchange, shone: Float32Array) -> Float32Array:
     return np.asarray((spread / np.maximum(mean, least)).max(axis=1, initial=0.0), np.float32)
 
 
-def _sent(
+def _trace_rays(
     points: ShadingPoints, mesh: PointMesh, chosen: Rows, space: _Space, late: Int32Array, i_object: int = -1
 ) -> Generator[None, None, Gathering]:
     """Rays of some points (G,), that end at late ones (S,) of their own object alone."""
@@ -242,7 +242,7 @@ def _sent(
     return Gathering(chosen, ends, reach.astype(np.float32), np.where(points.sides[:, 1], behind, 0))
 
 
-def _around(
+def _interpolate(
     points: ShadingPoints, mesh: PointMesh, space: _Space, gathering: Gathering,
     before: Around | None = None, among: Rows | None = None,
 ) -> Generator[None, None, Around]:  # fmt: skip
@@ -270,7 +270,7 @@ def _around(
         raised = np.float32(_RAISED) * np.take_along_axis(apart, best, axis=1)[..., None]
         origins = points.lifted[here, None] + raised * points.normal[here, None]
         ends = points.lifted[there] + raised * points.normal[there]
-        seen = mesh.sight.sees(origins.reshape(-1, 3), ends.reshape(-1, 3)).reshape(there.shape)
+        seen = mesh.visibility.sees(origins.reshape(-1, 3), ends.reshape(-1, 3)).reshape(there.shape)
         inverse = 1.0 / (off + 1e-6)
         weights = np.where(seen, (inverse - 0.999 * inverse[:, -1:]) ** 2, 0.0)  # [Shepard68], the farthest fading out
         alone = ~weights.any(axis=1)
@@ -281,7 +281,7 @@ def _around(
     return Around(beside, share, error)
 
 
-def _evenly(points: ShadingPoints, space: _Space, wanted: NDArray[np.bool_], n_most: int) -> Rows:
+def _choose_evenly(points: ShadingPoints, space: _Space, wanted: NDArray[np.bool_], n_most: int) -> Rows:
     """About n_most of the points that are wanted (N,), in cubes over place and normal, one of each."""
     chosen, cells = np.flatnonzero(wanted), 1024.0
     while len(chosen) > n_most:

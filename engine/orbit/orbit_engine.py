@@ -25,15 +25,15 @@ from numpy.typing import NDArray
 from engine.errors import InsituError
 from engine.light.emitters import EmitterPatches, emitter_patches, merged_by_object
 from engine.material.bumps import Bumps
-from engine.orbit.buried import buried
-from engine.orbit.drawing import N_MOVING, Quality, reflected_light
-from engine.orbit.incident import Lamps
-from engine.orbit.kept_visibility import deflated, inflated
-from engine.orbit.lit_points import EXACTLY, STALE, LitPoints
-from engine.orbit.picture import Seen, picture
+from engine.orbit.enclosed_points import find_enclosed
+from engine.orbit.view_radiance import N_MOVING, Quality, view_radiance
+from engine.orbit.incident import SceneEmitters
+from engine.orbit.stored_visibility import deflate_bits, inflate_bits
+from engine.orbit.lit_points import EXACTLY, UNLIT, LitPoints
+from engine.orbit.view_samples import ViewSamples, assemble_picture
 from engine.orbit.reflections import LayersOf, Reflections
-from engine.orbit.shading_points import ShadingPoints, placing
-from engine.orbit.sky import make_sky
+from engine.orbit.shading_points import ShadingPoints, place_points
+from engine.orbit.sky_map import make_sky
 from engine.orbit.visibility import N_UPPER, Bits
 from engine.render.still import StillProgress
 from engine.scene.description import CameraDescription
@@ -60,7 +60,7 @@ _COARSE, _FINE, _TRACED = 1536, 256, 96
 # Of a picture: for silhouettes a pixel wide, which turned normals show from behind, no hand waits half a second.
 _LEAST_BACK = 0.005
 _EDGE_RAYS = {"moving": 0, "rest": 4, "still": 16}
-_FIRST_LOOK = 256  # pixels across, to find which points come first
+_FIRST_VIEW_SIDE = 256  # pixels across, to find which points come first
 
 
 class Orbit:
@@ -102,7 +102,7 @@ class Orbit:
         """Whether all that was asked for so far is seen, some of it traced and not restored."""
         return self._lit is not None and self._lit.n_traced > 0 and bool(self._lit.traced.all())
 
-    def stored(self) -> dict[str, NDArray[np.generic]]:
+    def stored_visibility(self) -> dict[str, NDArray[np.generic]]:
         """The visibility of all points, to be kept by `geometry`. Raises ValueError before any are there."""
         if self._lit is None:
             raise ValueError("nothing is seen yet: expected some steps of work before")
@@ -112,16 +112,16 @@ class Orbit:
             "backs": np.array(lit.with_backs, np.int64),
             "n_points": np.array([len(lit.points)], np.int64),
         }
-        return arrays | deflated("bits", lit.bits) | deflated("patch_bits", lit.patch_bits)
+        return arrays | deflate_bits("bits", lit.bits) | deflate_bits("patch_bits", lit.patch_bits)
 
     def restore(self, arrays: Arrays) -> None:
-        """Become what sees as `stored` gave it, of the same geometry; before any work. Raises UnsoundArrays."""
+        """Become what sees as `stored_visibility` gave it, of the same geometry; before any work. Raises UnsoundArrays."""
         reader = ArrayReader(arrays)
         n = int(reader.take("n_points", np.int64, 1)[0])
         backs = reader.take("backs", np.int64, "backs", below=len(self.scene.smooth))
-        bits = inflated("bits", reader, n, N_UPPER // 2)
+        bits = inflate_bits("bits", reader, n, N_UPPER // 2)
         n_patches = 0 if self._patches is None else len(self._patches[0])
-        self._kept = bits, inflated("patch_bits", reader, n, (n_patches + 7) // 8), backs.tolist()
+        self._kept = bits, inflate_bits("patch_bits", reader, n, (n_patches + 7) // 8), backs.tolist()
 
     # ------------------------------------------------------------------------------------------------ what is wanted
 
@@ -131,13 +131,13 @@ class Orbit:
             self._light, self._sky = sky, make_sky(sky.environment, sky.rotation, sky.scale)
             self._stale()
 
-    def shine(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
+    def set_emission(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
         """Give emitters, by name, this radiance from now on, see `Scene.with_emission`."""
         scene = self.scene.with_emission(emission)
         if not np.array_equal(scene.emission, self.scene.emission):
             self.scene = scene
             if self._lit is not None:
-                self._lit.mesh.shines(scene)
+                self._lit.mesh.set_emission(scene)
             self._stale()
 
     def set_bumps(self, bumps: Mapping[str, Bumps]) -> None:
@@ -146,7 +146,7 @@ class Orbit:
         if scene.description != self.scene.description:
             self.scene = scene
             if self._lit is not None:
-                self._lit.need_gloss(self._are_glossy)
+                self._lit.add_gloss(self._are_glossy)
             self.version += 1
 
     def set_bounces(self, n_bounces: int) -> None:
@@ -155,14 +155,14 @@ class Orbit:
         n_bounces = n_bounces or self.scene.description.bounces or N_BOUNCES
         if n_bounces != self._n_bounces:
             self._n_bounces = n_bounces
-            self._rebounce()
+            self._reset_bounces()
 
     def set_layers(self, layers_of: LayersOf) -> None:
         """The layers of each object, by its index, from now on; what did not change is not computed again."""
         if self._reflections.set_layers({i: own for i, own in layers_of.items() if self.scene.reflecting[i]}):
             if self._lit is not None:
-                self._lit.need_gloss(self._are_glossy)
-            self._rebounce()
+                self._lit.add_gloss(self._are_glossy)
+            self._reset_bounces()
 
     # ---------------------------------------------------------------------------------------- what pictures are made of
 
@@ -226,24 +226,24 @@ class Orbit:
         while self._lit is None:
             yield StillProgress(0.0, "shading points")
             self._place()
-        while (told := self._piece()) is not None:
+        while (told := self._do_next_piece()) is not None:
             self.version += not self._lit.is_outdated  # the light without shadows stays until all is replaced
             yield StillProgress(self.fraction, told)
 
-    def _piece(self) -> str | None:
+    def _do_next_piece(self) -> str | None:
         """Do what is most urgent; what that was, or None where nothing is left."""
         lit = self._lit
         assert lit is not None
         if self._reflections.find_coarse():
-            self._rebounce()
+            self._reset_bounces()
             return "reflection"
-        if len(which := lit.first(lit.state == STALE, _COARSE * n_threads())):
+        if len(which := lit.next_points(lit.state == UNLIT, _COARSE * n_threads())):
             lit.light(which, self._sky, self._lamps(lit), is_coarse=True)
-            lit.is_bounced = STALE
+            lit.is_bounced = UNLIT
             return "light"
         if not self._reflections.is_done:
             if self._reflections.refine():
-                self._rebounce()
+                self._reset_bounces()
             return "reflection"
         if not lit.is_outdated and self._bounce(lit):
             return "bounces"
@@ -251,7 +251,7 @@ class Orbit:
         # and for the light that bounces, and the picture shows them together.
         waits = bool((lit.seen & ~lit.traced).any()) or self._n_bounces > 1 and lit.bounces is None
         ripe = lit.traced & (lit.state != EXACTLY)
-        if len(which := lit.first(ripe & lit.shadowed if waits else ripe, _FINE * n_threads())):
+        if len(which := lit.next_points(ripe & lit.shadowed if waits else ripe, _FINE * n_threads())):
             was_outdated = lit.is_outdated
             lit.light(which, self._sky, self._lamps(lit), is_coarse=False)
             if was_outdated and not lit.is_outdated:
@@ -260,13 +260,13 @@ class Orbit:
         if behind := sorted(lit.behind.difference(lit.with_backs)):
             lit.add_backs(behind, self._are_glossy)
             return "backs"
-        if len(which := lit.first(~lit.traced & lit.seen, _TRACED * n_threads())):
+        if len(which := lit.next_points(~lit.traced & lit.seen, _TRACED * n_threads())):
             lit.trace(which, self._patches)
             return "visibility"
         if self._n_bounces > 1 and lit.bounces is None:
             lit.send_rays()
             return "bounces"
-        if len(which := lit.first(~lit.traced, _TRACED * n_threads())):
+        if len(which := lit.next_points(~lit.traced, _TRACED * n_threads())):
             lit.trace(which, self._patches)
             return "visibility"
         if self._n_bounces > 1 and lit.bounces is not None and not lit.is_refined:
@@ -292,9 +292,9 @@ class Orbit:
         quality: "moving", as quick as it gets, by n_moving coefficients a point; "rest", every pixel on its own;
         "still", every sun exactly as well. Raises ValueError before `is_ready`.
         """
-        return run_to_end(self.drawing(camera, resolution, quality, n_moving))
+        return run_to_end(self.draw_steps(camera, resolution, quality, n_moving))
 
-    def drawing(
+    def draw_steps(
         self, camera: CameraDescription, resolution: tuple[int, int], quality: Quality = "rest",
         n_moving: int = N_MOVING, has_soft_edges: bool = False,
     ) -> Generator[StillProgress, None, Float32Array]:  # fmt: skip
@@ -304,15 +304,15 @@ class Orbit:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
         least = 0.0 if quality == "still" else _LEAST_BACK
         n_edge_rays = _EDGE_RAYS[quality] or (_EDGE_RAYS["rest"] if has_soft_edges else 0)
-        seen = self._looked(lit, camera, resolution, n_edge_rays, quality != "moving", least)
+        seen = self._prioritize(lit, camera, resolution, n_edge_rays, quality != "moving", least)
         # Where no light has been found yet, because the camera was led away at once or backs came in sight: black.
         while len(which := np.flatnonzero(lit.seen & ~lit.known)[: _COARSE * n_threads()]):
             lit.light(which, self._sky, self._lamps(lit), is_coarse=True)
             yield StillProgress(0.0, "light")
         what = lit, self._reflections, self.scene, self._sky, self._lamps(lit)
-        radiance = yield from reflected_light(seen, *what, self._n_bounces, quality, n_moving)
+        radiance = yield from view_radiance(seen, *what, self._n_bounces, quality, n_moving)
         sky = self._light
-        return picture(seen, radiance, sky.environment, sky.rotation, sky.scale)
+        return assemble_picture(seen, radiance, sky.environment, sky.rotation, sky.scale)
 
     # ------------------------------------------------------------------------------------------------------ within
 
@@ -324,12 +324,12 @@ class Orbit:
 
     def _stale(self) -> None:
         if self._lit is not None:
-            self._lit.state[:] = STALE
-        self._rebounce()
+            self._lit.state[:] = UNLIT
+        self._reset_bounces()
 
-    def _rebounce(self) -> None:
+    def _reset_bounces(self) -> None:
         if self._lit is not None:
-            self._lit.is_bounced = STALE
+            self._lit.is_bounced = UNLIT
         self.version += 1
 
     def _place(self) -> None:
@@ -352,33 +352,33 @@ class Orbit:
         if self._kept is not None:
             self._lit.restore(*self._kept, self._are_glossy)
             self._kept = None
-        self.look(self.scene.description.camera)
+        self.prioritize_view(self.scene.description.camera)
         self.version += 1
 
     def _points(self, n_points: int) -> Generator[None, None, ShadingPoints]:
-        points = yield from placing(self.scene, self._caster, n_points)
-        found = yield from buried(self.scene, self._caster, points)
+        points = yield from place_points(self.scene, self._caster, n_points)
+        found = yield from find_enclosed(self.scene, self._caster, points)
         return replace(points, buried=found)
 
-    def look(self, camera: CameraDescription) -> None:
+    def prioritize_view(self, camera: CameraDescription) -> None:
         """What a camera sees comes first from now on."""
         lit = self._lit
         if lit is not None:
             width, height = self.scene.resolution
-            self._looked(lit, camera, (_FIRST_LOOK, max(1, round(_FIRST_LOOK * height / width))), 0)
+            self._prioritize(lit, camera, (_FIRST_VIEW_SIDE, max(1, round(_FIRST_VIEW_SIDE * height / width))), 0)
 
-    def _looked(
+    def _prioritize(
         self, lit: LitPoints, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int,
         in_sight: bool = False, least: float = 0.0,
-    ) -> Seen:  # fmt: skip
+    ) -> ViewSamples:  # fmt: skip
         """What a picture sees comes first from now on; backs that no other has seen get points, without shadows yet,
         where they are more than a share of it, and the others while nobody waits."""
-        seen = lit.mesh.look(camera, resolution, n_edge_rays, in_sight)
+        seen = lit.mesh.sample_view(camera, resolution, n_edge_rays, in_sight)
         if behind := seen.from_behind(least):
             lit.add_backs(behind, self._are_glossy)
             self.version += 1
-            seen = lit.mesh.look(camera, resolution, n_edge_rays, in_sight)
-        lit.seen, lit.behind = seen.points_seen(), lit.behind | set(seen.from_behind())
+            seen = lit.mesh.sample_view(camera, resolution, n_edge_rays, in_sight)
+        lit.seen, lit.behind = seen.visible_points(), lit.behind | set(seen.from_behind())
         return seen
 
     def _within_memory(self, n_points: int) -> int:
@@ -402,14 +402,14 @@ class Orbit:
                 f"{self._most_bytes / 2**20:.0f} MiB; expected fewer, or a simpler mesh"
             )
 
-    def _lamps(self, lit: LitPoints) -> Lamps | None:
+    def _lamps(self, lit: LitPoints) -> SceneEmitters | None:
         if self._patches is None:
             return None
         patches, owner = self._patches
         shining = EmitterPatches(
             patches.corners, patches.centre, patches.normal, self.scene.emission[owner], patches.area
         )
-        return Lamps(shining, lit.patch_bits)
+        return SceneEmitters(shining, lit.patch_bits)
 
 
 def _emitters(scene: Scene, n_patches: int) -> tuple[EmitterPatches, NDArray[np.intp]] | None:

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from engine.orbit import _footprint_kernels as footprint_kernels
 from engine.orbit import _picture_kernels, _slice_kernels
-from engine.orbit import _turned_kernels as kernels
+from engine.orbit import _perturbed_kernels as kernels
 from engine.orbit.incident import Incident, hemisphere
-from engine.orbit.picture import Seen
-from engine.orbit.reflected import at_corners, mirrored, suns_of
-from engine.orbit.seen_maps import MOVING_PROBES, footprints_of
-from engine.orbit.sky import Sky, make_sky
+from engine.orbit.view_samples import ViewSamples
+from engine.orbit.point_reflection import reflect_at_corners, mirror_directions, peak_lights_of
+from engine.orbit.view_maps import MOVING_PROBES, footprints_of
+from engine.orbit.sky_map import SkyMap, make_sky
 from engine.scene.local_frames import object_tangents
 from engine.scene.scene_loader import Scene
 from engine.sphere.geodesic import geodesic, triangle_first_moments
@@ -35,11 +35,11 @@ Float64Array = NDArray[np.float64]
 _HIGHLIGHT = 4.0
 # Coefficients of a highlight from elsewhere: more show detail that is not there (*rings*: 96 are 3.7 % off, 320 4.8 %).
 N_MIRRORED = 96
-_MATT_LEVEL, _BROAD_LEVEL, _STILL_LEVEL = 2, 2, 4
+_DIFFUSE_LEVEL, _BROAD_LEVEL, _STILL_LEVEL = 2, 2, 4
 
 
 @dataclass(frozen=True, eq=False)
-class TurnedSamples:
+class PerturbedSamples:
     """Samples (N,) of one object, and their frames (N, 3, 3) as `ShadingPoints.frames`, turned."""
 
     which: Rows
@@ -47,7 +47,7 @@ class TurnedSamples:
     wo: Float32Array
 
 
-def turned_samples(seen: Seen, which: Rows, scene: Scene, i_object: int) -> TurnedSamples:
+def perturb_samples(seen: ViewSamples, which: Rows, scene: Scene, i_object: int) -> PerturbedSamples:
     """The frames of samples (N,) of an object under its bumps, averaged over their pixels."""
     footprints, samples = footprints_of(seen, which, scene, i_object), seen.samples
     frames = np.empty((len(which), 3, 3), np.float32)
@@ -62,25 +62,25 @@ def turned_samples(seen: Seen, which: Rows, scene: Scene, i_object: int) -> Turn
         frames[start:stop] = np.stack([tangents, normals, np.cross(tangents, normals)], axis=1)
 
     on_threads(part, *even_parts(len(which)))
-    return TurnedSamples(which, frames, np.ascontiguousarray(samples.wo[which]))
+    return PerturbedSamples(which, frames, np.ascontiguousarray(samples.wo[which]))
 
 
-def leaning_irradiance(seen: Seen, which: Rows, incident: Incident, scene: Scene, i_object: int) -> Float32Array:
+def quick_irradiance(seen: ViewSamples, which: Rows, incident: Incident, scene: Scene, i_object: int) -> Float32Array:
     """Irradiance (N, 3) of samples (N,) of an object under its bumps, while something moves: by the three sums that
     points keep of all their light."""
-    out, leans = np.empty((len(which), 3), np.float32), _quick_leans(seen, which, scene, i_object)
+    out, leans = np.empty((len(which), 3), np.float32), _quick_normal_offsets(seen, which, scene, i_object)
 
     def part(start: int, stop: int) -> None:
-        kernels.leaning_irradiance(
+        kernels.quick_irradiance(
             start, stop, which, seen.samples.corners, seen.samples.weights, leans, seen.points.frames, incident.slot,
-            incident.kept, out,
+            incident.stored, out,
         )  # fmt: skip
 
     on_threads(part, *even_parts(len(which)))
     return out
 
 
-def _quick_leans(seen: Seen, which: Rows, scene: Scene, i_object: int) -> Float32Array:
+def _quick_normal_offsets(seen: ViewSamples, which: Rows, scene: Scene, i_object: int) -> Float32Array:
     """By how much bumps lean normals (N, 3), without much care for what a pixel covers; found once."""
     key = i_object, scene.description.objects[i_object].bumps
     if key not in seen.leans:
@@ -98,7 +98,7 @@ def _quick_leans(seen: Seen, which: Rows, scene: Scene, i_object: int) -> Float3
     return seen.leans[key]
 
 
-def _places(seen: Seen, which: Rows) -> tuple[Rows, Float64Array, Float64Array, Float64Array]:
+def _places(seen: ViewSamples, which: Rows) -> tuple[Rows, Float64Array, Float64Array, Float64Array]:
     """Triangle, u and v of samples (N,) in the scene, and the normals (N, 3) of points between these."""
     n, samples, points = len(which), seen.samples, seen.points
     out = np.empty(n, np.int64), np.empty(n), np.empty(n), np.empty((n, 3))
@@ -108,36 +108,36 @@ def _places(seen: Seen, which: Rows) -> tuple[Rows, Float64Array, Float64Array, 
     return out
 
 
-def turned_irradiance(seen: Seen, samples: TurnedSamples, incident: Incident, sky: Sky) -> Float32Array:
+def perturbed_irradiance(seen: ViewSamples, samples: PerturbedSamples, incident: Incident, sky: SkyMap) -> Float32Array:
     """Irradiance (N, 3) of turned surfaces at rest."""
     normals, met = np.ascontiguousarray(samples.frames[:, 1]), seen.samples
 
     def fill(start: int, stop: int, points: Rows, first: Rows, members: Rows, out: Float32Array) -> None:
         kernels.irradiance(
-            start, stop, points, first, members, normals, seen.points.frames, incident.slot, incident.kept, _MATT_LEVEL,
-            _directions(_MATT_LEVEL), out,
+            start, stop, points, first, members, normals, seen.points.frames, incident.slot, incident.stored, _DIFFUSE_LEVEL,
+            _directions(_DIFFUSE_LEVEL), out,
         )  # fmt: skip
 
     found, of_suns = _by_points(seen, samples, fill), np.empty((len(samples.which), 3), np.float32)
 
     def add_suns(start: int, stop: int) -> None:
-        kernels.sun_irradiance(
+        kernels.peak_irradiance(
             start, stop, samples.which, met.corners, met.weights, samples.frames, seen.points.frames,
-            incident.kept.sun_bits, *_in_rows(sky), _of_bytes(), of_suns,
+            incident.stored.peak_bits, *_in_rows(sky), _of_bytes(), of_suns,
         )  # fmt: skip
 
     on_threads(add_suns, *even_parts(len(of_suns)))
     return np.maximum(found + of_suns, 0.0)
 
 
-def turned_reflection(
-    seen: Seen, samples: TurnedSamples, incident: Incident, sky: Sky, tables: _slice_kernels.Tables, still: bool
+def perturbed_reflection(
+    seen: ViewSamples, samples: PerturbedSamples, incident: Incident, sky: SkyMap, tables: _slice_kernels.Tables, still: bool
 ) -> Float32Array:
     """Radiance (N, 3) that turned surfaces with gloss send to the eye."""
-    lit = _suns(seen, samples, incident, sky, tables)
+    lit = _peak_radiance(seen, samples, incident, sky, tables)
     if not still and _is_highlight(tables):
-        ways, apart = mirrored(samples.wo, samples.frames[:, 1]), suns_of(make_sky(None, 0.0), incident, 0.0)
-        return lit + at_corners(
+        ways, apart = mirror_directions(samples.wo, samples.frames[:, 1]), peak_lights_of(make_sky(None, 0.0), incident, 0.0)
+        return lit + reflect_at_corners(
             seen, samples.which, ways, incident, apart, tables, np.zeros((0, 2), np.uint64), N_MIRRORED
         )
     level = _STILL_LEVEL if still else _BROAD_LEVEL
@@ -145,7 +145,7 @@ def turned_reflection(
     def fill(start: int, stop: int, points: Rows, first: Rows, members: Rows, out: Float32Array) -> None:
         kernels.shade_broad(
             start, stop, points, first, members, samples.wo, samples.frames, seen.points.frames, incident.slot,
-            incident.kept, level, _directions(level), hemisphere().children, tables, out,
+            incident.stored, level, _directions(level), hemisphere().children, tables, out,
         )  # fmt: skip
 
     return lit + _by_points(seen, samples, fill)
@@ -154,7 +154,7 @@ def turned_reflection(
 _Fill = Callable[[int, int, Rows, Rows, Rows, Float32Array], None]
 
 
-def _by_points(seen: Seen, samples: TurnedSamples, fill: _Fill) -> Float32Array:
+def _by_points(seen: ViewSamples, samples: PerturbedSamples, fill: _Fill) -> Float32Array:
     """What is found at samples' corners, (N, 3), point by point."""
     asked, first, members = _picture_kernels.by_point(samples.which, seen.samples.corners, len(seen.points))
     at_corners = np.empty((3 * len(samples.which), 3), np.float32)
@@ -163,27 +163,27 @@ def _by_points(seen: Seen, samples: TurnedSamples, fill: _Fill) -> Float32Array:
     return np.asarray(np.einsum("nk,nki->ni", weights, at_corners.reshape(-1, 3, 3)), np.float32)
 
 
-def _suns(
-    seen: Seen, samples: TurnedSamples, incident: Incident, sky: Sky, tables: _slice_kernels.Tables
+def _peak_radiance(
+    seen: ViewSamples, samples: PerturbedSamples, incident: Incident, sky: SkyMap, tables: _slice_kernels.Tables
 ) -> Float32Array:  # fmt: skip
     out, met = np.zeros((len(samples.which), 3), np.float32), seen.samples
 
     def part(start: int, stop: int) -> None:
-        kernels.suns(
-            start, stop, samples.which, met.corners, met.weights, samples.wo, samples.frames, incident.kept.sun_bits,
+        kernels.peak_radiance(
+            start, stop, samples.which, met.corners, met.weights, samples.wo, samples.frames, incident.stored.peak_bits,
             *_in_rows(sky), hemisphere().children, _of_bytes(), tables, out,
         )  # fmt: skip
 
-    if len(sky.sun_power):
+    if len(sky.peak_power):
         on_threads(part, *even_parts(len(out)))
     return out
 
 
-def _in_rows(sky: Sky) -> tuple[Float32Array, Float32Array]:
+def _in_rows(sky: SkyMap) -> tuple[Float32Array, Float32Array]:
     """Direction and power (3, M) of a sky's suns, and of some without power, up to a multiple of 8."""
-    n_more = -len(sky.sun_power) % 8
+    n_more = -len(sky.peak_power) % 8
     more = np.zeros((n_more, 3), np.float32)
-    direction, power = (np.concatenate([each, more]).T for each in (sky.sun_direction, sky.sun_power))
+    direction, power = (np.concatenate([each, more]).T for each in (sky.peak_direction, sky.peak_power))
     return np.ascontiguousarray(direction), np.ascontiguousarray(power)
 
 

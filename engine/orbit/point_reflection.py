@@ -16,10 +16,10 @@ from engine.material.layer import Layer
 from engine.orbit import _corner_kernels as corner_kernels
 from engine.orbit import _picture_kernels as picture_kernels
 from engine.orbit import _slice_kernels as kernels
-from engine.orbit import _sun_kernels as sun_kernels
+from engine.orbit import _peak_kernels as sun_kernels
 from engine.orbit.incident import Incident, hemisphere
-from engine.orbit.picture import Rows, Seen
-from engine.orbit.sky import Sky
+from engine.orbit.view_samples import Rows, ViewSamples
+from engine.orbit.sky_map import SkyMap
 from engine.render.integrator import evaluate_layers
 from engine.scene.primary_hits import LEAST_COSINE
 from engine.threads import even_parts, on_threads
@@ -29,14 +29,14 @@ _PIXELS = 1024  # at a time
 MOST_COEFFICIENTS = 5120
 
 
-def no_shades(incident: Incident) -> kernels.Shades:
+def empty_shades(incident: Incident) -> kernels.Shades:
     """Room for what glossy points send to an eye."""
-    n = len(incident.kept.number)
+    n = len(incident.stored.number)
     return kernels.Shades(np.full(n, -1, np.int64), np.empty((n, 4, 4), np.float32))
 
 
-def shaded(
-    seen: Seen, points: NDArray[np.int64], incident: Incident, tables: kernels.Tables, n: int,
+def shade_points(
+    seen: ViewSamples, points: NDArray[np.int64], incident: Incident, tables: kernels.Tables, n: int,
     shades: kernels.Shades, colours: Float32Array,
 ) -> None:  # fmt: skip
     """Add to colours (S, 3) of points (N,) what they send to the eye, by n coefficients and by suns. shades: what they
@@ -45,14 +45,14 @@ def shaded(
 
     def part(start: int, stop: int) -> None:
         kernels.shade_points(
-            start, stop, points, seen.eye, n, at, frames, incident.slot, incident.kept, tables, shades, colours
+            start, stop, points, seen.camera_position, n, at, frames, incident.slot, incident.stored, tables, shades, colours
         )
 
     on_threads(part, *even_parts(len(points)))
 
 
-def reflected(
-    seen: Seen, which: Rows, incident: Incident, sky: Sky, layers: Sequence[Layer], tables: kernels.Tables,
+def reflect_at_rest(
+    seen: ViewSamples, which: Rows, incident: Incident, sky: SkyMap, layers: Sequence[Layer], tables: kernels.Tables,
     little: float,
 ) -> Float32Array:  # fmt: skip
     """Radiance (N, 3) that samples (N,) of one object reflect to the eye at rest.
@@ -62,36 +62,36 @@ def reflected(
     as the layers are, where slices know it to a triangle's 2.8 degrees. What a pixel sees of a sun is what its points
     see.
     """
-    suns = suns_of(sky, incident, little)
-    sharp = np.zeros((3 * len(which) if len(suns.power) else 0, 2), np.uint64)
-    ways = mirrored(seen.samples.wo[which], seen.normals(which))
-    radiance = at_corners(seen, which, ways, incident, suns, tables, sharp)
+    peaks = peak_lights_of(sky, incident, little)
+    sharp = np.zeros((3 * len(which) if len(peaks.power) else 0, 2), np.uint64)
+    directions = mirror_directions(seen.samples.wo[which], seen.normals(which))
+    radiance = reflect_at_corners(seen, which, directions, incident, peaks, tables, sharp)
     if len(sharp):
-        _add_sharp(seen, which, suns, sharp, layers, radiance)
+        _add_sharp(seen, which, peaks, sharp, layers, radiance)
     return radiance
 
 
-def reflected_quickly(seen: Seen, which: Rows, incident: Incident, sky: Sky, tables: kernels.Tables, n: int) -> Float32Array:
+def reflect_moving(seen: ViewSamples, which: Rows, incident: Incident, sky: SkyMap, tables: kernels.Tables, n: int) -> Float32Array:
     """The same while something moves: by n coefficients, and of all suns by slices."""
-    ways, no_bits = mirrored(seen.samples.wo[which], seen.normals(which)), np.zeros((0, 2), np.uint64)
-    return at_corners(seen, which, ways, incident, suns_of(sky, incident, np.inf), tables, no_bits, n)
+    directions, no_bits = mirror_directions(seen.samples.wo[which], seen.normals(which)), np.zeros((0, 2), np.uint64)
+    return reflect_at_corners(seen, which, directions, incident, peak_lights_of(sky, incident, np.inf), tables, no_bits, n)
 
 
-def suns_of(sky: Sky, incident: Incident, little: float) -> corner_kernels.Suns:
+def peak_lights_of(sky: SkyMap, incident: Incident, little: float) -> corner_kernels.PeakLights:
     """A sky's suns as points see them."""
-    return corner_kernels.Suns(
-        sky.sun_direction, sky.sun_power, incident.kept.sun_bits, hemisphere().children, little
+    return corner_kernels.PeakLights(
+        sky.peak_direction, sky.peak_power, incident.stored.peak_bits, hemisphere().children, little
     )  # fmt: skip
 
 
-def mirrored(wo: Float32Array, normals: Float32Array) -> Float32Array:
+def mirror_directions(wo: Float32Array, normals: Float32Array) -> Float32Array:
     """What surfaces of normals (N, 3) show in the mirror to eyes in the directions wo (N, 3)."""
     along = np.einsum("ni,ni->n", normals, wo)
     return np.asarray(2.0 * along[:, None] * normals - wo, np.float32)
 
 
-def at_corners(
-    seen: Seen, which: Rows, ways: Float32Array, incident: Incident, suns: corner_kernels.Suns, tables: kernels.Tables,
+def reflect_at_corners(
+    seen: ViewSamples, which: Rows, directions: Float32Array, incident: Incident, peaks: corner_kernels.PeakLights, tables: kernels.Tables,
     sharp: NDArray[np.uint64], n_most: int = MOST_COEFFICIENTS,
 ) -> Float32Array:  # fmt: skip
     """What samples (N,) send that show in the mirror the directions `ways` (N, 3), between the points around them,
@@ -106,7 +106,7 @@ def at_corners(
 
     def part(start: int, stop: int) -> None:
         corner_kernels.shade_corners(
-            start, stop, asked, first, members, ways, n_most, seen.points.frames, incident.slot, incident.kept, suns,
+            start, stop, asked, first, members, directions, n_most, seen.points.frames, incident.slot, incident.stored, peaks,
             tables, found, sharp,
         )  # fmt: skip
 
@@ -115,7 +115,7 @@ def at_corners(
 
 
 def _add_sharp(
-    seen: Seen, which: Rows, suns: corner_kernels.Suns, sharp: NDArray[np.uint64], layers: Sequence[Layer],
+    seen: ViewSamples, which: Rows, peaks: corner_kernels.PeakLights, sharp: NDArray[np.uint64], layers: Sequence[Layer],
     radiance: Float32Array,
 ) -> None:  # fmt: skip
     """Add what layers reflect of sharp suns to radiance (N, 3)."""
@@ -123,19 +123,19 @@ def _add_sharp(
 
     def part(start: int) -> None:
         some, bits = which[start : start + _PIXELS], sharp[3 * start : 3 * (start + _PIXELS)]
-        asked = _room(len(some) * len(suns.power))
-        n = sun_kernels.ask_suns(
-            some, samples.corners, samples.weights, samples.wo, frames, suns, bits, LEAST_COSINE, asked
+        asked = _room(len(some) * len(peaks.power))
+        n = sun_kernels.query_peaks(
+            some, samples.corners, samples.weights, samples.wo, frames, peaks, bits, LEAST_COSINE, asked
         )
         if n:
             found = evaluate_layers(layers, asked.wi[:n], asked.wo[:n])
-            sun_kernels.add_asked(n, asked, found, radiance[start : start + _PIXELS])
+            sun_kernels.add_answers(n, asked, found, radiance[start : start + _PIXELS])
 
     on_threads(part, range(0, len(which), _PIXELS))
 
 
-def _room(n: int) -> sun_kernels.Asked:
+def _room(n: int) -> sun_kernels.BrdfQueries:
     """For n suns at most, of a few samples."""
-    return sun_kernels.Asked(
+    return sun_kernels.BrdfQueries(
         np.empty(n, np.int32), np.empty((n, 3), np.float32), np.empty((n, 3)), np.empty((n, 3))
     )  # fmt: skip

@@ -20,12 +20,12 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from engine.light.environment import LUMINANCE, Environment, upsample_interpolated, triangle_integrals
-from engine.orbit._incident_kernels import N_ASKED
+from engine.orbit._incident_kernels import N_QUERIED
 from engine.sphere.geodesic import geodesic, triangle_solid_angles
 
 MAP_SIDE = 256
 _COARSE = 8  # texels of the map a side that one of the coarse map covers
-MOST_SUNS = 96
+MAX_PEAKS = 96
 _PARTS = 16  # in which texels are averaged
 _FINE = 6  # level of the triangles that are averaged
 # A direction is a sun if it holds so many times the mean power of the triangles beside it would have.
@@ -38,11 +38,11 @@ Float32Array = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
-class Sky:
+class SkyMap:
     """map (256, 256, 4) and coarse_map (32, 32, 4) float32: radiance by octahedral direction, without the suns (the
     fourth is empty), to be turned by `turn` radians counter-clockwise about +Y as seen from above.
 
-    sun_direction (M, 3) and sun_power (M, 3) float32: of the brightest places, turned already; power is radiance times
+    sun_direction (M, 3) and peak_power (M, 3) float32: of the brightest places, turned already; power is radiance times
     solid angle. sun_places (min(M, 8), 16, 3): directions in the brightest suns, of as much power each, neighbours side
     by side.
     """
@@ -50,18 +50,18 @@ class Sky:
     map: Float32Array
     coarse_map: Float32Array
     turn: float
-    sun_direction: Float32Array
-    sun_power: Float32Array
+    peak_direction: Float32Array
+    peak_power: Float32Array
     sun_places: Float32Array
 
 
-def make_sky(environment: Environment | None, rotation: float, scale: float = 1.0) -> Sky:
+def make_sky(environment: Environment | None, rotation: float, scale: float = 1.0) -> SkyMap:
     """The sky of an environment turned by `rotation` degrees, times scale; black without one."""
-    averaged, coarse, directions, power, places = _unturned(environment)
+    averaged, coarse, directions, power, places = _map_and_peaks(environment)
     turn = math.radians(rotation % 360.0)
     if scale != 1.0:
         averaged, coarse, power = averaged * np.float32(scale), coarse * np.float32(scale), power * np.float32(scale)
-    return Sky(averaged, coarse, turn, _turned(directions, turn), power, _turned(places, turn))
+    return SkyMap(averaged, coarse, turn, _turned(directions, turn), power, _turned(places, turn))
 
 
 def _turned(directions: Float32Array, turn: float) -> Float32Array:
@@ -72,42 +72,42 @@ def _turned(directions: Float32Array, turn: float) -> Float32Array:
 
 
 @lru_cache(maxsize=2)
-def _unturned(environment: Environment | None) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array, Float32Array]:
+def _map_and_peaks(environment: Environment | None) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array, Float32Array]:
     """Map, coarse map, and the suns' directions, powers and places of an environment as it is."""
     fine = geodesic(_FINE)
     powers = np.zeros((fine.n_triangles, 3))
     if environment is not None:
         environment = upsample_interpolated(environment)
         powers = triangle_integrals(environment, 0.0, _FINE)
-    suns = _suns(powers)
+    peaks = _find_peaks(powers)
     rest = powers.copy()
-    rest.reshape(-1, 4, 3)[suns] = 0.0
+    rest.reshape(-1, 4, 3)[peaks] = 0.0
     averaged = np.zeros((MAP_SIDE, MAP_SIDE, 4), np.float32)
-    averaged[..., :3] = np.concatenate([_averaging(part) @ rest for part in range(_PARTS)]).reshape(
+    averaged[..., :3] = np.concatenate([_averaging_matrix(part) @ rest for part in range(_PARTS)]).reshape(
         MAP_SIDE, MAP_SIDE, 3
     )
     coarse = averaged.reshape(MAP_SIDE // _COARSE, _COARSE, MAP_SIDE // _COARSE, _COARSE, 4).mean(axis=(1, 3))
-    of_sun = powers.reshape(-1, 4, 3)[suns]
-    directions = np.einsum("sk,ski->si", of_sun @ LUMINANCE, fine.centres.reshape(-1, 4, 3)[suns])
+    of_sun = powers.reshape(-1, 4, 3)[peaks]
+    directions = np.einsum("sk,ski->si", of_sun @ LUMINANCE, fine.centres.reshape(-1, 4, 3)[peaks])
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     power, places = of_sun.sum(axis=1).astype(np.float32), np.zeros((0, N_PLACES, 3), np.float32)
     if environment is not None:
-        places = _places(environment, suns[:N_ASKED])
+        places = _places(environment, peaks[:N_QUERIED])
     return averaged, np.ascontiguousarray(coarse), directions.astype(np.float32), power, places
 
 
-def _suns(powers: NDArray[np.float64]) -> NDArray[np.intp]:
+def _find_peaks(powers: NDArray[np.float64]) -> NDArray[np.intp]:
     """Of the triangles one level coarser those far brighter than the mean, at most MOST_SUNS, brightest first."""
     luminance = powers.reshape(-1, 4, 3).sum(axis=1) @ LUMINANCE
-    candidates = np.argsort(-luminance, kind="stable")[:MOST_SUNS]
+    candidates = np.argsort(-luminance, kind="stable")[:MAX_PEAKS]
     return np.asarray(candidates[luminance[candidates] > _SUN * luminance.mean()])
 
 
-def _places(environment: Environment, suns: NDArray[np.intp]) -> Float32Array:
+def _places(environment: Environment, peaks: NDArray[np.intp]) -> Float32Array:
     """Directions (K, 16, 3) of as much power each in suns (K,), triangles one level coarser than the finest: of their
     parts, in the order in which they are cut, those in which every sixteenth of the power has its middle."""
     sphere = geodesic(_FINE - 1)
-    parts = sphere.vertices[sphere.triangles[suns]].astype(np.float64)
+    parts = sphere.vertices[sphere.triangles[peaks]].astype(np.float64)
     for _ in range(_CUTS):
         a, b, c = np.moveaxis(parts, 1, 0)
         ab, bc, ca = (each / np.linalg.norm(each, axis=1, keepdims=True) for each in (a + b, b + c, c + a))
@@ -115,10 +115,10 @@ def _places(environment: Environment, suns: NDArray[np.intp]) -> Float32Array:
     middles = parts.sum(axis=1)
     middles /= np.linalg.norm(middles, axis=1, keepdims=True)
     power = environment.evaluate(middles, 0.0) @ LUMINANCE * triangle_solid_angles(parts)
-    upto = np.maximum(power, 1e-30).reshape(len(suns), 4**_CUTS).cumsum(axis=1)
+    upto = np.maximum(power, 1e-30).reshape(len(peaks), 4**_CUTS).cumsum(axis=1)
     wanted = (np.arange(N_PLACES) + 0.5) / N_PLACES
-    found = np.empty((len(suns), N_PLACES, 3), np.float32)
-    for own, each, total in zip(found, middles.reshape(len(suns), 4**_CUTS, 3), upto, strict=True):
+    found = np.empty((len(peaks), N_PLACES, 3), np.float32)
+    for own, each, total in zip(found, middles.reshape(len(peaks), 4**_CUTS, 3), upto, strict=True):
         own[:] = each[np.searchsorted(total, wanted * total[-1])]
     return found
 
@@ -127,13 +127,13 @@ def preparing_sky(environment: Environment | None) -> Generator[None, None, None
     """What `make_sky` of an environment needs, and remembers: in steps, for the first takes a second and more."""
     yield
     for part in range(_PARTS):
-        _averaging(part)
+        _averaging_matrix(part)
         yield
-    _unturned(environment)
+    _map_and_peaks(environment)
 
 
 @lru_cache(maxsize=_PARTS)
-def _averaging(part: int) -> sparse.csr_matrix:
+def _averaging_matrix(part: int) -> sparse.csr_matrix:
     """(texels / _PARTS, triangles), of that part of the texels: power of the fine triangles to mean radiance around
     each texel, falling off to twice the radius of a disc as large as a triangle: as wide as that, as what is small has
     to reach about one triangle's middle, wherever it lies between them."""

@@ -19,7 +19,7 @@ _PART = 2048  # points
 _LEVEL = 1
 
 
-def deflated(name: str, bits: Bits) -> dict[str, NDArray[np.generic]]:
+def deflate_bits(name: str, bits: Bits) -> dict[str, NDArray[np.generic]]:
     """Bits (S, B) as arrays to be stored under names that begin with `name`."""
     # Turned, so that neighbours among the points, which see about the same, stand side by side.
     parts = on_threads(lambda at: zlib.compress(bits[at : at + _PART].T.tobytes(), _LEVEL), range(0, len(bits), _PART))
@@ -27,8 +27,8 @@ def deflated(name: str, bits: Bits) -> dict[str, NDArray[np.generic]]:
     return {f"{name}_data": np.frombuffer(b"".join(parts), np.uint8), f"{name}_starts": ends}
 
 
-def inflated(name: str, reader: ArrayReader, n_points: int, n_bytes: int) -> Bits:
-    """What `deflated` made of bits (S, B). Raises UnsoundArrays."""
+def inflate_bits(name: str, reader: ArrayReader, n_points: int, n_bytes: int) -> Bits:
+    """What `deflate_bits` made of bits (S, B). Raises UnsoundArrays."""
     begins = range(0, n_points, _PART)
     reader.sizes[f"{name} parts"] = len(begins)
     starts = reader.runs(f"{name}_starts", f"{name} parts", f"{name} bytes")

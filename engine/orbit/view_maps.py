@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from engine.material.layer import Layer
 from engine.material.layer_maps import Images
 from engine.orbit import _footprint_kernels as kernels
-from engine.orbit.picture import Rows, Seen
+from engine.orbit.view_samples import Rows, ViewSamples
 from engine.render.surface_maps import painted, sample_images
 from engine.scene.scene_loader import Scene
 from engine.scene.bump_normals import Footprints, gradients
@@ -23,7 +23,7 @@ MOVING_PROBES = 2
 
 
 def factors(
-    seen: Seen, which: Rows, scene: Scene, i_object: int, layers: Sequence[Layer], quality: str
+    seen: ViewSamples, which: Rows, scene: Scene, i_object: int, layers: Sequence[Layer], quality: str
 ) -> dict[int, Float32Array]:
     """By what maps multiply an object's visible layers that have any, by their number: (N, 3) at samples (N,).
 
@@ -39,7 +39,7 @@ class _Places:
     """Where samples of one object lie on its images; what layers share, and pictures of one camera, is looked up
     once."""
 
-    def __init__(self, seen: Seen, which: Rows, scene: Scene, i_object: int, is_quick: bool) -> None:
+    def __init__(self, seen: ViewSamples, which: Rows, scene: Scene, i_object: int, is_quick: bool) -> None:
         self._seen, self._which, self._scene, self._i_object = seen, which, scene, i_object
         self._is_quick, self._most_probes = is_quick, MOVING_PROBES if is_quick else MOST_PROBES
 
@@ -59,7 +59,7 @@ class _Places:
         return known[key]
 
 
-def footprints_of(seen: Seen, which: Rows, scene: Scene, i_object: int) -> Footprints:
+def footprints_of(seen: ViewSamples, which: Rows, scene: Scene, i_object: int) -> Footprints:
     """Texture coordinates of the samples of an object, and their change over a pixel to the left and upwards, (N, 2);
     found once."""
     if i_object not in seen.footprints:
@@ -68,11 +68,11 @@ def footprints_of(seen: Seen, which: Rows, scene: Scene, i_object: int) -> Footp
     return uv, left, up
 
 
-def _footprints(seen: Seen, which: Rows, scene: Scene, i_object: int) -> tuple[NDArray[np.float64], ...]:
+def _footprints(seen: ViewSamples, which: Rows, scene: Scene, i_object: int) -> tuple[NDArray[np.float64], ...]:
     if i_object not in seen.charts:
         seen.charts[i_object] = _charts(scene, i_object)
     out = tuple(np.empty((3, len(which), 2)))
-    samples, eye = seen.samples, seen.eye.astype(np.float64)
+    samples, eye = seen.samples, seen.camera_position.astype(np.float64)
     what = which, seen.found[0], seen.points.source, samples.wo, seen.share, seen.charts[i_object]
 
     def part(start: int, stop: int) -> None:

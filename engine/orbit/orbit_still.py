@@ -7,7 +7,7 @@ from collections.abc import Generator
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.orbit.live import MOST_BYTES, MOST_SLICE_BYTES, N_COEFFICIENTS, N_POINTS, Orbit
+from engine.orbit.orbit_engine import MOST_BYTES, MOST_SLICE_BYTES, N_COEFFICIENTS, N_POINTS, Orbit
 from engine.orbit.reflections import LayersOf
 from engine.render.still import StillProgress
 from engine.transport.pipeline import Placement, SkyState
