@@ -21,7 +21,7 @@ from app.described_layers import layers_from_descriptions
 from app.linked_layers import group_of, with_layer
 from app.machine.paths import is_file_name
 from engine.deform.deformers import KINDS
-from engine.deform.pose import Deformation, Moment, Poses, Row, without_rest
+from engine.deform.pose import Deformation, Moment, Poses, Motion, without_identity
 from engine.errors import InsituError
 from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject, bump_fields
 from engine.material.layer import Layer
@@ -90,7 +90,7 @@ class ObjectState:
     new_surface: DeformSurface | None = None
 
     @property
-    def row(self) -> Row:
+    def row(self) -> Motion:
         """All that it goes through."""
         return self.deformations if self.moment is None else (self.moment, *self.deformations)
 
@@ -183,7 +183,7 @@ class Document:
     @property
     def poses(self) -> Poses:
         """What all objects go through that are not as the scene's file has them, by name."""
-        return without_rest([(state.name, state.row) for state in self.objects])
+        return without_identity([(state.name, state.row) for state in self.objects])
 
     @property
     def new_bumps(self) -> BumpsByObject:

@@ -21,7 +21,7 @@ from app.stills import Mode, StillProgress, judge_picture, prepared_deform, prep
 from app.timeline import timeline
 from app.view_state import ViewState
 from engine.deform.pose import Poses
-from engine.deform.posed_scene import posed
+from engine.deform.posed_scene import pose_scene
 from engine.errors import InsituError
 from engine.indirect.clamping import BRIGHTEST, clamp_radiance
 from engine.indirect.series import BounceSeries
@@ -114,7 +114,7 @@ def poses_of(project: Project, count: int) -> list[Poses]:
 
 
 def _in_poses(project: Project, poses: Poses) -> Scene:
-    bumped = posed(project.resting, poses).with_bumps(dict(project.document.new_bumps))
+    bumped = pose_scene(project.resting, poses).with_bumps(dict(project.document.new_bumps))
     return bumped.from_camera(None, project.scene.resolution)
 
 

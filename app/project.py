@@ -110,13 +110,13 @@ class Project:
     def edited(self, document: Document, look: Viewpoint) -> Project:
         """The same scene under another document, seen from elsewhere; what neither changes is shared. look: its camera
         and resolution are those of the scene as it is where they are None. Raises InsituError."""
-        from engine.deform.posed_scene import posed
+        from engine.deform.posed_scene import pose_scene
 
         old, scene, at_rest = self.document, self.scene, self.resting
         shape = document.poses, document.new_bumps, emission_of(document)
         if shape != (old.poses, old.new_bumps, emission_of(old)):
             at_rest = at_rest.with_emission(dict(emission_of(document)))
-            scene = posed(at_rest, document.poses).with_bumps(dict(document.new_bumps))
+            scene = pose_scene(at_rest, document.poses).with_bumps(dict(document.new_bumps))
             scene = scene.from_camera(self.scene.description.camera, self.scene.resolution)
             scene.bump_normals.check_images()
         turned = scene.description.from_camera(look.camera) != scene.description
@@ -164,7 +164,7 @@ def open_project(
 
     Raises InsituError with one line for a person.
     """
-    from engine.deform.posed_scene import posed
+    from engine.deform.posed_scene import pose_scene
     from engine.scene.scene_loader import load_scene
 
     source = source_of(find_source(name))
@@ -187,7 +187,7 @@ def open_project(
     for where, value in values:
         document = read_measurements(set_path(document, where, value).apply(document))
     at_rest = scene.with_emission(dict(emission_of(document)))
-    scene = posed(at_rest, document.poses).with_bumps(dict(document.new_bumps))
+    scene = pose_scene(at_rest, document.poses).with_bumps(dict(document.new_bumps))
     scene.bump_normals.check_images()
     sessions = () if source.session is None else (source.session,)
     inputs_are((*scene.files, *files_of_document(document), *sessions))

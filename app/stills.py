@@ -19,8 +19,8 @@ from app.machine.atomic import make_folder_of, require_place, save_file
 from app.machine.memory import orbit_bytes, orbit_slice_bytes
 from app.project import Project
 from engine.colour import ToneMapping
-from engine.deform.live import N_LOBES, Deform
-from engine.deform.still import render_deform
+from engine.deform.deform_engine import N_LOBES, Deform
+from engine.deform.deform_still import render_deform
 from engine.deform.transfer import N_RAYS as DEFORM_RAYS
 from engine.errors import InsituError
 from engine.indirect.clamping import BRIGHTEST, clamp_radiance
@@ -193,13 +193,13 @@ def prepared_deform(
 ) -> Deform:  # fmt: skip
     """What pictures in Deform's way are drawn of the project's scene, at rest or in a pose; posed: the objects, by
     name, that are to bend out of that; all its work is to be done. knobs: as in `render_project`."""
-    deform = Deform(scene, shelf=StoredLobes(Store()))
+    deform = Deform(scene, store=StoredLobes(Store()))
     usual = {"n_rays": DEFORM_RAYS, "n_lobes": N_LOBES}
     deform.set_effort(**{**usual, **mode_knobs("deform", project.overruled), **knobs})
     deform.set_light(project.sky)
     deform.set_layers(layers_by_object(project))
     deform.set_surfaces(project.document.new_surfaces)
-    deform.set_posed(posed)
+    deform.set_bending(posed)
     if n_bounces := series.n_bounces if series else project.chosen_bounces:
         deform.set_bounces(n_bounces)
     return deform

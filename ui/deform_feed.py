@@ -32,7 +32,7 @@ class DeformFeed(OrbitFeed):
         shaded, talk = self.shaded, editor.talk
         if not isinstance(shaded, PosedPicture) or not isinstance(talk, DeformTalk):
             return  # given up since
-        if event.told.lacks(shaded.known):  # what it went out from was void before it was drawn
+        if event.told.is_missing_parts(shaded.known):  # what it went out from was void before it was drawn
             talk.tell_again(shaded.known)
             return
         try:

@@ -36,7 +36,7 @@ def frame_rates(context: moderngl.Context, effort: DeformEffort, is_glossy: bool
     picture, camera, rates = PosedPicture(context), deform.scene.description.camera, []
     for i in range(WARM_UP + effort.n_frames):
         begun = time.perf_counter()
-        told = deform.told(camera, (("relief", (Deformation("bend", 1.0 + i),)),), picture.known)
+        told = deform.export_picture(camera, (("relief", (Deformation("bend", 1.0 + i),)),), picture.known)
         picture.draw(told, camera, effort.resolution)
         context.finish()
         rates.append(1.0 / (time.perf_counter() - begun))

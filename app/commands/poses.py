@@ -10,7 +10,7 @@ from typing import Any
 
 from app.document import Document, ObjectState
 from engine.deform.deformers import KINDS
-from engine.deform.pose import MAX_GROWTH, Deformation, Moment, growth
+from engine.deform.pose import MAX_GROWTH, Deformation, Moment, largest_growth
 from engine.errors import InsituError, LoadError
 
 MAX_DEFORMERS = 16
@@ -30,7 +30,7 @@ class SetPose:
     def apply(self, document: Document) -> Document:
         if len(self.deformations) > MAX_DEFORMERS:
             raise InsituError(f"{self.object} has {MAX_DEFORMERS} deformers; remove one to add another")
-        if (times := growth(self.deformations)) > MAX_GROWTH:
+        if (times := largest_growth(self.deformations)) > MAX_GROWTH:
             larger = f"{self.object}: its deformers make it {times:.3g} times as large"
             raise InsituError(f"{larger}, expected at most {MAX_GROWTH:g} times")
         return document.with_object(replace(document.object(self.object), deformations=self.deformations))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from app.picture import PictureEvent
-from engine.deform.parts import Told
+from engine.deform.gpu_parts import PictureExport
 from engine.scene.description import Camera
 
 
@@ -13,6 +13,6 @@ from engine.scene.description import Camera
 class PoseCame(PictureEvent):
     """What the window is to draw itself, from where, in how many pixels (width, height)."""
 
-    told: Told
+    told: PictureExport
     camera: Camera
     resolution: tuple[int, int]

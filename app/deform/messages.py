@@ -10,7 +10,7 @@ from app.orbit.messages import EstimateDrawn, OrbitDrawn, Quality
 
 if TYPE_CHECKING:
     from app.scene_state import SceneState
-    from engine.deform.parts import Numbers, Told
+    from engine.deform.gpu_parts import Numbers, PictureExport
     from engine.deform.pose import Poses
     from engine.scene.description import Camera
     from engine.scene.surface_kinds import SurfacesByObject
@@ -51,7 +51,7 @@ class PrepareDeform(Request):
 class DrawDeform(Request):
     """Draw the scene from a camera, in so many pixels (width, height), in poses, of what is ready; answered by
     `OrbitDrawn` or `OrbitUnknown`. split, fit_error: see `ViewState`. known: where the window draws it itself, the
-    numbers of the parts that it has (`engine.deform.parts`); then answered by `PoseTold`."""
+    numbers of the parts that it has (`engine.deform.gpu_parts`); then answered by `PoseTold`."""
 
     built_on = (OpenScene,)
     quick = 0
@@ -71,7 +71,7 @@ class DrawDeform(Request):
 class PoseTold(OrbitDrawn):
     """What the window draws a picture of; radiance is empty."""
 
-    told: Told = field(kw_only=True)
+    told: PictureExport = field(kw_only=True)
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from app.picture import PictureEvent
 from app.status import PictureState, Status
 from app.timeline import shown_poses
 from app.view_state import ViewState
-from engine.deform.parts import NOTHING, Numbers
+from engine.deform.gpu_parts import NO_PARTS, Numbers
 from engine.deform.pose import Poses
 from engine.scene.description import Camera
 from engine.scene.surface_kinds import SurfacesByObject
@@ -62,12 +62,12 @@ class DeformTalk(OrbitTalk):
         self._carried: Carried = ()
         self._traced = PathsTraced(0, 1)
         self._in_window = False
-        self._parts_told = NOTHING  # to the window of what it draws, see `DrawDeform.known`
+        self._parts_told = NO_PARTS  # to the window of what it draws, see `DrawDeform.known`
         super().__init__(desk)
 
     def draw_in_window(self, most_bytes: int) -> None:
         """The window draws moving pictures itself from now on; 0: the worker does."""
-        self._in_window, self._parts_told = most_bytes > 0, NOTHING
+        self._in_window, self._parts_told = most_bytes > 0, NO_PARTS
 
     def tell_again(self, known: Numbers) -> None:
         """The window could not draw its last picture, of these parts alone."""

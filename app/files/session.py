@@ -30,7 +30,7 @@ from app.measurements import with_full_paths
 from app.sources import SESSION_ENDING
 from app.view_state import AS_PLANNED, Bookmark, SetView, Viewpoint, ViewState
 from engine.colour import ToneMapping
-from engine.deform.pose import MAX_GROWTH, Deformation, Moment, growth
+from engine.deform.pose import MAX_GROWTH, Deformation, Moment, largest_growth
 from engine.errors import InsituError, LoadError, describe_value
 from engine.safe_files import read_regular_file, resolved
 from engine.material.bumps import Bumps, bump_parts, bumps_of_parts
@@ -100,7 +100,7 @@ class ObjectRecord(StrictModel):
     def _is_a_pose(self) -> ObjectRecord:
         if (self.time is None) != (self.clip is None):
             raise ValueError("time and clip: both or none")
-        if (times := growth([each.deformation for each in self.deformers])) > MAX_GROWTH:
+        if (times := largest_growth([each.deformation for each in self.deformers])) > MAX_GROWTH:
             raise ValueError(f"deformers make it {times:.3g} times as large: at most {MAX_GROWTH:g} times")
         return self
 

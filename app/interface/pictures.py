@@ -9,7 +9,7 @@ import numpy as np
 from app.interface.placement import Picture, PlacementPictures
 from app.project import Project
 from app.stills import layers_by_object, plan_still, prepared_deform, prepared_orbit, render_project, wanted_bounces
-from engine.deform.live import Deform
+from engine.deform.deform_engine import Deform
 from engine.errors import InsituError
 from engine.indirect.clamping import BRIGHTEST, clamp_radiance
 from engine.indirect.series import BounceSeries
@@ -97,11 +97,11 @@ class Pictures:
             resting = project.resting.with_bumps(dict(document.new_bumps))
             self._deform = document.new_bumps, prepared_deform(project, resting, posed)
         deform = self._deform[1]
-        deform.shine({name: tuple(scene.emission[i].tolist()) for i, name in enumerate(scene.object_names)})
+        deform.set_emission({name: tuple(scene.emission[i].tolist()) for i, name in enumerate(scene.object_names)})
         deform.set_light(project.sky)
         deform.set_layers(layers_by_object(project))
         deform.set_surfaces(document.new_surfaces)
-        deform.set_posed(posed)
+        deform.set_bending(posed)
         deform.set_bounces(n_bounces or project.chosen_bounces or 0)
         finish_work(deform)
         return deform.draw(scene.description.camera, scene.resolution, document.poses, "rest")

@@ -20,7 +20,7 @@ from app.jobs.labour import Here, Labour
 from app.messages import LookFrom, Noted, SkyImage
 from app.sky import sky_of
 from engine.deform.pose import Poses
-from engine.deform.posed_scene import posed
+from engine.deform.posed_scene import pose_scene
 from engine.errors import InsituError
 from engine.light.environment import Environment, downsample, load_environment
 from engine.planner import planned_edge_rays
@@ -140,7 +140,7 @@ class _Loaded:
         """The scene in these poses, and its rays: the same ones as long as the poses are."""
         assert self.scene is not None
         if self.pose is None or self.pose[0] != poses:
-            scene = posed(self.scene, poses)
+            scene = pose_scene(self.scene, poses)
             self.pose = poses, scene, RayCaster(scene.vertices, scene.triangles)
         return self.pose[1:]
 

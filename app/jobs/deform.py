@@ -37,8 +37,8 @@ from engine.transport.pipeline import SkyState
 
 if TYPE_CHECKING:
     from app.scene_state import SceneState
-    from engine.deform.live import Deform
-    from engine.deform.truth import Truth
+    from engine.deform.deform_engine import Deform
+    from engine.deform.path_reference import PathReference
     from engine.deform.zonal import Zonal
 
 STAGE = "deform"
@@ -56,7 +56,7 @@ class DeformWork(ModeWork):
         self._bench = bench
         self._deform: Deform | None = None
         self._scene: Scene | None = None
-        self._truth: tuple[tuple[Traced, SceneState, int], Truth] | None = None
+        self._truth: tuple[tuple[Traced, SceneState, int], PathReference] | None = None
         self._prepared = 0
 
     @property
@@ -79,11 +79,11 @@ class DeformWork(ModeWork):
         if first_time:
             yield Progress(STAGE, 0.0, text=FIRST_TIME)
         deform = self._made()
-        deform.shine(dict(scene.emission))
+        deform.set_emission(dict(scene.emission))
         deform.set_light(sky)
         deform.set_layers(layers_by_object(deform.scene, scene.layers))
         deform.set_surfaces(request.surfaces)
-        deform.set_posed(request.posed)
+        deform.set_bending(request.posed)
         deform.set_effort(self.n_rays or request.n_rays, request.n_lobes)
         deform.set_bounces(request.n_bounces)
         self._prepared = request.id
@@ -97,20 +97,20 @@ class DeformWork(ModeWork):
         if first_time:
             note_compiled(DEFORM)
         names = deform.scene.object_names
-        yield DeformKnown(tuple((names[i], share) for i, share in deform.lost.items()))
+        yield DeformKnown(tuple((names[i], share) for i, share in deform.lost_shares.items()))
         yield OrbitAdvanced(deform.version, deform.is_done, deform.n_bytes)
         if request.traced is not None:
             yield from self._trace(deform, request, sky, request.traced)
 
     def _trace(self, deform: Deform, request: PrepareDeform, sky: SkyState, wanted: Traced) -> Steps:
         """By paths, pass by pass; goes on where it was left off."""
-        from engine.deform.truth import N_PASSES, Truth
+        from engine.deform.path_reference import N_PASSES, PathReference
 
         layers, n_bounces = layers_by_object(deform.scene, request.scene.layers), request.n_bounces or 1
         made_of = wanted, request.scene, n_bounces
         if self._truth is None or self._truth[0] != made_of:
             scene = deform.scene.from_camera(wanted.camera, wanted.resolution)
-            self._truth = made_of, Truth(scene, wanted.poses)
+            self._truth = made_of, PathReference(scene, wanted.poses)
         truth = self._truth[1]
         yield PathsTraced(truth.n_passes, N_PASSES)
         while truth.n_passes < N_PASSES:
@@ -127,7 +127,7 @@ class DeformWork(ModeWork):
             return
         started = time.monotonic()
         camera = deform.scene.from_camera(request.camera).description.camera
-        told = None if request.known is None else deform.told(camera, request.poses, request.known)
+        told = None if request.known is None else deform.export_picture(camera, request.poses, request.known)
         if told is not None:
             picture = _NO_PICTURE
         elif request.fit_error:
@@ -160,7 +160,7 @@ class DeformWork(ModeWork):
         split: tuple[float, float],
     ) -> NDArray[np.float32]:  # fmt: skip
         """The picture, right of what paths show of the same and of transfer that does not turn."""
-        from engine.deform.truth import side_by_side
+        from engine.deform.path_reference import compose_split
 
         stays = deform.draw(camera, request.resolution, request.poses, request.quality, turned=False)
         traced = None
@@ -168,14 +168,14 @@ class DeformWork(ModeWork):
             wanted, *_ = self._truth[0]
             is_same = (dict(wanted.camera), wanted.poses) == (dict(request.camera), request.poses)
             traced = self._truth[1].picture if is_same else None
-        return side_by_side(traced, stays, picture, split)
+        return compose_split(traced, stays, picture, split)
 
     def _made(self) -> Deform:
         if self._deform is None:
-            from engine.deform.live import N_POINTS, Deform
+            from engine.deform.deform_engine import N_POINTS, Deform
 
             scene, shelf = self._bench.resting_scene, StoredLobes(self._bench.store)
-            self._deform = Deform(scene, self.n_points or N_POINTS, shelf=shelf)
+            self._deform = Deform(scene, self.n_points or N_POINTS, store=shelf)
         return self._deform
 
 
@@ -202,7 +202,7 @@ def _key(made_of: tuple[object, ...]) -> str:
 
 def stored_lobes(arrays: Arrays, n_places: int) -> Zonal:
     """Lobes of so many places, as pictures are drawn of. Raises UnsoundArrays."""
-    from engine.deform.live import N_LOBES
+    from engine.deform.deform_engine import N_LOBES
     from engine.deform.object_transfer import ORDER
     from engine.deform.zonal import Zonal
 

@@ -35,7 +35,7 @@ from app.orbit.messages import (
 )
 from app.scene_state import LayerState
 from engine.deform.pose import Poses
-from engine.deform.posed_scene import posed
+from engine.deform.posed_scene import pose_scene
 from engine.material.bumps import Bumps
 from engine.material.layer import Layer
 from engine.scene.scene_loader import Scene
@@ -181,7 +181,7 @@ class OrbitWork(ModeWork):
             return self._bench.open_placement.scene, self._bench.open_placement.caster
         made_of = self._bench.resting_scene, poses
         if self._posed is None or self._posed[0][0] is not made_of[0] or self._posed[0][1] != poses:
-            scene = posed(*made_of)
+            scene = pose_scene(*made_of)
             self._posed = made_of, scene, RayCaster(scene.vertices, scene.triangles)
         return self._posed[1:]
 

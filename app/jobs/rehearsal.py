@@ -24,7 +24,7 @@ from app.modes import MODES
 from app.orbit.messages import DrawOrbit, PrepareOrbit
 from app.placement.messages import ComputeTransport, EstimateError, Freeze, PrepareRelighting, SampleMaps
 from app.scene_state import LayerState, SceneState, layer_state, scene_state
-from engine.deform.parts import NOTHING
+from engine.deform.gpu_parts import NO_PARTS
 from engine.deform.pose import Deformation, Moment
 from engine.deform.wrinkle import wrinkles
 from engine.material.layer_maps import Images
@@ -160,7 +160,7 @@ def _draw_bent(client: InProcessClient, folder: Path) -> None:
     for surface in _SURFACES:
         _ask(client, PrepareDeform(state, 3, posed, (("ground", surface),)))
         _ask(client, DrawDeform(camera, size, "moving", _POSES))
-        _ask(client, DrawDeform(camera, size, "moving", _POSES, known=NOTHING))
+        _ask(client, DrawDeform(camera, size, "moving", _POSES, known=NO_PARTS))
         _ask(client, DrawDeform(camera, size, "rest", _POSES))
     _ask(client, DrawDeform(camera, size, "moving", _POSES, fit_error=True))
     _ask(client, PrepareDeform(state, 3, posed, traced=Traced(camera, (4, 4), _POSES)))

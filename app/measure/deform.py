@@ -22,11 +22,11 @@ from app.measure.figures import Figure, NotMeasured, not_measured
 from app.measure.launches import run_program
 from app.naming import qualified
 from engine.deform.fit_errors import MESH, fit_errors, random_vectors, shadowed_mesh
-from engine.deform.live import N_LOBES, ORDER, Deform, band_light_of, finished
-from engine.deform.points import BendingPoints, bending_points
-from engine.deform.pose import Deformation, deformed
+from engine.deform.deform_engine import N_LOBES, ORDER, Deform, band_light_of, finish_deform
+from engine.deform.bending_points import BendingPoints, bending_points
+from engine.deform.pose import Deformation, deform
 from engine.deform.shading import Lobes, lobes, shade
-from engine.deform.transfer import N_RAYS, TransferPoints, shadowed, turned
+from engine.deform.transfer import N_RAYS, TransferPoints, simulate_shadows, rotate_transfer
 from engine.deform.zonal import fit
 from engine.light.environment import Environment
 from engine.material import MODELS
@@ -74,7 +74,7 @@ def deform_figures(effort: DeformEffort | None, report: Callable[[str], None]) -
     run_to_end(fit(np.ones((2, ORDER * ORDER)), N_LOBES))  # compiled before anything is timed
     begun, cpu = time.perf_counter(), time.process_time()
     mesh = points.mesh(0, (0,))
-    vectors = run_to_end(shadowed(mesh, points.caster((0,)), ORDER, effort.n_rays))
+    vectors = run_to_end(simulate_shadows(mesh, points.caster((0,)), ORDER, effort.n_rays))
     zonal = run_to_end(fit(vectors, N_LOBES))
     seconds, cpu = time.perf_counter() - begun, time.process_time() - cpu
     ours, undeformed = _bent_errors(scene, points, vectors, zonal_lobes=lobes(zonal), n_rays=effort.n_rays)
@@ -140,14 +140,14 @@ def _bent_errors(
     """relRMSE of lobes that turn, and of transfer that does not."""
     light = band_light_of(varied_sky())
     harmonics = np.asarray(light.harmonics, np.float64)
-    rest = points.resting(0)
-    pose = deformed(rest, (BEND,))
+    rest = points.rest_geometry(0)
+    pose = deform(rest, (BEND,))
     caster = RayCaster(pose.positions.astype(np.float32), points.surface.corners)
     above = surface_points(caster, pose.positions, pose.frames[:, 2])
     mesh = TransferPoints(above, pose.frames, points.surface.corners)
-    seen = run_to_end(shadowed(mesh, caster, ORDER, n_rays))
-    truth = turned(seen, pose.frames.transpose(0, 2, 1)) @ harmonics
-    stays = turned(vectors, rest.frames.transpose(0, 2, 1)) @ harmonics
+    seen = run_to_end(simulate_shadows(mesh, caster, ORDER, n_rays))
+    truth = rotate_transfer(seen, pose.frames.transpose(0, 2, 1)) @ harmonics
+    stays = rotate_transfer(vectors, rest.frames.transpose(0, 2, 1)) @ harmonics
     found = shade(zonal_lobes, pose.frames, light)
     return _relative(found, truth), _relative(stays, truth)
 
@@ -191,5 +191,5 @@ def _drawn(scene: Scene) -> Deform:
     deform = Deform(scene, n_points=0, n_rays=16)  # by how many rays lobes came about, no frame knows
     deform.set_light(varied_sky())
     deform.set_layers({0: (make_layer(MODELS["lambert"], {"albedo": (0.6, 0.5, 0.4)}),)})
-    deform.set_posed(["relief"])
-    return finished(deform)
+    deform.set_bending(["relief"])
+    return finish_deform(deform)

@@ -26,7 +26,7 @@ from app.measure.knobs_deform import Bench, DeformKnobs
 from app.measure.machine import machine_facts
 from app.project import Project, open_project, with_edges
 from app.stills import layers_by_object, plan_still, still_quality
-from engine.deform.live import N_POINTS
+from engine.deform.deform_engine import N_POINTS
 from engine.indirect.sampling_settings import FINE
 from engine.indirect.series import BounceSeries
 from engine.orbit.orbit_engine import Orbit

@@ -20,11 +20,11 @@ from app.measure.deform import BEND, relief, varied_sky
 from app.measure.knobs import Knob, Shown
 from app.measure.sweep import MIB
 from app.view_state import ViewState
-from engine.deform.live import N_LOBES, ORDER
-from engine.deform.points import bending_points
-from engine.deform.pose import deformed
+from engine.deform.deform_engine import N_LOBES, ORDER
+from engine.deform.bending_points import bending_points
+from engine.deform.pose import deform
 from engine.deform.shading import band_light, lobes, shade
-from engine.deform.transfer import N_RAYS, TransferPoints, cosine_directions, ray_blocks, shadowed, turned
+from engine.deform.transfer import N_RAYS, TransferPoints, cosine_directions, ray_blocks, simulate_shadows, rotate_transfer
 from engine.deform.zonal import MAX_LOBES, fit
 from engine.light.environment import triangle_integrals
 from engine.scene.raycaster import RayCaster
@@ -75,7 +75,7 @@ class Bench:
         self._effort, self._sky = effort, varied_sky()
         environment = self._sky.environment
         assert environment is not None
-        pose = deformed(self._points.resting(0), (BEND,))
+        pose = deform(self._points.rest_geometry(0), (BEND,))
         self._frames = pose.frames
         self._powers = triangle_integrals(environment, 0.0, LIGHT_LEVEL)
         caster = RayCaster(pose.positions.astype(np.float32), self._points.surface.corners)
@@ -93,13 +93,13 @@ class Bench:
 
     def _traced(self, n: int, n_rays: int) -> Float64Array:
         points = self._points
-        return run_to_end(shadowed(points.mesh(0, (0,)), points.caster((0,)), n, n_rays))
+        return run_to_end(simulate_shadows(points.mesh(0, (0,)), points.caster((0,)), n, n_rays))
 
     def by_harmonics(self, n: int) -> Any:
         """All n² coefficients turned, as one would without lobes."""
         vectors, light = self._vectors(n, self._effort.n_rays), project(self._powers, n)
         back = self._frames.transpose(0, 2, 1)
-        return lambda: Shown(turned(vectors, back) @ light, vectors.size * 4 / MIB)
+        return lambda: Shown(rotate_transfer(vectors, back) @ light, vectors.size * 4 / MIB)
 
     def by_lobes(self, n: int, n_lobes: int) -> Any:
         zonal = lobes(run_to_end(fit(self._vectors(n, self._effort.n_rays), n_lobes)))

@@ -18,9 +18,9 @@ from app.commands import SetTime
 from app.project import Project, open_project
 from app.stills import layers_by_object
 from assets.scripts.bounces import save
-from engine.deform.live import Deform, finished
+from engine.deform.deform_engine import Deform, finish_deform
 from engine.deform.pose import Deformation, Poses
-from engine.deform.posed_scene import posed
+from engine.deform.posed_scene import pose_scene
 from engine.indirect.clamping import BRIGHTEST, clamp_radiance
 from engine.render.display import display_picture
 from engine.render.path_tracer import render_paths
@@ -54,7 +54,7 @@ def truth(file: Path) -> None:
     scene = project.resting
     deform = _ready(project, ("head",), (("head", NO_SURFACE),))
     camera, layers = scene.description.camera, layers_by_object(project)
-    traced = run_to_end(render_paths(Placement(posed(scene, BENT)), layers, project.sky, 2, 128))
+    traced = run_to_end(render_paths(Placement(pose_scene(scene, BENT)), layers, project.sky, 2, 128))
     drawn = [deform.draw(camera, SIZE, BENT, "rest", turned) for turned in (False, True)]
     save(file, np.hstack([_shown(clamp_radiance(each, BRIGHTEST)) for each in (traced, *drawn)]))
 
@@ -91,8 +91,8 @@ def _ready(project: Project, bends: tuple[str, ...], surfaces: SurfacesByObject 
     deform.set_light(project.sky)
     deform.set_layers(layers_by_object(project))
     deform.set_surfaces(surfaces)
-    deform.set_posed(bends)
-    return finished(deform)
+    deform.set_bending(bends)
+    return finish_deform(deform)
 
 
 def _shown(radiance: NDArray[np.float32]) -> Picture:

@@ -1,6 +1,6 @@
 """Compiled skinning: vertices moved by the mean of what their bones do.
 
-Kernels never validate: `engine.deform.animation` does.
+Kernels never validate: `engine.deform.animated_pose` does.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ _NEAR = 1e-6  # of depth 1: what reaches nearer has no outline in the picture
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def set_up(
-    start: int, stop: int, places: Float32Array, corners: Int32Array, sides: Int32Array, eye: Float64Array, plane: Float64Array, view: Float64Array,
+    start: int, stop: int, places: Float32Array, corners: Int32Array, sides: Int32Array, camera_position: Float64Array, plane: Float64Array, view: Float64Array,
     size: Int32Array, shares: Float32Array, boxes: Int32Array, front: Float32Array,
 ) -> None:  # fmt: skip
     """Fill shares[start:stop] (T, 3, 3), of each corner of triangles (T, 3) over places (V, 3): at column 0, a column
@@ -42,7 +42,7 @@ def set_up(
         most_x = most_y = -math.inf
         for k in range(3):
             for i in range(3):
-                p[k, i] = places[corners[t, k], i] - eye[i]
+                p[k, i] = places[corners[t, k], i] - camera_position[i]
             depth = view[2, 0] * p[k, 0] + view[2, 1] * p[k, 1] + view[2, 2] * p[k, 2]
             if not depth > _NEAR:
                 behind += 1
@@ -142,6 +142,6 @@ def paint_rows(
             whole = np.float32(1.0) / (a + b + c)
             a, b, c = a * whole, b * whole, c * whole
             for i in range(3):
-                matt = a * white[p, i] + b * white[q, i] + c * white[r, i]
+                diffuse = a * white[p, i] + b * white[q, i] + c * white[r, i]
                 shiny = a * gloss[p, i] + b * gloss[q, i] + c * gloss[r, i]
-                picture[row, column, i] += max(matt * albedos[m, i] + shiny, np.float32(0.0))
+                picture[row, column, i] += max(diffuse * albedos[m, i] + shiny, np.float32(0.0))

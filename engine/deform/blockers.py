@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.cluster.vq import kmeans2
 
 from engine.deform import _blocker_kernels as kernels
-from engine.deform.points import BendingPoints
+from engine.deform.bending_points import BendingPoints
 from engine.deform.shading import BandLight
 from engine.threads import even_parts, on_threads
 

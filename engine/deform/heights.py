@@ -20,7 +20,7 @@ def bumps(side: int = SIDE) -> Float64Array:
     u, v = _places(side)
     radius, height = 0.19, np.zeros((side, side))
     for at_u, at_v in ((0.25, 0.25), (0.75, 0.25), (0.0, 0.75), (0.5, 0.75)):
-        square = _apart(u, at_u) ** 2 + _apart(v, at_v) ** 2
+        square = _periodic_distance(u, at_u) ** 2 + _periodic_distance(v, at_v) ** 2
         height = np.maximum(height, np.sqrt(np.maximum(radius**2 - square, 0.0)))
     return height
 
@@ -72,14 +72,14 @@ def _places(side: int) -> tuple[Float64Array, Float64Array]:
     return np.tile(middle, (side, 1)), np.tile(1.0 - middle[:, None], (1, side))
 
 
-def _apart(value: Float64Array, place: float, period: float = 1.0) -> Float64Array:
+def _periodic_distance(value: Float64Array, place: float, period: float = 1.0) -> Float64Array:
     """The distance to the nearest of places that repeat."""
     return np.abs(np.mod(value - place + period / 2.0, period) - period / 2.0)
 
 
 def _thread(value: Float64Array) -> Float64Array:
     """The profile of threads that lie a quarter apart."""
-    return np.asarray(np.sqrt(np.maximum(1.0 - (_apart(value, 0.0, 0.25) / 0.11) ** 2, 0.0)))
+    return np.asarray(np.sqrt(np.maximum(1.0 - (_periodic_distance(value, 0.0, 0.25) / 0.11) ** 2, 0.0)))
 
 
 def _smooth(value: Float64Array) -> Float64Array:

@@ -9,13 +9,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform.details import heights, n_texels, patch_vectors, wrinkle_lobes
+from engine.deform.surface_details import heights, n_texels, patch_vectors, wrinkle_lobes
 from engine.deform.membrane import membrane
-from engine.deform.points import BendingPoints
+from engine.deform.bending_points import BendingPoints
 from engine.deform.reflectance import Reflectance
 from engine.deform.subsurface import Medium, simulate_subsurface
-from engine.deform.transfer import bounced, shadowed
-from engine.deform.zonal import Zonal, about_linear, fit
+from engine.deform.transfer import add_bounces, simulate_shadows
+from engine.deform.zonal import Zonal, fit_linear_lobe, fit
 from engine.material.layer_maps import Images
 from engine.scene.scene_loader import Scene
 from engine.scene.surface_kinds import DeformSurface
@@ -31,63 +31,63 @@ class ObjectTransfer:
 
     i_object: int
     casters: tuple[int, ...]
-    says: DeformSurface
+    surface: DeformSurface
     reflectance: Reflectance
     n_bounces: int
     n_rays: int
     n_lobes: int
 
     @property
-    def is_worth_keeping(self) -> bool:
+    def is_worth_storing(self) -> bool:
         """Whether it takes longer to find than to read; a membrane's map may change beneath what is kept."""
-        return self.says.membrane is None
+        return self.surface.membrane is None
 
-    def made_of(self, scene: Scene, points: BendingPoints) -> tuple[object, ...]:
+    def dependencies(self, scene: Scene, points: BendingPoints) -> tuple[object, ...]:
         """All that it hangs on."""
-        says = self.says
-        if says.wrinkles is not None:  # one map for all depths
+        surface = self.surface
+        if surface.wrinkles is not None:  # one map for all depths
             return ("wrinkles 2",)
-        if says.patch is not None:
-            return "patch", self.n_rays, self.n_lobes, heights(scene, says.patch)
+        if surface.patch is not None:
+            return "patch", self.n_rays, self.n_lobes, heights(scene, surface.patch)
         bright = (self.reflectance.brightest, self.n_bounces, *filter(None, (self.reflectance.shares,)))
-        own = (says.model_dump_json(),) if says.kind else bright
+        own = (surface.model_dump_json(),) if surface.kind else bright
         lobes = () if self.n_lobes == N_LOBES else (self.n_lobes,)
         return *points.geometry(self.i_object, self.casters), *own, self.n_rays, *lobes
 
     def n_places(self, scene: Scene, points: BendingPoints) -> int:
         """How many places it is found at: the object's points, or a map's texels."""
-        if self.says.is_mapped:
-            return n_texels(scene, self.says)
-        return len(points.of(self.i_object))
+        if self.surface.is_mapped:
+            return n_texels(scene, self.surface)
+        return len(points.points_of(self.i_object))
 
-    def found(self, scene: Scene, points: BendingPoints) -> Generator[float, None, Zonal]:
+    def compute(self, scene: Scene, points: BendingPoints) -> Generator[float, None, Zonal]:
         """By rays, where these are needed, then lobes. Yields the share of the rays that is done."""
-        says = self.says
-        if says.membrane is not None:
-            return membrane(_translucency(scene, points, self.i_object, says.membrane.translucency), ORDER)
-        if says.wrinkles is not None:
+        surface = self.surface
+        if surface.membrane is not None:
+            return membrane(_translucency(scene, points, self.i_object, surface.membrane.translucency), ORDER)
+        if surface.wrinkles is not None:
             return (yield from wrinkle_lobes(ORDER))
         vectors = yield from self._vectors(scene, points)
         if self.n_lobes == 1:  # which is soon to be another
-            return about_linear(vectors)
+            return fit_linear_lobe(vectors)
         return (yield from map_steps(fit(vectors, self.n_lobes), lambda _: 1.0))
 
     def _vectors(self, scene: Scene, points: BendingPoints) -> Generator[float, None, NDArray[np.float64]]:
         """Of the object's points, or of a patch's texels (P, n^2)."""
-        if self.says.patch is not None:
-            return (yield from patch_vectors(scene, self.says.patch, ORDER, self.n_rays))
+        if self.surface.patch is not None:
+            return (yield from patch_vectors(scene, self.surface.patch, ORDER, self.n_rays))
         mesh, caster = points.mesh(self.i_object, self.casters), points.caster(self.casters)
-        if self.says.subsurface is not None:
-            medium, own = Medium(**self.says.values), mesh.corners[mesh.corners[:, 0] >= 0]
+        if self.surface.subsurface is not None:
+            medium, own = Medium(**self.surface.values), mesh.corners[mesh.corners[:, 0] >= 0]
             return (yield from simulate_subsurface(mesh, caster, own, ORDER, medium, self.n_rays))
-        vectors = yield from shadowed(mesh, caster, ORDER, self.n_rays)
+        vectors = yield from simulate_shadows(mesh, caster, ORDER, self.n_rays)
         if self.reflectance.brightest and self.n_bounces:
             albedo = self.reflectance.albedo
-            vectors = yield from map_steps(bounced(mesh, caster, vectors, albedo, self.n_bounces), lambda share: 0.99)
+            vectors = yield from map_steps(add_bounces(mesh, caster, vectors, albedo, self.n_bounces), lambda share: 0.99)
         return vectors
 
 
-class Shelf(Protocol):
+class TransferStore(Protocol):
     """Where fitted transfer is kept, by all that it hangs on. What `get` finds is of so many places."""
 
     def get(self, made_of: tuple[object, ...], n_places: int) -> Zonal | None: ...
@@ -95,41 +95,41 @@ class Shelf(Protocol):
     def put(self, made_of: tuple[object, ...], zonal: Zonal) -> None: ...
 
 
-class FoundTransfer:
+class TransferCache:
     """What was found of a scene's objects: the last two of each at hand, for one that bends will rest again, and all
     on the shelf."""
 
-    def __init__(self, scene: Scene, points: BendingPoints, shelf: Shelf | None) -> None:
-        self._scene, self._points, self._shelf = scene, points, shelf
+    def __init__(self, scene: Scene, points: BendingPoints, store: TransferStore | None) -> None:
+        self._scene, self._points, self._store = scene, points, store
         self._at_hand: dict[ObjectTransfer, Zonal] = {}
-        self._sought: dict[int, ObjectTransfer] = {}  # in vain, the last of each object
+        self._loaded: dict[int, ObjectTransfer] = {}  # in vain, the last of each object
 
     def get(self, wanted: ObjectTransfer) -> Zonal | None:
-        if wanted in self._at_hand or self._sought.get(wanted.i_object) == wanted:
+        if wanted in self._at_hand or self._loaded.get(wanted.i_object) == wanted:
             return self._at_hand.get(wanted)
-        self._sought[wanted.i_object] = wanted
-        if self._shelf is not None and wanted.is_worth_keeping:
-            made_of = wanted.made_of(self._scene, self._points)
-            found = self._shelf.get(made_of, wanted.n_places(self._scene, self._points))
+        self._loaded[wanted.i_object] = wanted
+        if self._store is not None and wanted.is_worth_storing:
+            made_of = wanted.dependencies(self._scene, self._points)
+            found = self._store.get(made_of, wanted.n_places(self._scene, self._points))
             if found is not None:
-                self._hold(wanted, found)
+                self._hold_recent(wanted, found)
         return self._at_hand.get(wanted)
 
-    def keep(self, wanted: ObjectTransfer, zonal: Zonal) -> None:
-        self._hold(wanted, zonal)
-        if self._shelf is not None and wanted.is_worth_keeping:
-            self._shelf.put(wanted.made_of(self._scene, self._points), zonal)
+    def put(self, wanted: ObjectTransfer, zonal: Zonal) -> None:
+        self._hold_recent(wanted, zonal)
+        if self._store is not None and wanted.is_worth_storing:
+            self._store.put(wanted.dependencies(self._scene, self._points), zonal)
 
-    def _hold(self, wanted: ObjectTransfer, zonal: Zonal) -> None:
+    def _hold_recent(self, wanted: ObjectTransfer, zonal: Zonal) -> None:
         for other in [each for each in self._at_hand if each.i_object == wanted.i_object][:-1]:
             del self._at_hand[other]
         self._at_hand[wanted] = zonal
 
 
-def _translucency(scene: Scene, points: BendingPoints, i: int, says: float | str) -> NDArray[np.float64]:
+def _translucency(scene: Scene, points: BendingPoints, i: int, surface: float | str) -> NDArray[np.float64]:
     """Of an object's points (P,), 0 to 1."""
-    if not isinstance(says, str):
-        return np.full(len(points.of(i)), says)
-    image = scene.textures.weight(Images(weight=says))
+    if not isinstance(surface, str):
+        return np.full(len(points.points_of(i)), surface)
+    image = scene.textures.weight(Images(weight=surface))
     assert image is not None
     return np.clip(image.at(points.uvs(i))[:, 0].astype(np.float64), 0.0, 1.0)

@@ -17,7 +17,7 @@ from engine.deform import _patch_kernels as kernels
 from engine.deform.pose import orthonormal
 from engine.deform.shading import Lobes, lobes
 from engine.deform.subsurface import Medium, Sources, subsurface
-from engine.deform.transfer import N_RAYS, TransferPoints, cosine_directions, simulate, turned
+from engine.deform.transfer import N_RAYS, TransferPoints, cosine_directions, simulate, rotate_transfer
 from engine.deform.zonal import Zonal
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points
@@ -54,7 +54,7 @@ def simulate_patch(
     mesh, caster = _among_copies(heights)
     end = 0.6 if slab else 1.0
     vectors = yield from map_steps(simulate(mesh, caster, n, albedo, n_bounces, n_rays), lambda share: end * share)
-    flat = turned(vectors, mesh.frames.transpose(0, 2, 1))
+    flat = rotate_transfer(vectors, mesh.frames.transpose(0, 2, 1))
     if slab is None:
         return flat
     places = mesh.points.position.astype(np.float64)

@@ -54,11 +54,11 @@ class Moment:
             raise ValueError(f"time {self.time:g}, expected a finite number of seconds")
 
 
-Row = tuple[Moment | Deformation, ...]  # what an object goes through, one after another; a moment comes first
-Poses = tuple[tuple[str, Row], ...]  # of objects, by name
+Motion = tuple[Moment | Deformation, ...]  # what an object goes through, one after another; a moment comes first
+Poses = tuple[tuple[str, Motion], ...]  # of objects, by name
 
 
-def without_rest(poses: Sequence[tuple[str, Row]]) -> Poses:
+def without_identity(poses: Sequence[tuple[str, Motion]]) -> Poses:
     """What of them moves anything: no deformer of no amount, no object without any."""
     rows = ((name, tuple(each for each in row if isinstance(each, Moment) or each.amount)) for name, row in poses)
     return tuple((name, row) for name, row in rows if row)
@@ -77,7 +77,7 @@ class Pose:
         return np.stack([self.positions.min(axis=0), self.positions.max(axis=0)])
 
 
-def deformed(pose: Pose, deformations: Sequence[Deformation], box: Float64Array | None = None) -> Pose:
+def deform(pose: Pose, deformations: Sequence[Deformation], box: Float64Array | None = None) -> Pose:
     """The pose after the deformers, one after another, each in the same box (2, 3): the resting mesh's, or None where
     that is the pose's own."""
     if not deformations:
@@ -97,10 +97,10 @@ def deformed(pose: Pose, deformations: Sequence[Deformation], box: Float64Array 
     return Pose(positions, deformed_frames(pose.frames, jacobians))
 
 
-def growth(deformations: Sequence[Deformation]) -> float:
+def largest_growth(deformations: Sequence[Deformation]) -> float:
     """How many times as large a cube becomes by deformers, one after another, along the axis where that is most."""
     places = np.stack(np.meshgrid(*[np.linspace(0.0, 1.0, _SIDES)] * 3), axis=-1).reshape(-1, 3)
-    moved = deformed(Pose(places, np.broadcast_to(np.eye(3), (len(places), 3, 3))), deformations)
+    moved = deform(Pose(places, np.broadcast_to(np.eye(3), (len(places), 3, 3))), deformations)
     return float(np.ptp(moved.positions, axis=0).max())
 
 

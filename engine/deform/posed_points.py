@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform.points import BendingPoints
-from engine.deform.pose import Pose, Poses, Row, check_extent, deformed
-from engine.deform.posed_scene import at_moment, deformers, moment_of, shifted
+from engine.deform.bending_points import BendingPoints
+from engine.deform.pose import Pose, Poses, Motion, check_extent, deform
+from engine.deform.posed_scene import animate_vertices, deformers, moment_of, animation_offset
 from engine.deform.uv_axes import SurfaceAxes
 from engine.scene.scene_loader import MAX_EXTENT, Scene
 
@@ -34,10 +34,10 @@ class PosedPoints:
             row = rows.get(i, ())
             if i not in self._poses or self._poses[i][0] != row:
                 self._poses[i] = row, self._pose(i, row)
-                self._points.place(i, self._poses[i][1])
+                self._points.set_pose(i, self._poses[i][1])
         return self._points.places, self._points.frames
 
-    def carried(self, poses: Poses) -> dict[str, tuple[float, float, float]]:
+    def animation_offsets(self, poses: Poses) -> dict[str, tuple[float, float, float]]:
         """How far animations have carried the objects in these poses, by name: x, y, z; names of none do not count, as
         where a document has an object that the scene is yet to be opened with."""
         self.at(poses)
@@ -55,13 +55,13 @@ class PosedPoints:
             self._axes_now[i] = pose, own.now()
         return own.numbers, self._axes_now[i][1]
 
-    def _pose(self, i: int, row: Row) -> Pose:
+    def _pose(self, i: int, row: Motion) -> Pose:
         """Where a row takes all that is drawn of an object."""
-        carried = resting = self._points.resting(i)
+        carried = resting = self._points.rest_geometry(i)
         self._shifts[i] = np.zeros(3)
         if moment_of(self._scene, i, row) is not None:
-            rest, moment = at_moment(self._scene, i, row)
-            carried, self._shifts[i] = self._points.carried(i, resting, rest, moment), shifted(rest, moment)
-        pose = deformed(carried, deformers(row), resting.box + self._shifts[i])
+            rest, moment = animate_vertices(self._scene, i, row)
+            carried, self._shifts[i] = self._points.move_with_mesh(i, resting, rest, moment), animation_offset(rest, moment)
+        pose = deform(carried, deformers(row), resting.box + self._shifts[i])
         check_extent(self._scene.object_names[i], pose.positions, MAX_EXTENT)
         return pose

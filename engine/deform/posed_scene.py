@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform import animation
-from engine.deform.pose import Deformation, Moment, Pose, Poses, Row, check_extent, deformed
+from engine.deform import animated_pose
+from engine.deform.pose import Deformation, Moment, Pose, Poses, Motion, check_extent, deform
 from engine.scene.local_frames import local_frames, object_tangents
 from engine.scene.scene_loader import MAX_EXTENT, Scene
 from engine.scene.mesh import face_normals
 
 
-def posed(scene: Scene, poses: Poses) -> Scene:
+def pose_scene(scene: Scene, poses: Poses) -> Scene:
     """The scene with these objects, by name, in these poses; names of none do not count. The same scene where nothing
     is moved. Raises InsituError where one of them would reach beyond the largest scene.
 
@@ -25,12 +25,12 @@ def posed(scene: Scene, poses: Poses) -> Scene:
         return scene
     vertices, normals = scene.vertices.copy(), scene.normals.copy()
     for i, row in moving:
-        rest, moment = at_moment(scene, i, row)
-        shift = shifted(rest, moment)
+        rest, moment = animate_vertices(scene, i, row)
+        shift = animation_offset(rest, moment)
         which = np.unique(scene.triangles[slice(*scene.triangle_ranges[i])])
         mine = which - scene.vertex_ranges[i, 0]
         box = Pose(rest.positions[mine], rest.frames[mine]).box + shift
-        pose = deformed(Pose(moment.positions[mine], moment.frames[mine]), deformers(row), box)
+        pose = deform(Pose(moment.positions[mine], moment.frames[mine]), deformers(row), box)
         check_extent(scene.object_names[i], pose.positions, MAX_EXTENT)
         vertices[which], normals[which] = pose.positions, pose.frames[:, 2]
     geometric, solid = face_normals(vertices, scene.triangles)
@@ -38,33 +38,33 @@ def posed(scene: Scene, poses: Poses) -> Scene:
     return replace(scene, vertices=vertices, normals=normals, geometric_normals=geometric.astype(np.float32))
 
 
-def deformers(row: Row) -> list[Deformation]:
+def deformers(row: Motion) -> list[Deformation]:
     """What comes after the moment."""
     return [each for each in row if isinstance(each, Deformation)]
 
 
-def shifted(rest: Pose, moment: Pose) -> NDArray[np.float64]:
+def animation_offset(rest: Pose, moment: Pose) -> NDArray[np.float64]:
     """How far an animation has carried an object as a whole (3,): the box that deformers stand in goes along."""
     return np.asarray((moment.positions - rest.positions).mean(axis=0))
 
 
-def at_moment(scene: Scene, i: int, row: Row) -> tuple[Pose, Pose]:
+def animate_vertices(scene: Scene, i: int, row: Motion) -> tuple[Pose, Pose]:
     """The vertices of object i in their range, as the scene's file has them and as the row's moment does: the same
     where it has none, or the object no such animation."""
-    rest, rig, moment = _resting(scene, i), scene.rigs[i], moment_of(scene, i, row)
+    rest, rig, moment = _rest_vertices(scene, i), scene.rigs[i], moment_of(scene, i, row)
     if rig is None or moment is None:
         return rest, rest
     triangles = scene.triangles[slice(*scene.triangle_ranges[i])] - scene.vertex_ranges[i, 0]
-    return rest, animation.posed(rig, rest, triangles, moment.clip, moment.time)
+    return rest, animated_pose.animated_pose(rig, rest, triangles, moment.clip, moment.time)
 
 
-def moment_of(scene: Scene, i: int, row: Row) -> Moment | None:
+def moment_of(scene: Scene, i: int, row: Motion) -> Moment | None:
     """The row's, where object i has such an animation."""
     clips = [] if (rig := scene.rigs[i]) is None else [clip.name for clip in rig.skeleton.clips]
     return next((each for each in row if isinstance(each, Moment) and each.clip in clips), None)
 
 
-def _resting(scene: Scene, i: int) -> Pose:
+def _rest_vertices(scene: Scene, i: int) -> Pose:
     which: NDArray[np.int64] = np.arange(*scene.vertex_ranges[i])
     normals = scene.normals[which].astype(np.float64)
     tangents = object_tangents(scene, np.full(len(which), i), normals)

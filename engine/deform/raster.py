@@ -25,7 +25,7 @@ _BANDS = 2  # of rows a thread: what is in the picture lies unevenly
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class RasterTriangles:
     """T triangles: corners (T, 3), numbers of the places they are drawn at; sides (T, 2, 3), the points on the side
     that the winding faces and on the other, -1 where there are none; the object (T,) of each."""
 
@@ -35,7 +35,7 @@ class Surface:
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
+class RasterResult:
     """Which triangle each pixel of a picture sees: found (H, W), -1 for none; shares (T, 3, 3), see `set_up`; front
     (T,), positive where the winding faces the eye; plane (3, 3): the directions of pixels."""
 
@@ -66,7 +66,7 @@ class Backdrop:
 BLACK = Backdrop(np.zeros((1, 1, 3), np.float32))
 
 
-def draw(surface: Surface, places: Float32Array, camera: CameraDescription, eye: Float64Array, size: tuple[int, int]) -> Drawn:
+def draw(surface: RasterTriangles, places: Float32Array, camera: CameraDescription, camera_position: Float64Array, size: tuple[int, int]) -> RasterResult:
     """What a camera sees of triangles over places (V, 3); eye (3,): where it stands among them; size: width, height."""
     width, height = size
     plane, view = _plane(camera, size)
@@ -78,16 +78,16 @@ def draw(surface: Surface, places: Float32Array, camera: CameraDescription, eye:
 
     def set_up(start: int, stop: int) -> None:
         kernels.set_up(
-            start, stop, places, surface.corners, surface.sides, eye, plane, view, limits, shares, boxes, front
+            start, stop, places, surface.corners, surface.sides, camera_position, plane, view, limits, shares, boxes, front
         )
 
     on_threads(set_up, *even_parts(n))
     on_threads(lambda start, stop: kernels.fill_rows(start, stop, shares, boxes, nearness, found), *_bands(height))
-    return Drawn(found, shares, front, plane)
+    return RasterResult(found, shares, front, plane)
 
 
 def paint(
-    drawn: Drawn, surface: Surface, white: Float32Array, gloss: Float32Array, albedos: Float32Array, emission: Float32Array,
+    drawn: RasterResult, surface: RasterTriangles, white: Float32Array, gloss: Float32Array, albedos: Float32Array, emission: Float32Array,
     backdrop: Backdrop = BLACK,
 ) -> Float32Array:  # fmt: skip
     """Radiance (H, W, 3): white and gloss (S, 3) of the points, albedos and emission (M, 3) of the objects."""

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.deform.gloss import low_gloss
-from engine.deform.points import BendingPoints
-from engine.deform.subject import albedo, is_glossy
+from engine.deform.bending_points import BendingPoints
+from engine.deform.shading_state import albedo, is_glossy
 from engine.light.environment import LUMINANCE
 from engine.material.layer import Layer
 from engine.render.surface_maps import painted, sample_images

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from engine.deform import _subsurface_kernels as kernels
-from engine.deform.transfer import N_RAYS, TransferPoints, simulate, turned
+from engine.deform.transfer import N_RAYS, TransferPoints, simulate, rotate_transfer
 from engine.scene.raycaster import RayCaster
 from engine.generators import map_steps
 from engine.threads import even_parts, on_threads
@@ -70,7 +70,7 @@ class Medium:
             total += depth * (1.0 + self.decay * away) * np.exp(-self.decay * away) / away**3
         return np.asarray(self.albedo / (4.0 * np.pi) * total)
 
-    def beyond(self, distance: ArrayLike) -> Float64Array:
+    def integral_beyond(self, distance: ArrayLike) -> Float64Array:
         """Its integral over the plane beyond a distance; at 0 the whole diffuse reflectance."""
         radius = np.asarray(distance, np.float64)
         total = np.zeros(radius.shape)
@@ -83,11 +83,11 @@ class Medium:
     def reach(self) -> float:
         """Beyond which less than `LEFT_OUT` of the reflectance lies, metres."""
         low, high = 0.0, self.depths[1]
-        while self.beyond(high) > LEFT_OUT * self.beyond(0.0):
+        while self.integral_beyond(high) > LEFT_OUT * self.integral_beyond(0.0):
             low, high = high, 2.0 * high
         for _ in range(40):
             middle = (low + high) / 2.0
-            low, high = (middle, high) if self.beyond(middle) > LEFT_OUT * self.beyond(0.0) else (low, middle)
+            low, high = (middle, high) if self.integral_beyond(middle) > LEFT_OUT * self.integral_beyond(0.0) else (low, middle)
         return high
 
 
@@ -111,7 +111,7 @@ def subsurface(
     reach = medium.reach
     table = medium.reflectance(np.linspace(0.0, reach, _TABLE))
     own = np.subtract(
-        medium.beyond(0.0), medium.beyond(np.sqrt(areas / np.pi))
+        medium.integral_beyond(0.0), medium.integral_beyond(np.sqrt(areas / np.pi))
     )  # over a disc as large as the place's surface
     leaving = np.empty((len(points), entering.shape[1]))
     for first in range(0, len(points), _BLOCK):
@@ -135,9 +135,9 @@ def simulate_subsurface(
     entering = yield from map_steps(simulate(mesh, caster, n, n_rays=n_rays), lambda share: 0.6 * share)
     places = mesh.points.position.astype(np.float64)
     sources = Sources(places, vertex_areas(places, triangles), np.arange(len(places), dtype=np.int32))
-    in_world = turned(entering, mesh.frames.transpose(0, 2, 1))
+    in_world = rotate_transfer(entering, mesh.frames.transpose(0, 2, 1))
     leaving = yield from map_steps(subsurface(in_world, places, sources, medium), lambda share: 0.6 + 0.4 * share)
-    return turned(leaving, mesh.frames)
+    return rotate_transfer(leaving, mesh.frames)
 
 
 def vertex_areas(places: Float64Array, triangles: NDArray[np.int32]) -> Float64Array:

@@ -53,14 +53,14 @@ def simulate(
     """Vectors (P, n^2) of order n with the mesh's own shadows and, for albedo (P,) or one for all in [0, 1), what it
     reflects onto itself in so many bounces. Yields the share that is done."""
     end = 0.7 if n_bounces else 1.0
-    total = yield from map_steps(shadowed(mesh, caster, n, n_rays), lambda share: end * share)
+    total = yield from map_steps(simulate_shadows(mesh, caster, n, n_rays), lambda share: end * share)
     if n_bounces:
-        total = yield from map_steps(bounced(mesh, caster, total, albedo, n_bounces), lambda share: end + 0.2 * share)
+        total = yield from map_steps(add_bounces(mesh, caster, total, albedo, n_bounces), lambda share: end + 0.2 * share)
     yield 1.0
     return total
 
 
-def shadowed(mesh: TransferPoints, caster: RayCaster, n: int, n_rays: int = N_RAYS) -> Generator[float, None, Float64Array]:
+def simulate_shadows(mesh: TransferPoints, caster: RayCaster, n: int, n_rays: int = N_RAYS) -> Generator[float, None, Float64Array]:
     """Vectors (P, n^2) of order n with the shadows of what the rays can meet. Yields the share that is done."""
     total = np.empty((len(mesh.frames), n * n))
     for start, stop, rays in ray_blocks(mesh, cosine_directions(n_rays, n)[0]):
@@ -70,22 +70,22 @@ def shadowed(mesh: TransferPoints, caster: RayCaster, n: int, n_rays: int = N_RA
     return total
 
 
-def bounced(
+def add_bounces(
     mesh: TransferPoints, caster: RayCaster, vectors: Float64Array, albedo: ArrayLike, n_bounces: int
 ) -> Generator[float, None, Float64Array]:
     """Vectors (P, n^2) with what the mesh, of albedo (P,) or one for all in [0, 1), reflects onto itself in so many
     bounces of the light that they take in. Yields the share that is done."""
     hits = yield from _hits(mesh, caster)
     total = vectors.copy()
-    sent = turned(total, mesh.frames.transpose(0, 2, 1))  # in the world's axes, as all points' are
+    sent = rotate_transfer(total, mesh.frames.transpose(0, 2, 1))  # in the world's axes, as all points' are
     reflectance = np.broadcast_to(np.asarray(albedo, np.float64), len(total))[:, None]
     for _ in range(n_bounces):
         sent = hits.gather(reflectance * sent, mesh.corners)
-        total += turned(sent, mesh.frames)
+        total += rotate_transfer(sent, mesh.frames)
     return total
 
 
-def turned(vectors: Float64Array, frames: Float64Array) -> Float64Array:
+def rotate_transfer(vectors: Float64Array, frames: Float64Array) -> Float64Array:
     """Functions (P, n^2) in the axes that are the rows of `frames` (P, 3, 3): exact, by quadrature."""
     n = round(vectors.shape[1] ** 0.5)
     places, weights = quadrature(n)

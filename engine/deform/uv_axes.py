@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from engine.deform.points import BendingPoints
+from engine.deform.bending_points import BendingPoints
 from engine.deform.pose import orthonormal
 from engine.scene.scene_loader import Scene
 

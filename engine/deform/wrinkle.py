@@ -82,14 +82,14 @@ def wrinkles(n: int = ORDER, side: int = SIDE) -> Generator[float, None, Wrinkle
     targets = transfer(places[:, 0] / (side - 1), places[:, 1] / (side - 1) * DEEPEST, n)
     at_nodes = targets.reshape(n_samples, n_samples, -1)[::_PER_CELL, ::_PER_CELL].reshape(side * side, -1)
     yield 0.1
-    axes, coefficients = _beginning(at_nodes, n)
+    axes, coefficients = _initial_lobes(at_nodes, n)
     shapes = (side, side, N_LOBES, 3), (side, side, N_LOBES, n)
     values = np.concatenate([axes.ravel(), coefficients.ravel()])
     options = {"maxiter": _STEPS, "maxcor": 20}
     for round_ in range(_ROUNDS):
         values = minimize(_error, values, (targets, places, shapes), "L-BFGS-B", jac=True, options=options).x
         yield 0.1 + 0.9 * (round_ + 1) / _ROUNDS
-    axes, coefficients = _parted(values, shapes)
+    axes, coefficients = _split_values(values, shapes)
     low, none = at_nodes[:, :4].reshape(side, side, 4), np.zeros((side, side))
     fitted = Wrinkles(low, _unit(axes), coefficients, none)
     position, depth = places.T / (side - 1)
@@ -100,23 +100,23 @@ def wrinkles(n: int = ORDER, side: int = SIDE) -> Generator[float, None, Wrinkle
 
 def _error(values: Float64Array, targets: Float64Array, places: Float64Array, shapes: tuple) -> tuple[float, Float64Array]:
     """The squared error of all samples and its gradient; by parts whose number does not depend on the cores."""
-    axes, coefficients = _parted(values, shapes)
+    axes, coefficients = _split_values(values, shapes)
     gradients = np.zeros((_PARTS, len(values)))
 
     def part(i: int) -> float:
         ends = len(targets) * i // _PARTS, len(targets) * (i + 1) // _PARTS
-        return float(kernels.error_range(targets, places, axes, coefficients, *ends, *_parted(gradients[i], shapes)))
+        return float(kernels.error_range(targets, places, axes, coefficients, *ends, *_split_values(gradients[i], shapes)))
 
     return sum(on_threads(part, range(_PARTS))), gradients.sum(axis=0)
 
 
-def _parted(values: Float64Array, shapes: tuple) -> tuple[Float64Array, Float64Array]:
+def _split_values(values: Float64Array, shapes: tuple) -> tuple[Float64Array, Float64Array]:
     """Axes and coefficients, which stand one after the other."""
     end = int(np.prod(shapes[0]))
     return values[:end].reshape(shapes[0]), values[end:].reshape(shapes[1])
 
 
-def _beginning(vectors: Float64Array, n: int) -> tuple[Float64Array, Float64Array]:
+def _initial_lobes(vectors: Float64Array, n: int) -> tuple[Float64Array, Float64Array]:
     """Axes (P, 3, 3) and coefficients (P, 3, n) to begin with: one lobe along the linear band, and two along the groove
     on either side of it, spread alike at all points, by the best of some angles [Sloan05, 4.2]."""
     middle = _unit(vectors[:, [3, 1, 2]] * (-1.0, -1.0, 1.0))

@@ -55,7 +55,7 @@ class Zonal:
         kept = np.linalg.norm(self.harmonics(), axis=1)
         return np.asarray(self.errors / np.maximum(np.hypot(kept, self.errors), 1e-30))
 
-    def turned(self, rotations: ArrayLike) -> Zonal:
+    def rotate(self, rotations: ArrayLike) -> Zonal:
         """With all points turned, by one rotation (3, 3) or one each (P, 3, 3) (eq. 10)."""
         turns = np.broadcast_to(np.asarray(rotations, np.float64), (len(self.axes), 3, 3))
         # The linear band is a vector: its coefficients for m = -1, 0, 1 go by -y, z and -x.
@@ -97,7 +97,7 @@ def fit(vectors: ArrayLike, n_lobes: int, n_restarts: int = N_RESTARTS) -> Gener
     return Zonal(low, axes, coefficients, errors)
 
 
-def about_linear(vectors: ArrayLike) -> Zonal:
+def fit_linear_lobe(vectors: ArrayLike) -> Zonal:
     """One lobe for each of the vectors (P, n^2) about the direction of its linear band, in closed form (eq. 18): nearly
     as near as the best one, for a hundredth of the time. The constant band is kept as it is."""
     targets = np.asarray(vectors, np.float64)

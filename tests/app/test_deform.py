@@ -26,7 +26,7 @@ from app.scene_state import scene_state
 from app.status import Status
 from app.stills import render_project
 from engine.deform import heights
-from engine.deform.parts import NOTHING, PosedPart, Told
+from engine.deform.gpu_parts import NO_PARTS, PosedPart, PictureExport
 from engine.deform.pose import Deformation
 from engine.indirect.series import BounceSeries
 from engine.render.error_estimate import inside
@@ -44,7 +44,7 @@ SIZE = (24, 18)
 @pytest.fixture
 def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(DeformWork, "n_rays", 16)
-    monkeypatch.setattr("engine.deform.live.N_POINTS", 60)
+    monkeypatch.setattr("engine.deform.deform_engine.N_POINTS", 60)
     path = tmp_path / "box.toml"
     sky = "[environment]\nradiance = [1, 2, 3]\n"
     layers = 'layer = [{ model = "lambert" }, { model = "rough_conductor" }]\n'
@@ -98,14 +98,14 @@ def test_where_the_window_draws_it_is_told_what_moves_and_the_rest_once(
     eye, scene = project.scene.description.camera, scene_state(project.document)
     client.send(PrepareDeform(scene, 1, ("box",)))
     answers(client)
-    known, sent = NOTHING, []
+    known, sent = NO_PARTS, []
     for poses in ((), POSES):
         client.send(DrawDeform(eye, SIZE, "moving", poses, known=known))
         (drawn,) = [each for each in answers(client) if isinstance(each, OrbitDrawn)]
         assert isinstance(drawn, PoseTold) and drawn.is_done and not drawn.radiance.size
         sent.append(drawn.told)
         known = sent[0].numbers
-    assert not any((sent[1].shape, sent[1].look, sent[1].cover, sent[1].sky))
+    assert not any((sent[1].shape, sent[1].appearance, sent[1].cover, sent[1].sky))
     assert np.abs(sent[1].posed.places - sent[0].posed.places).max() > 0.1
     # What lies between points is told as it is looked up.
     grooves = DeformSurface.model_validate({"patch": {"kind": "bumps"}})
@@ -113,7 +113,7 @@ def test_where_the_window_draws_it_is_told_what_moves_and_the_rest_once(
     answers(client)
     client.send(DrawDeform(eye, SIZE, "moving", POSES, known=known))
     (drawn,) = [each for each in answers(client) if isinstance(each, OrbitDrawn)]
-    assert isinstance(drawn, PoseTold) and drawn.told.cover.lobes.size and len(drawn.told.look.terms) == 1
+    assert isinstance(drawn, PoseTold) and drawn.told.cover.lobes.size and len(drawn.told.appearance.terms) == 1
 
 
 def test_a_moving_picture_is_the_windows_where_it_draws_and_one_at_rest_the_workers() -> None:
@@ -125,9 +125,9 @@ def test_a_moving_picture_is_the_windows_where_it_draws_and_one_at_rest_the_work
     table.update()
     talk.take(OrbitAdvanced(1, False, id=table.id_of(PrepareDeform)))
     (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
-    assert (asked.quality, asked.known) == ("moving", NOTHING)
+    assert (asked.quality, asked.known) == ("moving", NO_PARTS)
     pose = PosedPart(*(np.zeros((0, n), np.float32) for n in (12, 9, 14)), (0.0, 0.0, 0.0))
-    told, radiance = Told(pose, (3, 4, 5, 6), None, None, None, None), np.zeros((0, 0, 3), np.float32)
+    told, radiance = PictureExport(pose, (3, 4, 5, 6), None, None, None, None), np.zeros((0, 0, 3), np.float32)
     (came,) = talk.take(PoseTold(radiance, 1, 1, False, 0.01, told=told, id=table.id_of(DrawDeform)))
     assert isinstance(came, PoseCame) and came.told is told and came.resolution == asked.resolution
     talk.take(OrbitAdvanced(2, False, id=table.id_of(PrepareDeform)))
@@ -146,7 +146,7 @@ def test_a_moving_picture_is_the_windows_where_it_draws_and_one_at_rest_the_work
 
 
 def test_a_split_picture_is_traced_pass_by_pass(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("engine.deform.truth.N_PASSES", 2)
+    monkeypatch.setattr("engine.deform.path_reference.N_PASSES", 2)
     client = InProcessClient(Tasks())
     client.send(LookFrom(client.send(OpenScene(str(file)))))
     answers(client)

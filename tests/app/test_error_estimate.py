@@ -15,7 +15,7 @@ from app.cli.program import run
 from app.measure.accuracy import errors
 from app.project import Project, open_project, with_edges
 from app.stills import Still, layers_by_object, plan_still, render_picture, render_project
-from engine.deform.live import Deform, finished
+from engine.deform.deform_engine import Deform, finish_deform
 from engine.indirect import lattice
 from engine.indirect.sampling_settings import STILL, SamplingSettings
 from engine.indirect.indirect_light import IndirectLight
@@ -123,7 +123,7 @@ def drawn_by_deform(project: Project) -> Picture:
     deform.set_light(project.sky)
     deform.set_layers(layers_by_object(project))
     deform.set_bounces(1)
-    return finished(deform).draw(project.scene.description.camera, project.scene.resolution)
+    return finish_deform(deform).draw(project.scene.description.camera, project.scene.resolution)
 
 
 @pytest.mark.parametrize("drawn", [drawn_by_orbit, drawn_by_deform])

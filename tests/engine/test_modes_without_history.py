@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.deform.live import Deform
+from engine.deform.deform_engine import Deform
 from engine.deform.pose import Deformation
 from engine.light.environment import Environment
 from engine.material import MODELS
@@ -69,10 +69,10 @@ def tell(mode: Orbit | Deform, wish: Wish) -> None:
     mode.set_light(sky(wish.rotation))
     mode.set_layers({0: LAYERS[wish.box], 1: LAYERS[wish.floor], 3: (WHITE,)})
     mode.set_bounces(wish.n_bounces)
-    mode.shine({"lamp": (wish.lamp,) * 3})
+    mode.set_emission({"lamp": (wish.lamp,) * 3})
     if isinstance(mode, Deform):
         mode.set_surfaces((("box", ALABASTER),) if wish.alabaster else ())
-        mode.set_posed(["box"] if wish.posed else [])
+        mode.set_bending(["box"] if wish.posed else [])
         mode.set_effort(*wish.effort)
 
 

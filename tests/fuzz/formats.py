@@ -213,7 +213,7 @@ def glbs(_: Path) -> list[bytes]:
 
 
 def read_glb_file(path: Path) -> None:
-    from engine.deform.animation import posed
+    from engine.deform.animated_pose import animated_pose
     from engine.deform.pose import Pose
     from engine.scene.gltf import read_glb
 
@@ -223,7 +223,7 @@ def read_glb_file(path: Path) -> None:
             places = part.mesh.vertices.astype(np.float64)
             rest = Pose(places, np.tile(np.eye(3), (len(places), 1, 1)))
             for time in (0.0, 0.3, 1e3):
-                posed(part.rig, rest, part.mesh.triangles, clip.name, time)
+                animated_pose(part.rig, rest, part.mesh.triangles, clip.name, time)
 
 
 # -------------------------------------------------------------------------------------------------------- pictures

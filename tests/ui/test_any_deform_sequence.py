@@ -21,7 +21,7 @@ from app.editor import Editor
 from app.jobs.cache import Store
 from app.orbit.wishes import OrbitWish
 from app.view_state import SetView
-from engine.deform.live import Deform
+from engine.deform.deform_engine import Deform
 from engine.deform.pose import Poses
 from engine.scene.description import Camera, CameraDescription
 from engine.scene.scene_loader import Scene
@@ -40,7 +40,7 @@ from tests.ui.test_any_sequence import MAY_BE_TOLD, RESOLUTION, LateClient
 
 
 class NamedDeform(NamedOrbit):
-    """As `engine.deform.live.Deform`, drawn as `NamedOrbit` is."""
+    """As `engine.deform.deform_engine.Deform`, drawn as `NamedOrbit` is."""
 
     lost: Mapping[int, float] = {}  # noqa: RUF012 - it has none
 
@@ -152,7 +152,7 @@ COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
 
 @pytest.mark.parametrize("seed", [*range(3), *(pytest.param(s, marks=pytest.mark.sweep) for s in range(3, 100))])
 def test_the_last_picture_is_of_the_last_document(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
-    monkeypatch.setattr("engine.deform.live.Deform", NamedDeform)
+    monkeypatch.setattr("engine.deform.deform_engine.Deform", NamedDeform)
     random = np.random.default_rng(seed)
     walk = OrbitWalk(str(write_bar(tmp_path)), LateClient(random, Store(tmp_path / "cache")), None, mode="deform")
     done = []

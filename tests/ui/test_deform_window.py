@@ -17,7 +17,7 @@ from app.jobs.cache import Store
 from app.jobs.deform import DeformWork
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
-from engine.deform.parts import Told
+from engine.deform.gpu_parts import PictureExport
 from engine.deform.pose import Deformation
 from tests.engine.deform.test_moments import write_bar
 from tests.engine.scene.test_rigs import Bar
@@ -37,7 +37,7 @@ Opened = Callable[[Path], HeadlessWindow]
 def opened(context: moderngl.Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Opened]:
     """A scene in Deform, by few rays and points."""
     monkeypatch.setattr(DeformWork, "n_rays", 16)
-    monkeypatch.setattr("engine.deform.live.N_POINTS", 60)
+    monkeypatch.setattr("engine.deform.deform_engine.N_POINTS", 60)
     client = InProcessClient(Tasks(Store(tmp_path / "cache")))
     with ExitStack() as stack:
         way = {"resolution": (48, 32), "mode": "deform", "n_lights": 40, "n_bounces": 1}
@@ -101,8 +101,8 @@ def test_a_graphics_card_draws_what_moves_and_where_it_fails_the_worker_does(
     drawn: list[tuple[int, int]] = []
     draw = PosedPicture.draw
 
-    def counted(self: PosedPicture, told: Told, *more: Any) -> moderngl.Texture:
-        drawn.append((int(told.shape is not None), int(told.look is not None)))
+    def counted(self: PosedPicture, told: PictureExport, *more: Any) -> moderngl.Texture:
+        drawn.append((int(told.shape is not None), int(told.appearance is not None)))
         return draw(self, told, *more)
 
     monkeypatch.setattr(PosedPicture, "draw", counted)

@@ -15,7 +15,7 @@ from app.jobs.deform import DeformWork
 from app.jobs.orbit import OrbitWork
 from app.sky import sky_of
 from app.view_state import SetView
-from engine.deform.posed_scene import posed
+from engine.deform.posed_scene import pose_scene
 from engine.render.plain_picture import plain_picture
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.scene_loader import Scene, load_scene
@@ -88,7 +88,7 @@ def test_poses_move_before_anything_is_ready(context: moderngl.Context, source: 
         here.frames(300)
         shown = here.feed.source.canvas.linear_image()
         scene = load_scene(source, RESOLUTION)
-        bent, straight = expected(here, posed(scene, editor.document.poses)), expected(here, scene)
+        bent, straight = expected(here, pose_scene(scene, editor.document.poses)), expected(here, scene)
         assert relative_error(shown, bent) < 1e-3 < relative_error(straight, bent)
     finally:
         here.close()

@@ -7,7 +7,7 @@ from imgui_bundle import imgui
 from app.commands import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose
 from app.commands.poses import MAX_DEFORMERS
 from engine.deform.deformers import KINDS
-from engine.deform.deformers.kind import Kind
+from engine.deform.deformers.kind import DeformerKind
 from engine.deform.pose import Deformation
 from ui.panels import fields, surfaces, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag
@@ -115,5 +115,5 @@ def _beside(title: str) -> None:
     widgets.go_on(imgui.calc_text_size(title).x + 2.0 * imgui.get_style().frame_padding.x)
 
 
-def _format(kind: Kind) -> str:
+def _format(kind: DeformerKind) -> str:
     return "%.1f°" if kind.unit == "degrees" else "%.3f"

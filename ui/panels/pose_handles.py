@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from app.commands import SetDeformer
 from engine.deform.deformers import KINDS
-from engine.deform.pose import AXES, Deformation, Pose, deformed
+from engine.deform.pose import AXES, Deformation, Pose, deform
 from engine.scene.camera import camera_frame, project
 from engine.scene.camera_moves import distance
 from ui.panels.actions import Action
@@ -78,7 +78,7 @@ def _axis(box: Float64Array, row: tuple[Deformation, ...], index: int) -> Float6
 def _posed(box: Float64Array, row: tuple[Deformation, ...], points: Float64Array) -> Float64Array:
     """Where the row of deformers takes points (N, 3)."""
     frames = np.broadcast_to(np.eye(3), (len(points), 3, 3))
-    return deformed(Pose(points, frames), row, box).positions
+    return deform(Pose(points, frames), row, box).positions
 
 
 def _on_screen(context: PanelContext, placed: Placed, points: Float64Array) -> Float64Array | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from engine.deform.deformers.kind import Float64Array, Kind, in_plane
+from engine.deform.deformers.kind import Float64Array, DeformerKind, in_plane
 
 
 def _move(points: Float64Array, angle: float) -> tuple[Float64Array, Float64Array]:
@@ -17,6 +17,6 @@ def _move(points: Float64Array, angle: float) -> tuple[Float64Array, Float64Arra
     return moved, in_plane(cosine, sine * stretched, -sine, cosine * stretched)
 
 
-KIND = Kind(
+KIND = DeformerKind(
     "bend", "Bend", "degrees", (-720.0, 720.0), lambda points, amount: _move(points, np.radians(amount)), (0.0, 1.0)
 )

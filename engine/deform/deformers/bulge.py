@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from engine.deform.deformers.kind import Float64Array, Kind, scaled_across
+from engine.deform.deformers.kind import Float64Array, DeformerKind, scaled_across
 
 
 def _move(points: Float64Array, amount: float) -> tuple[Float64Array, Float64Array]:
@@ -10,4 +10,4 @@ def _move(points: Float64Array, amount: float) -> tuple[Float64Array, Float64Arr
     return scaled_across(points, 1.0 + 4.0 * amount * y * (1.0 - y), 4.0 * amount * (1.0 - 2.0 * y))
 
 
-KIND = Kind("bulge", "Bulge", "", (-1.0, 4.0), _move, (1.0, 0.5))
+KIND = DeformerKind("bulge", "Bulge", "", (-1.0, 4.0), _move, (1.0, 0.5))

@@ -16,7 +16,7 @@ Float64Array = NDArray[np.float64]
 Move = Callable[[Float64Array, float], tuple[Float64Array, Float64Array]]
 
 
-class Kind(NamedTuple):
+class DeformerKind(NamedTuple):
     """A deformer by its name and, for people, its title and unit; limits of its amount.
 
     move: points (V, 3) and an amount to where they go (V, 3) and its Jacobians (V, 3, 3). grip: where a hand takes hold

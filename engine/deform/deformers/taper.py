@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from engine.deform.deformers.kind import Float64Array, Kind, scaled_across
+from engine.deform.deformers.kind import Float64Array, DeformerKind, scaled_across
 
 
 def _move(points: Float64Array, amount: float) -> tuple[Float64Array, Float64Array]:
@@ -12,4 +12,4 @@ def _move(points: Float64Array, amount: float) -> tuple[Float64Array, Float64Arr
     return scaled_across(points, 1.0 + amount * y, np.full_like(y, amount))
 
 
-KIND = Kind("taper", "Taper", "", (-1.0, 4.0), _move, (1.0, 1.0))
+KIND = DeformerKind("taper", "Taper", "", (-1.0, 4.0), _move, (1.0, 1.0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from engine.deform.deformers.kind import Float64Array, Kind
+from engine.deform.deformers.kind import Float64Array, DeformerKind
 
 
 def _move(points: Float64Array, angle: float) -> tuple[Float64Array, Float64Array]:
@@ -18,6 +18,6 @@ def _move(points: Float64Array, angle: float) -> tuple[Float64Array, Float64Arra
     return np.stack([across, y, along], axis=1), jacobians
 
 
-KIND = Kind(
+KIND = DeformerKind(
     "twist", "Twist", "degrees", (-1440.0, 1440.0), lambda points, amount: _move(points, np.radians(amount)), (1.0, 1.0)
 )

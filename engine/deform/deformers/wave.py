@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from engine.deform.deformers.kind import Float64Array, Kind, in_plane
+from engine.deform.deformers.kind import Float64Array, DeformerKind, in_plane
 
 _WAVE_NUMBER = 4.0 * np.pi
 
@@ -16,4 +16,4 @@ def _move(points: Float64Array, amplitude: float) -> tuple[Float64Array, Float64
     return moved, in_plane(one, amplitude * _WAVE_NUMBER * np.cos(_WAVE_NUMBER * y), none, one)
 
 
-KIND = Kind("wave", "Wave", "", (-0.5, 0.5), _move, (0.0, 0.625))
+KIND = DeformerKind("wave", "Wave", "", (-0.5, 0.5), _move, (0.0, 0.625))

@@ -81,7 +81,7 @@ def test_an_animation_is_frames_of_it_and_a_time_one_of_them(
     tmp_path: Path, mode: str, capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(stills, "DEFORM_RAYS", 16)
-    monkeypatch.setattr("engine.deform.live.N_POINTS", 60)
+    monkeypatch.setattr("engine.deform.deform_engine.N_POINTS", 60)
     (tmp_path / "scene").mkdir()
     bar, out = write_bar(tmp_path / "scene"), tmp_path / "out"
     few = ("--resolution", 12, 9, "--bounces", 1, "--mode", mode)

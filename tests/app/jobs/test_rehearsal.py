@@ -56,7 +56,7 @@ from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.rehearsal import rehearse_deform
 from app.messages import Failed
-from engine.deform.parts import NOTHING
+from engine.deform.gpu_parts import NOTHING
 from engine.scene.surface_kinds import DeformSurface, Membrane, Subsurface
 from tests.app.jobs.small_modes import POSES, SCENE, SIZE, shown_by, small_tasks
 from tests.opened import ask_for_scene

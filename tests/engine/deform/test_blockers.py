@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from engine.deform.blockers import N_CLUSTERS, ROW, add_shadows
-from engine.deform.live import Deform, finished
+from engine.deform.deform_engine import Deform, finish_deform
 from engine.deform.pose import Deformation
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
@@ -54,19 +54,19 @@ def deform(scene: Scene) -> Deform:
 
 def share_left(made: Deform) -> np.ndarray:
     """Of white points' light."""
-    subject, pictures = made._subject()
+    subject, pictures = made._shading_state()
     places, frames = pictures.posed.at(())
     white = np.ones((len(frames), 3), np.float32)
-    rows = pictures.blockers.rows(subject.shading)
+    rows = pictures.blockers.rows(subject.casting_objects)
     normals = np.ascontiguousarray(frames[:, 2])
     add_shadows(rows, subject.casts, made._points, places, normals, subject.bands, white)
     return white[:, 0]
 
 
 def test_a_ball_takes_what_its_cone_takes_of_an_even_light(deform: Deform) -> None:
-    deform.set_posed(["ball"])
-    left = share_left(finished(deform))
-    floor = deform._points.of(1)
+    deform.set_bending(["ball"])
+    left = share_left(finish_deform(deform))
+    floor = deform._points.points_of(1)
     front = floor[deform._points.frames[floor, 2, 1] > 0.5]
     place = deform._points.places[front]
     square = place[:, 0] ** 2 + place[:, 2] ** 2 + (HEIGHT - place[:, 1]) ** 2
@@ -79,14 +79,14 @@ def test_a_ball_takes_what_its_cone_takes_of_an_even_light(deform: Deform) -> No
 
 
 def test_it_shades_neither_itself_nor_backs_nor_twice(deform: Deform) -> None:
-    deform.set_posed(["ball"])
-    left = share_left(finished(deform))
-    floor = deform._points.of(1)
+    deform.set_bending(["ball"])
+    left = share_left(finish_deform(deform))
+    floor = deform._points.points_of(1)
     backs = floor[deform._points.frames[floor, 2, 1] < -0.5]
-    assert (left[deform._points.of(0)] == 1.0).all() and len(backs) and (left[backs] == 1.0).all()
-    deform.set_posed([])
-    assert (share_left(finished(deform)) == 1.0).all()  # at rest its shadow is in the floor's transfer
-    deform.set_posed(["ball"])
+    assert (left[deform._points.points_of(0)] == 1.0).all() and len(backs) and (left[backs] == 1.0).all()
+    deform.set_bending([])
+    assert (share_left(finish_deform(deform)) == 1.0).all()  # at rest its shadow is in the floor's transfer
+    deform.set_bending(["ball"])
     assert (share_left(deform) == 1.0).all()  # and still is, until that is found anew
 
 
@@ -95,11 +95,11 @@ def test_the_floor_is_nearer_to_what_rays_find(deform: Deform, sky: SkyState, sh
     """The shadow of a sun is as dark on the whole, but wider."""
     deform.set_light(sky)
     eye = deform.scene.description.camera
-    truth = finished(deform).draw(eye, SIZE)
-    deform.set_posed(["ball"])
-    finished(deform)
+    truth = finish_deform(deform).draw(eye, SIZE)
+    deform.set_bending(["ball"])
+    finish_deform(deform)
     coarse = deform.draw(eye, SIZE)
-    subject, pictures = deform._subject()
+    subject, pictures = deform._shading_state()
     bare = pictures.draw(replace(subject, casters=(frozenset[int](),) * 2), eye, SIZE)
     is_floor = Placement(deform.scene).hits.object_image == 1
     errors = [(each - truth)[is_floor] for each in (coarse, bare)]
@@ -109,12 +109,12 @@ def test_the_floor_is_nearer_to_what_rays_find(deform: Deform, sky: SkyState, sh
 
 
 def test_the_shadow_goes_along(deform: Deform) -> None:
-    deform.set_posed(["ball"])
-    finished(deform)
-    subject, pictures = deform._subject()
+    deform.set_bending(["ball"])
+    finish_deform(deform)
+    subject, pictures = deform._shading_state()
     for poses in ((), (("ball", (Deformation("bend", 90.0),)),)):
         places, _ = pictures.posed.at(poses)
-        rows = pictures.blockers.rows(subject.shading)
+        rows = pictures.blockers.rows(subject.casting_objects)
         assert rows.shape == (N_CLUSTERS, ROW) and np.isfinite(rows).all()
         corners = places[deform._points.surface.corners[deform._points.surface.i_object == 0]].astype(np.float64)
         areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2.0
@@ -124,6 +124,6 @@ def test_the_shadow_goes_along(deform: Deform) -> None:
 
 
 def test_without_anything_that_casts_there_is_no_row(deform: Deform) -> None:
-    subject, pictures = finished(deform)._subject()
+    subject, pictures = finish_deform(deform)._shading_state()
     bare = replace(subject, casters=())
     assert bare.casts.shape == (2, 0) and np.isfinite(pictures.draw(bare, deform.scene.description.camera, SIZE)).all()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from engine.deform.gloss import N_ANGLES, STEEPEST, low_gloss
-from engine.deform.live import ORDER, Deform, finished
+from engine.deform.deform_engine import ORDER, Deform, finish_deform
 from engine.light.environment import LUMINANCE, Environment
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
@@ -53,7 +53,7 @@ def test_what_it_is_off_is_told() -> None:
     along = np.clip(wi @ [-np.sin(lean), 0.0, np.cos(lean)], -1.0, 1.0)
     lobe = np.polynomial.legendre.legval(along, (2.0 * np.arange(ORDER) + 1.0) / (4.0 * np.pi) * bands)
     off = (weights * (sent - lobe) ** 2).sum() / (weights * sent**2).sum()
-    assert found.lost == pytest.approx(off, abs=0.02) and 0.1 < off < 0.9
+    assert found.lost_share == pytest.approx(off, abs=0.02) and 0.1 < off < 0.9
 
 
 def test_a_gold_ball_under_a_small_sun_has_no_rings(tmp_path: Path) -> None:
@@ -67,7 +67,7 @@ def test_a_gold_ball_under_a_small_sun_has_no_rings(tmp_path: Path) -> None:
     deform = Deform(load_scene(path), n_points=0, n_rays=1000)
     deform.set_light(SkyState(Environment(sky, "sun")))
     deform.set_layers({0: (gold(0.3),)})
-    picture = finished(deform).draw(deform.scene.description.camera, SIZE)
+    picture = finish_deform(deform).draw(deform.scene.description.camera, SIZE)
     ball = picture[(np.abs(picture - AMBIENT) > 1e-6).any(axis=2)]
     grey = ball @ LUMINANCE
     least = AMBIENT * float(low_gloss(gold(0.3), ORDER).bands[:, 0].min())

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.deform.live import FEW_RAYS, N_LOBES, ORDER, Deform, finished
+from engine.deform.deform_engine import FEW_RAYS, N_LOBES, ORDER, Deform, finish_deform
 from engine.deform.pose import Deformation
-from engine.deform.raster import Surface, draw
+from engine.deform.raster import RasterTriangles, draw
 from engine.deform.shading import shade
-from engine.deform.transfer import bounced, shadowed, turned, unshadowed
+from engine.deform.transfer import add_bounces, simulate_shadows, rotate_transfer, unshadowed
 from engine.deform.zonal import fit
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
@@ -51,7 +51,7 @@ def deform(scene: Scene) -> Deform:
     made = Deform(scene, n_points=400, n_rays=64)
     made.set_light(sky())
     made.set_layers({0: (MATT,), 1: (MATT,)})
-    return finished(made)
+    return finish_deform(made)
 
 
 def test_no_amount_is_the_picture_at_rest(deform: Deform, scene: Scene) -> None:
@@ -66,8 +66,8 @@ def test_a_white_sky_over_a_lone_white_floor_is_white(scene: Scene) -> None:
     made = Deform(scene, n_points=0, n_rays=64)
     made.set_light(SkyState(constant_environment((1.0, 1.0, 1.0))))
     made.set_layers({1: (make_layer(MODELS["lambert"], {"albedo": (1.0, 1.0, 1.0)}),)})
-    made.set_posed(["floor", "box"])  # none shades the other
-    picture = finished(made).draw(scene.description.camera, SIZE)
+    made.set_bending(["floor", "box"])  # none shades the other
+    picture = finish_deform(made).draw(scene.description.camera, SIZE)
     assert picture[-1] == pytest.approx(1.0, abs=2e-3)
 
 
@@ -88,12 +88,12 @@ def test_at_rest_it_is_the_transfer_to_the_error_of_the_fit(deform: Deform) -> N
     points = deform._points
     assert points is not None and deform._lobes is not None and deform._bands is not None
     mesh = points.mesh(0, (0, 1))
-    vectors = run_to_end(shadowed(mesh, points.caster((0, 1)), ORDER, 64))
-    vectors = run_to_end(bounced(mesh, points.caster((0, 1)), vectors, 0.5, 2))
+    vectors = run_to_end(simulate_shadows(mesh, points.caster((0, 1)), ORDER, 64))
+    vectors = run_to_end(add_bounces(mesh, points.caster((0, 1)), vectors, 0.5, 2))
     error = run_to_end(fit(vectors, N_LOBES)).errors
     light = np.asarray(deform._bands.harmonics, np.float64)
-    truth = turned(vectors, mesh.frames.transpose(0, 2, 1)) @ light
-    found = shade(deform._lobes, points.frames, deform._bands)[points.of(0)]
+    truth = rotate_transfer(vectors, mesh.frames.transpose(0, 2, 1)) @ light
+    found = shade(deform._lobes, points.frames, deform._bands)[points.points_of(0)]
     off = np.sqrt(((found - truth) ** 2).mean()) / truth.mean()
     assert off < 2.0 * np.sqrt((error**2).sum() / (vectors**2).sum())
 
@@ -102,11 +102,11 @@ def test_an_object_that_bends_casts_no_shadow_on_others(deform: Deform, scene: S
     made = Deform(scene, n_points=400, n_rays=64)
     made.set_light(sky())
     made.set_layers({1: (MATT,)})
-    shaded = finished(made).draw(scene.description.camera, SIZE)
-    made.set_posed(["box"])
+    shaded = finish_deform(made).draw(scene.description.camera, SIZE)
+    made.set_bending(["box"])
     assert not made.is_done
-    alone = finished(made).draw(scene.description.camera, SIZE)
-    floor = made._points.of(1)
+    alone = finish_deform(made).draw(scene.description.camera, SIZE)
+    floor = made._points.points_of(1)
     open_ = made._lobes.low[floor, 0]
     assert open_ == pytest.approx(unshadowed(1, 1)[0, 0], rel=1e-3)
     assert alone.mean() > shaded.mean()
@@ -118,15 +118,15 @@ def test_the_shadow_of_what_begins_to_bend_goes_before_anything_else_is_made(sce
     made.set_light(sky())
     made.set_layers({0: (MATT,), 1: (MATT,)})
     eye = scene.description.camera
-    stale = finished(made).draw(eye, SIZE)
-    made.set_posed(["box"])
+    stale = finish_deform(made).draw(eye, SIZE)
+    made.set_bending(["box"])
     before = made.version
     work = made.work()
     while made.version == before:
         next(work)
     roughly, floor = made.draw(eye, SIZE), seen(made, 1)
-    assert made._known[1].casters == (1,) and made._known[1].n_rays == FEW_RAYS and 0 in made._known
-    truth = finished(made).draw(eye, SIZE)
+    assert made._cache[1].casters == (1,) and made._cache[1].n_rays == FEW_RAYS and 0 in made._cache
+    truth = finish_deform(made).draw(eye, SIZE)
     off, was_off = (np.sqrt(((each - truth)[floor] ** 2).mean()) for each in (roughly, stale))
     assert off < 0.2 * was_off
 
@@ -137,8 +137,8 @@ def test_nothing_opens_between_coarse_and_fine_triangles_that_bend(deform: Defor
     assert points is not None
     mine = points.surface.corners[points.surface.i_object == 0]
     assert len(mine) > 50  # of 12
-    _, place = np.unique(np.round(points.resting(0).positions, 6), axis=0, return_inverse=True)
-    corners = place.ravel()[np.searchsorted(points.of(0), mine)]
+    _, place = np.unique(np.round(points.rest_geometry(0).positions, 6), axis=0, return_inverse=True)
+    corners = place.ravel()[np.searchsorted(points.points_of(0), mine)]
     edges = np.sort(np.concatenate([corners[:, (0, 1)], corners[:, (1, 2)], corners[:, (2, 0)]]), axis=1)
     assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
 
@@ -157,20 +157,20 @@ def test_light_that_goes_through_an_object_leaves_the_others_as_they_are(scene: 
     made.set_light(sky())
     made.set_layers({0: (MATT,), 1: (MATT,)})
     eye = scene.description.camera
-    before, points, known = finished(made).draw(eye, SIZE), made._points, made._known[1]
+    before, points, known = finish_deform(made).draw(eye, SIZE), made._points, made._cache[1]
     made.set_surfaces((("box", DeformSurface(subsurface=Subsurface(scattering=20.0))),))
     assert not made.is_done
     work = made.work()
     while made._points is points:
         next(work)
-    assert len(made._points.of(0)) != len(points.of(0)) and made._points.stands_as(points, 1)
+    assert len(made._points.points_of(0)) != len(points.points_of(0)) and made._points.has_same_points(points, 1)
     stays, floor = made.draw(eye, SIZE), seen(made, 1)
     assert np.array_equal(stays[floor], before[floor]) and stays == pytest.approx(before, abs=0.25)
     for _ in work:
-        assert made._known[1] is known  # nothing is sought of it anew
+        assert made._cache[1] is known  # nothing is sought of it anew
     assert not np.allclose(made.draw(eye, SIZE)[~floor], stays[~floor], atol=0.02)
     made.set_surfaces(())
-    assert np.array_equal(finished(made).draw(eye, SIZE)[floor], before[floor])
+    assert np.array_equal(finish_deform(made).draw(eye, SIZE)[floor], before[floor])
 
 
 def seen(made: Deform, i: int) -> np.ndarray:
@@ -183,7 +183,7 @@ def seen(made: Deform, i: int) -> np.ndarray:
 def test_a_pixel_shows_what_a_ray_meets(scene: Scene) -> None:
     eye = scene.description.camera
     n = len(scene.triangles)
-    surface = Surface(scene.triangles, np.full((n, 2, 3), 0, np.int32), np.zeros(n, np.int32))
+    surface = RasterTriangles(scene.triangles, np.full((n, 2, 3), 0, np.int32), np.zeros(n, np.int32))
     size = (160, 120)
     for place in (eye, eye.model_copy(update={"position": (0.0, -0.45, 4.0)})):  # the floor reaches behind the second
         drawn = draw(surface, scene.vertices, place, np.array(place.position), size)
@@ -205,7 +205,7 @@ def test_light_of_no_frequency_that_is_lost_is_told(deform: Deform, scene: Scene
         1: (make_layer(MODELS["rough_conductor"], {"alpha": 0.8}),),
     }
     made.set_layers(layers)
-    assert made.lost[0] > 0.8 > 0.2 > made.lost[1] > 0.0 and deform.lost == {}
+    assert made.lost_shares[0] > 0.8 > 0.2 > made.lost_shares[1] > 0.0 and deform.lost_shares == {}
 
 
 def test_drawing_before_anything_is_ready_is_refused(scene: Scene) -> None:
@@ -218,7 +218,7 @@ def test_no_pixel_is_nan_where_the_eye_is_exactly_on_a_vertex(scene: Scene) -> N
     made = Deform(scene, n_points=100, n_rays=16)
     made.set_light(sky())
     made.set_layers({0: (gold,), 1: (MATT,)})
-    finished(made)
+    finish_deform(made)
     for corner in ((0.5, 0.5, 0.5), (-0.5, 0.5, 0.5)):
         update = {"position": corner, "target": (0.0, 0.4, 0.0)}
         for quality in ("moving", "rest"):
@@ -232,7 +232,7 @@ def test_a_block_wound_inwards_is_as_bright_as_one_wound_outwards(tmp_path: Path
         made = Deform(load_scene(solid(tmp_path / str(inward), inward)), n_points=200, n_rays=64)
         made.set_light(SkyState(constant_environment((1.0, 1.0, 1.0))))
         made.set_layers({0: (MATT,), 1: (MATT,)})
-        pictures.append(finished(made).draw(made.scene.description.camera, (24, 18)))
+        pictures.append(finish_deform(made).draw(made.scene.description.camera, (24, 18)))
     outward, inward = pictures
     assert outward.mean() > 0.3
     np.testing.assert_allclose(inward, outward, rtol=0.05, atol=0.02)

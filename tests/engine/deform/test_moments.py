@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.deform import animation
-from engine.deform.points import bending_points
-from engine.deform.pose import Deformation, Moment, deformed
+from engine.deform import animated_pose
+from engine.deform.bending_points import bending_points
+from engine.deform.pose import Deformation, Moment, deform
 from engine.deform.posed_points import PosedPoints
-from engine.deform.posed_scene import at_moment, posed
+from engine.deform.posed_scene import animate_vertices, pose_scene
 from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.raycaster import RayCaster
 from tests.engine.scene.test_rigs import Bar
@@ -42,38 +42,38 @@ def scene(tmp_path: Path) -> Scene:
 
 
 def test_a_scene_stands_as_its_animation_has_it_and_bends_from_there(scene: Scene) -> None:
-    rest, pose = at_moment(scene, 0, ROW)
+    rest, pose = animate_vertices(scene, 0, ROW)
     assert scene.rigs[0] is not None
-    moved = animation.posed(scene.rigs[0], rest, scene.triangles[:3], "bend", 0.7)
+    moved = animated_pose.animated_pose(scene.rigs[0], rest, scene.triangles[:3], "bend", 0.7)
     assert np.array_equal(pose.positions, moved.positions) and np.abs(pose.positions - rest.positions).max() > 0.5
-    traced = posed(scene, (("bar", ROW),))
+    traced = pose_scene(scene, (("bar", ROW),))
     assert traced.vertices[:5] == pytest.approx(moved.positions, abs=1e-6)
     assert traced.normals[:5] == pytest.approx(moved.frames[:, 2], abs=1e-6)
     row = (ROW[0], Deformation("bend", 30.0))
     # In the box of the mesh at rest, or it would shake as that moves, but carried along with the whole.
     box = rest.box + (moved.positions - rest.positions).mean(axis=0)
-    bent = deformed(moved, [row[1]], box)
-    assert posed(scene, (("bar", row),)).vertices[:5] == pytest.approx(bent.positions, abs=1e-6)
+    bent = deform(moved, [row[1]], box)
+    assert pose_scene(scene, (("bar", row),)).vertices[:5] == pytest.approx(bent.positions, abs=1e-6)
 
 
 def test_an_animation_that_is_not_there_moves_nothing(scene: Scene) -> None:
-    assert np.array_equal(posed(scene, (("bar", (Moment("swim", 0.7),)),)).vertices, scene.vertices)
+    assert np.array_equal(pose_scene(scene, (("bar", (Moment("swim", 0.7),)),)).vertices, scene.vertices)
 
 
 def test_a_name_of_no_object_is_carried_nowhere(scene: Scene) -> None:
     placed_points = PosedPoints(scene, bending_points(scene, RayCaster(scene.vertices, scene.triangles), 20))
-    alone = placed_points.carried((("bar", ROW),))
-    rest, moved = at_moment(scene, 0, ROW)
+    alone = placed_points.animation_offsets((("bar", ROW),))
+    rest, moved = animate_vertices(scene, 0, ROW)
     assert alone["bar"] == pytest.approx((moved.positions - rest.positions).mean(axis=0))
-    assert placed_points.carried((("gone", ROW), ("bar", ROW))) == alone
+    assert placed_points.animation_offsets((("gone", ROW), ("bar", ROW))) == alone
 
 
 def test_what_is_drawn_goes_as_the_triangle_does_that_it_lies_on(scene: Scene) -> None:
     points = bending_points(scene, RayCaster(scene.vertices, scene.triangles), 200)
     placed_points = PosedPoints(scene, points)
-    resting, pose = points.resting(0), placed_points._pose(0, ROW)
+    resting, pose = points.rest_geometry(0), placed_points._pose(0, ROW)
     assert len(resting.positions) > 20
-    rest, moved = at_moment(scene, 0, ROW)
+    rest, moved = animate_vertices(scene, 0, ROW)
     for number, place in enumerate(rest.positions):
         (found,) = np.nonzero(np.abs(resting.positions - place).max(axis=1) < 1e-6)
         assert len(found) >= 2  # on either side

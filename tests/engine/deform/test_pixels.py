@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine.deform.live import Deform, finished
+from engine.deform.deform_engine import Deform, finish_deform
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
@@ -33,5 +33,5 @@ def test_an_image_far_finer_than_pixels_is_its_mean(tmp_path: Path, quality: Lit
     deform.set_light(SkyState(constant_environment((1.0, 1.0, 1.0))))
     maps = LayerMaps(texture="board.png", texture_space="linear", texture_scale=(20.0, 20.0))
     deform.set_layers({0: (make_layer(MODELS["lambert"], {"albedo": (1.0, 1.0, 1.0)}).replace(maps=maps),)})
-    picture = finished(deform).draw(deform.scene.description.camera, SIZE, (), quality)
+    picture = finish_deform(deform).draw(deform.scene.description.camera, SIZE, (), quality)
     assert picture == pytest.approx(0.5, abs=0.02)

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from engine.deform.deformers import KINDS
-from engine.deform.pose import Deformation, Pose, deformed, deformed_frames
+from engine.deform.pose import Deformation, Pose, deform, deformed_frames
 
 AMOUNTS = [(name, share) for name in KINDS for share in (-1.0, -0.3, 0.4, 1.0)]
 ARCS = {"bend", "twist"}
@@ -67,13 +67,13 @@ def test_axes_follow_a_row_of_deformers(axis: str) -> None:
     """A patch's tangents by differences, bent: its normal stays across them."""
     rest = upright(3.0 * points() + 7.0)
     row = [Deformation("twist", 130.0, axis), Deformation("bend", 70.0, axis), Deformation("taper", -0.4, axis)]
-    pose = deformed(rest, row)
+    pose = deform(rest, row)
     assert np.abs(pose.frames @ pose.frames.transpose(0, 2, 1) - np.eye(3)).max() < 1e-12
     assert np.linalg.det(pose.frames) == pytest.approx(1.0)
     h = 1e-5
     corners = np.concatenate([rest.positions + h * rest.frames[:, 0], rest.positions + h * rest.frames[:, 1]])
     n = len(rest.positions)
-    whole = deformed(upright(np.concatenate([rest.positions, corners, *_box(rest.positions)])), row).positions
+    whole = deform(upright(np.concatenate([rest.positions, corners, *_box(rest.positions)])), row).positions
     u, v = whole[n : 2 * n] - whole[:n], whole[2 * n : 3 * n] - whole[:n]
     normal = np.cross(u, v) / np.linalg.norm(np.cross(u, v), axis=1)[:, None]
     assert normal == pytest.approx(pose.frames[:, 2], abs=1e-3)
@@ -108,10 +108,10 @@ def test_where_space_collapses_or_is_mirrored_axes_stay_axes(map_: np.ndarray) -
 
 
 def test_a_top_drawn_into_a_point_and_a_flat_mesh_stay_finite() -> None:
-    cone = deformed(upright(points()), [Deformation("taper", -1.0), Deformation("bend", 720.0)])
+    cone = deform(upright(points()), [Deformation("taper", -1.0), Deformation("bend", 720.0)])
     flat = upright(points() * (1.0, 0.0, 1.0))
     assert np.isfinite(cone.positions).all() and np.isfinite(cone.frames).all()
-    assert (deformed(flat, [Deformation("bend", 90.0)]).positions == flat.positions).all()
+    assert (deform(flat, [Deformation("bend", 90.0)]).positions == flat.positions).all()
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.deform.live import Deform, finished
+from engine.deform.deform_engine import Deform, finish_deform
 from engine.deform.pose import Deformation
-from engine.deform.posed_scene import posed
+from engine.deform.posed_scene import pose_scene
 from engine.errors import InsituError
 from engine.scene.scene_loader import Scene, load_scene
 from engine.transport.pipeline import SkyState
@@ -30,7 +30,7 @@ def scene(tmp_path: Path) -> Scene:
 
 
 def test_one_object_moves_and_the_other_stays(scene: Scene) -> None:
-    bent = posed(scene, (("ball", (Deformation("bend", 60.0),)),))
+    bent = pose_scene(scene, (("ball", (Deformation("bend", 60.0),)),))
     ball, box = (np.unique(scene.triangles[slice(*each)]) for each in scene.triangle_ranges)
     assert np.array_equal(bent.vertices[box], scene.vertices[box])
     low, high = scene.bounds[0]
@@ -45,7 +45,7 @@ def test_one_object_moves_and_the_other_stays(scene: Scene) -> None:
 
 
 def test_no_pose_is_the_scene_itself(scene: Scene) -> None:
-    assert posed(scene, ()) is scene and posed(scene, (("cup", (Deformation("bend", 60.0),)),)) is scene
+    assert pose_scene(scene, ()) is scene and pose_scene(scene, (("cup", (Deformation("bend", 60.0),)),)) is scene
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def test_no_pose_is_the_scene_itself(scene: Scene) -> None:
     ],
 )
 def test_what_collapses_keeps_unit_normals(scene: Scene, row: tuple[Deformation, ...]) -> None:
-    bent = posed(scene, (("ball", row), ("box", row)))
+    bent = pose_scene(scene, (("ball", row), ("box", row)))
     for normals in (bent.normals, bent.geometric_normals):
         assert np.linalg.norm(normals, axis=1) == pytest.approx(1.0, abs=1e-5)
     assert np.isfinite(bent.vertices).all()
@@ -73,9 +73,9 @@ def test_what_reaches_beyond_the_largest_scene_is_refused_by_its_extent(tmp_path
     vast, poses = load_scene(path), (("world", (Deformation("bulge", 4.0),)),)
     said = "world: reaches 2e\\+09 m in this pose, expected at most 1e\\+09 m"
     with pytest.raises(InsituError, match=said):
-        posed(vast, poses)
+        pose_scene(vast, poses)
     deform = Deform(vast, n_points=0, n_rays=16)
     deform.set_light(SkyState(None))
     deform.set_layers({})
     with pytest.raises(InsituError, match=said):
-        finished(deform).draw(vast.description.camera, (8, 6), poses)
+        finish_deform(deform).draw(vast.description.camera, (8, 6), poses)

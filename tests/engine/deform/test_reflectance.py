@@ -7,8 +7,8 @@ import pytest
 from PIL import Image
 
 from engine.deform.gloss import low_gloss
-from engine.deform.live import Deform, finished
-from engine.deform.points import bending_points
+from engine.deform.deform_engine import Deform, finish_deform
+from engine.deform.bending_points import bending_points
 from engine.deform.reflectance import Reflectance, albedos, reflectance
 from engine.light.environment import LUMINANCE, constant_environment
 from engine.material import MODELS
@@ -58,7 +58,7 @@ def means(scene: Scene, layer: Layer, n_bounces: int = 3) -> tuple[float, float]
     deform.set_light(SKY)
     deform.set_layers({0: (layer,)})
     deform.set_bounces(n_bounces)
-    picture = finished(deform).draw(scene.description.camera, SIZE, (), "rest")
+    picture = finish_deform(deform).draw(scene.description.camera, SIZE, (), "rest")
     left, right = np.split(picture[4:14, 4:20].mean(axis=(0, 2)), 2)
     return float(left.mean()), float(right.mean())
 
@@ -71,7 +71,7 @@ def test_an_image_sends_from_fold_to_fold_what_it_does_along_paths(scene: Scene)
 
 def test_points_have_the_albedo_of_their_image_and_of_their_strokes(scene: Scene) -> None:
     points = bending_points(scene, RayCaster(scene.vertices, scene.triangles), 500)
-    places = points.resting(0).positions + scene.origin
+    places = points.rest_geometry(0).positions + scene.origin
     x = places[:, 0]
     found = albedos(scene, points, 0, (HALVES, matt(0.1)), 6)
     assert found[(-0.8 < x) & (x < -0.3)] == pytest.approx(BRIGHT + 0.1, abs=0.02)  # at the edges the image repeats

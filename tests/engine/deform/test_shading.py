@@ -34,7 +34,7 @@ def frames_of(count: int) -> np.ndarray:
 def test_it_is_the_product_of_light_and_turned_lobes(n_lobes: int) -> None:
     zonal, light = some_lobes(n_lobes), some_light()
     frames = frames_of(len(zonal.low))
-    expected = zonal.turned(frames.transpose(0, 2, 1)).harmonics() @ light
+    expected = zonal.rotate(frames.transpose(0, 2, 1)).harmonics() @ light
     error = shade(lobes(zonal), frames, band_light(light)) - expected
     assert np.linalg.norm(error) < 0.01 * np.linalg.norm(expected)  # between the table's entries
 

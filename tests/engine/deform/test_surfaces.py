@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine.deform.details import heights
+from engine.deform.surface_details import heights
 from engine.deform.heights import PATTERNS
-from engine.deform.live import Deform, finished
+from engine.deform.deform_engine import Deform, finish_deform
 from engine.deform.pose import Deformation
 from engine.errors import LoadError
 from engine.light.environment import Environment
@@ -40,7 +40,7 @@ def lit(scene: Scene, sky: np.ndarray) -> Deform:
     deform = Deform(scene, n_points=0, n_rays=64)
     deform.set_light(SkyState(Environment(sky.astype(np.float32), "sky")))
     deform.set_layers({0: (WHITE,)})
-    return finished(deform)
+    return finish_deform(deform)
 
 
 def even(front: float, back: float) -> np.ndarray:
@@ -139,7 +139,7 @@ def test_light_goes_through_what_is_thin(tmp_path: Path) -> None:
     deform = Deform(scene, n_points=3000, n_rays=64)
     deform.set_light(SkyState(Environment(even(0.0, 1.0).astype(np.float32), "sky")))
     deform.set_layers({0: (WHITE,)})
-    assert middle(finished(deform)) > 0.1
+    assert middle(finish_deform(deform)) > 0.1
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from engine.deform.transfer import TransferPoints, cosine_directions, simulate, turned, unshadowed
+from engine.deform.transfer import TransferPoints, cosine_directions, simulate, rotate_transfer, unshadowed
 from engine.scene.local_frames import local_frames
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points
@@ -72,4 +72,4 @@ def test_vectors_turn_with_their_frames() -> None:
     turns = [Rotation.from_euler("zyx", angles) for angles in ([0.0, 0.0, 0.0], [1.0, 0.2, -2.0], [0.0, math.pi, 0.0])]
     frames = np.stack([turn.as_matrix().T for turn in turns])  # rows: the turned axes
     expected = [rotate(vector, turn.as_matrix().T) for vector, turn in zip(vectors, turns, strict=True)]
-    assert turned(vectors, frames) == pytest.approx(np.stack(expected), abs=1e-12)
+    assert rotate_transfer(vectors, frames) == pytest.approx(np.stack(expected), abs=1e-12)

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.deform.live import Deform, finished
+from engine.deform.deform_engine import Deform, finish_deform
 from engine.deform.pose import Deformation
-from engine.deform.truth import Truth, side_by_side
+from engine.deform.path_reference import PathReference, compose_split
 from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
@@ -24,10 +24,10 @@ POSES = (("ball", (Deformation("twist", 170.0),)),)
 
 def test_each_part_has_its_picture() -> None:
     traced, stays, own = (np.full((4, 10, 3), value, np.float32) for value in (1.0, 2.0, 5.0))
-    parts = side_by_side(traced[:2, :5], stays, own, (0.3, 0.8))
+    parts = compose_split(traced[:2, :5], stays, own, (0.3, 0.8))
     assert parts[0, :, 0].tolist() == [1.0] * 3 + [2.0] * 5 + [5.0] * 2
-    assert side_by_side(None, stays, own, (0.3, 0.8))[0, 0, 0] == pytest.approx(1.0)  # dark, until there is one
-    assert side_by_side(traced, stays, own, (0.0, 0.0)) == pytest.approx(own)
+    assert compose_split(None, stays, own, (0.3, 0.8))[0, 0, 0] == pytest.approx(1.0)  # dark, until there is one
+    assert compose_split(traced, stays, own, (0.0, 0.0)) == pytest.approx(own)
 
 
 @pytest.mark.sweep  # half a minute
@@ -45,9 +45,9 @@ def test_paths_tell_what_turns_from_what_does_not(tmp_path: Path) -> None:
     deform = Deform(scene, n_points=500, n_rays=64)
     deform.set_light(sky)
     deform.set_layers(layers)
-    deform.set_posed(["ball"])
-    finished(deform)
-    truth = Truth(scene, POSES)
+    deform.set_bending(["ball"])
+    finish_deform(deform)
+    truth = PathReference(scene, POSES)
     for _ in range(2):
         run_to_end(truth.trace(layers, sky, 1))
     assert truth.picture is not None

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from engine.deform import wrinkle
-from engine.deform.details import Wrinkled
+from engine.deform.surface_details import WrinkleDetail
 from engine.deform.patches import simulate_patch
 from engine.deform.transfer import cosine_directions
 from engine.deform.wrinkle import DEEPEST, Wrinkles, transfer, wrinkles
@@ -75,7 +75,7 @@ def test_the_errors_are_what_lobes_leave_at_nodes_and_between(small: Wrinkles) -
 
 @pytest.mark.parametrize("across", ["u", "v"])
 def test_on_a_surface_their_errors_lie_across_one_coordinate(small: Wrinkles, across: str) -> None:
-    grooves = Wrinkled(small, Says(across=across, repeats=3.0, depth=0.8))
+    grooves = WrinkleDetail(small, Says(across=across, repeats=3.0, depth=0.8))
     uvs = np.random.default_rng(1).uniform(0.0, 1.0, (20, 2))
     along = grooves.errors_at(uvs + ((0.0, 0.4) if across == "u" else (0.4, 0.0)))
     assert along == pytest.approx(grooves.errors_at(uvs)) and np.ptp(along) > 0.001

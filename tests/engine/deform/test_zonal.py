@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from engine import threads
 from engine.deform.transfer import cosine_directions
-from engine.deform.zonal import MAX_LOBES, Zonal, about_linear, fit
+from engine.deform.zonal import MAX_LOBES, Zonal, fit_linear_lobe, fit
 from engine.sphere.harmonics import bands, basis, rotate
 from engine.generators import run_to_end
 
@@ -62,7 +62,7 @@ def test_a_lobe_about_the_linear_band_is_the_best_of_what_is_round_about_it() ->
     round_about = cosine_directions(4000, 6)[1].mean(axis=0)
     turns = Rotation.random(5, random_state=2).as_matrix()
     vectors = np.concatenate([[rotate(round_about, turn) for turn in turns], random_vectors(20), np.zeros((1, 36))])
-    zonal = about_linear(vectors)
+    zonal = fit_linear_lobe(vectors)
     left = np.linalg.norm(zonal.harmonics() - vectors, axis=1)
     assert zonal.errors == pytest.approx(left, abs=1e-12) and left[:5].max() < 2e-3
     assert zonal.axes[:5, 0] == pytest.approx(turns[:, :, 2], abs=1e-3)
@@ -88,9 +88,9 @@ def test_a_joint_search_by_another_way_finds_nothing_better() -> None:
 
 def test_turning_the_lobes_turns_the_function() -> None:
     zonal, turn = fitted(random_vectors(4), 3), Rotation.from_euler("zyx", [0.3, 1.1, -2.0]).as_matrix()
-    assert zonal.turned(turn).harmonics() == pytest.approx(rotate(zonal.harmonics(), turn), abs=1e-12)
+    assert zonal.rotate(turn).harmonics() == pytest.approx(rotate(zonal.harmonics(), turn), abs=1e-12)
     each = np.stack([turn, np.eye(3), turn, np.eye(3)])
-    assert zonal.turned(each).harmonics()[1::2] == pytest.approx(zonal.harmonics()[1::2], abs=1e-15)
+    assert zonal.rotate(each).harmonics()[1::2] == pytest.approx(zonal.harmonics()[1::2], abs=1e-15)
 
 
 @pytest.mark.parametrize("n_lobes", [1, 3, 6])

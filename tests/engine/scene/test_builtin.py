@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.deform.animation import posed
+from engine.deform.animated_pose import animated_pose
 from engine.deform.pose import Pose
 from engine.light.environment import load_environment
 from engine.material import MODELS, validate_parameters
@@ -57,7 +57,7 @@ def test_the_mime_laughs_and_frowns() -> None:
     vertices = scene.vertices[first:last].astype(float)
     rest = Pose(vertices, np.tile(np.eye(3), (len(vertices), 1, 1)))
     laughs, frowns, again = (
-        posed(rig, rest, scene.triangles[start:stop] - first, "moods", time).positions for time in (1.0, 3.0, 4.0)
+        animated_pose(rig, rest, scene.triangles[start:stop] - first, "moods", time).positions for time in (1.0, 3.0, 4.0)
     )
     moved = np.linalg.norm(laughs - frowns, axis=1)
     chin_or_top = np.abs(vertices[:, 1] - vertices[:, 1].mean()) > 0.19
@@ -73,7 +73,7 @@ def test_the_bat_flaps() -> None:
     assert rig is not None and [clip.name for clip in rig.skeleton.clips] == ["flap"]
     vertices = scene.vertices[first:last].astype(float)
     rest = Pose(vertices, np.tile(np.eye(3), (len(vertices), 1, 1)))
-    poses = [posed(rig, rest, scene.triangles[start:stop] - first, "flap", time) for time in (0.0, 0.3, 0.9, 1.2)]
+    poses = [animated_pose(rig, rest, scene.triangles[start:stop] - first, "flap", time) for time in (0.0, 0.3, 0.9, 1.2)]
     tops = [pose.positions[:, 1].max() for pose in poses]
     assert tops[1] > tops[0] + 0.1 and poses[2].positions[:, 1].min() < 0.2
     assert poses[3].positions == pytest.approx(poses[0].positions, abs=1e-6)  # its last key is its first

@@ -15,7 +15,7 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from engine.deform import posed_scene
-from engine.deform.animation import posed, sampled
+from engine.deform.animated_pose import animated_pose, sample_clip
 from engine.deform.pose import Moment, Pose
 from engine.scene.gltf import GlbModel, read_glb
 from engine.scene.scene_loader import Scene, load_scene
@@ -108,7 +108,7 @@ def resting(mesh: Any) -> Pose:
 def at(model: GlbModel, seconds: float, clip: str = "bend", loop: bool = True) -> Pose:
     (part,) = model.parts
     assert part.rig is not None
-    return posed(part.rig, resting(part.mesh), part.mesh.triangles, clip, seconds, loop)
+    return animated_pose(part.rig, resting(part.mesh), part.mesh.triangles, clip, seconds, loop)
 
 
 def test_a_skin_bends_its_mesh_and_leaves_it_as_it_was_at_rest(bar: Bar, read: Callable) -> None:
@@ -182,7 +182,7 @@ def test_normals_of_a_morph_target_without_its_own_follow_its_triangles(bar: Bar
 def test_between_keys(interpolation: str, values: list, expected: float) -> None:
     shape = (2, 3, 3) if interpolation == "CUBICSPLINE" else (2, 3)
     track = Track(0, "translation", interpolation, np.array([0.0, 2.0]), np.reshape(values, shape).astype(float))
-    value = sampled(Clip("move", 2.0, (track,)), 0.5)[0, "translation"]
+    value = sample_clip(Clip("move", 2.0, (track,)), 0.5)[0, "translation"]
     assert value == pytest.approx([expected, 0.0, 0.0])
 
 
@@ -316,7 +316,7 @@ def by_the_specification(path: Path, clip: str | None, time: float) -> np.ndarra
 def test_files_of_others_move_as_the_specification_says(shared_data: Path, name: str, clip: str, time: float) -> None:
     path = shared_data / "glb" / f"{name}.glb"
     scene = load_scene(path)
-    pose = posed(scene.rigs[0], *_rest(scene), clip, time)
+    pose = animated_pose(scene.rigs[0], *_rest(scene), clip, time)
     size = np.ptp(pose.positions, axis=0).max()
     assert np.abs(pose.positions - by_the_specification(path, clip, time)).max() < 2e-5 * size
     assert np.abs(pose.frames @ pose.frames.transpose(0, 2, 1) - np.eye(3)).max() < 1e-9
@@ -365,7 +365,7 @@ def test_joints_alone_place_a_skin_at_rest_too(bar: Bar, read: Callable, animate
         assert at(model, 1.0, loop=False).positions == pytest.approx(part.mesh.vertices)
         rest = Pose(part.mesh.vertices, np.tile(np.array([[[0, 0, 1], [1, 0, 0], [0, 1, 0]]]), (5, 1, 1)).astype(float))
         assert part.rig is not None
-        turned = posed(part.rig, rest, part.mesh.triangles, "bend", 0.0)
+        turned = animated_pose(part.rig, rest, part.mesh.triangles, "bend", 0.0)
         assert turned.frames[4, 2] == pytest.approx([1.0, 0.0, 0.0], abs=1e-6)  # as it was before any bone
 
 
@@ -436,7 +436,7 @@ def test_skins_move_to_where_they_were_baked(shared_data: Path, name: str) -> No
     folder = shared_data / "cases" / "21-skin-transforms"
     scene = load_scene(folder / f"{name}.toml")
     for seconds, truth in ((0.0, "baked0"), (0.5, "baked45"), (1.0, "baked90")):
-        moved = posed_scene.posed(scene, (("it", (Moment("bend", seconds),)),))
+        moved = posed_scene.pose_scene(scene, (("it", (Moment("bend", seconds),)),))
         baked = load_scene(folder / f"{truth}.toml")
         mine = slice(*scene.vertex_ranges[0])
         assert np.abs(moved.vertices[mine] - baked.vertices[mine]).max() < 1e-6
@@ -481,7 +481,7 @@ def test_an_object_moves_in_the_scene_it_was_placed_in(
     placed = "transform = [0, 0, 2, 1000, 0, 2, 0, 0, -2, 0, 0, 0, 0, 0, 0, 1]"
     scene = load_scene(scene_file(f'[[object]]\nname = "bar"\nmesh = "model.glb"\n{placed}\n'))
     rest, triangles = _rest(scene)
-    pose = posed(scene.rigs[0], rest, triangles, "bend", 1.0, loop=False)
+    pose = animated_pose(scene.rigs[0], rest, triangles, "bend", 1.0, loop=False)
     # (-1, 1, 0) in the file
     assert pose.positions[4] + scene.origin == pytest.approx([1000.0, 2.0, 2.0], abs=1e-3)
-    assert (posed(scene.rigs[0], rest, triangles, "bend", 0.0).positions == rest.positions).all()
+    assert (animated_pose(scene.rigs[0], rest, triangles, "bend", 0.0).positions == rest.positions).all()

@@ -4,7 +4,7 @@ shader, then the triangles between points [Sloan05, 5].
     backdrop ─► what points send, on either side (lobes.comp) ─► triangles (surface)
     ─► where images or detail lie, matt layers once more, pixel by pixel (term)
 
-As `engine.deform.pictures` draws moving pictures, and with several samples a pixel. Shape, look, cover and sky
+As `engine.deform.picture_renderer` draws moving pictures, and with several samples a pixel. Shape, look, cover and sky
 lie in buffers; in a frame places and axes are sent alone, for the deformers are Python's.
 """
 
@@ -17,7 +17,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform.parts import CoverPart, LookPart, Numbers, PosedPart, ShapePart, SkyPart, Told, ToldDetail, ToldTerm
+from engine.deform.gpu_parts import CoverPart, AppearancePart, Numbers, PosedPart, ShapePart, SkyPart, PictureExport, ExportedDetail, ExportedTerm
 from engine.scene.camera import camera_frame
 from engine.scene.description import Camera
 from ui.gl.buffers import BufferMemory
@@ -48,7 +48,7 @@ class PosedPicture:
         self._memory, self._textures = BufferMemory(context), TextureMemory(context)
         self._buffers: dict[str, moderngl.Buffer] = {}
         self._shape: ShapePart | None = None
-        self._look: LookPart | None = None
+        self._look: AppearancePart | None = None
         self._cover: CoverPart | None = None
         self._sky: SkyPart | None = None
         self._backdrop: moderngl.Texture | None = None
@@ -74,16 +74,16 @@ class PosedPicture:
         yield
         self._target.rehearse()
 
-    def draw(self, told: Told, camera: Camera, size: tuple[int, int]) -> moderngl.Texture:
+    def draw(self, told: PictureExport, camera: Camera, size: tuple[int, int]) -> moderngl.Texture:
         """The picture (width, height), row 0 at the top; raises GraphicsError, also where a part is missing."""
-        if told.lacks(self.known):
+        if told.is_missing_parts(self.known):
             raise GraphicsError("a pose without its mesh or light")
         if told.shape is not None:
             self._take_shape(told.shape)
         if told.cover is not None:
             self._take_cover(told.cover)
-        if told.look is not None:
-            self._take_look(told.look)
+        if told.appearance is not None:
+            self._take_look(told.appearance)
         if told.sky is not None:
             self._take_sky(told.sky)
         shape, look, cover = self._shape, self._look, self._cover
@@ -120,7 +120,7 @@ class PosedPicture:
             self._fill(name, array)
         self._cover = part
 
-    def _take_look(self, part: LookPart) -> None:
+    def _take_look(self, part: AppearancePart) -> None:
         self._look = None
         self._fill("light", np.concatenate([part.harmonics.ravel(), part.table.ravel()]))
         self._fill("objects", part.objects)
@@ -146,11 +146,11 @@ class PosedPicture:
             self._memory.release(before)
         self._buffers[name] = made
 
-    def _shade(self, shape: ShapePart, look: LookPart, posed: PosedPart) -> None:
+    def _shade(self, shape: ShapePart, look: AppearancePart, posed: PosedPart) -> None:
         self._bind(_OF_POINTS)
         program, n_points = self._programs.compute("deform/lobes.comp.glsl"), len(shape.owners)
         set_uniforms(
-            program, n_points=n_points, n_lobes=shape.n_lobes, table=look.table.shape[:2], eye=posed.eye,
+            program, n_points=n_points, n_lobes=shape.n_lobes, table=look.table.shape[:2], eye=posed.camera_position,
             n_angles=look.gloss.shape[1], steepest=look.steepest, cosine=look.cosine.tolist(), even=look.even,
             n_blockers=len(posed.blockers), n_casters=look.casts.shape[1], spread=look.spread.tolist(),
             least=look.least,
@@ -159,7 +159,7 @@ class PosedPicture:
         self._context.memory_barrier()
 
     def _draw_triangles(
-        self, target: moderngl.Framebuffer, look: LookPart, cover: CoverPart, view: dict[str, object]
+        self, target: moderngl.Framebuffer, look: AppearancePart, cover: CoverPart, view: dict[str, object]
     ) -> None:
         assert self._array is not None
         context = self._context
@@ -177,7 +177,7 @@ class PosedPicture:
         target.depth_mask = True
         context.enable_only(moderngl.NOTHING)
 
-    def _draw_term(self, term: ToldTerm, look: LookPart, cover: CoverPart, view: dict[str, object]) -> None:
+    def _draw_term(self, term: ExportedTerm, look: AppearancePart, cover: CoverPart, view: dict[str, object]) -> None:
         program = self._term(term.maps is not None, term.detail is not None)
         set_uniforms(program, **view, reflectance=term.reflectance)
         if term.maps is not None:
@@ -238,7 +238,7 @@ class PosedPicture:
         self._programs.release()
 
 
-def _detail(detail: ToldDetail) -> dict[str, object]:
+def _detail(detail: ExportedDetail) -> dict[str, object]:
     return {
         "map_first": detail.first, "map_shape": detail.shape, "n_lobes": detail.n_lobes, "repeats": detail.repeats,
         "is_smooth": detail.is_smooth,
@@ -248,6 +248,6 @@ def _detail(detail: ToldDetail) -> dict[str, object]:
 def _view(camera: Camera, size: tuple[int, int], posed: PosedPart) -> dict[str, object]:
     """Where triangles come to lie in the picture: uniforms of `surface.vert.glsl`."""
     forward = camera_frame(camera)[2]
-    depths = posed.places[:, 9:] @ forward.astype(np.float32) - np.float32(np.dot(posed.eye, forward))
+    depths = posed.places[:, 9:] @ forward.astype(np.float32) - np.float32(np.dot(posed.camera_position, forward))
     farthest = max(float(depths.max(initial=0.0)), 1e-6) * 1.001
-    return seen_from(camera, size, np.asarray(posed.eye), float(depths.min(initial=farthest)) * 0.999, farthest)
+    return seen_from(camera, size, np.asarray(posed.camera_position), float(depths.min(initial=farthest)) * 0.999, farthest)

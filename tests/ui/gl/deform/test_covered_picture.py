@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from engine.deform import heights
-from engine.deform.live import Deform, finished
+from engine.deform.deform_engine import Deform, finish_deform
 from engine.deform.pose import Deformation, Poses
 from engine.deform.wrinkle import N_LOBES, SIDE
 from engine.deform.zonal import Zonal
@@ -91,14 +91,14 @@ def deform(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Deform]:
         image = np.random.default_rng(2).uniform(0.2, 2.0, (16, 32, 3)).astype(np.float32)
         made.set_light(SkyState(Environment(image, "noise"), 30.0, 1.2))
         made.set_layers({0: (MATT, GLOSS), 1: (layer(TINTED), MATT), 2: (layer(TINTED), layer(SHARED), GLOSS)})
-        made.set_posed(["ball", "leaf"])
+        made.set_bending(["ball", "leaf"])
         made.set_effort(32, 1)
         yield made
 
 
 def with_surfaces(deform: Deform, **surfaces: DeformSurface) -> Deform:
     deform.set_surfaces(tuple(surfaces.items()))
-    return finished(deform)
+    return finish_deform(deform)
 
 
 @pytest.fixture
@@ -136,15 +136,15 @@ def test_it_is_the_picture_of_compiled_code(
 def test_images_are_told_once_and_light_and_amounts_without_them(deform: Deform, picture: PosedPicture) -> None:
     eye = with_surfaces(deform, ball=PATCH).scene.description.camera
     shown(picture, deform, eye, BENT)
-    told = deform.told(eye, BENT[:1], picture.known)
-    assert told.shape is None and told.look is None and told.cover is None and len(told.posed.axes)
+    told = deform.export_picture(eye, BENT[:1], picture.known)
+    assert told.shape is None and told.appearance is None and told.cover is None and len(told.posed.axes)
     light = deform._light
     deform.set_light(SkyState(light.environment, 120.0, 0.3))
-    told = deform.told(eye, BENT, picture.known)
-    assert told.look is not None and told.look.terms and told.cover is None
+    told = deform.export_picture(eye, BENT, picture.known)
+    assert told.appearance is not None and told.appearance.terms and told.cover is None
     deform.set_light(light)
     with_surfaces(deform, leaf=PATCH)
-    told = deform.told(eye, BENT, picture.known)
+    told = deform.export_picture(eye, BENT, picture.known)
     assert told.cover is not None and list(told.cover.ranges) == [1, 2]
     before = deform.draw(eye, SIZE, BENT)
     assert np.median(np.abs(shown(picture, deform, eye, BENT) - before)) < 1e-4

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from app.measure.deform import DeformEffort
-from engine.deform.live import Deform, finished
+from engine.deform.deform_engine import Deform, finish_deform
 from engine.deform.pose import Deformation, Poses
 from engine.light.environment import Environment
 from engine.material import MODELS
@@ -59,9 +59,9 @@ def deform(scene: Scene) -> Deform:
     image = np.random.default_rng(2).uniform(0.2, 2.0, (16, 32, 3)).astype(np.float32)
     made.set_light(SkyState(Environment(image, "noise"), 30.0, 1.2))
     made.set_layers({0: (MATT, GLOSS), 1: (MATT,), 2: (MATT, GLOSS, GLOSS)})
-    made.set_posed(["ball", "leaf"])
+    made.set_bending(["ball", "leaf"])
     made.set_effort(64, 2)
-    return finished(made)
+    return finish_deform(made)
 
 
 @pytest.fixture
@@ -100,19 +100,19 @@ def test_gloss_under_a_small_sun_is_the_same_and_has_no_rings(deform: Deform, pi
 
 
 def shown(picture: PosedPicture, deform: Deform, eye: Camera, poses: Poses) -> np.ndarray:
-    told = deform.told(eye, poses, picture.known)
+    told = deform.export_picture(eye, poses, picture.known)
     return read_texture(picture.draw(told, eye, SIZE), np.float32)[..., :3].astype(np.float32)
 
 
 def test_what_is_known_is_not_told_again(deform: Deform, picture: PosedPicture) -> None:
     eye = deform.scene.description.camera
     before = shown(picture, deform, eye, BENT)
-    told = deform.told(eye, BENT, picture.known)
-    assert told.shape is None and told.look is None
+    told = deform.export_picture(eye, BENT, picture.known)
+    assert told.shape is None and told.appearance is None
     light = deform._light
     deform.set_light(SkyState(light.environment, 120.0, 0.3))
-    told = deform.told(eye, BENT, picture.known)
-    assert told.look is not None and not any((told.shape, told.cover, told.sky))  # the sky's image stays where it is
+    told = deform.export_picture(eye, BENT, picture.known)
+    assert told.appearance is not None and not any((told.shape, told.cover, told.sky))  # the sky's image stays where it is
     assert not np.allclose(shown(picture, deform, eye, BENT), before, atol=0.1)
     deform.set_light(light)
     assert shown(picture, deform, eye, BENT) == pytest.approx(before, abs=1e-6)
@@ -120,7 +120,7 @@ def test_what_is_known_is_not_told_again(deform: Deform, picture: PosedPicture) 
 
 def test_a_pose_of_nothing_is_refused(context: moderngl.Context, deform: Deform) -> None:
     bare = PosedPicture(context)
-    told = deform.told(deform.scene.description.camera, ())
+    told = deform.export_picture(deform.scene.description.camera, ())
     with pytest.raises(GraphicsError, match="without its mesh"):
         bare.draw(replace(told, shape=None), deform.scene.description.camera, SIZE)
     bare.release()

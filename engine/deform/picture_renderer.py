@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.deform.blockers import Blockers, add_shadows
-from engine.deform.details import shaded
+from engine.deform.surface_details import shade_pixels
 from engine.deform.gloss import add_gloss
-from engine.deform.pixels import Pixels, pixels_of
-from engine.deform.points import BendingPoints
+from engine.deform.object_pixels import Pixels, pixels_of
+from engine.deform.bending_points import BendingPoints
 from engine.deform.pose import Poses
 from engine.deform.posed_points import PosedPoints
-from engine.deform.raster import Drawn, draw, paint
+from engine.deform.raster import RasterResult, draw, paint
 from engine.deform.shading import shade
-from engine.deform.subject import Float32Array, Subject, albedo
+from engine.deform.shading_state import Float32Array, ShadingState, albedo
 from engine.render.error_colours import shown
 from engine.scene.description import CameraDescription
 from engine.scene.scene_loader import Scene
@@ -25,7 +25,7 @@ from engine.scene.scene_loader import Scene
 Quality = Literal["moving", "rest"]
 
 
-class Pictures:
+class PictureRenderer:
     """Of one scene's points."""
 
     def __init__(self, scene: Scene, points: BendingPoints) -> None:
@@ -34,25 +34,25 @@ class Pictures:
         self.posed, self.blockers = PosedPoints(scene, points), Blockers(points)
 
     def draw(
-        self, of: Subject, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (),
+        self, of: ShadingState, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (),
         quality: Quality = "moving", turned: bool = True,
     ) -> Float32Array:  # fmt: skip
         """Radiance (H, W, 3); see `Deform.draw`."""
-        points, eye, fine = self._points, eye_of(of.scene, camera), 2 if quality == "rest" else 1
+        points, camera_position, fine = self._points, camera_position_of(of.scene, camera), 2 if quality == "rest" else 1
         places, frames = self.posed.at(poses)
-        white = self._shaded(of, poses, places, frames, turned)
-        gloss = self._gloss(of, places, frames, eye, white)
-        drawn = draw(points.surface, places, camera, eye, (resolution[0] * fine, resolution[1] * fine))
+        white = self._shade_points(of, poses, places, frames, turned)
+        gloss = self._gloss(of, places, frames, camera_position, white)
+        drawn = draw(points.surface, places, camera, camera_position, (resolution[0] * fine, resolution[1] * fine))
         picture = paint(drawn, points.surface, white, gloss, of.albedos, of.scene.emission, of.backdrop)
         for i in of.layers_of:
             self._add_by_pixel(of, i, drawn, white, picture, quality)
-        return _halved(picture) if fine == 2 else picture
+        return _downsample(picture) if fine == 2 else picture
 
     def draw_errors(
-        self, of: Subject, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = ()
+        self, of: ShadingState, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = ()
     ) -> Float32Array:
         """How far the lobes of what is seen are off (H, W, 3); see `Deform.draw_errors`."""
-        drawn = draw(self._points.surface, self.posed.at(poses)[0], camera, eye_of(of.scene, camera), resolution)
+        drawn = draw(self._points.surface, self.posed.at(poses)[0], camera, camera_position_of(of.scene, camera), resolution)
         errors = np.repeat(shown(of.errors).astype(np.float32)[:, None], 3, axis=1)
         one = np.ones((len(of.scene.smooth), 3), np.float32)
         picture = paint(drawn, self._points.surface, errors, np.zeros_like(errors), one, np.zeros_like(one))
@@ -62,55 +62,55 @@ class Pictures:
                 picture[pixels.rows, pixels.columns] = of_pixels[:, None]
         return picture
 
-    def _shaded(self, of: Subject, poses: Poses, places: Float32Array, frames: Float32Array, turned: bool) -> Float32Array:
+    def _shade_points(self, of: ShadingState, poses: Poses, places: Float32Array, frames: Float32Array, turned: bool) -> Float32Array:
         """What white matt points send (S, 3), with the shadows that no transfer has."""
         made_of = (poses, turned, of.lobes, of.bands, of.casters)
         if self._white[0] != made_of:
-            turns = frames if turned else self._points.resting_frames
+            turns = frames if turned else self._points.rest_frames_of_drawn
             white = np.maximum(shade(of.lobes, turns, of.bands), np.float32(0.0))
-            rows, normals = self.blockers.rows(of.shading), np.ascontiguousarray(frames[:, 2])
+            rows, normals = self.blockers.rows(of.casting_objects), np.ascontiguousarray(frames[:, 2])
             add_shadows(rows, of.casts, self._points, places, normals, of.bands, white)
             self._white = made_of, white
         return self._white[1]
 
     def _gloss(
-        self, of: Subject, places: Float32Array, frames: Float32Array, eye: NDArray[np.float64], white: Float32Array
+        self, of: ShadingState, places: Float32Array, frames: Float32Array, camera_position: NDArray[np.float64], white: Float32Array
     ) -> Float32Array:
         """What points send to the eye of layers that are not matt (S, 3)."""
         sent = np.zeros_like(white)
         normals = np.ascontiguousarray(frames[:, 2])
         for i in of.layers_of:
             for low, factor in of.glosses_of(i):
-                add_gloss(low, factor, self._points.of(i), places, normals, eye, of.bands, white, sent)
+                add_gloss(low, factor, self._points.points_of(i), places, normals, camera_position, of.bands, white, sent)
         return sent
 
     def _add_by_pixel(
-        self, of: Subject, i: int, drawn: Drawn, white: Float32Array, picture: Float32Array, quality: Quality
+        self, of: ShadingState, i: int, drawn: RasterResult, white: Float32Array, picture: Float32Array, quality: Quality
     ) -> None:
-        layers = list(of.by_pixel(i))
+        layers = list(of.pixel_layers(i))
         pixels = pixels_of(i, drawn, self._points) if layers else None
         if pixels is None:
             return
-        matt = self._matt(of, i, pixels, white) * (pixels.points[:, :1] >= 0)
+        diffuse = self._diffuse(of, i, pixels, white) * (pixels.points[:, :1] >= 0)
         for layer in layers:
             factor = pixels.factor(of.scene, layer.maps, quality == "moving")
-            picture[pixels.rows, pixels.columns] += np.maximum(matt * factor * albedo(layer), 0.0)
+            picture[pixels.rows, pixels.columns] += np.maximum(diffuse * factor * albedo(layer), 0.0)
 
-    def _matt(self, of: Subject, i: int, pixels: Pixels, white: Float32Array) -> Float32Array:
+    def _diffuse(self, of: ShadingState, i: int, pixels: Pixels, white: Float32Array) -> Float32Array:
         """What white matt pixels send (N, 3)."""
         if i not in of.details:
             return np.einsum("nk,nki->ni", pixels.weights, white[pixels.points])
         numbers, axes = self.posed.axes_of(i)
         own = axes[numbers[pixels.triangle]]
-        return shaded(of.details[i], pixels.uvs(of.scene), own, pixels.weights, pixels.is_front, of.bands)
+        return shade_pixels(of.details[i], pixels.uvs(of.scene), own, pixels.weights, pixels.is_front, of.bands)
 
 
-def eye_of(scene: Scene, camera: CameraDescription) -> NDArray[np.float64]:
+def camera_position_of(scene: Scene, camera: CameraDescription) -> NDArray[np.float64]:
     """Where a camera stands among a scene's vertices (3,)."""
     return np.subtract(camera.position, scene.origin).astype(np.float64)
 
 
-def _halved(picture: Float32Array) -> Float32Array:
+def _downsample(picture: Float32Array) -> Float32Array:
     """With half as many pixels a side."""
     height, width = picture.shape[0] // 2, picture.shape[1] // 2
     return np.asarray(picture.reshape(height, 2, width, 2, 3).mean(axis=(1, 3)), np.float32)

@@ -57,7 +57,7 @@ class Detail(Protocol):
         """All of them."""
 
 
-class Patched(Detail):
+class PatchDetail(Detail):
     """A patch that repeats."""
 
     def __init__(self, found: Patch, repeats: tuple[float, float]) -> None:
@@ -74,11 +74,11 @@ class Patched(Detail):
         return LobeMap(Lobes(found.low, found.axes, found.coefficients), self._repeats, False)
 
 
-class Wrinkled(Detail):
+class WrinkleDetail(Detail):
     """Grooves across u or v."""
 
-    def __init__(self, found: WrinkleMap, says: WrinklesSay) -> None:
-        self._map, self._says = found, says
+    def __init__(self, found: WrinkleMap, surface: WrinklesSay) -> None:
+        self._map, self._surface = found, surface
 
     def at(self, uvs: Float64Array) -> Lobes:
         return lobes(self._on_surface(self._lobes_at(uvs)))
@@ -87,35 +87,35 @@ class Wrinkled(Detail):
         return self._lobes_at(uvs).relative_errors
 
     def map(self) -> LobeMap:
-        one, says = lobes(self._on_surface(self._map.of_depth(self._says.depth))), self._says
+        one, surface = lobes(self._on_surface(self._map.of_depth(self._surface.depth))), self._surface
         column = Lobes(*(each[:, None] for each in (one.low, one.axes, one.coefficients)))
-        return LobeMap(column, (says.repeats, 0.0) if says.across == "u" else (0.0, says.repeats), True)
+        return LobeMap(column, (surface.repeats, 0.0) if surface.across == "u" else (0.0, surface.repeats), True)
 
     def _on_surface(self, found: Zonal) -> Zonal:
         """In axes along u, along v, outwards."""
-        if self._says.across == "u":
+        if self._surface.across == "u":
             return found
-        return found.turned([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # across and along it are v and -u
+        return found.rotate([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # across and along it are v and -u
 
     def _lobes_at(self, uvs: Float64Array) -> Zonal:
-        places = uvs[:, 0 if self._says.across == "u" else 1] * self._says.repeats
-        return self._map.at(places, np.full(len(uvs), self._says.depth))
+        places = uvs[:, 0 if self._surface.across == "u" else 1] * self._surface.repeats
+        return self._map.at(places, np.full(len(uvs), self._surface.depth))
 
 
-def heights(scene: Scene, says: PatchSays) -> Float64Array:
+def heights(scene: Scene, surface: PatchSays) -> Float64Array:
     """(H, W), in sides of the patch; of an image as many texels as there are to be at most."""
-    if says.kind is not None:
-        return PATTERNS[says.kind]() * says.height
-    image = scene.textures.weight(Images(weight=says.file or ""))
+    if surface.kind is not None:
+        return PATTERNS[surface.kind]() * surface.height
+    image = scene.textures.weight(Images(weight=surface.file or ""))
     assert image is not None
     coarse = next(each for each in image.levels if max(each.shape[:2]) <= TEXELS)[..., 0]
     whole = np.tile(coarse, [2 if n == 1 else 1 for n in coarse.shape])
-    return of_image(whole) * says.height
+    return of_image(whole) * surface.height
 
 
-def patch_vectors(scene: Scene, says: PatchSays, n: int, n_rays: int) -> Generator[float, None, Float64Array]:
+def patch_vectors(scene: Scene, surface: PatchSays, n: int, n_rays: int) -> Generator[float, None, Float64Array]:
     """The vectors of a patch's texels, row by row. Yields the share that is done."""
-    return (yield from simulate_patch(heights(scene, says), n, n_rays=n_rays))
+    return (yield from simulate_patch(heights(scene, surface), n, n_rays=n_rays))
 
 
 def wrinkle_lobes(n: int) -> Generator[float, None, Zonal]:
@@ -125,23 +125,23 @@ def wrinkle_lobes(n: int) -> Generator[float, None, Zonal]:
     return Zonal(*(each.reshape(-1, *each.shape[2:]) for each in maps))
 
 
-def n_texels(scene: Scene, says: DeformSurface) -> int:
+def n_texels(scene: Scene, surface: DeformSurface) -> int:
     """How many texels of a patch, or nodes of a map of wrinkles, have lobes."""
-    return SIDE * SIDE if says.patch is None else heights(scene, says.patch).size
+    return SIDE * SIDE if surface.patch is None else heights(scene, surface.patch).size
 
 
-def detail(scene: Scene, says: DeformSurface, zonal: Zonal) -> Detail:
+def detail(scene: Scene, surface: DeformSurface, zonal: Zonal) -> Detail:
     """Of lobes of `n_texels`."""
-    if says.wrinkles is not None:
+    if surface.wrinkles is not None:
         maps = (zonal.low, zonal.axes, zonal.coefficients, zonal.errors)
         of_nodes = (each.reshape(SIDE, SIDE, *each.shape[1:]).astype(np.float64) for each in maps)
-        return Wrinkled(WrinkleMap(*of_nodes), says.wrinkles)
-    assert says.patch is not None
-    height, width = heights(scene, says.patch).shape
-    return Patched(patch(zonal, (height, width)), says.patch.repeats)
+        return WrinkleDetail(WrinkleMap(*of_nodes), surface.wrinkles)
+    assert surface.patch is not None
+    height, width = heights(scene, surface.patch).shape
+    return PatchDetail(patch(zonal, (height, width)), surface.patch.repeats)
 
 
-def shaded(
+def shade_pixels(
     found: Detail, uvs: Float64Array, axes: Float32Array, weights: Float32Array, is_front: NDArray[np.bool_], light: BandLight
 ) -> Float32Array:
     """What white matt pixels (N, 3) send; axes (N, 3, 3, 3) of the corners of their triangles and shares (N, 3) of

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from engine.deform.pose import Pose, orthonormal
-from engine.deform.raster import Surface
+from engine.deform.raster import RasterTriangles
 from engine.deform.transfer import TransferPoints
 from engine.orbit.lit_faces import lit_sides
 from engine.orbit.shading_points import ShadingPoints, shading_points, with_backs
@@ -49,13 +49,13 @@ class BendingPoints:
         self._rest = np.concatenate([points.position.astype(np.float64), lamps])
         self._i_object = np.concatenate([points.i_object, np.repeat(i_object[shines], 3)])
         self._rest_frames = local_frames(points.tangent, points.normal)
-        self.surface = Surface(corners, points.triangles, i_object.astype(np.int32))
+        self.surface = RasterTriangles(corners, points.triangles, i_object.astype(np.int32))
         self.source, self.within = points.source, points.within
         self._scene = scene
         self._at = _anchors(self.surface, points, len(self._rest))
         self.places = self._rest.astype(np.float32)
         self.frames = self._rest_frames.astype(np.float32)
-        self.resting_frames = self.frames.copy()
+        self.rest_frames_of_drawn = self.frames.copy()
         self._caster: tuple[tuple[int, ...], RayCaster] | None = None
 
     def __len__(self) -> int:
@@ -66,11 +66,11 @@ class BendingPoints:
         """The object (S,) of each point."""
         return self._points.i_object
 
-    def of(self, i_object: int) -> NDArray[np.int64]:
+    def points_of(self, i_object: int) -> NDArray[np.int64]:
         """The points of an object."""
         return np.flatnonzero(self._points.i_object == i_object)
 
-    def resting(self, i_object: int) -> Pose:
+    def rest_geometry(self, i_object: int) -> Pose:
         """All that is drawn of an object, as the scene's file has it; of an emitter's corners the axes are none."""
         mine = np.flatnonzero(self._i_object == i_object)
         frames = np.tile(np.eye(3), (len(mine), 1, 1))
@@ -78,8 +78,8 @@ class BendingPoints:
         frames[is_point] = self._rest_frames[mine[is_point]]
         return Pose(self._rest[mine], frames)
 
-    def carried(self, i_object: int, resting: Pose, rest: Pose, moved: Pose) -> Pose:
-        """What `resting` gave when the vertices of the object's mesh go from rest to a pose: each goes as the triangle
+    def move_with_mesh(self, i_object: int, resting: Pose, rest: Pose, moved: Pose) -> Pose:
+        """What `rest_geometry` gave when the vertices of the object's mesh go from rest to a pose: each goes as the triangle
         does that it lies on."""
         mine = np.flatnonzero(self._i_object == i_object)
         source, (u, v) = self._at[0][mine], self._at[1][mine].T
@@ -92,7 +92,7 @@ class BendingPoints:
 
     def uvs(self, i_object: int) -> Float64Array:
         """Texture coordinates (P, 2) of an object's points; of one that has several, any of them."""
-        mine = self.of(i_object)
+        mine = self.points_of(i_object)
         return uvs_at(self._scene, self._at[0][mine], *self._at[1][mine].T)
 
     def middles(self, i_object: int) -> tuple[Intersections, Float64Array, Float64Array]:
@@ -114,7 +114,7 @@ class BendingPoints:
 
         def summed(each: Float64Array) -> Float64Array:
             shares = np.broadcast_to(each[:, None, None], sides.shape)[is_point]
-            return np.asarray(np.bincount(sides[is_point], shares, len(self))[self.of(i_object)], np.float64)
+            return np.asarray(np.bincount(sides[is_point], shares, len(self))[self.points_of(i_object)], np.float64)
 
         return np.asarray(summed(values * areas) / np.maximum(summed(areas), 1e-300))
 
@@ -128,8 +128,8 @@ class BendingPoints:
         """Where the corners of triangles (N,) are at rest (N, 3, 3)."""
         return self._points.corners[triangle]
 
-    def place(self, i_object: int, pose: Pose) -> None:
-        """Draw an object in a pose of what `resting` gave from now on."""
+    def set_pose(self, i_object: int, pose: Pose) -> None:
+        """Draw an object in a pose of what `rest_geometry` gave from now on."""
         mine = np.flatnonzero(self._i_object == i_object)
         self.places[mine] = pose.positions
         is_point = mine < len(self)
@@ -137,7 +137,7 @@ class BendingPoints:
 
     def mesh(self, i_object: int, casters: tuple[int, ...]) -> TransferPoints:
         """An object's points at rest, and which corners of the triangles of `caster` they are."""
-        mine, points = self.of(i_object), self._points
+        mine, points = self.points_of(i_object), self._points
         numbers = np.full(len(points) + 1, -1, np.int32)
         numbers[mine] = np.arange(len(mine))
         surface = SurfacePoints(points.position[mine], points.normal[mine], points.lifted[mine])
@@ -155,17 +155,17 @@ class BendingPoints:
         """Which triangles (T,) are theirs."""
         return np.isin(self.surface.i_object, objects)
 
-    def stands_as(self, other: BendingPoints, i_object: int) -> bool:
+    def has_same_points(self, other: BendingPoints, i_object: int) -> bool:
         """Whether an object has the same points among these as among others of the scene."""
-        mine, its = self.of(i_object), other.of(i_object)
+        mine, its = self.points_of(i_object), other.points_of(i_object)
         return len(mine) == len(its) and np.array_equal(self._rest[mine], other._rest[its])
 
     def nearest_of(self, other: BendingPoints) -> NDArray[np.int64]:
         """For each point the nearest (S,) among others of the scene, of the same object and facing the same way."""
         found = np.zeros(len(self), np.int64)
         for i in np.unique(self._points.i_object):
-            mine, its = self.of(i), other.of(i)
-            if self.stands_as(other, i):
+            mine, its = self.points_of(i), other.points_of(i)
+            if self.has_same_points(other, i):
                 found[mine] = its
                 continue
             reach = _FACING * float(np.ptp(self._rest[mine], axis=0).max(initial=0.0))
@@ -178,7 +178,7 @@ class BendingPoints:
 
     def geometry(self, i_object: int, casters: tuple[int, ...]) -> tuple[NDArray[np.generic], ...]:
         """All that an object's transfer hangs on, but for materials."""
-        mine = self.of(i_object)
+        mine = self.points_of(i_object)
         return (self._points.lifted[mine], self._rest_frames[mine], self._points.corners[self._of(casters)])
 
 
@@ -192,7 +192,7 @@ def bending_points(
     return BendingPoints(scene, with_backs(points, _is_open(scene) | lit_sides(scene, caster).reached[:, 1]))
 
 
-def _anchors(surface: Surface, points: ShadingPoints, count: int) -> tuple[NDArray[np.int64], Float64Array]:
+def _anchors(surface: RasterTriangles, points: ShadingPoints, count: int) -> tuple[NDArray[np.int64], Float64Array]:
     """The scene's triangle (N,) that each of so many points lies on, and u and v (N, 2) there."""
     source, within = np.zeros(count, np.int64), np.zeros((count, 2))
     for numbers in (surface.corners, surface.sides[:, 0], surface.sides[:, 1]):

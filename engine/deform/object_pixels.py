@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform.points import BendingPoints
-from engine.deform.raster import Drawn
+from engine.deform.bending_points import BendingPoints
+from engine.deform.raster import RasterResult
 from engine.material.layer_maps import LayerMaps
 from engine.orbit.view_maps import MOVING_PROBES
 from engine.render.surface_maps import painted, sample_images
@@ -33,7 +33,7 @@ class Pixels:
     weights: Float32Array
     is_front: NDArray[np.bool_]
     points: IntegerArray
-    _drawn: Drawn
+    _drawn: RasterResult
     _all: BendingPoints
 
     @cached_property
@@ -68,7 +68,7 @@ class Pixels:
         return self._all.corner_uvs(scene, self.triangle)
 
 
-def pixels_of(i_object: int, drawn: Drawn, points: BendingPoints) -> Pixels | None:
+def pixels_of(i_object: int, drawn: RasterResult, points: BendingPoints) -> Pixels | None:
     """Those that show an object; None where none does."""
     surface, sees = points.surface, drawn.found >= 0
     rows, columns = np.nonzero(sees & (surface.i_object[np.where(sees, drawn.found, 0)] == i_object))

@@ -7,7 +7,7 @@ from collections.abc import Generator
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform.live import Deform
+from engine.deform.deform_engine import Deform
 from engine.render.still import StillProgress
 
 

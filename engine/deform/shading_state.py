@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform.details import Detail
+from engine.deform.surface_details import Detail
 from engine.deform.gloss import LowGloss, low_gloss
 from engine.deform.raster import BLACK, Backdrop
 from engine.deform.shading import BandLight, Lobes
@@ -25,7 +25,7 @@ LayersOf = Mapping[int, Sequence[Layer]]
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
+class ShadingState:
     """A scene in some light: the visible layers of its objects by their index, lobes of all points and errors (S,) of
     their fit, details of the objects that have any; casters: for each object the others that bend and whose shadows its
     transfer does not have. version: another one looks otherwise."""
@@ -41,14 +41,14 @@ class Subject:
     casters: tuple[frozenset[int], ...] = ()
 
     @property
-    def shading(self) -> list[int]:
+    def casting_objects(self) -> list[int]:
         """The C objects that shade others from somewhere else than where transfer has them."""
         return sorted(frozenset[int]().union(*self.casters))
 
     @property
     def casts(self) -> NDArray[np.bool_]:
         """Whether the shadow of each of these is to be on an object (M, C)."""
-        shading = self.shading
+        shading = self.casting_objects
         found = np.array([[each in casters for each in shading] for casters in self.casters], bool)
         return found.reshape(len(self.scene.smooth), len(shading))
 
@@ -59,7 +59,7 @@ class Subject:
         found = np.zeros((len(self.scene.smooth), 3), np.float32)
         for i, own in self.layers_of.items():
             if i not in self.details:
-                found[i] = plain_albedo(own)
+                found[i] = diffuse_albedo(own)
         return found
 
     @property
@@ -67,7 +67,7 @@ class Subject:
         environment, turn = self.light.environment, math.radians(self.light.rotation % 360.0)
         return BLACK if environment is None else Backdrop(environment.radiance, turn, self.light.scale)
 
-    def by_pixel(self, i: int) -> Iterator[Layer]:
+    def pixel_layers(self, i: int) -> Iterator[Layer]:
         """The matt layers of an object whose light is known of no point: those that images lie on, of detail all."""
         for layer in self.layers_of.get(i, ()):
             if not is_glossy(layer) and (i in self.details or not layer.maps.is_plain):
@@ -79,7 +79,7 @@ class Subject:
             yield low_gloss(layer, self.bands.table.shape[2]), mean_factor(self.scene, i, layer.maps)
 
 
-def plain_albedo(layers: Sequence[Layer]) -> NDArray[np.float64]:
+def diffuse_albedo(layers: Sequence[Layer]) -> NDArray[np.float64]:
     """Of the matt ones without images, together (3,)."""
     return sum((albedo(each) for each in layers if each.maps.is_plain), np.zeros(3))
 

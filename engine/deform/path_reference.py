@@ -8,9 +8,9 @@ from collections.abc import Generator
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform.live import LayersOf
+from engine.deform.deform_engine import LayersOf
 from engine.deform.pose import Poses
-from engine.deform.posed_scene import posed
+from engine.deform.posed_scene import pose_scene
 from engine.render.path_tracer import render_paths
 from engine.render.still import StillProgress
 from engine.scene.scene_loader import Scene
@@ -22,12 +22,12 @@ N_PASSES, N_SAMPLES = 32, 4  # of so many paths a pixel each
 _MISSING = 0.2  # how bright the own picture stands where paths have not come yet
 
 
-class Truth:
+class PathReference:
     """What paths have shown by now: picture (H, W, 3), None before the first pass."""
 
     def __init__(self, scene: Scene, poses: Poses) -> None:
         """scene: at rest, seen as it is to be traced."""
-        self._placement = Placement(posed(scene, poses))
+        self._placement = Placement(pose_scene(scene, poses))
         self.n_passes = 0
         self.picture: Float32Array | None = None
 
@@ -39,7 +39,7 @@ class Truth:
         self.picture = before + (found - before) / np.float32(self.n_passes)
 
 
-def side_by_side(traced: Float32Array | None, stays: Float32Array, own: Float32Array, split: tuple[float, float]) -> Float32Array:
+def compose_split(traced: Float32Array | None, stays: Float32Array, own: Float32Array, split: tuple[float, float]) -> Float32Array:
     """One picture (H, W, 3) of three: up to the first share of its width what paths show, up to the second transfer
     that does not turn, then the own. traced may have other pixels; None: not there yet, so that the own stands dark."""
     height, width = own.shape[:2]

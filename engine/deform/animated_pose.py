@@ -21,10 +21,10 @@ from engine.threads import even_parts, on_threads
 Float64Array = NDArray[np.float64]
 Values = dict[tuple[int, str], Float64Array]
 
-RESTS = 1e-5  # of the mesh's extent: a bone that moves nothing of it by more is at rest, but for the file's rounding
+REST_TOLERANCE = 1e-5  # of the mesh's extent: a bone that moves nothing of it by more is at rest, but for the file's rounding
 
 
-def posed(rig: Rig, rest: Pose, triangles: NDArray[np.int32], clip: str, time: float, loop: bool = True) -> Pose:
+def animated_pose(rig: Rig, rest: Pose, triangles: NDArray[np.int32], clip: str, time: float, loop: bool = True) -> Pose:
     """The pose at a time, seconds; beyond a clip's end it begins anew, or without `loop` stays as it ends.
 
     rest: the object's vertices (V, 3), `Scene.vertices` in its range, and their axes; triangles (T, 3): numbers of
@@ -32,7 +32,7 @@ def posed(rig: Rig, rest: Pose, triangles: NDArray[np.int32], clip: str, time: f
     """
     if len(rig.binding.bones) != len(rest.positions):
         raise ValueError(f"{len(rest.positions)} vertices, expected {len(rig.binding.bones)}, as the rig has")
-    values = sampled(rig.skeleton.clip(clip), time, loop)
+    values = sample_clip(rig.skeleton.clip(clip), time, loop)
     weights = {node: values.get((node, "weights"), own) for node, own in rig.skeleton.weights.items()}
     moves = _bone_moves(rig, values)
     is_morphed = any(morph_weight(m, weights) != morph_weight(m, rig.skeleton.weights) for m in rig.binding.morphs)
@@ -66,7 +66,7 @@ def posed(rig: Rig, rest: Pose, triangles: NDArray[np.int32], clip: str, time: f
     return Pose(positions, orthonormal(about, axes))
 
 
-def sampled(clip: Clip, time: float, loop: bool = True) -> Values:
+def sample_clip(clip: Clip, time: float, loop: bool = True) -> Values:
     """The values of a clip's tracks, by node and path, at a time. Raises ValueError where it is not finite."""
     if not np.isfinite(time):
         raise ValueError(f"time {time}, expected a finite number of seconds")
@@ -81,17 +81,17 @@ def _at(track: Track, time: float) -> Float64Array:
     after = int(np.searchsorted(times, time, side="right"))
     before = max(after - 1, 0)
     if after in (0, len(times)) or track.interpolation == "STEP":
-        return _kept(track, track.values[before, 1] if is_spline else track.values[before])
+        return _normalized(track, track.values[before, 1] if is_spline else track.values[before])
     span = times[after] - times[before]
     share = (time - times[before]) / span
     if is_spline:
-        return _kept(track, _hermite(track.values[before], track.values[after], span, share))
+        return _normalized(track, _hermite(track.values[before], track.values[after], span, share))
     if track.path == "rotation":
         return _slerp(track.values[before], track.values[after], share)
     return np.asarray((1.0 - share) * track.values[before] + share * track.values[after])
 
 
-def _kept(track: Track, value: Float64Array) -> Float64Array:
+def _normalized(track: Track, value: Float64Array) -> Float64Array:
     """The value, of a rotation at length 1."""
     length = float(np.linalg.norm(value)) if track.path == "rotation" else 1.0
     return value / length if length > 1e-6 else np.array([0.0, 0.0, 0.0, 1.0])
@@ -136,5 +136,5 @@ def _bone_moves(rig: Rig, values: Values) -> Float64Array:
     )
     # How far a bone takes the mesh, and how large it makes it.
     furthest, size = np.abs(moves @ corners.T).max(axis=(1, 2)), np.ptp(matrices @ corners.T, axis=2).max(axis=1)
-    moves[furthest <= RESTS * size] = 0.0
+    moves[furthest <= REST_TOLERANCE * size] = 0.0
     return moves

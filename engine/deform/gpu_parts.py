@@ -31,7 +31,7 @@ class ShapePart:
 
 
 @dataclass(frozen=True)
-class ToldDetail:
+class ExportedDetail:
     """A `LobeMap` among the lobes of all: where it begins, its rows and columns, and lobes of each entry."""
 
     first: int
@@ -42,13 +42,13 @@ class ToldDetail:
 
 
 @dataclass(frozen=True)
-class ToldTerm:
+class ExportedTerm:
     """What pixels add to an object: its matt light, of its points or of detail, times reflectance (3,) and maps."""
 
     i_object: int
     reflectance: tuple[float, float, float]
     maps: ExportedMaps | None
-    detail: ToldDetail | None
+    detail: ExportedDetail | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class CoverPart:
     """What lies on objects by texture coordinates. corners (3 T, 12) of their triangles, object by object: the place of
     each, the point on its front and on its back, -1 for none, its axes among those of the pose, texture coordinates,
     the place on the mesh at rest and the normal of the face there (bits); ranges: the first and the last, excluded, of
-    an object's triangles; lobes: of all `ToldDetail`; images and strokes: see `engine.texture.gpu_export`."""
+    an object's triangles; lobes: of all `ExportedDetail`; images and strokes: see `engine.texture.gpu_export`."""
 
     number: int
     corners: Int32Array
@@ -68,7 +68,7 @@ class CoverPart:
 
 
 @dataclass(frozen=True, eq=False)
-class LookPart:
+class AppearancePart:
     """harmonics (n^2, 3) and table (rows, columns, n, 3) of the light, see `BandLight`; objects (M, 8): albedo, the
     first of its layers with gloss, emission, how many they are; gloss (G, A, 3 n + 1): of each such layer, for angles
     of the eye up to `steepest`, its bands and its lean, see `LowGloss`; cosine (n,): the bands of a white matt surface;
@@ -89,7 +89,7 @@ class LookPart:
     least: float
     turn: float
     scale: float
-    terms: tuple[ToldTerm, ...] = ()
+    terms: tuple[ExportedTerm, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,25 +109,25 @@ class PosedPart:
     places: Float32Array
     axes: Float32Array
     blockers: Float32Array
-    eye: tuple[float, float, float]
+    camera_position: tuple[float, float, float]
 
 
 Numbers = tuple[int, int, int, int]  # of shape, look, cover and sky; 0 for none
-NOTHING: Numbers = (0, 0, 0, 0)
+NO_PARTS: Numbers = (0, 0, 0, 0)
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class PictureExport:
     """All that a picture is drawn of: the pose, and parts by their numbers; those that are None are known by now."""
 
     posed: PosedPart
     numbers: Numbers
     shape: ShapePart | None
-    look: LookPart | None
+    appearance: AppearancePart | None
     cover: CoverPart | None
     sky: SkyPart | None
 
-    def lacks(self, known: Numbers) -> bool:
+    def is_missing_parts(self, known: Numbers) -> bool:
         """Whether more parts are needed to draw it than it brings, and than those of these numbers."""
-        parts = zip((self.shape, self.look, self.cover, self.sky), self.numbers, known, strict=True)
+        parts = zip((self.shape, self.appearance, self.cover, self.sky), self.numbers, known, strict=True)
         return any(part is None and number != here for part, number, here in parts)
