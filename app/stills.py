@@ -30,11 +30,11 @@ from engine.material.layer import Layer, object_of
 from engine.orbit.orbit_engine import Orbit
 from engine.orbit.orbit_still import render_orbit
 from engine.planner import N_LIGHTS, N_PATCHES, Plan, plan_scene
-from engine.render.bounces import planned_bounces
-from engine.render.error_estimate import estimate_error, judge_drawn
-from engine.render.image_files import exr_bytes, png_bytes
-from engine.render.indirect import find_indirect, noise_in, reflected_light
-from engine.render.light_pilot import with_needed_light
+from engine.render.bounce_plan import planned_bounces
+from engine.render.error_estimate import estimate_error, estimate_drawn_errors
+from engine.render.picture_files import exr_bytes, png_bytes
+from engine.render.still_indirect import find_indirect, noise_in, reflected_light
+from engine.render.light_pilot import with_light_budget
 from engine.render.path_tracer import N_SAMPLES, render_paths
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import (
@@ -42,7 +42,7 @@ from engine.render.still import (
     StillLayer,
     StillProgress,
     compose,
-    reflected,
+    reflect_layers,
     render_reference,
     still_layers,
     still_quality,
@@ -134,7 +134,7 @@ def render_project(
         if estimates_error and alone:
             warning = warning or f"where it is off is not known: paths do not know the surface of {', '.join(alone)}"
         elif estimates_error:
-            (judged,) = run_to_end(judge_drawn(placement, layers, sky, series.n_bounces, [picture]), report)
+            (judged,) = run_to_end(estimate_drawn_errors(placement, layers, sky, series.n_bounces, [picture]), report)
             error = judged.estimate
         return Still(clamp_radiance(picture * intensity, BRIGHTEST), error, warning)
     layers = _at_most(layers, series.first or project.document.first_bands)
@@ -143,9 +143,9 @@ def render_project(
         found = run_to_end(find_indirect(placement, layers, sky, series, fineness, as_needed), report)
         indirect = run_to_end(reflected_light(found, layers, series.second, placement.hits))
         noise = run_to_end(noise_in(found, layers, series.second)) if estimates_error else None
-    plan = run_to_end(with_needed_light(placement, layers, sky, plan))
+    plan = run_to_end(with_light_budget(placement, layers, sky, plan))
     quality = still_quality(plan)
-    radiance = run_to_end(reflected(placement, layers, sky, quality, indirect), report)
+    radiance = run_to_end(reflect_layers(placement, layers, sky, quality, indirect), report)
     if estimates_error:
         estimating = estimate_error(
             placement, layers, sky, quality, series.n_bounces, radiance, indirect, noise=noise
@@ -166,7 +166,7 @@ def judge_picture(project: Project, picture: NDArray[np.float32], series: Bounce
     wanted = series.n_bounces if series else wanted_bounces(project, plan)
     n_bounces = planned_bounces(placement, project.indexed_layers, wanted).n_bounces
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
-    (judged,) = run_to_end(judge_drawn(placement, layers, project.sky, n_bounces, [picture / np.float32(intensity)]))
+    (judged,) = run_to_end(estimate_drawn_errors(placement, layers, project.sky, n_bounces, [picture / np.float32(intensity)]))
     return "" if judged.estimate is None else judged.estimate.text
 
 

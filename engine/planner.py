@@ -1,7 +1,7 @@
 """What a scene requires, decided before any work: model only that.
 
 `plan_scene` gives every layer its bands, says whether the sphere's visibility is needed, and leaves the reason beside
-each choice; `engine.render.pilot` measures on a few hundred points what it will cost. Every line can be overruled.
+each choice; `engine.render.cost_pilot` measures on a few hundred points what it will cost. Every line can be overruled.
 
 Bands follow the curve. A curve f is replaced by its piecewise linear fit f_J (`engine.curve.bands`); what a picture
 sees of the difference is how far light moves between angles, so it is measured on the running integrals by solid angle
@@ -139,7 +139,7 @@ class Cost:
 class Plan:
     """What will be computed for one scene. `reasons` says why, by line; `overridden` which lines a person set.
 
-    bounces: None until a pilot has said (`engine.render.bounces`); n_rays: a fan of indirect light, 0 for as many as it
+    bounces: None until a pilot has said (`engine.render.bounce_plan`); n_rays: a fan of indirect light, 0 for as many as it
     needs when it is found (`engine.indirect.sampling_settings`); n_edge_rays: one of `engine.plan_lines.EDGE_RAYS`;
     is_still: nothing of it is edited afterwards.
     """

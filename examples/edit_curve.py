@@ -17,7 +17,7 @@ def main(folder: Path, resolution: tuple[int, int] = (512, 512)) -> float:
     copper["gamma_alpha"].translate(y=0.4, region=(0.1, 0.2, 0.4, 0.7))
     scene.save(folder / "after.png")
     scene.save(folder / "edited.insitu")  # opens in the editor, with the operator on its curve
-    return scene.error().total
+    return scene.error().overall
 
 
 if __name__ == "__main__":

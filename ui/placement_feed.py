@@ -36,7 +36,7 @@ from app.placement.talk import PlacementTalk
 from app.solo import is_seen
 from engine.curve.wavelet import forward
 from engine.material.layer import object_of
-from engine.render.plain_shading import plain_colour, plain_radiance
+from engine.render.headlight_shading import headlight_colour, headlight_radiance
 from ui.gl.placement.layers import ComparedLook
 from ui.gl.placement.rehearsal import rehearse
 from ui.gl.placement.renderer import PlacementRenderer
@@ -246,7 +246,7 @@ class PlacementFeed(PictureSource):
         theta_o = frame.theta_o[slice(*frame.object_ranges[index])]
         self.renderer.set_footprint(None)
         self.renderer.set_layer(state.name, index, len(theta_o))
-        self.renderer.set_layer_radiance(state.name, plain_radiance(plain_colour(seen), theta_o), stage="plain")
+        self.renderer.set_layer_radiance(state.name, headlight_radiance(headlight_colour(seen), theta_o), stage="plain")
 
     def _follow_environment(self, document: Document) -> None:
         """Turn the background with the light."""

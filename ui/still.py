@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from app.machine.atomic import save_file
 from engine.errors import InsituError
-from engine.render.image_files import deep_png, exr_bytes, pixels_png
+from engine.render.picture_files import deep_png, exr_bytes, pixels_png
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from app.jobs.client import Client
 from app.machine.atomic import save_file
 from app.machine.paths import layout_file, preference_file, recent_file
 from engine.errors import InsituError
-from engine.render.image_files import pixels_png
+from engine.render.picture_files import pixels_png
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from ui.gl.context import REQUIRED_VERSION, GraphicsError, create_window_context, spare_full_disk
 from ui.glfw_keys import KEYS, as_printed, held, key_changes

@@ -44,7 +44,7 @@ def export_brdf(
     from app.commands.maps import with_full_names
     from app.files.brdf_files import check_merl_name, export_steps
     from app.files.material_file import SUFFIX, Material, save_material
-    from engine.render.tabulate import left_out
+    from engine.render.tabulate import untabulated_features
 
     as_it_is = output.suffix == SUFFIX
     if not as_it_is:
@@ -60,7 +60,7 @@ def export_brdf(
     with progress() as report:
         for fraction in export_steps(layers, output):
             report(fraction, "evaluating the layers")
-    tell(left_out(layers))
+    tell(untabulated_features(layers))
     say(f"{output}: {object_}, {len(layers)} layers, {time.monotonic() - started:.1f} s")
     return 0
 

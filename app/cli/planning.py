@@ -9,9 +9,9 @@ from dataclasses import replace
 from app.project import Project
 from app.stills import wanted_bounces
 from engine.planner import N_LIGHTS, Plan, plan_scene
-from engine.render.bounces import planned_bounces
-from engine.render.light_pilot import with_needed_light
-from engine.render.pilot import estimate_cost
+from engine.render.bounce_plan import planned_bounces
+from engine.render.light_pilot import with_light_budget
+from engine.render.cost_pilot import estimate_cost
 from engine.render.still import StillProgress, still_layers, with_maps
 from engine.generators import run_to_end
 from engine.transport.pipeline import Placement
@@ -41,6 +41,6 @@ def plan_project(
     said = bounces.reason or ("as the session says" if wanted == project.n_bounces else plan.reasons["bounces"])
     reason = "; ".join(filter(None, (said, bounces.warning)))
     plan = replace(plan, bounces=bounces.n_bounces, reasons={**plan.reasons, "bounces": reason})
-    plan = run_to_end(with_needed_light(placement, planned_layers, sky, plan))
+    plan = run_to_end(with_light_budget(placement, planned_layers, sky, plan))
     spent = opening_seconds + time.process_time() - started  # who carries it out tries all that as well
     return run_to_end(estimate_cost(placement, planned_layers, sky, plan, spent_seconds=spent), report)

@@ -42,7 +42,7 @@ def precompute(
         done = fill(project, lambda step: report(step.fraction, f"{step.stage}: {step.text}"), lights, cluster=cluster)
     megabytes, seconds = done.n_bytes / 2**20, time.monotonic() - started
     say(f"{scene}: {megabytes:.0f} MiB of transport, {seconds:.1f} s, {done.error.text}")
-    if done.error.is_poor:
+    if done.error.is_large:
         say(f"note: {done.error.advice}")
     return 0
 

@@ -26,8 +26,8 @@ from app.export.xml_parts import add, add_numbers
 from app.machine.atomic import replacing_folder, require_folder, write_atomically
 from app.project import Project
 from engine.material.layer import Layer, object_of
-from engine.render.image_files import exr_bytes
-from engine.render.surface_maps import mean_factor
+from engine.render.picture_files import exr_bytes
+from engine.render.map_sampler import mean_factor
 from engine.scene.local_frames import object_axes
 from engine.generators import run_to_end
 

@@ -14,8 +14,8 @@ from engine.errors import InsituError
 from engine.indirect.clamping import BRIGHTEST, clamp_radiance
 from engine.indirect.series import BounceSeries
 from engine.orbit.orbit_engine import Orbit
-from engine.render.bounces import planned_bounces
-from engine.render.error_estimate import judge_drawn
+from engine.render.bounce_plan import planned_bounces
+from engine.render.error_estimate import estimate_drawn_errors
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import still_layers, with_maps
 from engine.generators import run_to_end
@@ -68,7 +68,7 @@ class Pictures:
         wanted = n_bounces or wanted_bounces(project, plan)
         n_bounces = planned_bounces(placement, project.indexed_layers, wanted).n_bounces
         layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
-        (judged,) = run_to_end(judge_drawn(placement, layers, project.sky, n_bounces, [picture]))
+        (judged,) = run_to_end(estimate_drawn_errors(placement, layers, project.sky, n_bounces, [picture]))
         return judged.estimate
 
     def _in_orbit(self, project: Project, n_bounces: int | None) -> Picture:

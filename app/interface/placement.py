@@ -32,14 +32,14 @@ from engine.material.layer import Layer, object_of
 from engine.material.layer_maps import Images
 from engine.planner import LayerPlan, Plan, plan_scene
 from engine.render._layer_kernels import add_points
-from engine.render.bounces import planned_bounces
+from engine.render.bounce_plan import planned_bounces
 from engine.render.error_estimate import estimate_error
-from engine.render.indirect import find_indirect, noise_in, reflected_light
+from engine.render.still_indirect import find_indirect, noise_in, reflected_light
 from engine.render.layer_transport import LayerTransport
-from engine.render.light_pilot import with_needed_light
+from engine.render.light_pilot import with_light_budget
 from engine.render.picture_error import ErrorEstimate
-from engine.render.still import StillLayer, compose, curves_of, seen_as, shape_of, still_quality
-from engine.render.surface_maps import MapSampler, SeenMaps
+from engine.render.still import StillLayer, compose, curves_of, view_factors, shape_of, still_quality
+from engine.render.map_sampler import MapSampler, MapSamples
 from engine.generators import run_to_end
 from engine.transport.bandstore import join_tiles
 from engine.transport.pipeline import Placement, Quality, SkyState
@@ -99,7 +99,7 @@ class PlacementPictures:
         self._light: _Light | None = None
         self._layers: dict[str, _KeptLayer] = {}
         self._planned: dict[str, tuple[Layer, LayerPlan]] = {}
-        self._seen: dict[tuple[int, Images], SeenMaps] = {}
+        self._seen: dict[tuple[int, Images], MapSamples] = {}
         self._indirect: _KeptIndirect | None = None
         self._bounces: tuple[Key, int] | None = None
 
@@ -182,7 +182,7 @@ class PlacementPictures:
         key = (view.key, replace(project.document.light, intensity=1.0), decisions)
         if self._light is None or self._light.key != key:
             placement, sky = view.placement, project.sky
-            quality = still_quality(run_to_end(with_needed_light(placement, layers, sky, plan)))
+            quality = still_quality(run_to_end(with_light_budget(placement, layers, sky, plan)))
             background = compose(placement, np.zeros((len(placement.hits.pixel), 3)), sky)
             self._light = _Light(key, sky, quality, run_to_end(placement.light(sky, quality)), background)
             self._layers.clear()
@@ -218,7 +218,7 @@ class PlacementPictures:
             return kept.radiance
         if kept.factor is None or kept.layer is None or _factor_key(kept.layer) != _factor_key(each.layer):
             rows = view.placement.rows_of(each.i_object)
-            kept.factor = np.asarray(seen_as(hits, rows, each) * light.visible.lighting.unit, np.float32)
+            kept.factor = np.asarray(view_factors(hits, rows, each) * light.visible.lighting.unit, np.float32)
         if kept.layer is None or _curves_key(kept.layer) != _curves_key(each.layer):
             kept.curves = curves_of(each)
         kept.layer, kept.radiance = each.layer, kept.transport.radiance(kept.curves) * kept.factor

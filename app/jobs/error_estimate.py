@@ -23,11 +23,11 @@ from app.scene_state import LayerState
 from engine.errors import InsituError
 from engine.indirect.indirect_light import IndirectLight
 from engine.planner import band_counts
-from engine.render.error_estimate import MAP_POINTS, N_POINTS, Judged, judge, judge_drawn
+from engine.render.error_estimate import MAP_POINTS, N_POINTS, PointErrors, estimate_point_errors, estimate_drawn_errors
 from engine.render.error_map import Colours, error_colours
-from engine.render.indirect import noise_in, reflected_light
+from engine.render.still_indirect import noise_in, reflected_light
 from engine.render.picture_error import ErrorEstimate
-from engine.render.still import StillLayer, seen_as, with_maps
+from engine.render.still import StillLayer, view_factors, with_maps
 from engine.generators import map_steps
 from engine.transport.pipeline import FINAL, Placement, Quality, final_quality
 
@@ -53,7 +53,7 @@ def estimated(
     radiance = np.zeros((len(placement.hits.pixel), 3))
     for each, state in zip(layers, states, strict=True):
         begin, end = placement.hits.object_ranges[each.i_object]
-        radiance[begin:end] += _as_edited(held[state.key], state).radiance * seen_as(
+        radiance[begin:end] += _as_edited(held[state.key], state).radiance * view_factors(
             placement.hits, np.arange(begin, end), each
         )
         yield None
@@ -65,7 +65,7 @@ def estimated(
         noise = yield from map_steps(noise_in(found, layers, request.second_bands), lambda step: None)
     sky = bench.sky(first.lit_by.light)
     n_points = MAP_POINTS if request.has_map else N_POINTS
-    judging = judge(placement, layers, sky, quality, n_bounces, radiance, indirect, n_points=n_points, noise=noise)
+    judging = estimate_point_errors(placement, layers, sky, quality, n_bounces, radiance, indirect, n_points=n_points, noise=noise)
     judged = yield from map_steps(judging, lambda step: None)  # without a word: nobody waits for it
     yield ErrorEstimated(judged.estimate, (yield from _colours(request.has_map, placement, judged)))
 
@@ -85,13 +85,13 @@ def estimated_drawn(
     layers = with_maps(placement, (_with_own_bands(state, placement) for state in scene.layers))
     yield None
     n_points = MAP_POINTS if request.has_map else N_POINTS
-    judging = judge_drawn(placement, layers, bench.sky(scene.light), n_bounces, pictures, n_points=n_points)
+    judging = estimate_drawn_errors(placement, layers, bench.sky(scene.light), n_bounces, pictures, n_points=n_points)
     at_rest, moving = yield from map_steps(judging, lambda step: None)
     colours = yield from _colours(request.has_map, placement, at_rest)
     yield DrawnEstimated(at_rest.estimate, moving.estimate, colours)
 
 
-def _colours(is_wanted: bool, placement: Placement, judged: Judged) -> Generator[None, None, Colours | None]:
+def _colours(is_wanted: bool, placement: Placement, judged: PointErrors) -> Generator[None, None, Colours | None]:
     """Where the picture is off."""
     return (yield from error_colours(placement.hits, judged)) if is_wanted else None
 

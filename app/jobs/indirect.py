@@ -33,8 +33,8 @@ from engine.indirect.representation import GatherPolynomial, SelectedCurve
 from engine.indirect.solver import Solver, relit
 from engine.indirect.stored_light import NAMES, arrays_of
 from engine.material.layer import Layer, object_of
-from engine.render.bounces import planned_bounces
-from engine.render.indirect import direct_mean
+from engine.render.bounce_plan import planned_bounces
+from engine.render.still_indirect import direct_mean
 from engine.generators import map_steps
 from engine.stored_arrays import Arrays
 from engine.transport.pipeline import Placement, SkyState

@@ -23,7 +23,7 @@ from app.scene_state import LayerState
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
 from engine.material.parameters import FRESNEL
-from engine.render.light_pilot import LEAST, LightNeed, needed_light, pays
+from engine.render.light_pilot import LEAST, LightBudget, find_light_budget, is_worthwhile
 from engine.render.still import StillLayer
 from engine.stored_arrays import ArrayReader, Arrays
 from engine.transport.pipeline import SkyState
@@ -36,20 +36,20 @@ class LightPlans:
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
-        self._known: dict[str, LightNeed] = {}
+        self._known: dict[str, LightBudget] = {}
 
-    def known(self, request: ComputeTransport, sky: SkyState) -> LightNeed | None:
+    def known(self, request: ComputeTransport, sky: SkyState) -> LightBudget | None:
         """What the picture of a request needs, None where that was not tried yet."""
         decisions = request.decisions
-        if not pays(self._bench.open_placement) or decisions.overridden >= set(LINES):
-            return LightNeed(decisions.n_lights, decisions.n_patches)
+        if not is_worthwhile(self._bench.open_placement) or decisions.overridden >= set(LINES):
+            return LightBudget(decisions.n_lights, decisions.n_patches)
         key = self._key(request, sky)
         need = self._known.get(key) or self._bench.store.get(key, _need_of)
         if need is not None:
             self._known[key] = need
         return need
 
-    def found(self, request: ComputeTransport, sky: SkyState) -> Generator[None, None, LightNeed]:
+    def found(self, request: ComputeTransport, sky: SkyState) -> Generator[None, None, LightBudget]:
         """The same; tried where it is not known."""
         need = self.known(request, sky)
         if need is None:
@@ -58,7 +58,7 @@ class LightPlans:
                 StillLayer(placement.scene.object_index(each.object), layer, shape_of(each).bands, not each.fixed)
                 for each, layer in zip(request.scene.visible, self._unedited(request), strict=True)
             ]
-            need = yield from needed_light(placement, layers, self._unturned(sky), request.decisions)
+            need = yield from find_light_budget(placement, layers, self._unturned(sky), request.decisions)
             key = self._key(request, sky)
             self._known[key] = need
             self._bench.store.put(key, _arrays_of(need))
@@ -100,16 +100,16 @@ def _of_file(state: LayerState, there: Layer | None) -> Layer:
     return layer.replace(parameters=values, edits=(), maps=LayerMaps())
 
 
-def _arrays_of(need: LightNeed) -> dict[str, np.ndarray]:
-    off = {line: (plain, sharper) for line, plain, sharper in need.off}
+def _arrays_of(need: LightBudget) -> dict[str, np.ndarray]:
+    off = {line: (plain, sharper) for line, plain, sharper in need.errors}
     return {
         "numbers": np.array([need.lights, need.patches], np.int64),
         "off": np.array([off.get(line, (-1.0, -1.0)) for line in LINES], np.float64),
     }
 
 
-def _need_of(arrays: Arrays) -> LightNeed:
+def _need_of(arrays: Arrays) -> LightBudget:
     reader = ArrayReader(arrays)
     lights, patches = map(int, reader.take("numbers", np.int64, 2))
     off = zip(LINES, reader.take("off", np.float64, 2, 2).tolist(), strict=True)
-    return LightNeed(lights, patches, tuple((line, plain, sharper) for line, (plain, sharper) in off if plain >= 0.0))
+    return LightBudget(lights, patches, tuple((line, plain, sharper) for line, (plain, sharper) in off if plain >= 0.0))

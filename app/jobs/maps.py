@@ -16,8 +16,8 @@ from engine.errors import LoadError
 from engine.material.layer import object_of
 from engine.material.layer_maps import Images
 from engine.material.strokes import Strokes
-from engine.render.canvas import Canvas
-from engine.render.surface_maps import MapSampler
+from engine.render.map_canvas import Canvas
+from engine.render.map_sampler import MapSampler
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.scene_loader import PROJECTED_NOTE
 from engine.texture.pyramid import Pyramid
@@ -48,7 +48,7 @@ class MapTasks:
         i_object, textures = scene.object_index(object_of(key)), scene.textures
         try:
             begun = self._work(sampler, i_object, images)
-            seen = begun.canvas.see(images.strokes)
+            seen = begun.canvas.paint(images.strokes)
             pyramids = {"texture": textures.texture(images), "weight": textures.weight(images)}
         except LoadError as error:
             return MapsRefused(key, images, " ".join(str(error).split()))
@@ -67,7 +67,7 @@ class MapTasks:
         begun = self._begun.pop(place, None)
         if begun is None or begun.last == images or not images.strokes:
             canvas = sampler.canvas(i_object, images)
-            seen = canvas.see(Strokes())
+            seen = canvas.paint(Strokes())
             samples = np.concatenate([seen.texture, seen.weight[:, None]], axis=1).astype(np.float16)
             begun = _Begun(images, canvas, samples, SeenThumbnail(self._placement.hits, i_object))
         self._begun = dict(list(self._begun.items())[1 - MOST_BEGUN :])

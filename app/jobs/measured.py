@@ -25,7 +25,7 @@ from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 from engine.measured.tables import ArrayStore, is_table_loaded, read_measurement, table_of
 from engine.planner import band_counts
-from engine.render.tabulate import left_out
+from engine.render.tabulate import untabulated_features
 from engine.generators import map_steps
 
 STAGE = "measured BRDF"
@@ -88,4 +88,4 @@ def write_file(request: WriteFiles, store: ArrayStore | None) -> Generator[Respo
     yield from ensure_tables(request.layers, store)
     for fraction in export_steps(request.layers, Path(request.path)):
         yield Progress(STAGE, fraction, text=f"writing {Path(request.path).name}")
-    yield FilesWritten(request.path, left_out(request.layers))
+    yield FilesWritten(request.path, untabulated_features(request.layers))

@@ -152,7 +152,7 @@ class OrbitWork(ModeWork):
         yield OrbitDrawn(picture, prepared, version, is_done, time.monotonic() - started)
 
     def _draw_plainly(self, request: DrawPlainly) -> Steps:
-        from engine.render.plain_picture import plain_picture
+        from engine.render.headlight_picture import headlight_picture
 
         if not self._bench.has_placement:
             yield OrbitUnknown()
@@ -163,7 +163,7 @@ class OrbitWork(ModeWork):
             scene.from_camera(request.camera, request.resolution),
             layers_by_object(scene, request.scene.layers),
         )
-        picture = yield from map_steps(plain_picture(seen, caster, layers, sky, request.resolution), lambda step: None)
+        picture = yield from map_steps(headlight_picture(seen, caster, layers, sky, request.resolution), lambda step: None)
         yield OrbitDrawn(picture, 0, 0, False, time.monotonic() - started)
 
     def _estimate(self, request: EstimateOrbit) -> Steps:

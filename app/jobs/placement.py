@@ -49,7 +49,7 @@ from app.scene_state import LayerState
 from engine.light.environment import downsample
 from engine.material.layer import Layer
 from engine.planner import RenderSettings, Precision, band_counts
-from engine.render.light_pilot import LightNeed
+from engine.render.light_pilot import LightBudget
 from engine.scene.scene_loader import Scene
 from engine.generators import map_steps
 from engine.stored_arrays import ArrayReader, Arrays, n_bytes_of
@@ -180,7 +180,7 @@ class PlacementWork(ModeWork):
         need = self._light_plans.known(request, sky)
         if need is not None:
             yield from _told_need(need, decisions)
-            yield from self._tell_kept(placement, request, sky, replace(lit_by, decided=need.decided(decisions)))
+            yield from self._tell_kept(placement, request, sky, replace(lit_by, decided=need.limit_settings(decisions)))
         yield from self._tell_relit(request, sky, lit_by)
         n_bounces, bounces_told, bounces_found = decisions.n_bounces, decisions.n_bounces == 1, False
         begun = time.process_time()
@@ -192,7 +192,7 @@ class PlacementWork(ModeWork):
                 if need is None:
                     need = yield from self._light_plans.found(request, sky)
                     yield from _told_need(need, decisions)
-                lit_by, quality = _decided(lit_by, need.decided(decisions))
+                lit_by, quality = _decided(lit_by, need.limit_settings(decisions))
             if due:
                 yield from self._stage(placement, due, sky, lit_by, quality)
             if not bounces_told and quality is not DRAG:
@@ -448,8 +448,8 @@ def _decided(lit_by: LitBy, decisions: RenderSettings) -> tuple[LitBy, Quality]:
     return replace(lit_by, decided=decisions), final_quality(decisions)
 
 
-def _told_need(need: LightNeed, most: RenderSettings) -> Iterator[LightPlanned]:
-    if need.off:
+def _told_need(need: LightBudget, most: RenderSettings) -> Iterator[LightPlanned]:
+    if need.errors:
         yield LightPlanned(need.lights, need.patches, tuple(need.reasons(most).items()))
 
 

@@ -30,10 +30,10 @@ from engine.deform.deform_engine import N_POINTS
 from engine.indirect.sampling_settings import FINE
 from engine.indirect.series import BounceSeries
 from engine.orbit.orbit_engine import Orbit
-from engine.render.bounces import planned_bounces
-from engine.render.error_estimate import judge, judge_drawn
-from engine.render.indirect import indirect_radiance
-from engine.render.still import StillLayer, reflected, still_layers, with_maps
+from engine.render.bounce_plan import planned_bounces
+from engine.render.error_estimate import estimate_point_errors, estimate_drawn_errors
+from engine.render.still_indirect import indirect_radiance
+from engine.render.still import StillLayer, reflect_layers, still_layers, with_maps
 from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, Quality
 
@@ -101,9 +101,9 @@ def _placement(project: Project, effort: FrontEffort) -> Iterator[Stop]:
         wanted = replace(quality, n_lights=n_lights, n_patches=n_patches)
         radiance, indirect = _placement_picture(project, layers, wanted, series, n_fan_rays)
         seconds = time.process_time() - began
-        judged = run_to_end(judge(judging, layers, project.sky, quality, n_bounces, radiance, indirect))
+        judged = run_to_end(estimate_point_errors(judging, layers, project.sky, quality, n_bounces, radiance, indirect))
         knobs = _knobs(n_lights=n_lights, n_patches=n_patches, n_fan_rays=n_fan_rays)
-        yield Stop(knobs, judged.estimate.total, seconds)
+        yield Stop(knobs, judged.estimate.overall, seconds)
 
 
 def _placement_picture(
@@ -114,7 +114,7 @@ def _placement_picture(
     if series.n_bounces > 1:
         fineness, as_needed = FINE.with_rays(n_fan_rays), not n_fan_rays
         indirect = run_to_end(indirect_radiance(placement, layers, project.sky, series, fineness, as_needed))
-    return run_to_end(reflected(placement, layers, project.sky, quality, indirect)), indirect
+    return run_to_end(reflect_layers(placement, layers, project.sky, quality, indirect)), indirect
 
 
 def _orbit(project: Project, effort: FrontEffort) -> Iterator[Stop]:
@@ -147,8 +147,8 @@ def _drawn(project: Project, engine: Orbit) -> NDArray[np.float32]:
 def _judged(project: Project, picture: NDArray[np.float32]) -> float:
     placement = Placement(project.scene)
     layers = _layers(placement, project)
-    (judged,) = run_to_end(judge_drawn(placement, layers, project.sky, 1, [picture]))
-    return judged.estimate.total
+    (judged,) = run_to_end(estimate_drawn_errors(placement, layers, project.sky, 1, [picture]))
+    return judged.estimate.overall
 
 
 def _layers(placement: Placement, project: Project) -> tuple[StillLayer, ...]:

@@ -30,7 +30,7 @@ from engine.curve.wavelet import forward
 from engine.indirect.sampling_settings import FINE, ROUGH, STILL, SamplingSettings
 from engine.indirect.series import BounceSeries, parse_series
 from engine.material.layer import Layer
-from engine.render.indirect import indirect_radiance
+from engine.render.still_indirect import indirect_radiance
 from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, still_layers, with_maps
 from engine.generators import run_to_end

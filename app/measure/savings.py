@@ -3,7 +3,7 @@
 Everything on is the most of each line that a plan takes by itself: as many lights and patches, shadows from every
 direction, 128 bands a curve, four bounces, all rays of the indirect light; as planned are as many bounces as the pilot
 finds, whatever the scene says. Edges are alike in both, and light of further bounces is found as finely as an editor
-does. Errors are those against four bounces, by the same looks at the same points (`judge_alike`): pictures that differ
+does. Errors are those against four bounces, by the same looks at the same points (`compare_errors`): pictures that differ
 by chance alone are not taken for worse. Seconds are those of the processors, from the triangles to the picture, the
 pilots included.
 """
@@ -24,11 +24,11 @@ from app.stills import plan_still
 from engine.indirect.sampling_settings import FINE
 from engine.indirect.series import BounceSeries
 from engine.planner import MOST_BANDS, Plan
-from engine.render.bounces import MOST_PLANNED, planned_bounces
-from engine.render.error_estimate import judge_alike
-from engine.render.indirect import find_indirect, reflected_light
-from engine.render.light_pilot import with_needed_light
-from engine.render.still import StillLayer, reflected, still_layers, still_quality, with_maps
+from engine.render.bounce_plan import MOST_PLANNED, planned_bounces
+from engine.render.error_estimate import compare_errors
+from engine.render.still_indirect import find_indirect, reflected_light
+from engine.render.light_pilot import with_light_budget
+from engine.render.still import StillLayer, reflect_layers, still_layers, still_quality, with_maps
 from engine.scene.builtin import builtin_scenes
 from engine.generators import run_to_end
 from engine.transport.pipeline import Placement
@@ -113,7 +113,7 @@ def saving(project: Project, name: str) -> SavingRow:
     project = _of_pixels(project, N_PIXELS)
     everything, planned = _draw_everything(project, plan), _draw_planned(project, plan)
     errors = run_to_end(
-        judge_alike(
+        compare_errors(
             everything.placement, everything.layers, project.sky, still_quality(everything.plan), MOST_PLANNED,
             (everything.radiance, planned.radiance), N_PATHS, N_POINTS,
         )
@@ -149,7 +149,7 @@ def _draw_planned(project: Project, plan: Plan) -> _Drawn:
     """With as much as the picture needs."""
     started = time.process_time()
     placement, layers = _opened(project, plan)
-    plan = run_to_end(with_needed_light(placement, layers, project.sky, plan))
+    plan = run_to_end(with_light_budget(placement, layers, project.sky, plan))
     n_bounces = planned_bounces(placement, project.indexed_layers).n_bounces
     seconds = time.process_time() - started
     further = _further(project, placement, layers, n_bounces, as_needed=True)
@@ -177,7 +177,7 @@ def _drawn(
 ) -> _Drawn:
     """The picture; before: the seconds that went by already."""
     started = time.process_time()
-    radiance = run_to_end(reflected(placement, layers, project.sky, still_quality(plan), further.radiance))
+    radiance = run_to_end(reflect_layers(placement, layers, project.sky, still_quality(plan), further.radiance))
     return _Drawn(radiance, before + time.process_time() - started, plan, placement, layers, further)
 
 

@@ -254,7 +254,7 @@ class OrbitTalk(ModeTalk):
         if self._shows_placement:
             return replace(self.placement.status(status), shown_by="Placement")
         estimate, resolution = self._estimate, (0, 0) if self._shown is None else self._shown.resolution
-        lacks = self.lacks if estimate is not None and estimate.is_poor else ""
+        lacks = self.lacks if estimate is not None and estimate.is_large else ""
         note = "\n".join(filter(None, (lacks, PLACEMENT_FOLLOWS))) if self._picture == "refining" else ""
         said = {
             "picture": self._picture,
@@ -263,7 +263,7 @@ class OrbitTalk(ModeTalk):
             "precomputed_mb": self._n_bytes / 1e6,
             "estimate": estimate,
             "error_colours": self._error_colours,
-            "image_error": None if estimate is None else estimate.total,
+            "image_error": None if estimate is None else estimate.overall,
         }
         told = vars(status) | said
         return OrbitStatus(**told, drawn_resolution=resolution, drawn_seconds=self._seconds, is_plain=self._is_plain)

@@ -338,7 +338,7 @@ class PlacementTalk(ModeTalk):
         said = {
             "picture": picture,
             "is_held": picture in ("preview", "refining") and self.is_held,
-            "image_error": error if estimate is None else estimate.total,
+            "image_error": error if estimate is None else estimate.overall,
             "estimate": estimate,
             "error_colours": None if estimate is None else self._error.colours_of(self._document),
             "precomputed_mb": self._transport_bytes / 1e6,

@@ -118,7 +118,7 @@ def measure(folder: Path, resolution: tuple[int, int] = RESOLUTION) -> dict[str,
     from app.project import open_project
     from app.stills import plan_still, render_picture
     from engine.indirect.series import BounceSeries
-    from engine.render.indirect import indirect_radiance
+    from engine.render.still_indirect import indirect_radiance
     from engine.render.still import shape_of, still_layers, still_quality, with_maps
     from engine.scene.raycaster import RayCaster
     from engine.generators import run_to_end

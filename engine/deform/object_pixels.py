@@ -12,7 +12,7 @@ from engine.deform.bending_points import BendingPoints
 from engine.deform.raster import RasterResult
 from engine.material.layer_maps import LayerMaps
 from engine.orbit.view_maps import MOVING_PROBES
-from engine.render.surface_maps import painted, sample_images
+from engine.render.map_sampler import paint_weights, sample_images
 from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import Intersections
 from engine.texture.pyramid import MOST_PROBES, Pyramid
@@ -61,7 +61,7 @@ class Pixels:
             return image.over(uv, right - uv, below - uv, probes, repeats, is_quick)
 
         texture, weight = sample_images(maps.images, scene.textures, len(uv), sample)
-        return np.asarray(maps.factor(texture, painted(scene, self.at, maps.strokes, weight)), np.float32)
+        return np.asarray(maps.factor(texture, paint_weights(scene, self.at, maps.strokes, weight)), np.float32)
 
     def _corner_uvs(self, scene: Scene) -> Float64Array:
         """Of the corners of what pixels show (N, 3, 2)."""

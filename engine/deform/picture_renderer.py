@@ -18,7 +18,7 @@ from engine.deform.posed_points import PosedPoints
 from engine.deform.raster import RasterResult, draw, paint
 from engine.deform.shading import shade
 from engine.deform.shading_state import Float32Array, ShadingState, albedo
-from engine.render.error_colours import shown
+from engine.render.error_colours import error_to_radiance
 from engine.scene.description import CameraDescription
 from engine.scene.scene_loader import Scene
 
@@ -53,12 +53,12 @@ class PictureRenderer:
     ) -> Float32Array:
         """How far the lobes of what is seen are off (H, W, 3); see `Deform.draw_errors`."""
         drawn = draw(self._points.surface, self.posed.at(poses)[0], camera, camera_position_of(of.scene, camera), resolution)
-        errors = np.repeat(shown(of.errors).astype(np.float32)[:, None], 3, axis=1)
+        errors = np.repeat(error_to_radiance(of.errors).astype(np.float32)[:, None], 3, axis=1)
         one = np.ones((len(of.scene.smooth), 3), np.float32)
         picture = paint(drawn, self._points.surface, errors, np.zeros_like(errors), one, np.zeros_like(one))
         for i, found in of.details.items():
             if (pixels := pixels_of(i, drawn, self._points)) is not None:
-                of_pixels = shown(found.errors_at(pixels.uvs(of.scene))).astype(np.float32)
+                of_pixels = error_to_radiance(found.errors_at(pixels.uvs(of.scene))).astype(np.float32)
                 picture[pixels.rows, pixels.columns] = of_pixels[:, None]
         return picture
 

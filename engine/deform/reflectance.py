@@ -17,7 +17,7 @@ from engine.deform.bending_points import BendingPoints
 from engine.deform.shading_state import albedo, is_glossy
 from engine.light.environment import LUMINANCE
 from engine.material.layer import Layer
-from engine.render.surface_maps import painted, sample_images
+from engine.render.map_sampler import paint_weights, sample_images
 from engine.scene.scene_loader import Scene
 from engine.texture.pyramid import Pyramid
 
@@ -65,7 +65,7 @@ def albedos(scene: Scene, points: BendingPoints, i_object: int, layers: Sequence
 
     for layer in layers:
         texture, weight = sample_images(layer.maps.images, scene.textures, len(sides), sample)
-        factor = layer.maps.factor(texture, painted(scene, middles, layer.maps.strokes, weight))
+        factor = layer.maps.factor(texture, paint_weights(scene, middles, layer.maps.strokes, weight))
         own = low_gloss(layer, order).albedo if is_glossy(layer) else albedo(layer)
         total += factor @ (own * LUMINANCE)
     return points.means_around(i_object, total)

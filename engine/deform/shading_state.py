@@ -16,7 +16,7 @@ from engine.deform.raster import BLACK, Backdrop
 from engine.deform.shading import BandLight, Lobes
 from engine.material.layer import Layer
 from engine.orbit.slices import diffuse_reflectance
-from engine.render.surface_maps import mean_factor
+from engine.render.map_sampler import mean_factor
 from engine.scene.scene_loader import Scene
 from engine.transport.pipeline import SkyState
 

@@ -20,7 +20,7 @@ from engine.orbit import _slice_kernels
 from engine.orbit.slice_levels import SliceLevels
 from engine.orbit.slices import Slices, diffuse_reflectance, slice_steps
 from engine.orbit.visibility import LEVEL
-from engine.render.surface_maps import mean_factor
+from engine.render.map_sampler import mean_factor
 from engine.scene.scene_loader import Scene
 from engine.generators import StepRunner, run_to_end
 

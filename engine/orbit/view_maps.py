@@ -11,7 +11,7 @@ from engine.material.layer import Layer
 from engine.material.layer_maps import Images
 from engine.orbit import _footprint_kernels as kernels
 from engine.orbit.view_samples import Rows, ViewSamples
-from engine.render.surface_maps import painted, sample_images
+from engine.render.map_sampler import paint_weights, sample_images
 from engine.scene.scene_loader import Scene
 from engine.scene.bump_normals import Footprints, gradients
 from engine.scene.surface_uvs import corner_uvs
@@ -47,7 +47,7 @@ class _Places:
         """Texture (N, 3) and weight (N,)."""
         colours, shares = sample_images(images, self._scene.textures, len(self._which), self._sample)
         if images.strokes:
-            shares = painted(self._scene, self._seen.in_scene(self._which), images.strokes, shares)
+            shares = paint_weights(self._scene, self._seen.in_scene(self._which), images.strokes, shares)
         return colours, shares
 
     def _sample(self, image: Pyramid, scale: tuple[float, float]) -> Float32Array:

@@ -9,6 +9,6 @@ MIDDLE = 0.01  # of which the colour is that of radiance 1
 LEAST, MOST = MIDDLE / 16.0, MIDDLE * 16.0  # where the colours end
 
 
-def shown(share: ArrayLike) -> NDArray[np.float64]:
+def error_to_radiance(share: ArrayLike) -> NDArray[np.float64]:
     """The radiance that stands for an error, a share of what it is of: by its square."""
     return np.asarray((np.asarray(share, np.float64) / MIDDLE) ** 2)

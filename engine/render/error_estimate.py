@@ -20,7 +20,7 @@ it is off, by far in a stairwell with lamps close by.
 
 The whole error is found in the same way, of all the light at once, and so is neither the sum of the parts' errors nor
 the root of their squares: the one takes them to be off the same way everywhere, the other not to know of each other. A
-picture that another mode drew has no such parts, and is held against the same truth (`judge_drawn`).
+picture that another mode drew has no such parts, and is held against the same truth (`estimate_drawn_errors`).
 
 Points are drawn where an error may be: some of every visible object, however small, for a mirror ball can have most of
 the error of a picture, and many where neighbours differ, as along the edges of shadows.
@@ -50,13 +50,13 @@ from engine.visibility.targets import Targets
 
 N_POINTS = 256
 FINER, FINER_PATCHES = 4, 16  # times as many lights, and as many leaves of the tree of emitters
-FINER_SUN_LEVELS = 4  # how far below the sky's finest triangles suns are split
+FINER_PEAK_LEVELS = 4  # how far below the sky's finest triangles suns are split
 FINER_TOLERANCE = 0.05  # of the bands that may bend over a light, most of the error where light grazes a wall
 # Times as many bands of the sharpest curve: where 64 are too few for a highlight, 128 are, too.
 FINER_BANDS, MOST_FINER_BANDS = 4, (1024, 128)
-N_LOOKS = 6
+N_TRUTH_SAMPLES = 6
 # Of a map of errors: points, and looks at each.
-MAP_POINTS, MAP_LOOKS = 1024, 2
+MAP_POINTS, MAP_TRUTH_SAMPLES = 1024, 2
 # Paths in all: so many a pixel of the picture, within these bounds; a tenth of the time of a still of 512 × 512 pixels.
 PATHS_A_PIXEL, FEWEST_PATHS, MOST_PATHS = 64, 1 << 15, 1 << 18
 # What else a picture that another mode drew is held against.
@@ -72,7 +72,7 @@ Steps = Generator[StillProgress, None, Float64Array]
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class PointErrors:
     """A picture's error, and the relative squares (n,) of it at those of its pixels (n,) that were looked at; chance
     makes some of them less than 0, and is none on average."""
 
@@ -82,7 +82,7 @@ class Judged:
 
 
 @dataclass(frozen=True, eq=False)
-class _Truth:
+class _TruthSamples:
     """Looks at the light of some rows (n,) with weights (n,): direct (R, n, 3), reflected before (2, n, 3)."""
 
     rows: NDArray[np.int32]
@@ -91,7 +91,7 @@ class _Truth:
     reflected: Float64Array
 
     @property
-    def whole(self) -> Float64Array:
+    def independent_totals(self) -> Float64Array:
         """Two looks at all of it (2, n, 3), neither of which has anything of the other's chance."""
         halves = np.array_split(self.direct, 2)
         return np.stack([half.mean(axis=0) for half in halves]) + self.reflected
@@ -102,90 +102,90 @@ def estimate_error(
     radiance: NDArray[np.floating], indirect: NDArray[np.floating] | None = None, n_paths: int | None = None,
     seed: int = _SEED, noise: float | None = None,
 ) -> Generator[StillProgress, None, ErrorEstimate]:  # fmt: skip
-    """The error alone; arguments: see `judge`."""
-    judging = judge(placement, layers, sky, quality, n_bounces, radiance, indirect, n_paths, seed, noise=noise)
+    """The error alone; arguments: see `estimate_point_errors`."""
+    judging = estimate_point_errors(placement, layers, sky, quality, n_bounces, radiance, indirect, n_paths, seed, noise=noise)
     return (yield from judging).estimate
 
 
-def judge(
+def estimate_point_errors(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality, n_bounces: int,
     radiance: NDArray[np.floating], indirect: NDArray[np.floating] | None = None, n_paths: int | None = None,
     seed: int = _SEED, n_points: int = N_POINTS, noise: float | None = None,
-) -> Generator[StillProgress, None, Judged]:  # fmt: skip
-    """The error of what the points of a picture reflect, radiance (P, 3), of which `indirect` (P, 3) was reflected
+) -> Generator[StillProgress, None, PointErrors]:  # fmt: skip
+    """The error of what the points of a picture reflect, radiance (P, 3), of which `still_indirect` (P, 3) was reflected
     before, without what multiplies all of the light. The same seed gives the same number again.
 
     quality: how finely its direct light was computed; n_paths: None for as many as the picture is worth; n_points:
-    how many of its points are looked at; noise: RMS radiance of the chance in `indirect`, None where it is
+    how many of its points are looked at; noise: RMS radiance of the chance in `still_indirect`, None where it is
     not known.
     """
     hits = placement.hits
     if not len(hits.pixel):
-        return _nothing(0.0, None if n_bounces == 1 else 0.0)
+        return _no_errors(0.0, None if n_bounces == 1 else 0.0)
     rows, weights = _sample(hits, radiance, np.random.default_rng(seed), n_points)
-    truth = yield from _look(placement, layers, sky, quality, n_bounces, rows, weights, n_paths, seed)
+    truth = yield from _sample_truth(placement, layers, sky, quality, n_bounces, rows, weights, n_paths, seed)
     shown = np.asarray(radiance[rows], np.float64)
     again = np.zeros_like(shown) if indirect is None else np.asarray(indirect[rows], np.float64)
     top, mean = _scale(truth, float(np.percentile(radiance, CLAMP_PERCENTILE)))
-    squares = _squares(shown, truth.whole, top)
-    direct = _relative(weights * _squares(shown - again, truth.direct, top), mean)
+    squares = _squares(shown, truth.independent_totals, top)
+    direct = _relative_rms(weights * _squares(shown - again, truth.direct, top), mean)
     if n_bounces == 1:
-        return Judged(ErrorEstimate(direct), hits.pixel[rows], _relative_squares(squares, mean))
+        return PointErrors(ErrorEstimate(direct), hits.pixel[rows], _relative_squares(squares, mean))
     again_squares = _squares(again, truth.reflected, top)
     if noise is None or mean <= 0.0:
-        indirectly, whole = (_relative(weights * each, mean) for each in (again_squares, squares))
+        indirectly, whole = (_relative_rms(weights * each, mean) for each in (again_squares, squares))
     else:
         indirectly = _at_least(noise / mean, weights, again_squares / mean**2)
         # Chance knows nothing of what direct light is off by: their squares add up.
         whole = _at_least(math.hypot(direct, noise / mean), weights, squares / mean**2)
     estimate = ErrorEstimate(direct, indirectly, whole)
-    return Judged(estimate, hits.pixel[rows], _relative_squares(squares, mean))
+    return PointErrors(estimate, hits.pixel[rows], _relative_squares(squares, mean))
 
 
-def judge_alike(
+def compare_errors(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality, n_bounces: int,
     radiances: Sequence[NDArray[np.floating]], n_paths: int, n_points: int, seed: int = _SEED,
 ) -> Generator[StillProgress, None, tuple[float, ...]]:  # fmt: skip
     """The whole errors of one picture that was computed in several ways, each (P, 3), by the same looks at the same
-    points, so that their difference is known better than each; other arguments: see `judge`."""
+    points, so that their difference is known better than each; other arguments: see `estimate_point_errors`."""
     rows, weights = _sample(placement.hits, radiances[0], np.random.default_rng(seed), n_points)
-    truth = yield from _look(placement, layers, sky, quality, n_bounces, rows, weights, n_paths, seed)
+    truth = yield from _sample_truth(placement, layers, sky, quality, n_bounces, rows, weights, n_paths, seed)
     top, mean = _scale(truth, float(np.percentile(radiances[0], CLAMP_PERCENTILE)))
     shown = (np.asarray(radiance[rows], np.float64) for radiance in radiances)
-    return tuple(_relative(weights * _squares(each, truth.whole, top), mean) for each in shown)
+    return tuple(_relative_rms(weights * _squares(each, truth.independent_totals, top), mean) for each in shown)
 
 
-def judge_drawn(
+def estimate_drawn_errors(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, n_bounces: int,
     pictures: Sequence[NDArray[np.floating]], n_paths: int | None = None, seed: int = _SEED, n_points: int = N_POINTS,
-) -> Generator[StillProgress, None, tuple[Judged, ...]]:  # fmt: skip
+) -> Generator[StillProgress, None, tuple[PointErrors, ...]]:  # fmt: skip
     """The errors of pictures (h, w, 3), each of all that the placement sees, in its own resolution or one of their own;
     inside of objects, for where those meet the placement has not the light of the whole pixel."""
     hits = placement.hits
-    inner = inside(hits)
+    inner = interior_points(hits)
     if not inner.any():
-        return tuple(_nothing(None, None) for _ in pictures)
+        return tuple(_no_errors(None, None) for _ in pictures)
     every = _at_pixels(pictures[0], hits.pixel, hits.resolution)
     rows, weights = _sample(hits, every, np.random.default_rng(seed), n_points, inner)
-    truth = yield from _look(placement, layers, sky, DRAWN, n_bounces, rows, weights, n_paths, seed)
+    truth = yield from _sample_truth(placement, layers, sky, DRAWN, n_bounces, rows, weights, n_paths, seed)
     top, mean = _scale(truth, float(np.percentile(every, CLAMP_PERCENTILE)))
     found = []
     for picture in pictures:
-        squares = _squares(_at_pixels(picture, hits.pixel[rows], hits.resolution), truth.whole, top)
-        mostly = _mostly(placement, rows, weights * squares)
-        estimate = ErrorEstimate(None, None, _relative(weights * squares, mean), mostly)
-        found.append(Judged(estimate, hits.pixel[rows], _relative_squares(squares, mean)))
+        squares = _squares(_at_pixels(picture, hits.pixel[rows], hits.resolution), truth.independent_totals, top)
+        mostly = _worst_object(placement, rows, weights * squares)
+        estimate = ErrorEstimate(None, None, _relative_rms(weights * squares, mean), mostly)
+        found.append(PointErrors(estimate, hits.pixel[rows], _relative_squares(squares, mean)))
     return tuple(found)
 
 
-def _mostly(placement: Placement, rows: NDArray[np.int32], squares: Float64Array) -> str:
+def _worst_object(placement: Placement, rows: NDArray[np.int32], squares: Float64Array) -> str:
     """The object that has more than half of what weighted squares (n,) at some rows sum up to; "" where none has."""
     of_object = np.bincount(placement.hits.objects[rows], squares)
     most = int(of_object.argmax())
     return placement.scene.object_names[most] if 2.0 * of_object[most] > squares.sum() > 0.0 else ""
 
 
-def inside(hits: PrimaryHits) -> NDArray[np.bool_]:
+def interior_points(hits: PrimaryHits) -> NDArray[np.bool_]:
     """Which points (P,) are the whole of a pixel whose eight neighbours show the same object."""
     height, width = hits.object_image.shape
     framed = np.pad(hits.object_image, 1, constant_values=-1)
@@ -194,9 +194,9 @@ def inside(hits: PrimaryHits) -> NDArray[np.bool_]:
     return np.asarray(alike.ravel()[hits.pixel] & hits.is_centred & (hits.share == 1.0))
 
 
-def _nothing(direct: float | None, indirect: float | None) -> Judged:
+def _no_errors(direct: float | None, indirect: float | None) -> PointErrors:
     """Of a picture in which nothing reflects."""
-    return Judged(ErrorEstimate(direct, indirect, 0.0), np.zeros(0, np.int32), np.zeros(0))
+    return PointErrors(ErrorEstimate(direct, indirect, 0.0), np.zeros(0, np.int32), np.zeros(0))
 
 
 def _at_pixels(picture: NDArray[np.floating], pixel: NDArray[np.integer], resolution: tuple[int, int]) -> Float64Array:
@@ -215,12 +215,12 @@ def _at_pixels(picture: NDArray[np.floating], pixel: NDArray[np.integer], resolu
     return np.asarray(above * (1.0 - down) + below * down, np.float64)
 
 
-def _look(
+def _sample_truth(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality, n_bounces: int,
     rows: NDArray[np.int32], weights: Float64Array, n_paths: int | None, seed: int,
-) -> Generator[StillProgress, None, _Truth]:  # fmt: skip
+) -> Generator[StillProgress, None, _TruthSamples]:  # fmt: skip
     """The light of these rows, as it is."""
-    n_looks = N_LOOKS if len(rows) <= N_POINTS else MAP_LOOKS
+    n_looks = N_TRUTH_SAMPLES if len(rows) <= N_POINTS else MAP_TRUTH_SAMPLES
     direct = yield from _direct(placement, layers, sky, quality, rows, seed, n_looks)
     reflected = np.zeros((2, *direct.shape[1:]))
     if n_bounces > 1:
@@ -228,10 +228,10 @@ def _look(
         n_each = max(wanted // len(rows), 2)
         halves = yield from trace_halves(placement, by_object(layers), sky, n_bounces, n_each, seed, rows)
         reflected = halves[:, :, 1] - halves[:, :, 0]
-    return _Truth(rows, weights, direct, reflected)
+    return _TruthSamples(rows, weights, direct, reflected)
 
 
-def _scale(truth: _Truth, top: float) -> tuple[float, float]:
+def _scale(truth: _TruthSamples, top: float) -> tuple[float, float]:
     """How bright what is brighter counts as, at least `top`, and the mean of the picture by its truth."""
     light = truth.direct.mean(axis=0) + truth.reflected.mean(axis=0)
     top = max(top, float(np.percentile(light, CLAMP_PERCENTILE)))
@@ -285,19 +285,19 @@ def _direct(
     # Bits of all points would fill the memory, whose pages are larger than a point's.
     cut, hits, points = None, placement.hits, placement.hits.at(rows)
     if sky.environment is not None:
-        sun_level = quality.max_level + FINER_SUN_LEVELS
+        sun_level = quality.max_level + FINER_PEAK_LEVELS
         cut = cut_lights(
             sky.environment, FINER * quality.n_lights, sky.rotation, quality.max_level, peak_level=sun_level
         )
     tree = placement.emitters(FINER_PATCHES * quality.n_patches)
     yield StillProgress(0.0, WHAT)
     lighting = prepare_lighting(cut, tree, FINER_TOLERANCE * quality.tolerance, own_rays=True, scale=sky.scale)
-    emitters = yield from _seen(points, placement.caster, lighting.emitter_targets)
+    emitters = yield from _trace_visibility(points, placement.caster, lighting.emitter_targets)
     near = near_leaves(points, placement.caster, lighting.emitters, emitters, _all_rows(points))
     sphere = empty_visibility(points, placement.sphere.targets)  # nobody asks for it: lights have their own rays
     found = np.zeros((n_looks, len(rows), 3))
     for look, generator in zip(found, np.random.default_rng((seed, 1)).spawn(n_looks), strict=True):
-        fine = yield from _seen(points, placement.caster, _with_random_rays(lighting.fine_targets, cut, generator))
+        fine = yield from _trace_visibility(points, placement.caster, _with_random_rays(lighting.fine_targets, cut, generator))
         light = VisibleLight(lighting, sphere, fine, emitters, near)
         for each in layers:
             mine = np.arange(*points.object_ranges[each.i_object], dtype=np.int32)
@@ -316,7 +316,7 @@ def _all_rows(hits: PrimaryHits) -> NDArray[np.int32]:
     return np.arange(len(hits.pixel), dtype=np.int32)
 
 
-def _seen(points: PrimaryHits, caster: RayCaster, targets: Targets) -> Generator[StillProgress, None, Visibility]:
+def _trace_visibility(points: PrimaryHits, caster: RayCaster, targets: Targets) -> Generator[StillProgress, None, Visibility]:
     visibility, rows = empty_visibility(points, targets), _all_rows(points)
     for i in range(0, len(rows) if len(targets.positions) else 0, _ROWS_AT_ONCE):
         evaluate_rows(points, caster, visibility, rows[i : i + _ROWS_AT_ONCE])
@@ -329,12 +329,12 @@ def _with_random_rays(targets: Targets, cut: TriangleLights | None, generator: n
     centre knows nothing of it. Leaves of emitters keep their places: those close by would be noise and nothing else."""
     if cut is None:
         return targets
-    places = _within(cut.vertices[cut.corners], generator)
+    places = _random_points(cut.vertices[cut.corners], generator)
     places /= np.linalg.norm(places, axis=1, keepdims=True)
     return replace(targets, positions=places.astype(np.float32))
 
 
-def _within(triangles: NDArray[np.floating], generator: np.random.Generator) -> Float64Array:
+def _random_points(triangles: NDArray[np.floating], generator: np.random.Generator) -> Float64Array:
     """A random point (M, 3) of each triangle (M, 3, 3)."""
     u, v = generator.random((2, len(triangles)))
     inner = np.minimum(u, v)
@@ -360,7 +360,7 @@ def _relative_squares(squares: Float64Array, mean: float) -> Float64Array:
     return squares / mean**2 if mean > 0.0 else np.zeros_like(squares)
 
 
-def _relative(squares: Float64Array, mean: float) -> float:
+def _relative_rms(squares: Float64Array, mean: float) -> float:
     """The relative RMS error by weighted squares (n,). Chance can make their sum next to nothing, or less: half of what
     it may be by chance is taken for an error in any case."""
     square = max(float(squares.sum()), 0.5 * float(np.linalg.norm(squares)))

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from engine.render.display import false_colour
-from engine.render.error_colours import shown
-from engine.render.error_estimate import Judged
+from engine.render.error_colours import error_to_radiance
+from engine.render.error_estimate import PointErrors
 from engine.scene.primary_hits import PrimaryHits
 
 NEIGHBOURS = 12
@@ -24,7 +24,7 @@ _PIXELS_AT_ONCE = 1 << 15
 Colours = NDArray[np.uint8]
 
 
-def error_colours(hits: PrimaryHits, judged: Judged) -> Generator[None, None, Colours]:
+def error_colours(hits: PrimaryHits, judged: PointErrors) -> Generator[None, None, Colours]:
     """The picture's errors, relative to its mean, as colours (H, W, 4), the last its opacity; block by block."""
     errors = yield from error_map(hits, judged)
     height, width = errors.shape
@@ -32,14 +32,14 @@ def error_colours(hits: PrimaryHits, judged: Judged) -> Generator[None, None, Co
     known = np.flatnonzero(np.isfinite(errors.ravel()))
     for i in range(0, len(known), _PIXELS_AT_ONCE):
         block = known[i : i + _PIXELS_AT_ONCE]
-        light = np.repeat(shown(errors.ravel()[block])[:, None], 3, axis=1)
+        light = np.repeat(error_to_radiance(errors.ravel()[block])[:, None], 3, axis=1)
         image[block, :3] = np.rint(255.0 * false_colour(light))
         image[block, 3] = round(255 * OPACITY)
         yield
     return image.reshape(height, width, 4)
 
 
-def error_map(hits: PrimaryHits, judged: Judged) -> Generator[None, None, NDArray[np.float32]]:
+def error_map(hits: PrimaryHits, judged: PointErrors) -> Generator[None, None, NDArray[np.float32]]:
     """The errors themselves (H, W); not a number where nothing is known."""
     width, height = hits.resolution
     objects = np.where(hits.row_image >= 0, hits.object_image, -1).ravel()  # emitters are as they are

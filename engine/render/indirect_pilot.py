@@ -37,19 +37,19 @@ FEWER = 8
 
 # How much larger cells are in a second trial; of the solver's tries, those that are gone through at most.
 COARSER, MOST_TRIES = 1.5, 8
-CELLS_BY_SMALL_FANS = 0.55  # with what power fans of the fewest rays show more cells: 0.4 to 0.6
+RECORDS_BY_SMALL_SETS = 0.55  # with what power fans of the fewest rays show more cells: 0.4 to 0.6
 
 Value = TypeVar("Value")
 
 
-class Lost(NamedTuple):
+class WastedTries(NamedTuple):
     """Tries that are given up, and how many times as many fans as there are points are traced in them."""
 
     n_tries: int
-    fans: float
+    sets: float
 
 
-NOTHING_LOST = Lost(0, 0.0)
+NO_WASTE = WastedTries(0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class IndirectCost:
     n_bytes: float
     n_points: int
     n_cells: int
-    need: RayBudget | None = None
+    ray_budget: RayBudget | None = None
 
 
 class _Trial(Solver):
@@ -155,12 +155,12 @@ def indirect_cost(
     n_points, n_tried_cells = trial.lattice.n_expected, max(len(found.cells), 1)
     by_point = n_points / max(len(found.points.samples.points), 1)
     is_small = found.ray_budget.n_rays <= found.ray_budget.max_rays // LEVELS[0]
-    wanted = n_tried_cells * max(by_point, 1.0) ** (CELLS_BY_SMALL_FANS if is_small else RECORDS_BY_SETS)
-    lost = NOTHING_LOST
+    wanted = n_tried_cells * max(by_point, 1.0) ** (RECORDS_BY_SMALL_SETS if is_small else RECORDS_BY_SETS)
+    lost = NO_WASTE
     if wanted > MAX_RECORDS:
         coarser = _Trial(placement, models, sky, n_bounces, settings, N_BLOCKS, COARSER, other_light)
         n_coarser = len((yield from coarser.solve(layers)).cells)
-        lost = lost_tries(
+        lost = expected_waste(
             wanted, n_points, trial.n_first, math.log(n_tried_cells / max(n_coarser, 1)) / math.log(COARSER)
         )
     n_cells = min(wanted, FULL * MAX_RECORDS) if lost.n_tries else wanted
@@ -174,7 +174,7 @@ def indirect_cost(
         + tried["size"]
         + (1 + lost.n_tries) * (FEWER * tried["photons"] + by_cell * tried["rough"])
         + by_point * (tried["fans"] + rest)
-        + lost.fans * n_points * by_fan
+        + lost.sets * n_points * by_fan
         + by_cell * FEWER * tried["cells"]
     )
     arrays = arrays_of(found).items()
@@ -182,7 +182,7 @@ def indirect_cost(
     return IndirectCost(total, n_bytes, round(n_points), round(n_cells), found.ray_budget)
 
 
-def lost_tries(wanted: float, n_fans: float, n_first: int, power: float) -> Lost:
+def expected_waste(wanted: float, n_fans: float, n_first: int, power: float) -> WastedTries:
     """What is lost until cells are large enough: wanted: cells of the first size after all fans, which the first look,
     of n_first, foresees; of s times larger ones there are s^-power as many."""
     size, n_lost, tries = 1.0, 0.0, list[CellSizeTry]()
@@ -191,7 +191,7 @@ def lost_tries(wanted: float, n_fans: float, n_first: int, power: float) -> Lost
         n_lost += min(done, n_first)
         tries.append(CellSizeTry(size, round(done) + PART_POINTS // 2))
         size *= growth(tries, n_fans)
-    return Lost(len(tries), n_lost / max(n_fans, 1.0))
+    return WastedTries(len(tries), n_lost / max(n_fans, 1.0))
 
 
 def _times(name: str, length: int, n_cells: int, by_point: float, by_cell: float) -> float:

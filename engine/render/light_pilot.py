@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.planner import SLOW_ANGLES, MIN_LIGHTS_FOR_SPHERE, RenderSettings, Plan
-from engine.render.still import StillLayer, curves_of, reflected_with, shape_of
+from engine.render.still import StillLayer, curves_of, radiance_with_curves, shape_of
 from engine.scene.primary_hits import PrimaryHits
 from engine.generators import map_steps
 from engine.transport.pipeline import Placement, SkyState, final_quality
@@ -36,7 +36,7 @@ N_POINTS = 768
 PAYS_FROM = 50_000
 FEWER = (8, 4, 2)
 LEAST = {"lights": 500, "patches": 96}
-CLOSER = 4  # times as many patches as there may be are what fewer are held against
+BAND_FACTOR = 4  # times as many patches as there may be are what fewer are held against
 NARROWER, BRIGHTER = 2, 3.0
 
 # How far off a picture is of whose light nothing was seen.
@@ -47,16 +47,16 @@ Pictures = Sequence[NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
-class LightNeed:
+class LightBudget:
     """As many lights and patches as are needed; off: by line of the plan how far the picture would be off that has no
     more than these, or where none can be spared with half of them, relative RMS, as it is and with sharper highlights;
     none that were not tried."""
 
     lights: int
     patches: int
-    off: tuple[tuple[str, float, float], ...] = ()
+    errors: tuple[tuple[str, float, float], ...] = ()
 
-    def decided(self, most: RenderSettings, is_still: bool = False) -> RenderSettings:
+    def limit_settings(self, most: RenderSettings, is_still: bool = False) -> RenderSettings:
         """These of the most there may be; a still of few lights asks for their shadows alone."""
         keeps_sphere = most.keeps_sphere and (not is_still or self.lights >= MIN_LIGHTS_FOR_SPHERE)
         return replace(most, n_lights=self.lights, n_patches=self.patches, keeps_sphere=keeps_sphere)
@@ -64,7 +64,7 @@ class LightNeed:
     def reasons(self, most: RenderSettings) -> dict[str, str]:
         """Why, by line of the plan."""
         said = {}
-        for line, plain, sharper in self.off:
+        for line, plain, sharper in self.errors:
             ceiling, needed = (most.n_lights, self.lights) if line == "lights" else (most.n_patches, self.patches)
             fewer = f"{ceiling // FEWER[-1]:,}"
             if needed < ceiling:
@@ -79,21 +79,21 @@ class LightNeed:
         return said
 
 
-def pays(placement: Placement) -> bool:
+def is_worthwhile(placement: Placement) -> bool:
     """Whether a picture has so many points that it is worth trying."""
     return len(placement.hits.pixel) >= PAYS_FROM
 
 
-def needed_light(
+def find_light_budget(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, most: RenderSettings, is_still: bool = False,
     seed: int = 1,
-) -> Generator[None, None, LightNeed]:  # fmt: skip
+) -> Generator[None, None, LightBudget]:  # fmt: skip
     """At most as many lights and patches as `most` has, of the lines that no person has set; yields now and then. The
     placement's own visibility is not touched."""
-    need = LightNeed(most.n_lights, most.n_patches)
+    need = LightBudget(most.n_lights, most.n_patches)
     there = {"lights": sky.environment is not None, "patches": bool(placement.scene.emitters.any())}
     lines = [line for line, is_there in there.items() if is_there and line not in most.overridden]
-    if not (lines and layers and pays(placement)):
+    if not (lines and layers and is_worthwhile(placement)):
         return need
     tried = _Trials(placement, layers, sky, is_still, seed)
     for line in lines:
@@ -101,29 +101,29 @@ def needed_light(
         numbers = [ceiling // fewer for fewer in FEWER if ceiling // fewer >= LEAST[line]]
         if not numbers:
             continue
-        closest = most if line == "lights" else replace(need.decided(most, is_still), n_patches=CLOSER * ceiling)
+        closest = most if line == "lights" else replace(need.limit_settings(most, is_still), n_patches=BAND_FACTOR * ceiling)
         truth = yield from tried.pictures(closest)
-        if tried.misses(line):
-            need = replace(need, off=(*need.off, (line, NOT_FOUND, NOT_FOUND)))
+        if tried.sees_nothing_of(line):
+            need = replace(need, errors=(*need.errors, (line, NOT_FOUND, NOT_FOUND)))
             continue
         for number in numbers:
             fewer = replace(need, **{line: number})
-            errors = deviations((yield from tried.pictures(fewer.decided(most, is_still))), truth)
+            errors = deviations((yield from tried.pictures(fewer.limit_settings(most, is_still))), truth)
             if errors[0] <= TOLERANCE and errors[1] <= EDITED_TOLERANCE:
-                need = replace(fewer, off=(*need.off, (line, *errors)))
+                need = replace(fewer, errors=(*need.errors, (line, *errors)))
                 break
         else:
-            need = replace(need, off=(*need.off, (line, *errors)))
+            need = replace(need, errors=(*need.errors, (line, *errors)))
     return need
 
 
-def with_needed_light(
+def with_light_budget(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, plan: Plan
 ) -> Generator[None, None, Plan]:
     """A plan with as much light as is needed."""
     most = plan.settings
-    need = yield from needed_light(placement, layers, sky, most, plan.is_still)
-    return plan.with_light_budget(need.decided(most, plan.is_still), need.reasons(most))
+    need = yield from find_light_budget(placement, layers, sky, most, plan.is_still)
+    return plan.with_light_budget(need.limit_settings(most, plan.is_still), need.reasons(most))
 
 
 def deviations(trial: Pictures, truth: Pictures) -> tuple[float, float]:
@@ -153,7 +153,7 @@ class _Trials:
         if placement.sphere.done[self._rows].all():
             self._part.sphere.bits[:], self._part.sphere.done[:] = placement.sphere.bits[self._rows], True
 
-    def misses(self, line: str) -> bool:
+    def sees_nothing_of(self, line: str) -> bool:
         """Whether none of the points was seen to be lit by what a line is about in the last pictures, though it
         shines."""
         return not self._lit_by[line]
@@ -193,10 +193,10 @@ def _reflected(
 ) -> NDArray[np.float64]:
     tile = project_points(hits, rows, light, shape_of(each), 0)
     curves, unit = curves_of(each), light.lighting.unit
-    plain = reflected_with(hits, rows, each, tile, unit, curves)
+    plain = radiance_with_curves(hits, rows, each, tile, unit, curves)
     if is_still or not each.editable or each.layer.model.factors[0].gamma in SLOW_ANGLES:
         return np.stack([plain, plain])
-    return np.stack([plain, reflected_with(hits, rows, each, tile, unit, (_sharper(curves[0]), *curves[1:]))])
+    return np.stack([plain, radiance_with_curves(hits, rows, each, tile, unit, (_sharper(curves[0]), *curves[1:]))])
 
 
 def _sharper(curve: NDArray[np.float64]) -> NDArray[np.float64]:

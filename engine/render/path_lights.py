@@ -60,7 +60,7 @@ class SkyLight:
         self._density = share / solid_angle[:, None]
 
     @property
-    def shines(self) -> bool:
+    def emits(self) -> bool:
         """Whether there is any light in it."""
         return len(self._table) > 0
 
@@ -106,7 +106,7 @@ class EmitterLight:
         self._triangle, self._normals = shining, scene.geometric_normals
 
     @property
-    def shines(self) -> bool:
+    def emits(self) -> bool:
         """Whether there is any emitter."""
         return len(self._table) > 0
 

@@ -47,7 +47,7 @@ class Lobe:
         ring, part = np.divmod(cell, self.density.shape[1])
         away = self.edges[ring] + u[:, 1] * (self.edges[ring + 1] - self.edges[ring])
         quarter, within = np.divmod(4.0 * u[:, 2], 1.0)
-        phi = HALF_PI * (quarter + _reflected(part + within, quarter, self.density.shape[1]))
+        phi = HALF_PI * (quarter + _mirror_quarter(part + within, quarter, self.density.shape[1]))
         sine = np.sqrt(away * (2.0 - away))
         drawn = np.stack([sine * np.cos(phi), sine * np.sin(phi), 1.0 - away], axis=1)
         if self.mirror:
@@ -58,9 +58,9 @@ class Lobe:
         """Density (N,) per steradian of wi (N, 3) above the horizon."""
         if self.mirror:
             mirrored = wo * np.array([-1.0, -1.0, 1.0])
-            return self._density_at(np.einsum("ni,ni->n", mirrored, wi), _squared(np.cross(mirrored, wi)), wi)
+            return self._density_at(np.einsum("ni,ni->n", mirrored, wi), _squared_length(np.cross(mirrored, wi)), wi)
         total = wi + wo
-        length = np.maximum(np.sqrt(_squared(total)), 1e-12)
+        length = np.maximum(np.sqrt(_squared_length(total)), 1e-12)
         half = total / length[:, None]
         return self._density_at(half[:, 2], half[:, 0] ** 2 + half[:, 1] ** 2, half) / (2.0 * length)
 
@@ -192,11 +192,11 @@ def _about_mirrored(drawn: Float64Array, wo: Float64Array) -> Float64Array:
     return drawn[:, :1] * first + drawn[:, 1:2] * second + drawn[:, 2:] * np.stack([x, y, z], axis=1)
 
 
-def _reflected(place: Float64Array, quarter: Float64Array, n_parts: int) -> Float64Array:
+def _mirror_quarter(place: Float64Array, quarter: Float64Array, n_parts: int) -> Float64Array:
     """The place of an angle in its quarter, [0, 1): every second quarter runs backwards."""
     share = place / n_parts
     return np.where(quarter % 2.0 == 1.0, 1.0 - share, share)
 
 
-def _squared(vectors: Float64Array) -> Float64Array:
+def _squared_length(vectors: Float64Array) -> Float64Array:
     return np.einsum("ni,ni->n", vectors, vectors)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from engine.indirect.series import MOST_BOUNCES
 from engine.light.environment import LUMINANCE
 from engine.material.layer import Layer
-from engine.render.maps import MapFactors
+from engine.render.map_factors import MapFactors
 from engine.render.path_lights import EmitterLight, LightSamples, PathLight, SkyLight
 from engine.render.path_lobes import N_NUMBERS, Scattering
 from engine.render.still import Picture, StillProgress, compose
@@ -94,9 +94,9 @@ class PathTracer:
         self._scene, self._caster = scene, caster
         self._emitters = EmitterLight(scene)
         self._sky = SkyLight(sky) if sky.environment is not None else None
-        if self._sky is not None and not self._sky.shines:
+        if self._sky is not None and not self._sky.emits:
             self._sky = None
-        self._lights: list[PathLight] = [self._emitters] if self._emitters.shines else []
+        self._lights: list[PathLight] = [self._emitters] if self._emitters.emits else []
         self._lights += [self._sky] if self._sky is not None else []
         self._scattering = {i: Scattering(layers_of.get(i, ())) for i in range(len(scene.emission))}
         able = [s.reflects for s in self._scattering.values()]
@@ -122,7 +122,7 @@ class PathTracer:
             for i, light in enumerate(self._lights):
                 drawn = light.sample(vertices.position, u[:, N_NUMBERS + _LIGHT_NUMBERS * i :][:, :_LIGHT_NUMBERS])
                 radiance[path] += weight * self._from_light(vertices, wo, drawn)
-            path, vertices, weight = self._go_on(radiance, path, vertices, wo, weight, u, bounce < n_bounces)
+            path, vertices, weight = self._extend_paths(radiance, path, vertices, wo, weight, u, bounce < n_bounces)
             once = radiance.copy() if bounce == 1 else once
         return np.minimum(np.stack([once, radiance], axis=1), _BRIGHTEST)
 
@@ -141,7 +141,7 @@ class PathTracer:
         found[seen] = value[lit] * drawn.radiance[seen] / (pdf[lit] + drawn.pdf[seen])[:, None]
         return found
 
-    def _go_on(
+    def _extend_paths(
         self, radiance: Float64Array, path: Rows, vertices: _Vertices, wo: Float64Array, weight: Float64Array, u: Float64Array, on: bool
     ) -> tuple[Rows, _Vertices, Float64Array]:
         """Draw directions, add the light they find to the radiance, and give what is left where they hit something."""
@@ -165,7 +165,7 @@ class PathTracer:
             radiance[path[lamp]] += weight[lamp] * (pdf[lamp] / (pdf[lamp] + other))[:, None] * glow[lamp]
         rows = np.flatnonzero(self._reflecting[ids]) if on else np.zeros(0, np.int64)
         frames = shading_frames(self._scene, self._caster, found, ids, rows, -directions[rows])
-        return path[rows], _vertices(ids[rows], frames, self.maps.of_hits(found, ids, rows)), weight[rows]
+        return path[rows], _vertices(ids[rows], frames, self.maps.at_path_vertices(found, ids, rows)), weight[rows]
 
     def _evaluate(self, vertices: _Vertices, wi: Float64Array, wo: Float64Array) -> tuple[Float64Array, Float64Array]:
         value, pdf = np.zeros((len(wi), 3)), np.zeros(len(wi))
@@ -234,7 +234,7 @@ def _trace(
         raise ValueError(f"n_samples = {n_samples}, expected 1 to {MOST_SAMPLES}")
     rows = np.arange(len(placement.hits.pixel)) if rows is None else np.asarray(rows)
     tracer = PathTracer(placement.scene, placement.caster, layers_of, sky)
-    seen = tracer.maps.of_eye(placement)
+    seen = tracer.maps.at_primary_hits(placement)
     sizes = _pass_sizes(n_samples)
     halves, counts = np.zeros((2, len(rows), 2, 3)), np.zeros(2, int)
     for i_pass, n in enumerate(sizes):

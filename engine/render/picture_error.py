@@ -24,44 +24,44 @@ class ErrorEstimate:
     direct: float | None
     indirect: float | None = None
     whole: float | None = None
-    mostly: str = ""
+    worst_object: str = ""
 
     @property
-    def total(self) -> float:
+    def overall(self) -> float:
         """Of all the light."""
         return math.hypot(self.direct or 0.0, self.indirect or 0.0) if self.whole is None else self.whole
 
     @property
-    def is_poor(self) -> bool:
+    def is_large(self) -> bool:
         """Whether a person should hear of it."""
-        return self.total > POOR
+        return self.overall > POOR
 
     @property
-    def is_none(self) -> bool:
+    def is_negligible(self) -> bool:
         """Whether nothing is left that could be told from the truth."""
-        return self.total <= NONE
+        return self.overall <= NONE
 
     @property
     def short(self) -> str:
         """In a line beside others, such as "about 7.0 % off, mostly on teapot"."""
-        return f"about {percent(self.total)} off{self._place}"
+        return f"about {percent(self.overall)} off{self._place}"
 
     @property
     def text(self) -> str:
         """In words, such as "error about 1.8 % (direct 0.6 %, indirect 1.7 %)"."""
-        about = f"error about {percent(self.total)}"
+        about = f"error about {percent(self.overall)}"
         if self.direct is None or self.indirect is None:
             return about + self._place
         return f"{about} (direct {percent(self.direct)}, indirect {percent(self.indirect)})"
 
     @property
     def _place(self) -> str:
-        return f", mostly on {self.mostly}" if self.is_poor and self.mostly else ""
+        return f", mostly on {self.worst_object}" if self.is_large and self.worst_object else ""
 
     @property
     def advice(self) -> str:
         """What helps where it is poor, in one line; else ""."""
-        if not self.is_poor or self.direct is None:
+        if not self.is_large or self.direct is None:
             return ""
         if self.indirect is not None and self.indirect > self.direct:
             return "most of the error is in light between surfaces: more pixels, or bands at the second bounce, help"

@@ -21,8 +21,8 @@ from engine.light.emitters import EmitterPatches
 from engine.material.layer import Layer, object_of
 from engine.planner import Plan
 from engine.render.integrator import integrate_direct
-from engine.render.maps import MapFactors
-from engine.render.surface_maps import MapSampler, SeenMaps
+from engine.render.map_factors import MapFactors
+from engine.render.map_sampler import MapSampler, MapSamples
 from engine.scene.primary_hits import PrimaryHits
 from engine.generators import map_steps
 from engine.threads import n_threads, pool
@@ -50,19 +50,19 @@ class StillLayer:
     layer: Layer
     bands: tuple[int, int]
     editable: bool
-    seen: SeenMaps | None = None
+    maps: MapSamples | None = None
 
     @property
     def mean_factor(self) -> NDArray[np.float64]:
         """By what its images multiply it on average over the surface, (3,)."""
-        return np.ones(3) if self.seen is None else self.seen.means.factor(self.layer.maps)
+        return np.ones(3) if self.maps is None else self.maps.means.factor(self.layer.maps)
 
     def factor(self, hits: PrimaryHits, rows: NDArray[np.integer]) -> NDArray[np.floating] | None:
         """By what they multiply it at some rows of its object, (p, 3); None where there are none."""
-        if self.seen is None:
+        if self.maps is None:
             return None
         own = rows - hits.object_ranges[self.i_object, 0]
-        return self.layer.maps.factor(self.seen.texture[own], self.seen.weight[own])
+        return self.layer.maps.factor(self.maps.texture[own], self.maps.weight[own])
 
 
 def by_object(layers: Iterable[StillLayer]) -> dict[int, list[Layer]]:
@@ -77,7 +77,7 @@ def with_maps(placement: Placement, layers: Iterable[StillLayer]) -> tuple[Still
     """The layers with their images sampled at the placement's points. Raises LoadError."""
     sampler = MapSampler(placement.scene, placement.caster, placement.hits)
     return tuple(
-        each if each.layer.maps.is_plain else replace(each, seen=sampler.see(each.i_object, each.layer.maps.images))
+        each if each.layer.maps.is_plain else replace(each, maps=sampler.see(each.i_object, each.layer.maps.images))
         for each in layers
     )
 
@@ -100,11 +100,11 @@ def render_still(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality = FINAL,
     indirect: NDArray[np.floating] | None = None,
 ) -> Generator[StillProgress, None, Picture]:  # fmt: skip
-    """Linear radiance (H, W, 3) float32 of the scene with these layers under this sky. Arguments: see `reflected`."""
-    return compose(placement, (yield from reflected(placement, layers, sky, quality, indirect)), sky)
+    """Linear radiance (H, W, 3) float32 of the scene with these layers under this sky. Arguments: see `reflect_layers`."""
+    return compose(placement, (yield from reflect_layers(placement, layers, sky, quality, indirect)), sky)
 
 
-def reflected(
+def reflect_layers(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality = FINAL,
     indirect: NDArray[np.floating] | None = None,
 ) -> Generator[StillProgress, None, NDArray[np.float64]]:  # fmt: skip
@@ -171,16 +171,16 @@ def layer_radiance(
     hits: PrimaryHits, rows: NDArray[np.integer], each: StillLayer, tile: BandTile, unit: float
 ) -> NDArray[np.floating]:
     """What a layer reflects at the rows of a tile, (p, 3); unit: that of its transport."""
-    return reflected_with(hits, rows, each, tile, unit, curves_of(each))
+    return radiance_with_curves(hits, rows, each, tile, unit, curves_of(each))
 
 
-def reflected_with(
+def radiance_with_curves(
     hits: PrimaryHits, rows: NDArray[np.integer], each: StillLayer, tile: BandTile, unit: float,
     curves: Sequence[NDArray[np.float64]],
 ) -> NDArray[np.floating]:  # fmt: skip
     """The same under other curves (J, 3) than its own."""
     contracted = BandStore(each.bands, (replace(tile, begin=0),)).radiance(curves[0], (*curves, np.ones((1, 3)))[1])
-    return contracted * unit * seen_as(hits, rows, each)
+    return contracted * unit * view_factors(hits, rows, each)
 
 
 def curves_of(each: StillLayer) -> tuple[NDArray[np.float64], ...]:
@@ -189,7 +189,7 @@ def curves_of(each: StillLayer) -> tuple[NDArray[np.float64], ...]:
     return tuple(each.layer.coefficients(factor.name, n) for factor, n in zip(factors, each.bands, strict=False))
 
 
-def seen_as(hits: PrimaryHits, rows: NDArray[np.integer], each: StillLayer) -> NDArray[np.float64]:
+def view_factors(hits: PrimaryHits, rows: NDArray[np.integer], each: StillLayer) -> NDArray[np.float64]:
     """f_q f_o(theta_o), times texture and weight, (p, 3)."""
     view, factor = each.layer.model.view_factor, each.factor(hits, rows)
     seen = np.tile(each.layer.scale(), (len(rows), 1))
@@ -203,7 +203,7 @@ def _reference_work(
     placement: Placement, layers_of: Mapping[int, Sequence[Layer]], sky: SkyState, patches: EmitterPatches | None,
     level: int,
 ) -> Callable[[NDArray[np.integer]], NDArray[np.float64]]:  # fmt: skip
-    environment, factors = sky.environment, MapFactors(placement.scene, layers_of).of_eye(placement)
+    environment, factors = sky.environment, MapFactors(placement.scene, layers_of).at_primary_hits(placement)
     if environment is not None and sky.scale != 1.0:
         environment = replace(environment, radiance=environment.radiance * np.float32(sky.scale))
     return lambda block: integrate_direct(

@@ -36,13 +36,13 @@ def tabulate_layers(layers: Sequence[Layer]) -> Iterator[float | NDArray[np.floa
         cosine = pair[0][:, 2:]
         total = np.zeros((len(cosine), 3))
         for turn in turns:
-            total += evaluate_layers(shown, *(_turned(directions, turn) for directions in pair)) / cosine
+            total += evaluate_layers(shown, *(_rotate(directions, turn) for directions in pair)) / cosine
         table[i][above] = np.minimum(total / len(turns), LARGEST * SCALE)
         yield (i + 1) / SHAPE[0]
     yield table
 
 
-def left_out(layers: Sequence[Layer]) -> tuple[str, ...]:
+def untabulated_features(layers: Sequence[Layer]) -> tuple[str, ...]:
     """What of the layers such a table cannot hold, in words."""
     shown = [layer for layer in layers if layer.visible]
     turned = [layer.name for layer in shown if is_anisotropic(layer)]
@@ -56,7 +56,7 @@ def is_anisotropic(layer: Layer) -> bool:
     return any(factor.gamma in kinds.HALF_AZIMUTHS for factor in layer.model.factors)
 
 
-def _turned(directions: Float64Array, angle: float) -> Float64Array:
+def _rotate(directions: Float64Array, angle: float) -> Float64Array:
     if angle == 0.0:
         return directions
     x, y = np.cos(angle), np.sin(angle)

@@ -29,7 +29,7 @@ from engine.deform import heights
 from engine.deform.gpu_parts import NO_PARTS, PosedPart, PictureExport
 from engine.deform.pose import Deformation
 from engine.indirect.series import BounceSeries
-from engine.render.error_estimate import inside
+from engine.render.error_estimate import interior_points
 from engine.scene.rig import Animation
 from engine.scene.surface_kinds import DeformSurface
 from engine.transport.pipeline import Placement
@@ -377,10 +377,10 @@ def test_a_still_of_a_pose_has_the_shadows_between_objects_and_tells_what_it_is_
     beneath = is_floor & (truth.mean(axis=2) < 0.75 * np.percentile(truth[is_floor], 90.0))
     assert beneath.sum() > 15
     assert still.picture[beneath].mean() == pytest.approx(truth[beneath].mean(), rel=0.1)
-    shown = hits.pixel[inside(hits)]
+    shown = hits.pixel[interior_points(hits)]
     picture, truth = (each.reshape(-1, 3)[shown] for each in (still.picture, truth))
     off = np.sqrt(((picture - truth) ** 2).mean()) / truth.mean()
-    assert still.error is not None and still.error.total == pytest.approx(off, rel=0.7, abs=0.01)
+    assert still.error is not None and still.error.overall == pytest.approx(off, rel=0.7, abs=0.01)
 
 
 def test_a_still_of_what_deform_alone_knows_says_that_nobody_knows_how_far_it_is_off(

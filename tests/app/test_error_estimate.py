@@ -22,11 +22,11 @@ from engine.indirect.indirect_light import IndirectLight
 from engine.indirect.series import BounceSeries
 from engine.light.radiance_files import read_radiance_image
 from engine.orbit.orbit_engine import Orbit
-from engine.render.error_estimate import inside, judge, judge_drawn
-from engine.render.indirect import find_indirect, noise_in, reflected_light
+from engine.render.error_estimate import interior_points, estimate_point_errors, estimate_drawn_errors
+from engine.render.still_indirect import find_indirect, noise_in, reflected_light
 from engine.render.path_tracer import trace_halves
 from engine.render.picture_error import ErrorEstimate
-from engine.render.still import Picture, reflected, still_layers, still_quality, with_maps
+from engine.render.still import Picture, reflect_layers, still_layers, still_quality, with_maps
 from engine.generators import run_to_end
 from engine.transport.pipeline import Placement
 from tests.scene_text import ground, placed
@@ -64,7 +64,7 @@ def test_the_estimate_is_within_a_factor_of_two(room: str, n_bounces: int) -> No
     ours, truth = still.picture, read_radiance_image(JUDGES / f"{room}_{n_bounces}.exr")
     found = errors(*(picture.reshape(-1, 3)[seen] for picture in (ours, truth))).rmse
     error = math.sqrt(found**2 - NOISE.get((room, n_bounces), 0.0) ** 2)
-    assert 0.5 * error < estimate.total < 2.0 * error
+    assert 0.5 * error < estimate.overall < 2.0 * error
 
 
 def test_too_few_patches_are_told(tmp_path: Path, capsys: Captured) -> None:
@@ -81,7 +81,7 @@ def test_too_few_patches_are_told(tmp_path: Path, capsys: Captured) -> None:
 def test_too_few_lights_are_told() -> None:
     _, few = judged("teatray", 1, (24, 18), n_lights=20)
     _, usual = judged("teatray", 1, (24, 18), n_lights=1000)
-    assert few.is_poor and few.total > 4.0 * usual.total
+    assert few.is_large and few.overall > 4.0 * usual.overall
 
 
 @pytest.mark.parametrize("bounces", [1, 2])
@@ -89,7 +89,7 @@ def test_the_dark_has_no_error(tmp_path: Path, bounces: int) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(ground((16, 12), "[0, 0, 0]", bounces=bounces))
     still, estimate = judged(str(path), bounces, n_lights=400)
-    assert not still.picture.any() and estimate.total == 0.0 and not estimate.is_poor
+    assert not still.picture.any() and estimate.overall == 0.0 and not estimate.is_large
 
 
 def test_it_is_the_same_again() -> None:
@@ -137,17 +137,17 @@ def test_what_other_modes_draw_is_judged_within_a_factor_of_two(
     picture = drawn(project)
     # Its own noise, 2.9 % of the mean at most, is little beside the errors.
     truth = render_picture(project, lambda _: None, reference=True, series=BounceSeries(1), n_samples=512)
-    pixel = placement.hits.pixel[inside(placement.hits)]
+    pixel = placement.hits.pixel[interior_points(placement.hits)]
     error = errors(*(each.reshape(-1, 3)[pixel] for each in (picture, truth))).rmse
     plan = plan_still(project)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     smaller = zoom(picture, (0.5, 0.5, 1), order=1)
     dim = np.where((placement.hits.object_image == 1)[..., None], 0.5 * picture, picture)
-    judging = judge_drawn(placement, layers, project.sky, 1, [picture, smaller, truth, dim])
+    judging = estimate_drawn_errors(placement, layers, project.sky, 1, [picture, smaller, truth, dim])
     judged, coarse, exact, off = (each.estimate for each in run_to_end(judging))
-    assert 0.5 * error < judged.total < 2.0 * error
-    assert 2.0 * exact.total < judged.total < coarse.total
-    assert off.mostly == "box" and off.short.endswith(" % off, mostly on box")
+    assert 0.5 * error < judged.overall < 2.0 * error
+    assert 2.0 * exact.overall < judged.overall < coarse.overall
+    assert off.worst_object == "box" and off.short.endswith(" % off, mostly on box")
 
 
 def test_the_chance_of_paths_is_not_taken_for_an_error() -> None:
@@ -159,14 +159,14 @@ def test_the_chance_of_paths_is_not_taken_for_an_error() -> None:
     found = run_to_end(find_indirect(placement, layers, project.sky, series, STILL, True))
     noise = run_to_end(noise_in(found, layers, series.second))
     indirect = run_to_end(reflected_light(found, layers, series.second, placement.hits))
-    direct = run_to_end(reflected(placement, layers, project.sky, still_quality(plan)))
+    direct = run_to_end(reflect_layers(placement, layers, project.sky, still_quality(plan)))
     rows = np.arange(len(placement.hits.pixel))
     truth = run_to_end(trace_halves(placement, layers_by_object(project), project.sky, 2, 1024, 1, rows))
     again = truth[:, :, 1] - truth[:, :, 0]
 
     def told(gain: float, known: float | None) -> tuple[float, float]:
         """The estimate of an indirect light so many times as bright, and its true error."""
-        judging = judge(
+        judging = estimate_point_errors(
             placement, layers, project.sky, still_quality(plan), 2, direct + gain * indirect, gain * indirect,
             n_paths=1 << 13, noise=known,
         )  # fmt: skip
@@ -190,7 +190,7 @@ def test_the_error_of_indirect_light_is_told_as_it_is_where_it_is_interpolated(
     project, series = with_edges(open_project(room, (64, 48)), 0), BounceSeries(4)
     placement, plan = Placement(project.scene), plan_still(project)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
-    direct = run_to_end(reflected(placement, layers, project.sky, still_quality(plan)))
+    direct = run_to_end(reflect_layers(placement, layers, project.sky, still_quality(plan)))
 
     def indirect(fineness: SamplingSettings, as_needed: bool) -> tuple[IndirectLight, np.ndarray]:
         found = run_to_end(find_indirect(placement, layers, project.sky, series, fineness, as_needed))
@@ -199,7 +199,7 @@ def test_the_error_of_indirect_light_is_told_as_it_is_where_it_is_interpolated(
     found, shown = indirect(STILL, True)
     assert len(found.points.samples.points) < 0.9 * len(shown)
     noise = run_to_end(noise_in(found, layers, series.second))
-    judging = judge(placement, layers, project.sky, still_quality(plan), 4, direct + shown, shown, noise=noise)
+    judging = estimate_point_errors(placement, layers, project.sky, still_quality(plan), 4, direct + shown, shown, noise=noise)
     told = run_to_end(judging).estimate.indirect
     for name, value in {"TOLERANCE": -1.0, "FLOOR": -1.0, "REACH": 0.0}.items():
         monkeypatch.setattr(lattice, name, value)
@@ -214,15 +214,15 @@ def test_the_whole_error_is_measured_and_not_added_up() -> None:
     placement, plan = Placement(project.scene), plan_still(project)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     quality = still_quality(plan)
-    light = run_to_end(reflected(placement, layers, project.sky, quality))
+    light = run_to_end(reflect_layers(placement, layers, project.sky, quality))
 
     def judged(shown: float, of_it_indirect: float) -> ErrorEstimate:
-        judging = judge(placement, layers, project.sky, quality, 2, shown * light, of_it_indirect * light, 1 << 15)
+        judging = estimate_point_errors(placement, layers, project.sky, quality, 2, shown * light, of_it_indirect * light, 1 << 15)
         return run_to_end(judging).estimate
 
     lacks, swapped = judged(1.0, 0.0), judged(1.0, 0.1)
     # Direct light is exact, what is reflected again is missing: all the error is of that.
-    assert lacks.total == pytest.approx(lacks.indirect, rel=0.05) and lacks.indirect > 0.2
+    assert lacks.overall == pytest.approx(lacks.indirect, rel=0.05) and lacks.indirect > 0.2
     # A tenth of the direct light is taken for the other: parts change, the whole does not.
     assert 0.05 < swapped.direct < 0.2 and swapped.indirect < 0.95 * lacks.indirect
-    assert swapped.total == pytest.approx(lacks.total, rel=1e-6)
+    assert swapped.overall == pytest.approx(lacks.overall, rel=1e-6)

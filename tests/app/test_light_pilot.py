@@ -9,8 +9,8 @@ import pytest
 from app.project import Project, open_project
 from engine.planner import RenderSettings, plan_scene
 from engine.render import light_pilot
-from engine.render.light_pilot import LightNeed, needed_light
-from engine.render.still import reflected, still_layers
+from engine.render.light_pilot import LightBudget, find_light_budget
+from engine.render.still import reflect_layers, still_layers
 from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, final_quality
 from tests.direct_rooms import gap_room
@@ -31,15 +31,15 @@ def every_picture_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(light_pilot, "PAYS_FROM", 1)
 
 
-def needed(folder: Path, text: str, most: RenderSettings, is_still: bool = True) -> tuple[LightNeed, Project, Placement]:
+def needed(folder: Path, text: str, most: RenderSettings, is_still: bool = True) -> tuple[LightBudget, Project, Placement]:
     (folder / "scene.toml").write_text(text)
     project = open_project(str(folder / "scene.toml"))
     placement = Placement(project.scene)
     return _tried(project, placement, most, is_still), project, placement
 
 
-def _tried(project: Project, placement: Placement, most: RenderSettings, is_still: bool) -> LightNeed:
-    return run_to_end(needed_light(placement, _layers(project), project.sky, most, is_still))
+def _tried(project: Project, placement: Placement, most: RenderSettings, is_still: bool) -> LightBudget:
+    return run_to_end(find_light_budget(placement, _layers(project), project.sky, most, is_still))
 
 
 def _layers(project: Project):  # type: ignore[no-untyped-def]
@@ -48,17 +48,17 @@ def _layers(project: Project):  # type: ignore[no-untyped-def]
 
 
 def picture(project: Project, placement: Placement, decisions: RenderSettings) -> np.ndarray:
-    return run_to_end(reflected(placement, _layers(project), project.sky, final_quality(decisions)))
+    return run_to_end(reflect_layers(placement, _layers(project), project.sky, final_quality(decisions)))
 
 
 def test_an_even_sky_needs_few_and_the_whole_picture_says_so(tmp_path: Path) -> None:
     most = RenderSettings(4000)
     need, project, placement = needed(tmp_path, ground((64, 48)) + POST, most)
     assert need.lights == 1000 and errors_of(need)["lights"] <= light_pilot.TOLERANCE
-    assert need.decided(most, True) == RenderSettings(1000, keeps_sphere=False)
-    assert need.decided(most) == RenderSettings(1000)
+    assert need.limit_settings(most, True) == RenderSettings(1000, keeps_sphere=False)
+    assert need.limit_settings(most) == RenderSettings(1000)
     assert not placement.sphere.done.any()  # its own shadows are not touched
-    few, all_of_them = (picture(project, Placement(project.scene), each) for each in (need.decided(most, True), most))
+    few, all_of_them = (picture(project, Placement(project.scene), each) for each in (need.limit_settings(most, True), most))
     assert np.sqrt(np.mean((few - all_of_them) ** 2)) / all_of_them.mean() < 0.005
     assert need.reasons(most)["lights"].startswith("within 0.") and "4,000" in need.reasons(most)["lights"]
 
@@ -88,22 +88,22 @@ def test_patches_that_make_the_shadow_are_kept(tmp_path: Path) -> None:
 def test_what_a_person_has_set_stays(tmp_path: Path) -> None:
     most = RenderSettings(4000, overridden=frozenset({"lights"}))
     need, _, _ = needed(tmp_path, ground((64, 48)), most)
-    assert need == LightNeed(4000, most.n_patches) and need.reasons(most) == {}
+    assert need == LightBudget(4000, most.n_patches) and need.reasons(most) == {}
 
 
 def test_small_pictures_are_not_tried(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(light_pilot, "PAYS_FROM", 64 * 48 + 1)
     need, _, _ = needed(tmp_path, ground((64, 48)), RenderSettings(4000))
-    assert need == LightNeed(4000, 768)
+    assert need == LightBudget(4000, 768)
 
 
-def errors_of(need: LightNeed) -> dict[str, float]:
+def errors_of(need: LightBudget) -> dict[str, float]:
     """How far the picture as it is would be off, by line."""
-    return {line: plain for line, plain, _ in need.off}
+    return {line: plain for line, plain, _ in need.errors}
 
 
 def test_the_reasons_name_what_fewer_would_cost() -> None:
-    need = LightNeed(4000, 96, (("lights", 0.0112, 0.04), ("patches", 0.001, 0.001)))
+    need = LightBudget(4000, 96, (("lights", 0.0112, 0.04), ("patches", 0.001, 0.001)))
     assert need.reasons(RenderSettings(4000, 768)) == {
         "lights": "2,000 would change the picture by 1.1 %", "patches": "within 0.1 % of what 768 show"
     }  # fmt: skip
@@ -111,7 +111,7 @@ def test_the_reasons_name_what_fewer_would_cost() -> None:
 
 def test_the_reasons_say_what_is_kept_for_sharper_highlights() -> None:
     """0.2 % is within the tolerance: it is the edit to come that wants them all."""
-    (reason,) = LightNeed(4000, 768, (("lights", 0.002, 0.04),)).reasons(RenderSettings(4000, 768)).values()
+    (reason,) = LightBudget(4000, 768, (("lights", 0.002, 0.04),)).reasons(RenderSettings(4000, 768)).values()
     assert reason == (
         "2,000 would do for the picture as it is, but be 4.0 % off once its highlights are edited to be sharper"
     )
@@ -154,4 +154,4 @@ def test_pilots_leave_the_lamps_as_they_are_cut(tmp_path: Path) -> None:
 
 def test_where_there_cannot_be_fewer_nothing_is_tried(tmp_path: Path) -> None:
     need, _, _ = needed(tmp_path, ground((64, 48)) + POST + LAMP, RenderSettings(500, 96))
-    assert need == LightNeed(500, 96)
+    assert need == LightBudget(500, 96)

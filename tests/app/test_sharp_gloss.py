@@ -42,4 +42,4 @@ def test_a_lamp_is_mirrored_as_paths_find_it_or_it_is_said(
     seen = Placement(project.scene).hits.pixel
     found = errors(*(picture.reshape(-1, 3)[seen] for picture in (still.picture, truth)))
     assert np.isfinite(still.picture).all() and found.rmse < limit and abs(found.mean) < 0.08, found
-    assert still.error is not None and still.error.is_poor == (found.rmse > POOR)
+    assert still.error is not None and still.error.is_large == (found.rmse > POOR)

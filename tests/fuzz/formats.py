@@ -235,7 +235,7 @@ SQUARE = np.ascontiguousarray(GRADIENT[:, :8])
 def exrs(folder: Path) -> list[bytes]:
     import OpenEXR
 
-    from engine.render.image_files import exr_bytes
+    from engine.render.picture_files import exr_bytes
 
     found, path = [exr_bytes(GRADIENT, "a seed"), exr_bytes(SQUARE)], folder / "seed.exr"
     for kind, compression in ((np.float16, OpenEXR.NO_COMPRESSION), (np.float32, OpenEXR.PIZ_COMPRESSION)):
@@ -274,7 +274,7 @@ def read_light(path: Path) -> None:
 def pngs(_: Path) -> list[bytes]:
     from PIL import Image
 
-    from engine.render.image_files import deep_png, pixels_png
+    from engine.render.picture_files import deep_png, pixels_png
 
     pixels = (GRADIENT * 60).astype(np.uint8)
     found = [pixels_png(pixels), deep_png(GRADIENT / 4.0)]

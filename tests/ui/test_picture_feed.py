@@ -22,7 +22,7 @@ from app.placement.events import LayerMapsChanged
 from app.placement.messages import ComputeTransport
 from app.placement.talk import PlacementTalk
 from app.view_state import SetView
-from engine.render.plain_shading import plain_colour, plain_radiance
+from engine.render.headlight_shading import headlight_colour, headlight_radiance
 from tests.app.fake_worker import FakeClient
 from tests.ui.stand_in import HEIGHT, WIDTH, StandInClient, scene_frame, transport_of
 from ui import picture_feed, placement_feed, scene_view
@@ -334,7 +334,7 @@ def test_before_anything_is_computed_objects_are_lit_from_the_eye(opening: Openi
     for index, state in enumerate(editor.document.objects):
         pixels = frame.pixel[slice(*frame.object_ranges[index])]
         if len(pixels) and not state.emits:
-            expected = plain_radiance(plain_colour(state.layers), frame.theta_o[slice(*frame.object_ranges[index])])
+            expected = headlight_radiance(headlight_colour(state.layers), frame.theta_o[slice(*frame.object_ranges[index])])
             assert expected.min() > 0.0
             np.testing.assert_allclose(shown[pixels], expected, rtol=1e-3)
     assert editor.status.picture == "waiting"
@@ -385,7 +385,7 @@ def test_metal_stays_plain_until_light_bounces(opening: Opening, monkeypatch: py
 
     def shows_plain_metal() -> bool:
         rows = slice(*frame.object_ranges[[state.name for state in editor.document.objects].index("tray")])
-        plain = plain_radiance(plain_colour(editor.document.object("tray").layers), frame.theta_o[rows])
+        plain = headlight_radiance(headlight_colour(editor.document.object("tray").layers), frame.theta_o[rows])
         shown = feed.renderer.linear_image().reshape(-1, 3)[frame.pixel[rows]]
         return bool(np.allclose(shown, plain, rtol=1e-3))
 
@@ -409,12 +409,12 @@ def test_metal_stays_plain_until_light_bounces(opening: Opening, monkeypatch: py
 def test_a_plain_colour_is_about_what_a_material_reflects() -> None:
     for albedo in (0.2, 0.7):
         layer = new_layer("lambert").with_parameter("albedo", albedo)
-        np.testing.assert_allclose(plain_colour([layer]), albedo, rtol=1e-6)
+        np.testing.assert_allclose(headlight_colour([layer]), albedo, rtol=1e-6)
     # However narrow its lobe, gold reflects about as much as its Fresnel term lets it, of each of its hues.
     for alpha in (0.01, 0.03, 0.06, 0.2):
-        gold = plain_colour([new_layer("rough_conductor").with_parameter("alpha", alpha)])
+        gold = headlight_colour([new_layer("rough_conductor").with_parameter("alpha", alpha)])
         np.testing.assert_allclose(gold, (0.95, 0.62, 0.51), rtol=0.06)
-    np.testing.assert_allclose(plain_colour([layer, layer]), 1.0)  # more than all there is
+    np.testing.assert_allclose(headlight_colour([layer, layer]), 1.0)  # more than all there is
 
 
 def test_before_a_scene_the_feed_rehearses_and_leaves_nothing(context: moderngl.Context) -> None:

@@ -16,7 +16,7 @@ from app.jobs.orbit import OrbitWork
 from app.sky import sky_of
 from app.view_state import SetView
 from engine.deform.posed_scene import pose_scene
-from engine.render.plain_picture import plain_picture
+from engine.render.headlight_picture import headlight_picture
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.raycaster import RayCaster
@@ -45,7 +45,7 @@ def expected(walk: Walk, scene: Scene) -> np.ndarray:
     layers = {i: state.layers for i, state in enumerate(editor.document.objects) if not state.emits}
     caster = RayCaster(scene.vertices, scene.triangles)
     sky = sky_of(scene, editor.document.light)
-    return run_to_end(plain_picture(scene.from_camera(editor.looks.camera), caster, layers, sky, RESOLUTION))
+    return run_to_end(headlight_picture(scene.from_camera(editor.looks.camera), caster, layers, sky, RESOLUTION))
 
 
 @pytest.mark.parametrize("mode", ["orbit", "deform"])

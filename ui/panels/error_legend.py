@@ -6,7 +6,7 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from engine.render.display import false_colour
-from engine.render.error_colours import LEAST, MOST, shown
+from engine.render.error_colours import LEAST, MOST, error_to_radiance
 from ui import theme as look
 from ui.panels.context import PanelContext
 
@@ -23,7 +23,7 @@ def draw(context: PanelContext, draw_list: imgui.ImDrawList, corner: ImVec2, roo
     """Into a width, from an upper left corner on."""
     bar, gap = context.px(BAR), context.px(2)
     shares = np.geomspace(LEAST, MOST, N_SHADES + 1)
-    colours = false_colour(np.repeat(shown(np.sqrt(shares[:-1] * shares[1:]))[:, None], 3, axis=1))
+    colours = false_colour(np.repeat(error_to_radiance(np.sqrt(shares[:-1] * shares[1:]))[:, None], 3, axis=1))
     for i, colour in enumerate(colours):
         left, right = corner.x + room * i / N_SHADES, corner.x + room * (i + 1) / N_SHADES
         packed = look.pack((float(colour[0]), float(colour[1]), float(colour[2]), 1.0))

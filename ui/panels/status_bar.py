@@ -157,13 +157,13 @@ def _finished_state(status: Status) -> tuple[look.Colour, str, str]:
         return look.BAD if noise > NOISY else look.TEXT_SOFT, f"finished, noise {percent(noise)}", FINISHED_HINT
     if estimate is None:
         return look.GOOD, "finished", JUDGED_LATER
-    if estimate.is_none:
+    if estimate.is_negligible:
         return look.GOOD, "picture exact", JUDGED
     if estimate.direct is None:
         hint = f"{MODES_OWN}\n{JUDGED_DRAWN}"
     else:
         hint = "\n".join(filter(None, (error_parts(estimate), estimate.advice, JUDGED)))
-    return look.TEXT_SOFT if estimate.is_poor else look.GOOD, f"finished, {estimate.short}", hint
+    return look.TEXT_SOFT if estimate.is_large else look.GOOD, f"finished, {estimate.short}", hint
 
 
 def work_line(status: Status) -> str:

@@ -170,7 +170,7 @@ def test_what_the_pilots_take_is_in_the_cost(tmp_path: Path, monkeypatch: pytest
         return arguments[-1]
         yield
 
-    monkeypatch.setattr(cli_planning, "with_needed_light", pilot)
+    monkeypatch.setattr(cli_planning, "with_light_budget", pilot)
     monkeypatch.setattr(cli_planning, "estimate_cost", cost)
     project = open_project(scene_of(tmp_path, ground((16, 12))))
     plan_project(project, lambda step: None, opening_seconds=5.0)

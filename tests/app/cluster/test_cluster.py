@@ -34,7 +34,7 @@ from app.jobs.cache import Store
 from app.project import ProjectWords
 from engine.errors import InsituError
 from engine.indirect.series import BounceSeries
-from engine.render.image_files import exr_bytes
+from engine.render.picture_files import exr_bytes
 from tests.app.cli.command_line import SCENE, run
 
 ROOM = (

@@ -17,7 +17,7 @@ from engine.measured.coordinates import above_horizon, grid_directions
 from engine.measured.table_lookup import evaluate_table
 from engine.measured.merl import merl_samples, read_merl
 from engine.measured.tables import read_measurement, table_of
-from engine.render.tabulate import left_out, tabulate_layers
+from engine.render.tabulate import untabulated_features, tabulate_layers
 from engine.generators import run_to_end
 
 SCENE = """
@@ -99,9 +99,9 @@ def test_export_and_import_again(tmp_path: Path, capsys: pytest.CaptureFixture[s
 def test_what_a_table_cannot_hold_is_averaged_and_told(monkeypatch: pytest.MonkeyPatch) -> None:
     # Ward's two widths: one ring of the table, against the mean over many azimuths.
     layer = make_layer(MODELS["ward_anisotropic"], {"alpha_u": 0.2, "alpha_v": 0.6})
-    (note,) = left_out([layer])
+    (note,) = untabulated_features([layer])
     assert note.startswith("ward_anisotropic: averaged around the normal")
-    assert left_out([layer.replace(visible=False)]) == ()
+    assert untabulated_features([layer.replace(visible=False)]) == ()
     wi, wo = grid_directions()
     monkeypatch.setattr("engine.render.tabulate.grid_directions", lambda: (wi[:, 30:31, :8], wo[:, 30:31, :8]))
     monkeypatch.setattr("engine.render.tabulate.SHAPE", (90, 1, 8))

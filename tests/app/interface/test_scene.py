@@ -13,7 +13,7 @@ import pytest
 import insitu
 from app.interface import placement
 from engine.indirect import reflection
-from engine.render.indirect import reflected_light
+from engine.render.still_indirect import reflected_light
 from engine.generators import run_to_end
 from tests.scene_text import camera, placed
 
@@ -166,9 +166,9 @@ def test_bounces_and_resolution_are_of_one_picture(file: Path) -> None:
 def test_the_error_is_estimated(file: Path) -> None:
     scene = insitu.open(file)
     direct, both = scene.error(bounces=1), scene.error(bounces=2)
-    assert 0.0 <= direct.total < 0.1 and direct.indirect is None
-    assert 0.0 <= both.total < 0.3 and both.indirect is not None
-    assert 0.0 <= scene.error("orbit", bounces=1).total < 0.3
+    assert 0.0 <= direct.overall < 0.1 and direct.indirect is None
+    assert 0.0 <= both.overall < 0.3 and both.indirect is not None
+    assert 0.0 <= scene.error("orbit", bounces=1).overall < 0.3
 
 
 def test_what_is_saved_opens_again(file: Path, tmp_path: Path) -> None:

@@ -91,7 +91,7 @@ def test_what_was_found_is_found_again(scene: str, tmp_path: Path, monkeypatch: 
     def refuse(*arguments: object) -> None:
         raise AssertionError("it was tried again")
 
-    monkeypatch.setattr(light_plan, "needed_light", refuse)
+    monkeypatch.setattr(light_plan, "find_light_budget", refuse)
     brighter = replace(
         compute(), scene=SceneState(LightState(rotation=70.0), (work("ground.0", "lambert", albedo=[0.9] * 3),))
     )
@@ -111,9 +111,9 @@ def test_it_is_tried_with_what_the_file_has_whatever_was_edited_by_then(
 
     def noted(placement, layers, sky, *rest):  # type: ignore[no-untyped-def]
         tried.append((sky.rotation, [(each.layer.parameters, each.layer.edits) for each in layers]))
-        return (yield from light_pilot.needed_light(placement, layers, sky, *rest))
+        return (yield from light_pilot.find_light_budget(placement, layers, sky, *rest))
 
-    monkeypatch.setattr(light_plan, "needed_light", noted)
+    monkeypatch.setattr(light_plan, "find_light_budget", noted)
     bright, shiny = work("ground.0", "lambert", albedo=[0.9] * 3), work("ground.0", "rough_conductor", alpha=0.77)
     edited, other = (
         replace(compute(), scene=SceneState(LightState(rotation=70.0), (each,))) for each in (bright, shiny)

@@ -109,8 +109,8 @@ def test_it_is_what_a_still_says_of_itself(desk: Desk) -> None:
     project = ProjectWords(str(desk.scene), overrules=(("sphere", 1),)).open()  # shadows as the editor keeps them
     still = render_project(project, lambda _: None, n_lights=500, series=BounceSeries(1), estimates_error=True)
     assert found is not None and still.error is not None
-    assert 0.5 * still.error.total < found.total < 2.0 * still.error.total and found.indirect is None
-    assert desk.editor.status.image_error == found.total
+    assert 0.5 * still.error.overall < found.overall < 2.0 * still.error.overall and found.indirect is None
+    assert desk.editor.status.image_error == found.overall
 
 
 def test_a_picture_is_judged_under_the_curves_that_it_shows(desk: Desk) -> None:
@@ -121,7 +121,7 @@ def test_a_picture_is_judged_under_the_curves_that_it_shows(desk: Desk) -> None:
     desk.editor.do(AddOperator("ball.0", "theta_h", LIFT))
     desk.until_judged()
     found = desk.editor.status.estimate
-    assert desk.client.sent(ComputeTransport) == n and found is not None and found.total < 0.05
+    assert desk.client.sent(ComputeTransport) == n and found is not None and found.overall < 0.05
 
 
 def test_light_between_surfaces_is_judged_as_it_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -144,7 +144,7 @@ def test_a_picture_in_which_nothing_reflects_is_not_off(desk: Desk) -> None:
     desk.until_finished()
     desk.frames(60)
     found = desk.editor.status.estimate
-    assert found is not None and found.is_none
+    assert found is not None and found.is_negligible
 
 
 def test_an_edit_gives_it_up_and_undo_brings_it_back(desk: Desk) -> None:
@@ -184,7 +184,7 @@ def test_few_lights_are_told(desk: Desk) -> None:
     desk.frames(1)
     desk.until_judged()
     few = desk.editor.status.estimate
-    assert usual is not None and few is not None and few.total > 1.5 * usual.total
+    assert usual is not None and few is not None and few.overall > 1.5 * usual.overall
 
 
 def test_light_on_the_move_has_the_worker_to_itself(desk: Desk) -> None:

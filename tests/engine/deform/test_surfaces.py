@@ -17,7 +17,7 @@ from engine.errors import LoadError
 from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.render.error_colours import shown
+from engine.render.error_colours import error_to_radiance
 from engine.scene.description import SceneDescription
 from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.surface_kinds import NO_SURFACE
@@ -115,7 +115,7 @@ def test_how_far_lobes_of_detail_are_off_is_shown_where_it_lies(tmp_path: Path) 
     errors = deform._details[0]._patch.errors
     assert 0.0 < errors.mean() < 0.1
     picture = deform.draw_errors(deform.scene.description.camera, SIZE)[7:11, 8:16]
-    assert picture.max() <= shown(errors.max()) * 1.001 and picture.std() > 0.1 * picture.mean() > 0.0
+    assert picture.max() <= error_to_radiance(errors.max()) * 1.001 and picture.std() > 0.1 * picture.mean() > 0.0
 
 
 @pytest.mark.parametrize(("size", "texels"), [((300, 150), (75, 150)), ((8, 4), (4, 8)), ((1, 1), (2, 2))])

@@ -19,10 +19,10 @@ from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.material.layer_maps import LayerMaps
 from engine.material.strokes import Stroke, Strokes, pack_dabs
-from engine.render.indirect import indirect_radiance
+from engine.render.still_indirect import indirect_radiance
 from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, by_object, with_maps
-from engine.render.surface_maps import mean_factor
+from engine.render.map_sampler import mean_factor
 from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, SkyState
 from tests.engine.indirect.small_scenes import (

@@ -12,7 +12,7 @@ from engine.indirect.indirect_layers import indirect_layer
 from engine.indirect.series import BounceSeries
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
-from engine.render.indirect import indirect_radiance
+from engine.render.still_indirect import indirect_radiance
 from engine.render.integrator import evaluate_layer
 from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, by_object

@@ -7,7 +7,7 @@ import pytest
 
 from engine.material import MODELS, validate_parameters
 from engine.material.layer import Layer
-from engine.render.bounces import (
+from engine.render.bounce_plan import (
     MOST_PLANNED,
     carried_light,
     missing_light,

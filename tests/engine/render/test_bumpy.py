@@ -11,7 +11,7 @@ from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
 from engine.planner import plan_scene
-from engine.render.indirect import indirect_radiance
+from engine.render.still_indirect import indirect_radiance
 from engine.render.path_tracer import trace_paths
 from engine.render.still import render_reference, render_still, still_layers, still_quality
 from engine.scene.scene_loader import load_scene

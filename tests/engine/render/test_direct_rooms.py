@@ -12,7 +12,7 @@ from app.project import Project, open_project, with_edges
 from app.stills import layers_by_object, plan_still
 from engine.render.error_estimate import estimate_error
 from engine.render.path_tracer import trace_paths
-from engine.render.still import reflected, still_layers, still_quality, with_maps
+from engine.render.still import reflect_layers, still_layers, still_quality, with_maps
 from engine.generators import run_to_end
 from engine.transport import near_leaves
 from engine.transport.pipeline import Placement
@@ -25,7 +25,7 @@ def lit(scene: Path | str, n_patches: int = 768) -> tuple[Project, Placement, np
     project = with_edges(open_project(str(scene), (48, 36) if isinstance(scene, str) else None), 0)
     placement, plan = Placement(project.scene), plan_still(project, n_patches=n_patches)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
-    return project, placement, run_to_end(reflected(placement, layers, project.sky, still_quality(plan)))
+    return project, placement, run_to_end(reflect_layers(placement, layers, project.sky, still_quality(plan)))
 
 
 def by_paths(project: Project, placement: Placement, n_samples: int) -> tuple[np.ndarray, float]:
@@ -90,13 +90,13 @@ def test_small_lamps_in_a_polished_plate(tmp_path: Path) -> None:
     (planned,) = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
 
     def picture(bands: tuple[int, int]) -> np.ndarray:
-        return run_to_end(reflected(placement, [replace(planned, bands=bands)], project.sky, still_quality(plan)))
+        return run_to_end(reflect_layers(placement, [replace(planned, bands=bands)], project.sky, still_quality(plan)))
 
     truth, still, editors = (picture(bands) for bands in ((2048, 32), planned.bands, (128, 32)))
     assert errors(still, truth)[0] < 0.03 < 0.5 < errors(editors, truth)[0]
     # And that is told of it.
     layers = [replace(planned, bands=(128, 32))]
-    told = run_to_end(estimate_error(placement, layers, project.sky, still_quality(plan), 1, editors)).total
+    told = run_to_end(estimate_error(placement, layers, project.sky, still_quality(plan), 1, editors)).overall
     assert told > errors(editors, truth)[0] / 1.5
 
 
@@ -110,5 +110,5 @@ def test_the_error_is_told_as_it_is(tmp_path: Path, room: str) -> None:
     rmse, _ = errors(found, np.repeat(0.7 / np.pi * light[:, None], 3, axis=1))
     plan = plan_still(project)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
-    told = run_to_end(estimate_error(placement, layers, project.sky, still_quality(plan), 1, found)).total
+    told = run_to_end(estimate_error(placement, layers, project.sky, still_quality(plan), 1, found)).overall
     assert rmse / 1.7 < told < 1.7 * rmse

@@ -10,8 +10,8 @@ from engine.indirect.series import BounceSeries
 from engine.light.environment import constant_environment
 from engine.planner import plan_scene
 from engine.render.error_estimate import estimate_error
-from engine.render.indirect import indirect_radiance
-from engine.render.still import reflected, render_still, still_layers
+from engine.render.still_indirect import indirect_radiance
+from engine.render.still import reflect_layers, render_still, still_layers
 from engine.scene.scene_loader import Scene, load_scene
 from engine.generators import run_to_end
 from engine.transport.pipeline import FINAL, Placement, SkyState
@@ -75,7 +75,7 @@ def test_light_between_surfaces_is_there_at_edges_too(table: Scene) -> None:
 
 def test_the_error_is_estimated_over_all_points(table: Scene) -> None:
     placement, layers = Placement(table, n_edge_rays=8), layers_of(table)
-    radiance = run_to_end(reflected(placement, layers, SKY, QUALITY))
+    radiance = run_to_end(reflect_layers(placement, layers, SKY, QUALITY))
     estimate = run_to_end(estimate_error(placement, layers, SKY, QUALITY, 1, radiance))
     assert 0.0 < estimate.direct < 0.03
     beside = np.flatnonzero(~placement.hits.is_centred)

@@ -6,8 +6,8 @@ import numpy as np
 
 from app.project import open_project, with_edges
 from engine.render.display import false_colour
-from engine.render.error_colours import shown
-from engine.render.error_estimate import Judged
+from engine.render.error_colours import error_to_radiance
+from engine.render.error_estimate import PointErrors
 from engine.render.error_map import OPACITY, error_colours, error_map
 from engine.render.picture_error import ErrorEstimate
 from engine.generators import run_to_end
@@ -22,7 +22,7 @@ def test_errors_stay_on_their_object_and_follow_their_points() -> None:
     rows = np.arange(0, len(objects), 2)
     squares = np.where(objects[rows] == first, off**2, fine**2)
     noisy = squares + np.where(np.arange(len(rows)) % 2, 2.0, -2.0) * fine**2
-    found = run_to_end(error_map(hits, Judged(ErrorEstimate(0.0), hits.pixel[rows], noisy)))
+    found = run_to_end(error_map(hits, PointErrors(ErrorEstimate(0.0), hits.pixel[rows], noisy)))
     seen = hits.row_image >= 0
     assert np.isnan(found[~seen]).all() and np.isfinite(found[seen]).all()
     mine = seen & (hits.object_image == first)
@@ -32,11 +32,11 @@ def test_errors_stay_on_their_object_and_follow_their_points() -> None:
 
 def test_colours_are_those_of_the_errors_and_clear_where_nothing_is_known() -> None:
     hits = Placement(with_edges(open_project("cornell", (24, 18)), 0).scene).hits
-    judged = Judged(ErrorEstimate(0.0), hits.pixel, np.full(len(hits.pixel), 0.03**2))
+    judged = PointErrors(ErrorEstimate(0.0), hits.pixel, np.full(len(hits.pixel), 0.03**2))
     image = run_to_end(error_colours(hits, judged))
     seen = hits.row_image >= 0
-    expected = np.rint(255 * false_colour(np.repeat(shown([0.03])[:, None], 3, axis=1)))[0]
+    expected = np.rint(255 * false_colour(np.repeat(error_to_radiance([0.03])[:, None], 3, axis=1)))[0]
     assert image.shape == (18, 24, 4) and not image[~seen].any() and not seen.all()
     assert (image[seen] == [*expected, round(255 * OPACITY)]).all()
-    nothing = Judged(ErrorEstimate(0.0), np.zeros(0, np.int32), np.zeros(0))
+    nothing = PointErrors(ErrorEstimate(0.0), np.zeros(0, np.int32), np.zeros(0))
     assert not run_to_end(error_colours(hits, nothing)).any()

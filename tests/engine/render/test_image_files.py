@@ -9,7 +9,7 @@ from PIL import Image
 
 from engine.light.radiance_files import read_radiance_image
 from engine.render.display import display_picture
-from engine.render.image_files import exr_bytes, png_bytes
+from engine.render.picture_files import exr_bytes, png_bytes
 
 
 def picture() -> np.ndarray:

@@ -12,8 +12,8 @@ from engine.errors import LoadError
 from engine.material import MODELS
 from engine.material.layer import Layer
 from engine.material.layer_maps import Images, LayerMaps, MapMeans
-from engine.render.maps import MapFactors
-from engine.render.surface_maps import MapSampler, look_up, uvs_at
+from engine.render.map_factors import MapFactors
+from engine.render.map_sampler import MapSampler, look_up_images, uvs_at
 from engine.scene.description import load_description, parse_description
 from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.mesh import place_copies
@@ -146,7 +146,7 @@ def test_layers_of_an_object_share_what_they_have_in_common(tmp_path: Path, monk
     placement = Placement(scene)
     sampler = MapSampler(scene, placement.caster, placement.hits)
     first = sampler.see(0, Images(weight="ramp.png"))
-    monkeypatch.setattr("engine.render.surface_maps._footprints", None)  # not asked for again
+    monkeypatch.setattr("engine.render.map_sampler._footprints", None)  # not asked for again
     again = sampler.see(0, Images("ramp.png", "linear", (2.0, 1.0), "ramp.png"))
     assert np.shares_memory(first.weight, again.weight)
     twice = sampler.see(0, Images("ramp.png", "linear", (1.0, 1.0)))
@@ -174,7 +174,7 @@ def test_looking_up_along_a_ray_meets_the_same_place(tmp_path: Path) -> None:
     found = Placement(scene).caster.intersect(np.float32([[-0.25, 0.1, 1.0]]), np.float32([[0.0, 0.0, -1.0]]))
     uv = uvs_at(scene, found.triangle, found.u, found.v)
     np.testing.assert_allclose(uv, [[0.25, 0.6]], atol=1e-6)
-    _, weight = look_up(Images(weight="ramp.png"), scene.textures, uv)
+    _, weight = look_up_images(Images(weight="ramp.png"), scene.textures, uv)
     assert weight[0] == pytest.approx(63.5 / 255, abs=1e-4)
 
 
@@ -270,7 +270,7 @@ def test_a_mesh_without_coordinates_is_projected_on(tmp_path: Path) -> None:
     )  # what paths look up at their vertices is what the eye sees
     layer = Layer(MODELS["lambert"], "a", (), maps=scene.description.objects[0].layers[0].maps)
     factors = MapFactors(scene, {0: [layer]})
-    looked_up = factors.of_hits(found, np.zeros(len(columns), np.int32), np.arange(len(columns)))
+    looked_up = factors.at_path_vertices(found, np.zeros(len(columns), np.int32), np.arange(len(columns)))
     assert np.allclose(looked_up[left | right, 0], seen.texture[left | right], atol=0.02)
 
 

@@ -14,7 +14,7 @@ from PIL import Image
 from engine.errors import LoadError
 from engine.material.bumps import Bumps
 from engine.material.layer_maps import LayerMaps
-from engine.render.surface_maps import look_up, uvs_at
+from engine.render.map_sampler import look_up_images, uvs_at
 from engine.scene.gltf import GlbModel, read_glb
 from engine.scene.scene_loader import load_scene
 
@@ -84,7 +84,7 @@ def test_a_base_colour_texture_lies_as_in_the_file(
     # A quarter and three quarters of the way up: v grows upwards here.
     uv = uvs_at(scene, np.zeros(2, int), np.zeros(2), np.array([0.25, 0.75]))
     np.testing.assert_allclose(uv, [[0.0, 0.25], [0.0, 0.75]], atol=1e-6)
-    colours, _ = look_up(base.maps.images, scene.textures, uv)
+    colours, _ = look_up_images(base.maps.images, scene.textures, uv)
     np.testing.assert_allclose(colours, [[1, 1, 1], [1, 0, 0]], atol=1e-6)
 
 
@@ -222,8 +222,8 @@ def test_images_are_looked_up_where_the_extension_says(
     scale, offset, angle = transform.get("scale", [1, 1]), transform.get("offset", [0, 0]), transform.get("rotation", 0)
     c, s = np.cos(angle), np.sin(angle)
     there_u, there_v = c * scale[0] * u + s * scale[1] * v + offset[0], -s * scale[0] * u + c * scale[1] * v + offset[1]
-    found, _ = look_up(maps.images, scene.textures, np.stack([u, 1.0 - v], axis=1))
-    expected, _ = look_up(as_it_is.images, plain.textures, np.stack([there_u, 1.0 - there_v], axis=1))
+    found, _ = look_up_images(maps.images, scene.textures, np.stack([u, 1.0 - v], axis=1))
+    expected, _ = look_up_images(as_it_is.images, plain.textures, np.stack([there_u, 1.0 - there_v], axis=1))
     np.testing.assert_allclose(found, expected, atol=1e-5)
 
 

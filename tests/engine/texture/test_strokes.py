@@ -10,7 +10,7 @@ import pytest
 from engine.material.layer_maps import Images, LayerMaps, map_values, maps_from
 from engine.material.parameters import ParameterError
 from engine.material.strokes import MAX_DABS, Stroke, Strokes, pack_dabs
-from engine.render.surface_maps import MapSampler
+from engine.render.map_sampler import MapSampler
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import build_scene
 from engine.texture.stroke_painting import MOST_BACK, PaintedPoints

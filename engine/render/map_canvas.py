@@ -23,7 +23,7 @@ _N_MEAN_SAMPLES = 1 << 15
 
 
 @dataclass(frozen=True, eq=False)
-class SeenMaps:
+class MapSamples:
     """The images of one layer as the eye sees them: texture (p, 3) and weight (p,) float32 at the points of its object,
     in the order of the hits, ones where there is none; and their means over the surface."""
 
@@ -52,7 +52,7 @@ class Canvas:
     """One layer's images on one object, and what its strokes make of them."""
 
     def __init__(
-        self, unpainted: SeenMaps, hits: PrimaryHits, i_object: int, spread: SpreadPoints, origin: Float64Array
+        self, unpainted: MapSamples, hits: PrimaryHits, i_object: int, spread: SpreadPoints, origin: Float64Array
     ) -> None:
         """origin (3,): of the scene, see `Scene`."""
         self._unpainted, self._hits, self._i_object, self._spread = unpainted, hits, i_object, spread
@@ -60,7 +60,7 @@ class Canvas:
         self._seen: PaintedPoints | None = None
         self._everywhere: PaintedPoints | None = None
 
-    def see(self, strokes: Strokes) -> SeenMaps:
+    def paint(self, strokes: Strokes) -> MapSamples:
         """The images under these strokes; quick where they go on from those seen last."""
         if not strokes:
             return self._unpainted
@@ -71,7 +71,7 @@ class Canvas:
             self._everywhere = PaintedPoints(spread.weight, spread.position, spread.normal)
         strokes = strokes.about(self._origin)
         means = spread.means(self._everywhere.weights(strokes))
-        return SeenMaps(self._unpainted.texture, self._seen.weights(strokes), means)
+        return MapSamples(self._unpainted.texture, self._seen.weights(strokes), means)
 
 
 def spread_points(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
-from engine.render.surface_maps import MapSampler, look_up, painted
+from engine.render.map_sampler import MapSampler, look_up_images, paint_weights
 from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import Intersections
 from engine.scene.surface_uvs import uvs_at
@@ -38,7 +38,7 @@ class MapFactors:
                 n_layers = max(n_layers, len(visible))
         self._n_layers = n_layers
 
-    def of_eye(self, placement: Placement) -> Factors:
+    def at_primary_hits(self, placement: Placement) -> Factors:
         """At all points of the hits, (P, K, 3)."""
         hits = placement.hits
         factors, sampler = self._ones(len(hits.pixel)), MapSampler(self._scene, placement.caster, hits)
@@ -49,7 +49,7 @@ class MapFactors:
                 factors[begin:end, k] = maps.factor(seen.texture, seen.weight)
         return factors
 
-    def of_hits(self, found: Intersections, ids: NDArray[np.integer], rays: NDArray[np.integer]) -> Factors:
+    def at_path_vertices(self, found: Intersections, ids: NDArray[np.integer], rays: NDArray[np.integer]) -> Factors:
         """Where some of the rays that were found hit objects ids (R,), (N, K, 3)."""
         factors = self._ones(len(rays))
         for i_object, layers in self._maps.items():
@@ -57,8 +57,8 @@ class MapFactors:
             own = found.of(rays[mine])
             uv = uvs_at(self._scene, own.triangle, own.u, own.v)
             for k, maps in layers:
-                texture, weight = look_up(maps.images, self._scene.textures, uv)
-                factors[mine, k] = maps.factor(texture, painted(self._scene, own, maps.strokes, weight))
+                texture, weight = look_up_images(maps.images, self._scene.textures, uv)
+                factors[mine, k] = maps.factor(texture, paint_weights(self._scene, own, maps.strokes, weight))
         return factors
 
     def _ones(self, n: int) -> Factors:

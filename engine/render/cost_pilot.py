@@ -16,7 +16,7 @@ import numpy as np
 from engine.indirect.sampling_settings import FINE
 from engine.light.triangle_lights import cut_lights
 from engine.planner import Cost, Plan
-from engine.render.indirect import direct_mean, indirect_layers, models_of
+from engine.render.still_indirect import direct_mean, indirect_layers, models_of
 from engine.render.indirect_pilot import IndirectCost, indirect_cost
 from engine.render.still import StillLayer, StillProgress, by_object, still_quality
 from engine.generators import run_to_end, map_steps
@@ -58,18 +58,18 @@ def estimate_cost(
     generator = np.random.default_rng(seed)
     samples = {index: _sample(rows, n_each, generator) for index, rows in rows_of.items()}
     yield StillProgress(0.0, "trying shadows")
-    visibility_seconds, reading_seconds = _try_shadows(placement, sky, plan)
+    visibility_seconds, reading_seconds = _measure_shadows(placement, sky, plan)
     yield StillProgress(0.2, "trying the light")
     light = _light_of(placement, samples, sky, plan)
     projection_seconds, n_bytes = 0.0, 0.0
     present = [each for each in layers if each.i_object in samples]
     for i, each in enumerate(present):
         yield StillProgress(0.3 + 0.2 * i / len(present), f"trying {each.layer.name} of object {each.i_object}")
-        seconds, size, reading = _try_layer(placement, samples[each.i_object], light, each)
+        seconds, size, reading = _measure_layer(placement, samples[each.i_object], light, each)
         reading_seconds += reading
         projection_seconds += seconds * len(rows_of[each.i_object])
         n_bytes += size * len(rows_of[each.i_object])
-    indirect = yield from _try_indirect(placement, layers, sky, plan)
+    indirect = yield from _measure_indirect(placement, layers, sky, plan)
     n_bytes += indirect.n_bytes + (placement.sphere.bits.nbytes if plan.needs_sphere else 0)
     cost = Cost(
         seconds=spent_seconds + reading_seconds + visibility_seconds + projection_seconds + indirect.seconds,
@@ -83,9 +83,9 @@ def estimate_cost(
         n_cores=n_threads(),
     )
     plan = replace(plan, cost=cost)
-    if indirect.need is None or plan.n_rays:
+    if indirect.ray_budget is None or plan.n_rays:
         return plan
-    return replace(plan, n_rays=indirect.need.n_rays, reasons={**plan.reasons, "rays": indirect.need.reason})
+    return replace(plan, n_rays=indirect.ray_budget.n_rays, reasons={**plan.reasons, "rays": indirect.ray_budget.reason})
 
 
 def _sample(rows: np.ndarray, most: int, generator: np.random.Generator) -> np.ndarray:
@@ -112,7 +112,7 @@ def _light_of(placement: Placement, samples: Mapping[int, np.ndarray], sky: SkyS
     return VisibleLight(lighting, sphere, fine, emitters, near)
 
 
-def _try_shadows(placement: Placement, sky: SkyState, plan: Plan) -> tuple[float, float]:
+def _measure_shadows(placement: Placement, sky: SkyState, plan: Plan) -> tuple[float, float]:
     """Seconds that cutting and seeing the light takes, by one window of the picture and by some: what does not grow
     with the points is told apart so; and seconds that reading its kernels took."""
     windows = _windows(placement)
@@ -145,7 +145,7 @@ def _windows(placement: Placement) -> list[np.ndarray]:
     return [np.flatnonzero(number == each).astype(np.int32) for each in chosen] if len(there) else []
 
 
-def _try_layer(
+def _measure_layer(
     placement: Placement, rows: np.ndarray, light: VisibleLight, each: StillLayer
 ) -> tuple[float, float, float]:
     """Seconds and bytes that one point of a layer takes, and seconds that reading kernels took."""
@@ -161,7 +161,7 @@ def _try_layer(
     return seconds / len(rows), n_bytes / len(rows) if each.editable else BYTES_A_POINT, reading
 
 
-def _try_indirect(
+def _measure_indirect(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, plan: Plan
 ) -> Generator[StillProgress, None, IndirectCost]:
     if (plan.bounces or 1) < 2 or not len(placement.hits.pixel):

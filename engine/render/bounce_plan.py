@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from engine.indirect.albedo import equivalent_albedo
 from engine.material.layer import Layer
 from engine.planner import usual_bands
-from engine.render.surface_maps import mean_factor
+from engine.render.map_sampler import mean_factor
 from engine.scene.primary_hits import object_ids, shading_frames
 from engine.scene.scene_loader import Scene
 from engine.transport.pipeline import Placement

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from engine.material.layer_maps import Images, LayerMaps
 from engine.material.strokes import Strokes
-from engine.render.canvas import Canvas, SeenMaps, mean_maps, spread_points
+from engine.render.map_canvas import Canvas, MapSamples, mean_maps, spread_points
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import Intersections, RayCaster
@@ -23,7 +23,7 @@ from engine.texture.stroke_painting import PaintedPoints
 Float64Array = NDArray[np.float64]
 _MOST_KEPT = 4
 
-__all__ = ["MapSampler", "SeenMaps", "look_up", "mean_factor", "mean_maps", "painted", "sample_images", "uvs_at"]
+__all__ = ["MapSampler", "MapSamples", "look_up_images", "mean_factor", "mean_maps", "paint_weights", "sample_images", "uvs_at"]
 
 
 class MapSampler:
@@ -35,9 +35,9 @@ class MapSampler:
         self._footprints: dict[int, tuple[Float64Array, Float64Array, Float64Array]] = {}
         self._sampled: dict[tuple[object, ...], NDArray[np.float32]] = {}
 
-    def see(self, i_object: int, images: Images) -> SeenMaps:
+    def see(self, i_object: int, images: Images) -> MapSamples:
         """A layer's images at all points of its object that the eye sees. Raises LoadError."""
-        return self.canvas(i_object, images).see(images.strokes)
+        return self.canvas(i_object, images).paint(images.strokes)
 
     def canvas(self, i_object: int, images: Images) -> Canvas:
         """What the strokes on a layer's images are painted on. Raises LoadError."""
@@ -52,7 +52,7 @@ class MapSampler:
             shares = self._samples(i_object, (weight,), weight, (1.0, 1.0))[:, 0]
         spread = spread_points(scene, i_object, images, texture, weight)
         return Canvas(
-            SeenMaps(colours, shares, spread.means(spread.weight)), self._hits, i_object, spread, scene.origin
+            MapSamples(colours, shares, spread.means(spread.weight)), self._hits, i_object, spread, scene.origin
         )
 
     def _samples(
@@ -70,12 +70,12 @@ class MapSampler:
         return self._sampled[key]
 
 
-def look_up(images: Images, store: TextureStore, uv: Float64Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def look_up_images(images: Images, store: TextureStore, uv: Float64Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Texture (N, 3) and weight (N,) at coordinates (N, 2), between texels and without any filter, nor strokes."""
     return sample_images(images, store, len(uv), lambda image, repeats: image.at(uv * np.array(repeats)))
 
 
-def painted(scene: Scene, found: Intersections, strokes: Strokes, weight: NDArray[np.float32]) -> NDArray[np.float32]:
+def paint_weights(scene: Scene, found: Intersections, strokes: Strokes, weight: NDArray[np.float32]) -> NDArray[np.float32]:
     """The weights (N,) of what rays found, under strokes."""
     if not strokes:
         return weight

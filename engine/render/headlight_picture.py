@@ -1,4 +1,4 @@
-"""Objects in light from the eye (`plain_shading`), as any camera sees them: what moves before anything is computed."""
+"""Objects in light from the eye (`headlight_shading`), as any camera sees them: what moves before anything is computed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.layer import Layer
-from engine.render.plain_shading import plain_colour, plain_radiance
+from engine.render.headlight_shading import headlight_colour, headlight_radiance
 from engine.scene.primary_hits import trace_primary_steps
 from engine.scene.scene_loader import Scene
 from engine.scene.picture_frame import picture_frame
@@ -16,7 +16,7 @@ from engine.scene.raycaster import RayCaster
 from engine.transport.pipeline import SkyState
 
 
-def plain_picture(
+def headlight_picture(
     scene: Scene, caster: RayCaster, layers: Mapping[int, Sequence[Layer]], sky: SkyState, resolution: tuple[int, int]
 ) -> Generator[None, None, NDArray[np.float32]]:
     """The radiance (H, W, 3) of a scene as its camera sees it, in resolution (width, height): its objects with these
@@ -31,5 +31,5 @@ def plain_picture(
     points = picture.reshape(-1, 3)
     for index, own in layers.items():
         rows = slice(*frame.object_ranges[index])
-        points[frame.pixel[rows]] = plain_radiance(plain_colour(own), frame.theta_o[rows])
+        points[frame.pixel[rows]] = headlight_radiance(headlight_colour(own), frame.theta_o[rows])
     return picture

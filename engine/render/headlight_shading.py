@@ -15,23 +15,23 @@ from numpy.typing import NDArray
 from engine.material.layer import Layer
 
 _SIDE = 24
-_EYE = 0.5  # radians between the normal and the eye for which a colour is found
+_CAMERA_COSINE = 0.5  # radians between the normal and the eye for which a colour is found
 _SHARPEST = 6.0  # decades that the halfway vectors of lobes go down to, in sin² of their angle
-_UNREAD = 0.5  # of what is known by a file that the window does not read
+_UNREAD_ALBEDO = 0.5  # of what is known by a file that the window does not read
 _FACING, _AROUND = 0.75, 0.25
 
 
-def plain_colour(layers: Iterable[Layer]) -> NDArray[np.float64]:
+def headlight_colour(layers: Iterable[Layer]) -> NDArray[np.float64]:
     """How much of white light from all around the layers reflect, (3,), each channel at most 1: rough, for a glance."""
     wi, weight = _directions()
-    wo = np.broadcast_to([np.sin(_EYE), 0.0, np.cos(_EYE)], wi.shape)
+    wo = np.broadcast_to([np.sin(_CAMERA_COSINE), 0.0, np.cos(_CAMERA_COSINE)], wi.shape)
     total = np.zeros(3)
     for layer in layers:
-        total += _UNREAD if layer.model.needs_file else weight @ layer.brdf(wi, wo)
+        total += _UNREAD_ALBEDO if layer.model.needs_file else weight @ layer.brdf(wi, wo)
     return np.clip(total, 0.0, 1.0)
 
 
-def plain_radiance(colour: NDArray[np.float64], theta_o: NDArray[np.floating]) -> NDArray[np.float32]:
+def headlight_radiance(colour: NDArray[np.float64], theta_o: NDArray[np.floating]) -> NDArray[np.float32]:
     """Radiance (p, 3) where the normal is at these angles (p,), in radians, to the eye."""
     shade = _AROUND + _FACING * np.cos(theta_o)
     return np.asarray(shade[:, None] * colour, np.float32)
@@ -47,7 +47,7 @@ def _directions() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     u, v = (np.arange(_SIDE) + 0.5) / _SIDE, 2 * np.pi * (np.arange(_SIDE) + 0.5) / _SIDE
     sine_squared, azimuth = (each.ravel() for each in np.meshgrid(u, v))
     even = _about_z(sine_squared, azimuth)
-    wo = np.array([np.sin(_EYE), 0.0, np.cos(_EYE)])
+    wo = np.array([np.sin(_CAMERA_COSINE), 0.0, np.cos(_CAMERA_COSINE)])
     halfway = _about_z(10.0 ** (-_SHARPEST * (1.0 - sine_squared)), azimuth)
     mirrored = 2.0 * (halfway @ wo)[:, None] * halfway - wo
     wi = np.concatenate([even, mirrored[mirrored[:, 2] > 0.0]])

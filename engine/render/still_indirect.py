@@ -79,7 +79,7 @@ def reflected_light(
     pairs = list(zip(layers, reflecting, strict=True))
     plain = np.zeros((len(gather_points), 3), np.float32)
     for i, (each, layer) in enumerate(pairs):
-        if each.seen is None:
+        if each.maps is None:
             plain += at_points(i, layer)
     total = at_pixels(plain)
     for i, (each, layer) in enumerate(pairs):
