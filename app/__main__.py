@@ -68,12 +68,12 @@ def _started_worker() -> StartedWorker | None:
 def main() -> int:
     """Run the program on its command line; the exit status: 0, 1 (the work failed), 2 (usage), 130 (Ctrl-C)."""
     try:
-        from app.cli.console import guarded, speak_of_anything
+        from app.cli.console import run_guarded, escape_unprintable
         from app.machine.kernel_cache import use_kernel_cache
 
-        speak_of_anything()
+        escape_unprintable()
         use_kernel_cache()
-        return guarded(lambda: _run(sys.argv[1:]))
+        return run_guarded(lambda: _run(sys.argv[1:]))
     except KeyboardInterrupt:
         return INTERRUPTED
 

@@ -19,7 +19,7 @@ from typing import TypeVar
 from app.machine.atomic import private_opener
 from app.machine.paths import log_directory
 
-REST_SECONDS = 1.0
+RETRY_SECONDS = 1.0
 _LARGEST_LOG = 1 << 20
 Result = TypeVar("Result")
 
@@ -32,7 +32,7 @@ class _Fault:
     made_of: tuple[object, ...] | None
     until: float
 
-    def silences(self, error: str, now: float) -> bool:
+    def suppresses(self, error: str, now: float) -> bool:
         """Whether that error need not be told, since it was just now."""
         return self.error == error and (self.made_of is not None or now < self.until)
 
@@ -42,7 +42,7 @@ class Barrier:
 
     def __init__(self, holds: bool = False, clock: Callable[[], float] = time.monotonic) -> None:
         self.holds = holds
-        self.tell: Callable[[str], None] = lambda line: None
+        self.on_fault: Callable[[str], None] = lambda line: None
         self._clock = clock
         self._faults: dict[str, _Fault] = {}
 
@@ -56,30 +56,30 @@ class Barrier:
         """
         if not self.holds:
             return work()
-        if made_of is not None and self._rests(part, made_of):
+        if made_of is not None and self._is_suspended(part, made_of):
             return otherwise
         try:
             result = work()
         except Exception as error:
-            self._fell(part, error, made_of)
+            self._record_fault(part, error, made_of)
             return otherwise
         if made_of is not None:
             self._faults.pop(part, None)
         return result
 
-    def _rests(self, part: str, made_of: tuple[object, ...]) -> bool:
+    def _is_suspended(self, part: str, made_of: tuple[object, ...]) -> bool:
         fault = self._faults.get(part)
         return fault is not None and fault.made_of == made_of and self._clock() < fault.until
 
-    def _fell(self, part: str, error: Exception, made_of: tuple[object, ...] | None) -> None:
+    def _record_fault(self, part: str, error: Exception, made_of: tuple[object, ...] | None) -> None:
         now, said = self._clock(), f"{type(error).__name__}: {error}"
         before = self._faults.get(part)
-        self._faults[part] = _Fault(said, made_of, now + REST_SECONDS)
-        if before is None or not before.silences(said, now):
-            self.tell(f"{part} failed: a defect of Insitu. Your edits are safe; undo the last one{_kept(part, error)}")
+        self._faults[part] = _Fault(said, made_of, now + RETRY_SECONDS)
+        if before is None or not before.suppresses(said, now):
+            self.on_fault(f"{part} failed: a defect of Insitu. Your edits are safe; undo the last one{_log_fault(part, error)}")
 
 
-def _kept(part: str, error: Exception) -> str:
+def _log_fault(part: str, error: Exception) -> str:
     """Append the traceback to the log; words that say where it is."""
     try:
         path = log_directory() / "window.log"
@@ -88,10 +88,10 @@ def _kept(part: str, error: Exception) -> str:
             file.write(f"{datetime.now():%Y-%m-%d %H:%M:%S} {part}\n{''.join(traceback.format_exception(error))}\n")
     except OSError:
         return ""
-    return f" (for a report: {_short(path)})"
+    return f" (for a report: {_display_path(path)})"
 
 
-def _short(path: Path) -> str:
+def _display_path(path: Path) -> str:
     """A path as a person writes it."""
     home = Path.home()
     return f"~/{path.relative_to(home)}" if path.is_relative_to(home) else str(path)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from app.linked_layers import FRESNEL_NAME, Layers, alike
+from app.linked_layers import FRESNEL_NAME, Layers, synchronize_layers
 from engine.errors import LoadError
 from engine.material import MODELS
 from engine.material.layer import Layer
@@ -32,7 +32,7 @@ def layers_from_descriptions(file: str, name: str, described: Sequence[LayerDesc
             lead = _leader(file, key, each.follows, found)
             if found[i] is None:
                 found[lead], found[i] = _two_terms(file, key, each, found[lead])
-    return alike(tuple(layer for layer in found if layer is not None))
+    return synchronize_layers(tuple(layer for layer in found if layer is not None))
 
 
 def _plain(file: str, key: str, described: LayerDescription) -> Layer:

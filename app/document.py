@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 from app.described_layers import layers_from_descriptions
-from app.linked_layers import group_of, with_layer
+from app.linked_layers import linked_indices, with_layer
 from app.machine.paths import is_file_name
 from engine.deform.deformers import KINDS
 from engine.deform.pose import Deformation, Moment, Poses, Motion, without_identity
@@ -90,7 +90,7 @@ class ObjectState:
     new_surface: DeformSurface | None = None
 
     @property
-    def row(self) -> Motion:
+    def motion_stack(self) -> Motion:
         """All that it goes through."""
         return self.deformations if self.moment is None else (self.moment, *self.deformations)
 
@@ -136,14 +136,14 @@ class Document:
     """A scene's materials, light and poses. ``source`` is a built-in scene's name or the path of a scene file.
 
     ``first_bands``: J of the sharpest curves at the first bounce from the eye; None as many as are planned.
-    ``overrules``: the lines of the plan that a person has set, by name, and what to.
+    ``overrides``: the lines of the plan that a person has set, by name, and what to.
     """
 
     source: str
     objects: tuple[ObjectState, ...] = ()
     light: LightState = LightState()
     first_bands: int | None = None
-    overrules: tuple[tuple[str, LineValue], ...] = ()
+    overrides: tuple[tuple[str, LineValue], ...] = ()
 
     def object(self, name: str) -> ObjectState:
         """The object called ``name``; InsituError with the names there are when it is not there."""
@@ -178,12 +178,12 @@ class Document:
         """Whether the layer, one that shares its curves, or the object it belongs to, refuses edits."""
         name, index = split_key(self, key)
         state = self.object(name)
-        return state.frozen or any(state.layers[i].frozen for i in group_of(state.layers, index))
+        return state.frozen or any(state.layers[i].frozen for i in linked_indices(state.layers, index))
 
     @property
     def poses(self) -> Poses:
         """What all objects go through that are not as the scene's file has them, by name."""
-        return without_identity([(state.name, state.row) for state in self.objects])
+        return without_identity([(state.name, state.motion_stack) for state in self.objects])
 
     @property
     def new_bumps(self) -> BumpsByObject:

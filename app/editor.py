@@ -19,44 +19,44 @@ from typing import Any, Protocol
 from app.barrier import Barrier
 from app.commands import EditCommand
 from app.commands.material import SetMaterial
-from app.decided import decided_view
+from app.effective_settings import effective_view
 from app.document import Document, Selection
 from app.export.names import written_names
 from app.files.journal import Journal, Recovery
-from app.files.session_keeper import SessionKeeper
+from app.files.session_keeper import SessionStore
 from app.history import History
-from app.looks import Looks
+from app.camera_history import CameraHistory
 from app.machine.atomic import require_folder, require_place
-from app.machine.inputs import note_inputs
-from app.machine.paths import is_file_name, spoken_name
+from app.machine.inputs import add_inputs
+from app.machine.paths import is_file_name, display_name
 from app.messages import (
-    Cancel,
-    Failed,
+    CancelRequests,
+    RequestFailed,
     FilesWritten,
     MeasurementsRead,
-    Noted,
+    WorkerWarnings,
     Progress,
     Request,
     Response,
     SceneOpened,
-    SceneSeen,
+    ViewTraced,
     SkyImage,
-    TableHandedOut,
+    TableFetched,
     WorkerRestarted,
 )
-from app.mode import Kept, Mode, ModeTalk
+from app.mode import Shared, Mode, ModeController
 from app.modes import MODES
 from app.named_files import files_of_document
 from app.opening import Opening
-from app.picture import PictureEvent
+from app.picture_events import PictureEvent
 from app.player import Player
-from app.reading import Reading, describe_reading, import_measured
-from app.scene_talk import SceneTalk
-from app.selecting import next_choice, next_operator, seen_layer, selection_of
-from app.status import Gauges, Status
-from app.table_talk import TableTalk
+from app.measured_import import PendingMeasurement, describe_reading, import_measured
+from app.scene_controller import SceneController
+from app.selection import selection_after_edit, operator_after_edit, layer_shown, selection_of
+from app.editor_status import StatusMetrics, Status
+from app.table_controller import TableController
 from app.view_state import OpenPanel, SetView, ViewCommand, ViewState
-from app.writing import written_material, written_scene
+from app.export_requests import material_export_request, scene_export_request
 from engine.errors import InsituError, plain_line
 from engine.planner import planned_edge_rays
 
@@ -104,23 +104,23 @@ class Editor:
         modes: Sequence[Mode] = MODES,
     ) -> None:
         self.barrier = barrier or Barrier()
-        self.barrier.tell = partial(self.notify, is_error=True)
+        self.barrier.on_fault = partial(self.notify, is_error=True)
         self.history = History(Document(source))
         self.view = self._view_before_drag = ViewState()
         self.resolution = resolution
-        self.gauges = Gauges()
+        self.metrics = StatusMetrics()
         self._client = client
-        self._keeper = SessionKeeper(journal)
-        self._reading = Reading(client.send)
-        self._tables = TableTalk(client.send)
-        self.scenes = SceneTalk(self, self._keeper)
-        self.looks = Looks(self, self.scenes.tracing)
+        self._keeper = SessionStore(journal)
+        self._reading = PendingMeasurement(client.send)
+        self._tables = TableController(client.send)
+        self.scenes = SceneController(self, self._keeper)
+        self.camera_history = CameraHistory(self, self.scenes.tracing)
         self.player = Player(self)
         self._cancelled = -1
-        self._kept: dict[type, Any] = {}
+        self._shared: dict[type, Any] = {}
         self.modes = tuple(modes)
         self.mode = self.modes[0]
-        self.talk: ModeTalk = self.mode.talk(self)
+        self.controller: ModeController = self.mode.controller(self)
         self.open(source)
 
     # ------------------------------------------------------------------------------------------------------- document
@@ -144,7 +144,7 @@ class Editor:
         try:
             if isinstance(command, SetView | OpenPanel):
                 self.view = command.apply(self.view)
-            elif self._reading.postpones(command, self.document):
+            elif self._reading.defer_command(command, self.document):
                 return None
             elif self.history.do(command, merge_key):
                 self._document_changed(before, command)
@@ -165,26 +165,26 @@ class Editor:
         if self.history.dragging:
             self.history.end_drag()
             self.scenes.tracing.hand_released()
-            self.talk.hand_released()
+            self.controller.drag_ended()
 
     def cancel_drag(self) -> None:
         """Take back the drag under way, the camera's, too; the curve's handles stand for the operator that they stood
         for before it."""
-        self.looks.cancel_drag()
+        self.camera_history.cancel_drag()
         if self.history.dragging:
             self.history.cancel_drag()
             before = self._view_before_drag
             self.view = replace(self.view, operator=before.operator, regions=before.regions)
-            self.talk.hand_released()
+            self.controller.drag_ended()
             self.document_changed()
 
     def undo(self) -> str | None:
         """One step back; the label of what was undone, None when there was nothing."""
-        return self._stepped(self.history.undo, "undone")
+        return self._describe_step(self.history.undo, "undone")
 
     def redo(self) -> str | None:
         """One step forward; the label of what was redone, None when there was nothing."""
-        return self._stepped(self.history.redo, "redone")
+        return self._describe_step(self.history.redo, "redone")
 
     def select(self, path: str | Selection | None) -> str | None:
         """Select an object, layer or curve; of an object its last layer, of a layer its first curve.
@@ -197,17 +197,17 @@ class Editor:
             return self._refuse(str(error))
         if selected != self.view.selected:
             self.view = replace(self.view, selected=selected, operator=None, curve_zoom=None)
-            self.talk.edited()
+            self.controller.edited()
         return None
 
     def notify(self, text: str, is_error: bool = False) -> None:
         """Put one line into ``status.message``."""
-        self.gauges.notify(text, is_error)
+        self.metrics.notify(text, is_error)
 
-    def say_once(self, note: str) -> None:
+    def notify_once(self, note: str) -> None:
         """What is worth a word when it first comes up in a scene."""
-        if note and plain_line(note) not in self.gauges.notes:
-            self.gauges.note(note)
+        if note and plain_line(note) not in self.metrics.notes:
+            self.metrics.note(note)
             self.notify(note)
 
     # ---------------------------------------------------------------------------------------------------------- files
@@ -218,7 +218,7 @@ class Editor:
         return self.scene_is_open and self._keeper.unsaved(self.document, self.view)
 
     @property
-    def described(self) -> Document:
+    def scene_document(self) -> Document:
         """The document as the scene's own file describes it."""
         opened = self.scenes.opened
         return self.document if opened is None else opened.described
@@ -264,7 +264,7 @@ class Editor:
     @property
     def name(self) -> str:
         """What a person calls what is open."""
-        return spoken_name(str(self.session_path or self.document.source))
+        return display_name(str(self.session_path or self.document.source))
 
     def give_up_unsaved(self) -> None:
         """Keep what is unsaved neither in a session nor in the journal; undo still has it."""
@@ -286,13 +286,13 @@ class Editor:
 
     def cancel_work(self) -> None:
         """Stop the worker; what it has delivered stays on screen, until `resume_work` or another light or roughness."""
-        self._cancelled = self._client.send(Cancel())
-        self.talk.cancelled()
-        self._reading.forget()
+        self._cancelled = self._client.send(CancelRequests())
+        self.controller.cancelled()
+        self._reading.cancel()
         self.scenes.give_up()
-        self.gauges.progress = None
-        self.gauges.stopped = not self.status.is_finished
-        self.notify(STOPPED if self.gauges.stopped else "stopped")
+        self.metrics.progress = None
+        self.metrics.stopped = not self.status.is_finished
+        self.notify(STOPPED if self.metrics.stopped else "stopped")
 
     def import_measured(self, path: Path, cloth: bool = False) -> str | None:
         """Make the selected object of what a file measured, once the worker has read it, of two layers or as `cloth` of
@@ -307,13 +307,13 @@ class Editor:
 
     def export_measured(self, path: Path) -> str | None:
         """Have the selected object's material written as a MERL file; None, or one line that says why not."""
-        if seen_layer(self.document, self.view.selected) is None or self.view.selected is None:
+        if layer_shown(self.document, self.view.selected) is None or self.view.selected is None:
             return self._refuse(f"{path.name}: no object is selected whose material could be written")
         try:
             require_place(path)
         except InsituError as error:
             return self._refuse(str(error))
-        self._client.send(written_material(path, self.document, self.view.selected.object))
+        self._client.send(material_export_request(path, self.document, self.view.selected.object))
         return None
 
     def export_scene(self, folder: Path) -> str | None:
@@ -324,7 +324,7 @@ class Editor:
             require_folder(folder, written_names([state.name for state in self.document.objects]))
         except InsituError as error:
             return self._refuse(str(error))
-        self._client.send(written_scene(folder, self.document, self.view))
+        self._client.send(scene_export_request(folder, self.document, self.view))
         return None
 
     @property
@@ -334,9 +334,9 @@ class Editor:
 
     def resume_work(self) -> None:
         """Ask again for what was stopped or failed: the picture, or where none is open yet the scene."""
-        self.gauges.stopped = False
-        if not self.scenes.open_again():
-            self.talk.resume()
+        self.metrics.stopped = False
+        if not self.scenes.reopen():
+            self.controller.resume()
 
     # -------------------------------------------------------------------------------------------------------- picture
 
@@ -350,19 +350,19 @@ class Editor:
         for response in run("The talk with the worker", partial(self._client.poll, POLL_SECONDS), silence, ()):
             events = events + run("An answer of the worker", partial(self._take, response), none)
         if self.scene_is_open:
-            view = decided_view(self.view, self.document)
+            view = effective_view(self.view, self.document)
             self.scenes.update(now, view)
             made_of = self.document, view
-            update = partial(self.talk.update, now, *made_of)
+            update = partial(self.controller.update, now, *made_of)
             events = events + run("What follows an edit", update, none, made_of)
-            run("The journal", partial(self._keep, now), None, made_of)
-        self.gauges.stopped &= not (self.talk.is_running or self.status.is_finished)
-        self.gauges.measure_memory(now, self._client.pid)
+            run("The journal", partial(self._autosave, now), None, made_of)
+        self.metrics.stopped &= not (self.controller.is_running or self.status.is_finished)
+        self.metrics.measure_memory(now, self._client.pid)
         return events
 
-    def kept(self, kind: type[Kept]) -> Kept:
-        """What talks leave to those after them, see `app.mode.Desk`."""
-        found: Kept = self._kept.setdefault(kind, kind())
+    def shared_state(self, kind: type[Shared]) -> Shared:
+        """What talks leave to those after them, see `app.mode.EditorServices`."""
+        found: Shared = self._shared.setdefault(kind, kind())
         return found
 
     def send(self, request: Request) -> int:
@@ -370,27 +370,27 @@ class Editor:
         return self._client.send(request)
 
     @property
-    def tables(self) -> TableTalk:
+    def tables(self) -> TableController:
         """The samples of measurements, which the BRDF panel shows."""
         return self._tables
 
     def reload_images(self, key: str) -> None:
         """Read the images of a layer again, where they have been painted on in another program."""
-        self.talk.reload_images(key)
+        self.controller.reload_images(key)
 
     @property
-    def answer_arrives(self) -> bool:
+    def response_arriving(self) -> bool:
         """Whether an answer is here but for a check that goes on with the next `tick`: there is no need to wait."""
         return self._client.arriving
 
     @property
     def status(self) -> Status:
         """The truth about what is on screen."""
-        status = self.gauges.status(self._client.alive)
+        status = self.metrics.status(self._client.alive)
         opened = self.scenes.opened
         planned_edges = 0 if opened is None else planned_edge_rays(opened.description)
         status = replace(status, is_away=self.scenes.tracing.is_away, planned_edges=planned_edges)
-        return self.talk.status(status)
+        return self.controller.status(status)
 
     # -------------------------------------------------------------------------------------------------------- answers
 
@@ -399,40 +399,40 @@ class Editor:
         match response:
             case SceneOpened():
                 self.scenes.take_loaded(response)
-            case SceneSeen():
-                return self.scenes.take_seen(response)
+            case ViewTraced():
+                return self.scenes.take_traced(response)
             case Progress():
                 if response.id > self._cancelled:  # else it was on its way when the work was stopped
-                    self.gauges.progress = response
-            case Failed():
+                    self.metrics.progress = response
+            case RequestFailed():
                 self.take_failure(response)
             case MeasurementsRead():
                 self._take_measurements(response)
-            case TableHandedOut():
-                self.gauges.progress = None
-                self._tables.took(response)
+            case TableFetched():
+                self.metrics.progress = None
+                self._tables.receive(response)
             case FilesWritten():
-                self.gauges.progress = None
+                self.metrics.progress = None
                 self.notify("; ".join((f"written {response.path}", *response.notes)))
-            case Noted():
-                self.gauges.note(*response.lines)
+            case WorkerWarnings():
+                self.metrics.note(*response.lines)
                 self.notify("; ".join(response.lines), True)
             case SkyImage() if response.id == self.scenes.tracing.id:
                 return self.scenes.take_sky(response)
             case WorkerRestarted():
-                self.talk.worker_restarted()
+                self.controller.worker_restarted()
                 self.notify(
                     f"computing stopped ({response.reason}) and was started again; your edits are untouched", True
                 )
             case _:
-                return self.talk.take(response)
+                return self.controller.receive(response)
         return []
 
-    def forget_picture(self, notes: tuple[str, ...]) -> None:
+    def picture_voided(self, notes: tuple[str, ...]) -> None:
         """The worker sees another scene, or the same in another way."""
-        gauges = self.gauges
-        self.gauges = Gauges(message_number=gauges.message_number, memory_mb=gauges.memory_mb)
-        self.gauges.note(*notes)
+        gauges = self.metrics
+        self.metrics = StatusMetrics(message_number=gauges.message_number, memory_mb=gauges.memory_mb)
+        self.metrics.note(*notes)
         self._tables.scene_opened()
 
     def _follow_mode(self) -> list[PictureEvent]:
@@ -444,45 +444,45 @@ class Editor:
             self.view = replace(self.view, mode=self.mode.name)
             return []
         self.player.pause()
-        self.talk.left()
-        self.mode, self.talk, self.gauges.progress = chosen, chosen.talk(self), None
-        return self.scenes.tell(self.talk)
+        self.controller.deactivated()
+        self.mode, self.controller, self.metrics.progress = chosen, chosen.controller(self), None
+        return self.scenes.announce_scene(self.controller)
 
     def _take_measurements(self, response: MeasurementsRead) -> None:
         """Carry out the edit that waited for them."""
-        self.gauges.progress = None
-        command = self._reading.took(response)
+        self.metrics.progress = None
+        command = self._reading.complete_edit(response)
         if command is None:
             return
-        self.talk.learn(zip(command.layers, response.planned, strict=False))
+        self.controller.add_band_plans(zip(command.layers, response.planned, strict=False))
         if self.do(command) is None:
             self.select(command.object)
             self.notify(describe_reading(command.layers))
 
-    def take_failure(self, response: Failed) -> None:
+    def take_failure(self, response: RequestFailed) -> None:
         """What was asked for under its number will not come."""
-        self.gauges.progress = None
-        if self._tables.took_failure(response):
+        self.metrics.progress = None
+        if self._tables.receive_failure(response):
             return
-        self._reading.forget(response.id)
-        self.talk.take(response)
+        self._reading.cancel(response.id)
+        self.controller.receive(response)
         self.scenes.take_failure(response)
         self.notify(response.line, True)
 
     # ----------------------------------------------------------------------------------------------------------- parts
 
     def _open(self, opening: Opening) -> None:
-        self._reading.forget()
+        self._reading.cancel()
         self.scenes.open(opening)
 
-    def _keep(self, now: float) -> None:
-        problem = self._keeper.keep(now, self.document, self.view)
-        if problem and problem != self.gauges.message:
+    def _autosave(self, now: float) -> None:
+        problem = self._keeper.autosave(now, self.document, self.view)
+        if problem and problem != self.metrics.message:
             self.notify(problem, True)
 
-    def played(self, before: Document) -> None:
+    def playback_stopped(self, before: Document) -> None:
         """An animation stopped at another time than that of the document `before`."""
-        self._keeper.played(before, self.document)
+        self._keeper.rebase_saved(before, self.document)
         self._document_changed()
 
     def document_changed(self) -> None:
@@ -491,18 +491,18 @@ class Editor:
 
     def _document_changed(self, before: Document | None = None, command: EditCommand | None = None) -> None:
         """Whoever compares is told. before: what it was, where the selected operator is to be followed."""
-        note_inputs(files_of_document(self.document, before))
-        self.talk.edited(command)
+        add_inputs(files_of_document(self.document, before))
+        self.controller.edited(command)
         selected = self.view.selected
-        if selected is not None and (choice := next_choice(self.document, selected)) != selected:
+        if selected is not None and (choice := selection_after_edit(self.document, selected)) != selected:
             self.select(choice)
         elif before is not None:
-            operator = next_operator(before, self.document, selected, self.view.operator)
+            operator = operator_after_edit(before, self.document, selected, self.view.operator)
             self.view = replace(self.view, operator=operator)
 
-    def _stepped(self, step: Callable[[], str | None], what: str) -> str | None:
+    def _describe_step(self, step: Callable[[], str | None], what: str) -> str | None:
         before, label = self.document, step()
-        self.talk.hand_released()
+        self.controller.drag_ended()
         if label is not None:
             self._document_changed(before)
             self.notify(f"{what}: {label}")

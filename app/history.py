@@ -12,35 +12,35 @@ from dataclasses import dataclass, field
 from typing import Generic, Protocol, TypeVar
 
 MAX_STEPS = 1000
-Kept = TypeVar("Kept")
+Value = TypeVar("Value")
 
 
-class Command(Protocol[Kept]):
+class Command(Protocol[Value]):
     """An edit: makes a new value, or raises InsituError and leaves all as it was."""
 
     @property
     def label(self) -> str: ...
 
-    def apply(self, document: Kept, /) -> Kept: ...
+    def apply(self, document: Value, /) -> Value: ...
 
 
 @dataclass(frozen=True)
-class HistoryStep(Generic[Kept]):
+class HistoryStep(Generic[Value]):
     """The value to go back (or forward) to, and what the person calls the edit between."""
 
-    document: Kept
+    document: Value
     label: str
 
 
 @dataclass
-class History(Generic[Kept]):
+class History(Generic[Value]):
     """The present document (or view) and the steps around it."""
 
-    document: Kept
-    undo_steps: list[HistoryStep[Kept]] = field(default_factory=list)
-    redo_steps: list[HistoryStep[Kept]] = field(default_factory=list)
+    document: Value
+    undo_steps: list[HistoryStep[Value]] = field(default_factory=list)
+    redo_steps: list[HistoryStep[Value]] = field(default_factory=list)
     _merge_key: str | None = None
-    _drag: Drag[Kept] | None = None
+    _drag: Drag[Value] | None = None
 
     @property
     def dragging(self) -> bool:
@@ -55,7 +55,7 @@ class History(Generic[Kept]):
     def redo_label(self) -> str | None:
         return self.redo_steps[-1].label if self.redo_steps else None
 
-    def do(self, command: Command[Kept], merge_key: str | None = None) -> bool:
+    def do(self, command: Command[Value], merge_key: str | None = None) -> bool:
         """Apply a command; whether the document changed.
 
         Within a drag, and among consecutive commands with the same ``merge_key``, only the first makes a step.
@@ -72,7 +72,7 @@ class History(Generic[Kept]):
         self.document = changed
         return True
 
-    def amend(self, command: Command[Kept]) -> None:
+    def apply_unrecorded(self, command: Command[Value]) -> None:
         """Apply a command that is no step of its own. Raises what it raises; nothing changes then."""
         self.document, self._merge_key = command.apply(self.document), None
 
@@ -101,14 +101,14 @@ class History(Generic[Kept]):
         """Go one step forward again; its label, or None."""
         return self._move(self.redo_steps, self.undo_steps)
 
-    def retract(self, is_harmless: Callable[[Kept], bool]) -> bool:
+    def retract(self, is_harmless: Callable[[Value], bool]) -> bool:
         """Make the last step as if it had never been, where the document before it is one to go back to."""
         if self._drag is not None or not self.undo_steps or not is_harmless(self.undo_steps[-1].document):
             return False
         self.document, self._merge_key = self.undo_steps.pop().document, None
         return True
 
-    def _move(self, source: list[HistoryStep[Kept]], destination: list[HistoryStep[Kept]]) -> str | None:
+    def _move(self, source: list[HistoryStep[Value]], destination: list[HistoryStep[Value]]) -> str | None:
         self.end_drag()
         if not source:
             return None
@@ -117,15 +117,15 @@ class History(Generic[Kept]):
         self.document = step.document
         return step.label
 
-    def _push(self, before: Kept, label: str) -> None:
+    def _push(self, before: Value, label: str) -> None:
         self.undo_steps.append(HistoryStep(before, label))
         del self.undo_steps[:-MAX_STEPS]
         self.redo_steps.clear()
 
 
 @dataclass
-class Drag(Generic[Kept]):
+class Drag(Generic[Value]):
     """A drag under way: the value it began from, and its name (the first command's unless given)."""
 
-    start: Kept
+    start: Value
     label: str | None = None

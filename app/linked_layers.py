@@ -24,7 +24,7 @@ Layers = tuple[Layer, ...]
 FRESNEL_NAME = "fresnel"
 
 
-def group_of(layers: Sequence[Layer], index: int) -> tuple[int, ...]:
+def linked_indices(layers: Sequence[Layer], index: int) -> tuple[int, ...]:
     """Indices of the layers that share curves with this one, itself included; the one that leads stands first."""
     lead = layers[index].follows or layers[index].name
     followers = [i for i, layer in enumerate(layers) if layer.follows == lead]
@@ -40,7 +40,7 @@ def with_layer(layers: Layers, index: int, changed: Layer) -> Layers:
     """
     found = [*layers]
     found[index] = changed
-    group = group_of(layers, index)
+    group = linked_indices(layers, index)
     lead = group[0]
     if changed.rises:
         found[lead] = layers[lead].with_curves_of(changed)
@@ -58,9 +58,9 @@ def with_layer(layers: Layers, index: int, changed: Layer) -> Layers:
     return tuple(found)
 
 
-def alike(layers: Layers) -> Layers:
+def synchronize_layers(layers: Layers) -> Layers:
     """The layers, those that follow with the curves of the one they follow."""
-    leads = [layers[group_of(layers, index)[0]] for index in range(len(layers))]
+    leads = [layers[linked_indices(layers, index)[0]] for index in range(len(layers))]
     return tuple(each if each is lead else each.with_curves_of(lead) for each, lead in zip(layers, leads, strict=True))
 
 
@@ -71,7 +71,7 @@ def with_fresnel(layers: Layers, index: int) -> Layers:
         return layers
     if layer.follows:
         raise InsituError(
-            f"{layer.title} follows {layers[group_of(layers, index)[0]].title}; give that layer the Fresnel term"
+            f"{layer.title} follows {layers[linked_indices(layers, index)[0]].title}; give that layer the Fresnel term"
         )
     strength = _strength(layer)
     fresnel: object = FRESNEL.default
@@ -86,7 +86,7 @@ def with_fresnel(layers: Layers, index: int) -> Layers:
 
 def without_fresnel(layers: Layers, index: int) -> Layers:
     """The layers without the Fresnel term of one of them (or that is the one): R goes back into its colour."""
-    lead = group_of(layers, index)[0]
+    lead = linked_indices(layers, index)[0]
     layer = layers[lead]
     if layer.fresnel is None:
         return layers

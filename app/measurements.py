@@ -42,22 +42,22 @@ def measured_files(layers: Iterable[Layer]) -> tuple[tuple[str, int], ...]:
     return tuple(dict.fromkeys((each.file, each.number) for each in found if each is not None and each.is_read))
 
 
-def with_read(layers: Layers, found: Mapping[str, Measurement]) -> Layers:
+def with_measurements(layers: Layers, found: Mapping[str, Measurement]) -> Layers:
     """The layers with what was read of their files."""
     return tuple(_with_measurement(layer, found) for layer in layers)
 
 
-def document_with_read(document: Document, found: Mapping[str, Measurement]) -> Document:
+def document_with_measurements(document: Document, found: Mapping[str, Measurement]) -> Document:
     """The document with what was read of its layers' files."""
     if not found:
         return document
-    return replace(document, objects=tuple(replace(o, layers=with_read(o.layers, found)) for o in document.objects))
+    return replace(document, objects=tuple(replace(o, layers=with_measurements(o.layers, found)) for o in document.objects))
 
 
 def with_full_paths(layers: Layers, folder: Path) -> Layers:
     """The layers with files named from `folder` under their absolute names."""
     names = unread_files(layers)
-    return with_read(layers, {name: Measurement(full_path(name, folder)) for name in names})
+    return with_measurements(layers, {name: Measurement(full_path(name, folder)) for name in names})
 
 
 def _with_measurement(layer: Layer, found: Mapping[str, Measurement]) -> Layer:

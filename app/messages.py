@@ -43,19 +43,19 @@ class Request(Message):
     """From the window to the worker; a newer request of one kind cancels the older, and what is built on that.
 
     What the two processes need to know of a kind it says itself. `built_on`: kinds that it means nothing without.
-    `quick`: it is served between the steps of long ones, which none of it may be; the lower number goes first; None:
-    it is a long one. `once`: answered once and for all, not again to a worker that is started anew. `alone`: nothing is
-    served before it is done, but what is served at `any_time`. `stops`: a person who stops the work means it as well.
-    `waited_for`: a person waits for the answer; of all others the processors are left to whoever wants them.
+    `priority`: it is served between the steps of long ones, which none of it may be; the lower number goes first; None:
+    it is a long one. `answered_once`: answered once and for all, not again to a worker that is started anew. `exclusive`: nothing is
+    served before it is done, but what is served at `served_anytime`. `is_stopped_by_user`: a person who stops the work means it as well.
+    `is_foreground`: a person waits for the answer; of all others the processors are left to whoever wants them.
     """
 
     built_on: ClassVar[tuple[type[Request], ...]] = ()
-    quick: ClassVar[int | None] = None
-    once: ClassVar[bool] = False
-    alone: ClassVar[bool] = False
-    any_time: ClassVar[bool] = False
-    stops: ClassVar[bool] = True
-    waited_for: ClassVar[bool] = True
+    priority: ClassVar[int | None] = None
+    answered_once: ClassVar[bool] = False
+    exclusive: ClassVar[bool] = False
+    served_anytime: ClassVar[bool] = False
+    is_stopped_by_user: ClassVar[bool] = True
+    is_foreground: ClassVar[bool] = True
 
     @classmethod
     def needs(cls, kind: type[Request]) -> bool:
@@ -74,13 +74,13 @@ class Request(Message):
 
 @dataclass(frozen=True)
 class OpenScene(Request):
-    """Load a scene; what was asked of the scene before is cancelled. It is open once it is seen: `LookFrom`.
+    """Load a scene; what was asked of the scene before is cancelled. It is open once it is seen: `SetCamera`.
 
     measured: files of measured BRDFs that are to be read besides those that the scene names; layers: those of a
     session, whose curves are planned as well.
     """
 
-    alone = True
+    exclusive = True
 
     source: str
     measured: tuple[str, ...] = ()
@@ -88,13 +88,13 @@ class OpenScene(Request):
 
 
 @dataclass(frozen=True)
-class LookFrom(Request):
+class SetCamera(Request):
     """Trace what the scene of this number (that of its `OpenScene`) shows from a camera, in so many pixels (width,
     height), None: as its file has them; with objects in these poses and under these bumps; so many rays go
-    through a pixel at an edge, None: as many as the scene requires. Answered by `SceneSeen`."""
+    through a pixel at an edge, None: as many as the scene requires. Answered by `ViewTraced`."""
 
     built_on = (OpenScene,)
-    alone = True
+    exclusive = True
 
     scene: int
     camera: Camera | None = None
@@ -113,21 +113,21 @@ class ReadMeasured(Request):
     """
 
     built_on = (OpenScene,)
-    quick = 6
-    once = True
+    priority = 6
+    answered_once = True
 
     files: tuple[str, ...]
     layers: tuple[Layer, ...] = ()
 
 
 @dataclass(frozen=True)
-class HandOutTable(Request):
+class FetchTable(Request):
     """Hand out the samples of a measured BRDF, read first where they are not there. number: what names them where
-    the file was read before, 0 for whatever it holds. Answered by `TableHandedOut`."""
+    the file was read before, 0 for whatever it holds. Answered by `TableFetched`."""
 
-    quick = 5
-    once = True
-    stops = False
+    priority = 5
+    answered_once = True
+    is_stopped_by_user = False
 
     file: str
     number: int = 0
@@ -139,8 +139,8 @@ class WriteFiles(Request):
     folder for Mitsuba 3, by so many bounces. Answered by `FilesWritten`."""
 
     built_on = (OpenScene,)
-    quick = 7
-    once = True
+    priority = 7
+    answered_once = True
 
     path: str
     layers: tuple[Layer, ...]
@@ -149,13 +149,13 @@ class WriteFiles(Request):
 
 
 @dataclass(frozen=True)
-class Cancel(Request):
+class CancelRequests(Request):
     """Drop what is running or waiting; an opened scene stays open. of: only these kinds, and what is built on them."""
 
     of: tuple[type[Request], ...] = ()
 
     def cancels(self, kind: type[Request]) -> bool:
-        return any(kind.needs(each) for each in self.of) if self.of else kind.stops
+        return any(kind.needs(each) for each in self.of) if self.of else kind.is_stopped_by_user
 
 
 @dataclass(frozen=True)
@@ -192,7 +192,7 @@ class SceneOpened(Response):
 
 
 @dataclass(frozen=True, eq=False)
-class SceneSeen(Response):
+class ViewTraced(Response):
     """What the camera sees; flaws: what is wrong with images of bumps, which are flat then, a line each."""
 
     frame: PictureFrame
@@ -208,8 +208,8 @@ class MeasurementsRead(Response):
 
 
 @dataclass(frozen=True, eq=False)
-class TableHandedOut(Response):
-    """The samples (90, 90, 180, 3) of a `HandOutTable`, 1/sr over theta_h, theta_d and phi_d, and what was fitted."""
+class TableFetched(Response):
+    """The samples (90, 90, 180, 3) of a `FetchTable`, 1/sr over theta_h, theta_d and phi_d, and what was fitted."""
 
     measurement: Measurement
     samples: NDArray[np.float32]
@@ -244,14 +244,14 @@ class Progress(Response):
 
 
 @dataclass(frozen=True)
-class Failed(Response):
+class RequestFailed(Response):
     """The request was given up; `line` is one sentence for the person."""
 
     line: str
 
 
 @dataclass(frozen=True)
-class Noted(Response):
+class WorkerWarnings(Response):
     """What a person should know though the answer does not suffer by it, a line each; nothing is said twice."""
 
     lines: tuple[str, ...]
@@ -274,7 +274,7 @@ class Heartbeat(Response):
 AnyMessage = TypeVar("AnyMessage", bound=Message)
 
 
-def stamped(message: AnyMessage, id: int, revision: int) -> AnyMessage:
+def with_numbers(message: AnyMessage, id: int, revision: int) -> AnyMessage:
     """The message with these numbers."""
     if (message.id, message.revision) == (id, revision):
         return message

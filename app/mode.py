@@ -1,7 +1,7 @@
 """What a mode is: a way to make pictures of one document. Three roles, each told from here, and a name for each.
 
     window's process                 worker                        window's process, GL
-    ModeTalk ── requests ──► ModeWork ── responses ──► ModeTalk ── picture events ──► PictureSource (`ui.picture_feed`)
+    ModeController ── requests ──► ModeWorker ── responses ──► ModeController ── picture events ──► PictureSource (`ui.picture_feed`)
 
 The editor knows modes by this module alone, and one talk at a time: that of the mode a person has chosen. Each of a
 talk's methods is what happens to the editor; those that a mode has no use for it leaves as they are here. `app.modes`
@@ -19,8 +19,8 @@ from app.commands import EditCommand
 from app.document import Document
 from app.history import History
 from app.messages import Request, Response
-from app.picture import PictureEvent, SkyChanged
-from app.status import Gauges, Status
+from app.picture_events import PictureEvent, SkyChanged
+from app.editor_status import StatusMetrics, Status
 from app.view_state import ViewState
 from engine.material.layer import Layer
 from engine.scene.description import SceneDescription
@@ -30,18 +30,18 @@ if TYPE_CHECKING:
     from app.jobs.schedule import Handlers
 
 
-Kept = TypeVar("Kept")
+Shared = TypeVar("Shared")
 
 
-class Desk(Protocol):
+class EditorServices(Protocol):
     """What a talk may ask of the editor."""
 
     barrier: Barrier
-    gauges: Gauges
+    metrics: StatusMetrics
     history: History[Document]
     view: ViewState
 
-    def kept(self, kind: type[Kept]) -> Kept:
+    def shared_state(self, kind: type[Shared]) -> Shared:
         """What talks leave to those after them, one of a kind; made where there is none yet."""
 
     def send(self, request: Request) -> int:
@@ -50,7 +50,7 @@ class Desk(Protocol):
     def notify(self, text: str, is_error: bool = False) -> None:
         """Tell the person one line."""
 
-    def say_once(self, note: str) -> None:
+    def notify_once(self, note: str) -> None:
         """Tell a line the first time it comes up in a scene; nothing where it is empty."""
 
     def document_changed(self) -> None:
@@ -70,50 +70,50 @@ class OpenedScene:
     notes: tuple[str, ...] = ()
 
 
-class ModeTalk(Protocol):
+class ModeController(Protocol):
     """A mode in the window's process: what to ask of the worker for a document and a view, what its answers mean.
 
     `update` compares what is wanted with what was asked for and has come, once a frame; all else only takes notes.
     """
 
-    def __init__(self, desk: Desk) -> None: ...
+    def __init__(self, desk: EditorServices) -> None: ...
 
     def scene_closed(self) -> None:
         """Another scene is being opened: there is nothing to ask for meanwhile."""
 
-    def scene_stays(self) -> None:
+    def scene_open_failed(self) -> None:
         """It could not be opened: the one before is still there."""
 
     def scene_opened(self, scene: OpenedScene) -> None:
         """The worker has a scene open, and sees it: nothing is known of its picture."""
 
-    def looked_away(self) -> None:
+    def view_moved(self) -> None:
         """The view is not the one that the worker sees: it will be, once it rests."""
 
-    def looked_back(self) -> None:
+    def view_restored(self) -> None:
         """It is again the one that the worker sees."""
 
-    def scene_seen(self, scene: OpenedScene) -> None:
+    def view_traced(self, scene: OpenedScene) -> None:
         """The worker sees the same scene from elsewhere, or in other pixels."""
 
-    def left(self) -> None:
+    def deactivated(self) -> None:
         """Another mode was chosen: what the worker does for this one is of no use, and this talk is over."""
 
     def edited(self, command: EditCommand | None = None) -> None:
         """Document or selection changed, by this command or in another way (undo)."""
 
-    def hand_released(self) -> None:
+    def drag_ended(self) -> None:
         """A drag ended: what waits for the hand to rest need wait no longer."""
 
     def update(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
         """Once a frame: ask for what is missing; what the picture is to follow. now: seconds of a steady clock."""
         return []
 
-    def take(self, response: Response) -> list[PictureEvent]:
+    def receive(self, response: Response) -> list[PictureEvent]:
         """An answer of the worker, which may be of no interest; what of it the picture needs."""
         return []
 
-    def sky_came(self, event: SkyChanged) -> list[PictureEvent]:
+    def sky_changed(self, event: SkyChanged) -> list[PictureEvent]:
         """Another sky stands behind the scene; what the picture needs of that now."""
         return [event]
 
@@ -121,14 +121,14 @@ class ModeTalk(Protocol):
         """The status with what is to be said of the picture."""
         return status
 
-    def learn(self, planned: Iterable[tuple[Layer, Mapping[str, int]]]) -> None:
+    def add_band_plans(self, planned: Iterable[tuple[Layer, Mapping[str, int]]]) -> None:
         """What the worker has planned of layers that the document is about to get."""
 
     def reload_images(self, key: str) -> None:
         """The images of a layer were changed by another program."""
 
     @property
-    def awaits_answer(self) -> bool:
+    def awaits_response(self) -> bool:
         """Whether a person waits for an answer that is due at any moment."""
         return False
 
@@ -147,7 +147,7 @@ class ModeTalk(Protocol):
         """A new worker knows nothing of what was asked but the requests that stand."""
 
 
-class ModeWork(Protocol):
+class ModeWorker(Protocol):
     """A mode in the worker: who carries out its requests. What is slow to import, its handlers import."""
 
     def __init__(self, bench: Bench) -> None: ...
@@ -157,7 +157,7 @@ class ModeWork(Protocol):
         """The answers to each of its kinds of request, step by step."""
         return {}
 
-    def scene_seen(self) -> None:
+    def view_traced(self) -> None:
         """Another scene is open on the bench, or another camera sees it."""
 
     def plan(self, layers: Iterable[Layer]) -> tuple[tuple[Layer, dict[str, int]], ...]:
@@ -170,15 +170,15 @@ class Mode:
     """A mode by its name and, for people, its title and what it is for.
 
     talk: makes its talk at the editor's desk. As "module:name", for only one process or layer imports them: work, its
-    `ModeWork`; picture, its `ui.picture_feed.PictureSource`; accuracy, what draws its part of the Accuracy panel;
+    `ModeWorker`; picture, its `ui.picture_feed.PictureSource`; accuracy, what draws its part of the Accuracy panel;
     tools, what it has for the selected object, above its material; strip, what it has below the picture;
     handles, what of it in the picture a hand can drag (`ui.panels.picture_handles`).
     """
 
     name: str
     title: str
-    talk: Callable[[Desk], ModeTalk]
-    work: str
+    controller: Callable[[EditorServices], ModeController]
+    worker: str
     picture: str
     tooltip: str = ""
     accuracy: str = ""

@@ -8,7 +8,7 @@ from pathlib import Path
 from app.document import Document, document_from_description
 from app.files.journal import Recovery
 from app.files.session import Session, fit_session, load_session
-from app.measurements import document_with_read, layers_of_document, unread_files
+from app.measurements import document_with_measurements, layers_of_document, unread_files
 from app.messages import OpenScene, SceneOpened
 from app.sources import source_of
 from app.view_state import Viewpoint
@@ -28,7 +28,7 @@ class Opening:
     session_path: Path | None = None
     recovery: Recovery | None = None
     light: Path | None = None
-    instead_of: str = ""
+    fallback_reason: str = ""
     opened: SceneOpened | None = None
 
     @classmethod
@@ -37,7 +37,7 @@ class Opening:
         of them, or wrong. instead_of: why this and not what the person named, in a line."""
         source = source_of(name)
         if source.session is None:
-            return cls(0, source.scene, light=source.light, instead_of=instead_of)
+            return cls(0, source.scene, light=source.light, fallback_reason=instead_of)
         session = load_session(source.session)
         return cls(0, session.document.source, session, source.session)
 
@@ -52,9 +52,9 @@ class Opening:
         layers = [] if self.session is None else layers_of_document(self.session.document)
         return OpenScene(self.source, unread_files(layers), tuple(layers))
 
-    def look(self, resolution: tuple[int, int] | None) -> Viewpoint:
+    def initial_view(self, resolution: tuple[int, int] | None) -> Viewpoint:
         """From where it is seen first; resolution (width, height) in place of the scene's own and the session's."""
-        look = Viewpoint() if self.session is None else self.session.view.look
+        look = Viewpoint() if self.session is None else self.session.view.viewpoint
         return look if resolution is None else look._replace(resolution=resolution)
 
     @property
@@ -70,11 +70,11 @@ class Opening:
     def document(self, description: SceneDescription, opened: SceneOpened) -> Document:
         """The scene's own document. Raises InsituError."""
         document = document_from_description(self.source, description, opened.animations)
-        return document_with_read(document, opened.measurements)
+        return document_with_measurements(document, opened.measurements)
 
     def restored(self, session: Session, scene: Document, opened: SceneOpened) -> Document:
         """The session's document in the scene as it is now. Raises InsituError where it does not fit."""
-        return document_with_read(fit_session(session, scene, self.file), opened.measurements)
+        return document_with_measurements(fit_session(session, scene, self.file), opened.measurements)
 
     @property
     def digest(self) -> str:

@@ -6,32 +6,32 @@ from app.commands.curves import SetOperators
 from app.commands.material import AddLayers, SetMaterial, operators_of_copy
 from app.document import Document, Selection, split_key
 from app.files.material_file import LAYER, Material
-from app.linked_layers import Layers, group_of
+from app.linked_layers import Layers, linked_indices
 from engine.errors import InsituError
 
 
-def copied_material(document: Document, name: str) -> Material:
+def copy_material(document: Document, name: str) -> Material:
     """All of an object's material, called like the object."""
     return Material(name, document.object(name).layers)
 
 
-def copied_layer(document: Document, key: str) -> Material:
+def copy_layer(document: Document, key: str) -> Material:
     """One layer on its own, with its Fresnel term where it has one."""
     name, index = split_key(document, key)
     layers = document.object(name).layers
-    lead = layers[group_of(layers, index)[0]] if layers[index].rises else layers[index]
+    lead = layers[linked_indices(layers, index)[0]] if layers[index].rises else layers[index]
     terms = [layer for layer in layers if layer.rises and layer.follows == lead.name]
     return Material(lead.name, (lead.replace(follows=""), *terms), part=LAYER)
 
 
-def copied_curve(document: Document, key: str, factor: str) -> Material:
+def copy_curve(document: Document, key: str, factor: str) -> Material:
     """One curve of a layer."""
     layer = document.layer(key)
     alone = layer.with_fresnel(None).replace(follows="", rises=False)
     return Material(layer.name, (alone,), part=layer.model.leader(factor))
 
 
-def pasted(
+def paste_command(
     material: Material, document: Document, selected: Selection | None, as_layers: bool
 ) -> SetMaterial | AddLayers | SetOperators:
     """The edit. Raises InsituError where nothing is selected that could take it."""

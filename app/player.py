@@ -8,11 +8,11 @@ from typing import Protocol
 from app.commands.poses import SetTime
 from app.document import Document
 from app.history import History
-from app.timeline import played_on, timeline
+from app.timeline import advance_playback, timeline
 from app.view_state import ViewState
 
 
-class Stage(Protocol):
+class PlayerHost(Protocol):
     """What the player needs of the editor."""
 
     view: ViewState
@@ -21,19 +21,19 @@ class Stage(Protocol):
     @property
     def document(self) -> Document: ...
 
-    def played(self, before: Document) -> None: ...
+    def playback_stopped(self, before: Document) -> None: ...
 
 
 class Player:
     """Plays and stops what `stage` has. Its times are `now` of `advance`, a steady clock in seconds."""
 
-    def __init__(self, stage: Stage) -> None:
-        self._stage = stage
+    def __init__(self, stage: PlayerHost) -> None:
+        self._host = stage
         self._advanced_at: float | None = None
 
     def play(self) -> None:
         """Let the animation go on from where it stands, or from its start where it stands at its end."""
-        stage = self._stage
+        stage = self._host
         line = timeline(stage.document, stage.view)
         if line is not None and stage.view.playing is None:
             starts_anew = line.time is None or not stage.view.loops and line.time >= line.duration
@@ -42,16 +42,16 @@ class Player:
 
     def pause(self) -> None:
         """Stop it; the document stays at the time that is seen, which is no step of the history."""
-        stage = self._stage
+        stage = self._host
         time, stage.view = stage.view.playing, replace(stage.view, playing=None)
         if time is not None and timeline(stage.document, stage.view) is not None:
             before = stage.document
-            stage.history.amend(SetTime(time))
-            stage.played(before)
+            stage.history.apply_unrecorded(SetTime(time))
+            stage.playback_stopped(before)
 
     def advance(self, now: float) -> None:
         """Once a frame: the time that is seen, where it plays."""
-        stage = self._stage
+        stage = self._host
         before, self._advanced_at = self._advanced_at, now
         if stage.view.playing is None:
             return
@@ -59,7 +59,7 @@ class Player:
         if line is None:
             stage.view = replace(stage.view, playing=None)
             return
-        time, goes_on = played_on(line, 0.0 if before is None else max(now - before, 0.0), stage.view.loops)
+        time, goes_on = advance_playback(line, 0.0 if before is None else max(now - before, 0.0), stage.view.loops)
         stage.view = replace(stage.view, playing=time)
         if not goes_on:
             self.pause()

@@ -8,16 +8,16 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from app.commands.light import emission_of, lit_by
-from app.commands.plan import overrule, standing_overrules
-from app.decided import decided_view
+from app.commands.light import emission_of, set_environment_file
+from app.commands.plan import override_from_value, active_overrides
+from app.effective_settings import effective_view
 from app.document import Document, document_from_description, reflecting_layers
-from app.files.bookmarks import named
+from app.files.bookmarks import find_bookmark
 from app.files.session import Session, fit_session, load_session
-from app.machine.inputs import inputs_are
+from app.machine.inputs import set_inputs
 from app.machine.memory import require_memory_for
 from app.machine.paths import full_path
-from app.measurements import document_with_read, layers_of_document, unread_files
+from app.measurements import document_with_measurements, layers_of_document, unread_files
 from app.named_files import files_of_document
 from app.set_path import set_path
 from app.sources import find_source, source_of
@@ -85,27 +85,27 @@ class Project:
         return frozenset(key for key in self.layers if self.document.object(object_of(key)).editable)
 
     @property
-    def overruled(self) -> dict[str, LineValue]:
+    def overrides(self) -> dict[str, LineValue]:
         """Lines of the plan that its session, or a person, has set."""
         edges: dict[str, LineValue] = {} if self.n_edge_rays is None else {"edges": self.n_edge_rays}
         rays: dict[str, LineValue] = {"rays": self.n_fan_rays} if self.n_fan_rays else {}
-        return edges | rays | standing_overrules(self.document)
+        return edges | rays | active_overrides(self.document)
 
     @property
     def chosen_bounces(self) -> int | None:
         """As many as a person has overruled the plan with, or its session has; None: as the scene says or requires."""
-        chosen = self.overruled.get("bounces", self.n_bounces)
+        chosen = self.overrides.get("bounces", self.n_bounces)
         return chosen if isinstance(chosen, int) else None
 
     @property
-    def decided(self) -> ViewState:
+    def render_settings(self) -> ViewState:
         """What its picture is made with in the editor."""
         n_bounces = self.n_bounces or self.scene.description.bounces or AS_PLANNED
         view = ViewState(
             n_lights=self.n_lights or N_LIGHTS, n_patches=self.n_patches or N_PATCHES, n_bounces=n_bounces,
             n_edge_rays=self.n_edge_rays, n_fan_rays=self.n_fan_rays,
         )  # fmt: skip
-        return decided_view(view, self.document)
+        return effective_view(view, self.document)
 
     def edited(self, document: Document, look: Viewpoint) -> Project:
         """The same scene under another document, seen from elsewhere; what neither changes is shared. look: its camera
@@ -133,23 +133,23 @@ class Project:
 
 
 @dataclass(frozen=True)
-class ProjectWords:
+class ProjectSpec:
     """What opens a project, here or on another machine: a scene or session by name, and what a person says of it; see
-    `open_project`, `with_edges` and `overruled`."""
+    `open_project`, `with_edges` and `with_overrides`."""
 
     name: str | None
     resolution: tuple[int, int] | None = None
     values: tuple[tuple[str, Any], ...] = ()
     camera: str | None = None
     n_edge_rays: int | None = None
-    overrules: tuple[tuple[str, Any], ...] = ()
+    overrides: tuple[tuple[str, Any], ...] = ()
 
     def open(self) -> Project:
         """The project. Raises InsituError with one line for a person."""
         project = open_project(self.name, self.resolution, self.values, self.camera)
-        return overruled(with_edges(project, self.n_edge_rays), dict(self.overrules))
+        return with_overrides(with_edges(project, self.n_edge_rays), dict(self.overrides))
 
-    def from_anywhere(self) -> ProjectWords:
+    def with_absolute_paths(self) -> ProjectSpec:
         """The same, wherever it is opened from."""
         return replace(self, name=full_path(self.name or DEFAULT_SCENE))
 
@@ -169,7 +169,7 @@ def open_project(
 
     source = source_of(find_source(name))
     session = None if source.session is None else load_session(source.session)
-    look = _look_of(session, camera)
+    look = _viewpoint_of(session, camera)
     resolution = resolution or look.resolution
     if resolution is not None:
         require_memory_for(resolution)  # before a mesh is read
@@ -181,7 +181,7 @@ def open_project(
         document_from_description(named, scene.description, scene.animations), scene.folder, path
     )
     if source.light is not None:
-        document = lit_by(source.light).apply(document)
+        document = set_environment_file(source.light).apply(document)
     if session is not None:
         document = read_measurements(fit_session(session, document, str(source.session)))
     for where, value in values:
@@ -190,7 +190,7 @@ def open_project(
     scene = pose_scene(at_rest, document.poses).with_bumps(dict(document.new_bumps))
     scene.bump_normals.check_images()
     sessions = () if source.session is None else (source.session,)
-    inputs_are((*scene.files, *files_of_document(document), *sessions))
+    set_inputs((*scene.files, *files_of_document(document), *sessions))
     if session is None:
         return Project(scene, document, at_rest=at_rest)
     return Project(
@@ -206,11 +206,11 @@ def open_project(
     )
 
 
-def overruled(project: Project, lines: Mapping[str, Any]) -> Project:
+def with_overrides(project: Project, lines: Mapping[str, Any]) -> Project:
     """The project with these lines of its plan set. Raises InsituError for a line or a value that there is not."""
     document = project.document
     for line, value in lines.items():
-        document = overrule(line, value).apply(document)
+        document = override_from_value(line, value).apply(document)
     return replace(project, document=document)
 
 
@@ -224,11 +224,11 @@ def with_edges(project: Project, n_edge_rays: int | None) -> Project:
     return replace(project, n_edge_rays=n_edge_rays)
 
 
-def _look_of(session: Session | None, camera: str | None) -> Viewpoint:
+def _viewpoint_of(session: Session | None, camera: str | None) -> Viewpoint:
     """From where a session sees its scene, or the view that it keeps by a name."""
     if camera is not None:
-        return named(() if session is None else session.view.bookmarks, camera).look
-    return Viewpoint() if session is None else session.view.look
+        return find_bookmark(() if session is None else session.view.bookmarks, camera).viewpoint
+    return Viewpoint() if session is None else session.view.viewpoint
 
 
 def read_measurements(document: Document, folder: Path | None = None, scene: Path | None = None) -> Document:
@@ -245,7 +245,7 @@ def read_measurements(document: Document, folder: Path | None = None, scene: Pat
     if folder is not None and scene is not None:
         paths = described_paths(names, folder, scene)
     store = Store()
-    return document_with_read(document, {name: run_to_end(read_measurement(path, store)) for name, path in paths.items()})
+    return document_with_measurements(document, {name: run_to_end(read_measurement(path, store)) for name, path in paths.items()})
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:

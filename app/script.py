@@ -38,7 +38,7 @@ MAX_PIXELS = 100_000.0
 
 Point = tuple[float, float]
 Turn = Annotated[Number, Field(ge=-1e6, le=1e6)]
-Awaited = Literal["first", "orbit", "exact", "judged"]
+AwaitedPicture = Literal["first", "orbit", "exact", "judged"]
 
 
 @dataclass(frozen=True)
@@ -57,13 +57,13 @@ class SelectPath:
 
 @dataclass(frozen=True)
 class SetAccuracy:
-    """Move the knobs of the mode at hand to a place between speed, 0, and accuracy, 1 (`app.front`)."""
+    """Move the knobs of the mode at hand to a place between speed, 0, and accuracy, 1 (`app.pareto_front`)."""
 
     share: float
 
 
 @dataclass(frozen=True)
-class OverruleLines:
+class OverrideLines:
     """Set lines of the plan, by name; "auto": as planned (`app.commands.plan`)."""
 
     lines: tuple[tuple[str, LineValue], ...]
@@ -97,7 +97,7 @@ class DragPoints:
 
 
 @dataclass(frozen=True)
-class Show:
+class ShowPanelStep:
     """Open a panel and bring it before those that share its place."""
 
     panel: str
@@ -118,7 +118,7 @@ class GoToView:
 
 
 @dataclass(frozen=True)
-class KeepByName:
+class SaveViewStep:
     """Keep the view by this name."""
 
     name: str
@@ -151,7 +151,7 @@ class PaintStroke:
 
 
 @dataclass(frozen=True)
-class Rotate:
+class RotateLight:
     """Turn the environment to so many degrees."""
 
     degrees: float
@@ -191,11 +191,11 @@ class WaitFor:
     """Draw frames until the first shaded picture is shown, Orbit's own of a view at rest, the one after which nothing
     more comes, or, judged, how far off that one is."""
 
-    picture: Awaited
+    picture: AwaitedPicture
 
 
 @dataclass(frozen=True)
-class Capture:
+class CaptureWindow:
     """Write the window's picture to a PNG file (absolute path)."""
 
     path: Path
@@ -235,25 +235,25 @@ Step = (
     SetValues
     | SelectPath
     | SetAccuracy
-    | OverruleLines
+    | OverrideLines
     | DeformObject
     | DragItem
     | DragPoints
-    | Show
+    | ShowPanelStep
     | ChooseView
     | GoToView
-    | KeepByName
+    | SaveViewStep
     | MoveCamera
     | ChooseMode
     | PickLobe
     | PaintStroke
-    | Rotate
+    | RotateLight
     | ImportFile
     | UndoSteps
     | UndoViews
     | RedoSteps
     | WaitFor
-    | Capture
+    | CaptureWindow
     | AssertErrorBelow
 )
 
@@ -355,12 +355,12 @@ class StepRecord(_Record):
     redo: Count | None = None
     accuracy: Share | None = None
     overrule: Annotated[dict[Text, StrictInt | StrictStr], Field(min_length=1)] | None = None
-    wait: Awaited | None = None
+    wait: AwaitedPicture | None = None
     capture: Text | None = None
     assert_error_below: Annotated[Number, Field(gt=0.0)] | None = None
 
     @model_validator(mode="after")
-    def _is_one_thing(self) -> StepRecord:
+    def _has_one_key(self) -> StepRecord:
         if len(self.model_fields_set) != 1:
             raise ValueError(f"exactly one of {', '.join(type(self).model_fields)}")
         return self
@@ -376,22 +376,22 @@ _STEPS: dict[str, Callable[[Any, Path], Step]] = {
     "select": lambda path, folder: SelectPath(path),
     "deform": lambda deform, folder: deform.step(),
     "drag": lambda drag, folder: drag.step(),
-    "show": lambda panel, folder: Show(panel),
+    "show": lambda panel, folder: ShowPanelStep(panel),
     "view": lambda name, folder: _view(name),
-    "keep": lambda name, folder: KeepByName(name),
+    "keep": lambda name, folder: SaveViewStep(name),
     "camera": lambda move, folder: move,
     "undo_view": lambda count, folder: UndoViews(count),
     "mode": lambda name, folder: ChooseMode(name),
     "lobe": lambda pixel, folder: PickLobe(pixel),
     "paint": lambda stroke, folder: PaintStroke(**dict(stroke)),
-    "rotate": lambda degrees, folder: Rotate(degrees),
+    "rotate": lambda degrees, folder: RotateLight(degrees),
     "measured": lambda measured, folder: ImportFile(Path(measured.file), measured.cloth),
     "undo": lambda count, folder: UndoSteps(count),
     "redo": lambda count, folder: RedoSteps(count),
     "accuracy": lambda share, folder: SetAccuracy(share),
-    "overrule": lambda lines, folder: OverruleLines(tuple(lines.items())),
+    "overrule": lambda lines, folder: OverrideLines(tuple(lines.items())),
     "wait": lambda picture, folder: WaitFor(picture),
-    "capture": lambda name, folder: Capture(Path(os.path.abspath(folder / name))),
+    "capture": lambda name, folder: CaptureWindow(Path(os.path.abspath(folder / name))),
     "assert_error_below": lambda bound, folder: AssertErrorBelow(bound),
 }
 

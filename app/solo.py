@@ -9,19 +9,19 @@ from app.document import Document, split_key
 from app.view_state import SetView, ViewState
 
 
-def toggled(view: ViewState, key: str) -> SetView:
+def toggle_solo(view: ViewState, key: str) -> SetView:
     """See this layer alone, or all of its object again where it was alone."""
     return SetView.of(solo=None if view.solo == key else key)
 
 
-def alone(document: Document, view: ViewState) -> str | None:
+def solo_layer(document: Document, view: ViewState) -> str | None:
     """The layer that is seen alone; None where there is none, or no such layer any more."""
     return view.solo if any(key == view.solo for key, _ in document.layers()) else None
 
 
-def is_seen(document: Document, view: ViewState, key: str) -> bool:
+def is_layer_visible(document: Document, view: ViewState, key: str) -> bool:
     """Whether the picture shows a layer. A hidden layer that is seen alone is shown, its Fresnel term with it."""
-    solo = None if view.solo is None else alone(document, view)
+    solo = None if view.solo is None else solo_layer(document, view)
     if solo is None:
         return document.is_visible(key)
     name, index = split_key(document, key)

@@ -51,7 +51,7 @@ def source_of(name: str) -> Source:
         return Source(session=resolved(path))
     if ending in SCENE_ENDINGS or not os.path.exists(path):
         return Source(full_path(name))
-    raise InsituError(f"{name}: {_said_of(ending)}")
+    raise InsituError(f"{name}: {_describe_ending(ending)}")
 
 
 def find_source(name: str | None) -> str:
@@ -64,7 +64,7 @@ def find_source(name: str | None) -> str:
     return name if name in builtin_scenes() else str(Path(name))
 
 
-def _said_of(ending: str) -> str:
+def _describe_ending(ending: str) -> str:
     """What a file that cannot be opened is, and what to do with it."""
     if ending in MEASURED_ENDINGS:
         return "a measured BRDF, a material of its own; open a scene and import it onto an object there (File menu)"

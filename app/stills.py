@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from app.decided import mode_knobs
+from app.effective_settings import mode_knobs
 from app.jobs.cache import Store
 from app.jobs.deform import StoredLobes
 from app.machine.atomic import make_folder_of, require_place, save_file
@@ -105,12 +105,12 @@ def render_project(
     is integrated over all directions, without noise. n_lights, n_patches: at most, see `light_pilot`. estimates_error:
     whether its error is estimated; not by brute force, which knows its noise. caster: the rays of the scene's
     triangles, where there are some already; knobs: of Orbit and Deform where they are others than usual, see
-    `app.front`.
+    `app.pareto_front`.
     """
     sky = project.sky
     plan = plan_still(project, n_lights, n_patches)
     placement = Placement(project.scene, caster, plan.n_edge_rays)
-    wanted = series.n_bounces if series else wanted_bounces(project, plan)
+    wanted = series.n_bounces if series else chosen_bounces(project, plan)
     bounces = planned_bounces(placement, project.indexed_layers, wanted)
     series = series or BounceSeries(bounces.n_bounces)
     intensity, error, indirect, noise = np.float64(project.document.light.intensity), None, None, None
@@ -120,7 +120,7 @@ def render_project(
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     if mode != "placement":
         if mode == "orbit":
-            knobs = {**mode_knobs(mode, project.overruled), **knobs}
+            knobs = {**mode_knobs(mode, project.overrides), **knobs}
             drawing = render_orbit(
                 placement, layers_by_object(project), sky, n_patches, n_bounces=series.n_bounces,
                 most_bytes=orbit_bytes(), most_slice_bytes=orbit_slice_bytes(), **knobs,
@@ -130,7 +130,7 @@ def render_project(
             deform = prepared_deform(project, project.scene, (), series, knobs)
             drawing = render_deform(deform, project.scene.resolution)
         picture, warning = run_to_end(drawing, report), bounces.warning
-        alone = _alone_in_deform(project) if mode == "deform" else ()
+        alone = _deform_only_objects(project) if mode == "deform" else ()
         if estimates_error and alone:
             warning = warning or f"where it is off is not known: paths do not know the surface of {', '.join(alone)}"
         elif estimates_error:
@@ -159,11 +159,11 @@ def judge_picture(project: Project, picture: NDArray[np.float32], series: Bounce
     """How far a picture of a project that was drawn in another way is off, as one line, by the paths of some of its
     points; "" where that cannot be known. series: as in `render_project`."""
     intensity = float(project.document.light.intensity)
-    if _alone_in_deform(project) or not intensity:
+    if _deform_only_objects(project) or not intensity:
         return ""
     plan = plan_still(project)
     placement = Placement(project.scene, None, plan.n_edge_rays)
-    wanted = series.n_bounces if series else wanted_bounces(project, plan)
+    wanted = series.n_bounces if series else chosen_bounces(project, plan)
     n_bounces = planned_bounces(placement, project.indexed_layers, wanted).n_bounces
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     (judged,) = run_to_end(estimate_drawn_errors(placement, layers, project.sky, n_bounces, [picture / np.float32(intensity)]))
@@ -173,7 +173,7 @@ def judge_picture(project: Project, picture: NDArray[np.float32], series: Bounce
 def prepared_orbit(project: Project, n_patches: int = N_PATCHES, series: BounceSeries | None = None) -> Orbit:
     """What pictures in Orbit's way are drawn of, from anywhere; all its work is to be done. series: None for as many
     bounces as the session or the scene says, or Orbit takes."""
-    knobs: dict[str, Any] = {"n_patches": n_patches, **mode_knobs("orbit", project.overruled)}
+    knobs: dict[str, Any] = {"n_patches": n_patches, **mode_knobs("orbit", project.overrides)}
     orbit = Orbit(project.scene, most_bytes=orbit_bytes(), most_slice_bytes=orbit_slice_bytes(), **knobs)
     orbit.set_light(project.sky)
     orbit.set_layers(layers_by_object(project))
@@ -182,7 +182,7 @@ def prepared_orbit(project: Project, n_patches: int = N_PATCHES, series: BounceS
     return orbit
 
 
-def _alone_in_deform(project: Project) -> tuple[str, ...]:
+def _deform_only_objects(project: Project) -> tuple[str, ...]:
     """The objects, by name, whose surfaces Deform alone knows, so that no paths tell how far off they are."""
     return tuple(state.name for state in project.document.objects if state.surface.kind)
 
@@ -195,7 +195,7 @@ def prepared_deform(
     name, that are to bend out of that; all its work is to be done. knobs: as in `render_project`."""
     deform = Deform(scene, store=StoredLobes(Store()))
     usual = {"n_rays": DEFORM_RAYS, "n_lobes": N_LOBES}
-    deform.set_effort(**{**usual, **mode_knobs("deform", project.overruled), **knobs})
+    deform.set_effort(**{**usual, **mode_knobs("deform", project.overrides), **knobs})
     deform.set_light(project.sky)
     deform.set_layers(layers_by_object(project))
     deform.set_surfaces(project.document.new_surfaces)
@@ -224,11 +224,11 @@ def plan_still(project: Project, n_lights: int = N_LIGHTS, n_patches: int = N_PA
     has_sky = project.sky.environment is not None
     return plan_scene(
         project.scene, project.layers, has_sky=has_sky, still=True, n_lights=n_lights, n_patches=n_patches,
-        overrides=project.overruled,
+        overrides=project.overrides,
     )  # fmt: skip
 
 
-def wanted_bounces(project: Project, plan: Plan) -> int | None:
+def chosen_bounces(project: Project, plan: Plan) -> int | None:
     """As many as a person has overruled the plan with, the session has, or the scene says; None: to be planned."""
     return project.chosen_bounces or plan.bounces
 

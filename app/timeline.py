@@ -44,12 +44,12 @@ def _clip_of(state: ObjectState) -> str:
     return state.animations[0].name if state.moment is None else state.moment.clip
 
 
-def shown_poses(document: Document, view: ViewState) -> Poses:
+def visible_poses(document: Document, view: ViewState) -> Poses:
     """The poses that are seen: the document's, or those that it plays through."""
     return document.poses if view.playing is None else SetTime(view.playing).apply(document).poses
 
 
-def played_on(line: Timeline, seconds: float, loops: bool) -> tuple[float, bool]:
+def advance_playback(line: Timeline, seconds: float, loops: bool) -> tuple[float, bool]:
     """The time so many seconds later, and whether it goes on from there."""
     time = (line.time or 0.0) + seconds
     if time < line.duration:

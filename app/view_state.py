@@ -48,14 +48,14 @@ class Viewpoint(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Look:
+class SetViewpoint:
     """A command of the view's own history: see the scene from there."""
 
-    look: Viewpoint
+    viewpoint: Viewpoint
     label: str
 
     def apply(self, before: Viewpoint) -> Viewpoint:
-        return self.look
+        return self.viewpoint
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Bookmark:
     """A view that is kept by a name, with a small picture of it as a JPEG file, empty while there is none."""
 
     name: str
-    look: Viewpoint
+    viewpoint: Viewpoint
     thumbnail: bytes = b""
 
 
@@ -144,7 +144,7 @@ class ViewState:
     shows_error: bool = False
 
     @property
-    def look(self) -> Viewpoint:
+    def viewpoint(self) -> Viewpoint:
         return Viewpoint(self.camera, self.resolution)
 
     def panel_open(self, name: str) -> bool:
@@ -153,7 +153,7 @@ class ViewState:
     def with_panel(self, name: str, is_open: bool) -> ViewState:
         return replace(self, panels=MappingProxyType({**self.panels, name: is_open}))
 
-    def of_scene(self, description: SceneDescription) -> ViewState:
+    def for_scene(self, description: SceneDescription) -> ViewState:
         """A scene that was just opened, looked at in the same way: nothing in it is chosen yet."""
         return replace(
             self, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None, solo=None,
@@ -161,7 +161,7 @@ class ViewState:
             n_bounces=description.bounces or AS_PLANNED,
         )  # fmt: skip
 
-    def seen_from(self, look: Viewpoint) -> ViewState:
+    def from_viewpoint(self, look: Viewpoint) -> ViewState:
         """From another camera or in other pixels: nothing is chosen in the picture yet."""
         return replace(self, hovered=None, compare=None, lobe_pixel=None, **look._asdict())
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from app.editor import WorkerClient
 from app.jobs.in_process import InProcessClient
 from app.jobs.schedule import RequestHandler
-from app.messages import LookFrom, OpenScene, Request, Response
+from app.messages import SetCamera, OpenScene, Request, Response
 from engine.scene.description import Camera
 
 
@@ -13,7 +13,7 @@ def ask_for_scene(
     client: WorkerClient, source: str, camera: Camera | None = None, resolution: tuple[int, int] | None = None
 ) -> int:
     """Ask for a scene and a look at it; the number of the look."""
-    return client.send(LookFrom(client.send(OpenScene(source)), camera, resolution))
+    return client.send(SetCamera(client.send(OpenScene(source)), camera, resolution))
 
 
 def open_in_process(

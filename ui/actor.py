@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import cast
 
 from app.commands import EditCommand, SetBumps, SetSurface
-from app.commands.light import lit_by
+from app.commands.light import set_environment_file
 from app.commands.maps import IMAGE_SUFFIXES, SetMap, image_name, with_full_names
 from app.commands.paint import without_strokes
 from app.editor import Editor
-from app.files.bookmarks import kept, renamed
+from app.files.bookmarks import add_bookmark, rename_bookmark
 from app.files.journal import Recovery
 from app.files.library import Library
 from app.files.material_file import MAX_MATERIAL_BYTES, dump_material, parse_material
@@ -27,8 +27,8 @@ from app.files.recent import RecentFiles
 from app.files.session import CHANGED
 from app.linked_layers import Layers
 from app.machine.atomic import require_place
-from app.pasting import pasted
-from app.selecting import seen_layer
+from app.pasting import paste_command
+from app.selection import layer_shown
 from app.sources import EXPECTED, LIGHT_ENDINGS, PICTURE_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
 from app.view_state import OpenPanel, SetView, ViewCommand, Viewpoint
 from engine.errors import InsituError
@@ -221,17 +221,17 @@ class Actor:
             case Play():
                 (editor.player.play if action.goes_on else editor.player.pause)()
             case BeginLook():
-                editor.looks.begin_drag(action.label)
+                editor.camera_history.begin_drag(action.label)
             case DragLook():
-                editor.looks.drag(action.look)
+                editor.camera_history.drag_to(action.look)
             case EndLook():
-                editor.looks.end_drag()
+                editor.camera_history.end_drag()
             case LookFromThere():
-                editor.looks.look_from(action.look, action.label, action.gesture)
+                editor.camera_history.set_viewpoint(action.look, action.label, action.gesture)
             case UndoLook():
-                editor.looks.undo()
+                editor.camera_history.undo()
             case RedoLook():
-                editor.looks.redo()
+                editor.camera_history.redo()
             case KeepView() | RenameView() | SetPreference():
                 self._choose(action)
             case InOneStep():
@@ -258,7 +258,7 @@ class Actor:
             case ReloadImages():
                 editor.reload_images(action.key)
             case Resize():
-                editor.looks.resize(action.resolution)
+                editor.camera_history.resize(action.resolution)
             case CancelWork():
                 editor.cancel_work()
             case ResumeWork():
@@ -282,10 +282,10 @@ class Actor:
                 self.preferences.choose(**action.changes)
                 return
             if isinstance(action, KeepView):
-                look = Viewpoint(editor.looks.camera, editor.view.resolution)
-                bookmarks = kept(bookmarks, look, action.name)
+                look = Viewpoint(editor.camera_history.camera, editor.view.resolution)
+                bookmarks = add_bookmark(bookmarks, look, action.name)
             else:
-                bookmarks = renamed(bookmarks, action.old, action.new)
+                bookmarks = rename_bookmark(bookmarks, action.old, action.new)
             editor.do(SetView.of(bookmarks=bookmarks))
         except InsituError as error:
             editor.notify(str(error), True)
@@ -295,7 +295,7 @@ class Actor:
 
         image: "texture" or "weight" where it was dropped on that of the selected layer.
         """
-        selected = seen_layer(self._editor.document, self._editor.view.selected)
+        selected = layer_shown(self._editor.document, self._editor.view.selected)
         if len(paths) == 1 and image and selected and Path(paths[0]).suffix.lower() in IMAGE_SUFFIXES:
             return [OpenImage(Path(paths[0]), selected.key, image)]
         if len(paths) == 1:
@@ -322,7 +322,7 @@ class Actor:
             self._editor.open(path)
 
     def _drop_picture(self, path: Path) -> None:
-        selected = seen_layer(self._editor.document, self._editor.view.selected)
+        selected = layer_shown(self._editor.document, self._editor.view.selected)
         if selected is None:
             self._editor.notify(f"{path.name}: select the layer that it is to be the texture of", True)
         else:
@@ -354,7 +354,7 @@ class Actor:
         if suffix in MEASURED_ENDINGS:
             self._editor.import_measured(path)
         elif suffix in LIGHT_ENDINGS and self._editor.scene_is_open:
-            self._editor.do(lit_by(path))
+            self._editor.do(set_environment_file(path))
         else:
             self._editor.open(str(path))
 
@@ -433,7 +433,7 @@ class Actor:
         editor = self._editor
         try:
             material = parse_material(self._clipboard.text()[:MAX_MATERIAL_BYTES], "clipboard")
-            editor.do(pasted(material, editor.document, editor.view.selected, as_layers))
+            editor.do(paste_command(material, editor.document, editor.view.selected, as_layers))
         except InsituError as error:
             editor.notify(str(error), True)
 

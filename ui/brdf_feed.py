@@ -17,9 +17,9 @@ import moderngl
 
 from app.document import Document
 from app.editor import Editor
-from app.linked_layers import group_of
+from app.linked_layers import linked_indices
 from app.measurements import measurement_in
-from app.selecting import seen_layer
+from app.selection import layer_shown
 from app.view_state import ViewState
 from engine.colour import ToneMapping
 from engine.errors import InsituError
@@ -220,13 +220,13 @@ def shown_layers(document: Document, view: ViewState) -> Layers:
 
     None where nothing is selected.
     """
-    selected = seen_layer(document, view.selected)
+    selected = layer_shown(document, view.selected)
     if selected is None:
         return ()
     layers = document.object(selected.object).layers
     if view.brdf_whole:
         return tuple(layer for layer in layers if layer.visible)
-    lead = layers[group_of(layers, selected.layer)[0]] if layers[selected.layer].rises else None
+    lead = layers[linked_indices(layers, selected.layer)[0]] if layers[selected.layer].rises else None
     chosen = lead or layers[selected.layer]
     return (chosen, *(layer for layer in layers if layer.rises and layer.follows == chosen.name))
 

@@ -10,7 +10,7 @@ import moderngl
 from app.deform.events import PoseCame
 from app.deform.talk import DeformTalk
 from app.editor import Editor
-from app.picture import PictureEvent
+from app.picture_events import PictureEvent
 from ui.gl.context import GraphicsError
 from ui.gl.deform.posed_picture import PosedPicture
 from ui.orbit_feed import OrbitFeed, Shaded
@@ -29,7 +29,7 @@ class DeformFeed(OrbitFeed):
         return PosedPicture(self._context)
 
     def _take_pose(self, editor: Editor, event: PoseCame) -> None:
-        shaded, talk = self.shaded, editor.talk
+        shaded, talk = self.shaded, editor.controller
         if not isinstance(shaded, PosedPicture) or not isinstance(talk, DeformTalk):
             return  # given up since
         if event.told.is_missing_parts(shaded.known):  # what it went out from was void before it was drawn

@@ -10,7 +10,7 @@ import sys
 
 import glfw
 
-from app.naming import IMPORT_FOLDER, qualified
+from app.lazy_import import IMPORT_FOLDER, qualified
 from engine.errors import InsituError
 from ui.gl.context import create_window_context, describe_context
 from ui.window import NoDisplay, open_glfw_window

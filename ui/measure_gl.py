@@ -59,7 +59,7 @@ class EditorRig:
     ) -> None:  # fmt: skip
         """wait: until the picture is exact."""
         self.context = create_headless_context()
-        mode = replace(PLACEMENT, talk=partial(PlacementTalk, curves=curves))
+        mode = replace(PLACEMENT, controller=partial(PlacementTalk, curves=curves))
         self.client = Client()
         self.editor = Editor(self.client, source, resolution=resolution, modes=(mode,))
         if n_lights is not None:
@@ -73,8 +73,8 @@ class EditorRig:
     @property
     def talk(self) -> PlacementTalk:
         """The editor's."""
-        assert isinstance(self.editor.talk, PlacementTalk)
-        return self.editor.talk
+        assert isinstance(self.editor.controller, PlacementTalk)
+        return self.editor.controller
 
     def wait_until_exact(self) -> None:
         """Frames until the picture is exact; raises InsituError when it does not come."""
@@ -89,7 +89,7 @@ class EditorRig:
                 raise InsituError(self.editor.status.message or "the picture does not become exact")
             if busy or self.feed.take(self.editor, time.monotonic()):
                 busy = self.frame()
-            elif not self.editor.answer_arrives:  # the window rests as well: the processors are the worker's
+            elif not self.editor.response_arriving:  # the window rests as well: the processors are the worker's
                 time.sleep(CURVE_LOOK_SECONDS)
 
     def frame(self) -> bool:

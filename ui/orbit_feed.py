@@ -20,7 +20,7 @@ import numpy as np
 from app.editor import Editor
 from app.orbit.events import OrbitPartCame, OrbitPicture
 from app.orbit.talk import OrbitTalk
-from app.picture import PictureEvent, SceneFrame
+from app.picture_events import PictureEvent, SceneFrame
 from ui.gl.context import GraphicsError
 from ui.gl.moving import shader_bytes
 from ui.gl.orbit.canvas import PictureCanvas
@@ -239,5 +239,5 @@ class OrbitFeed(PictureSource):
 
 def _talk(editor: Editor) -> OrbitTalk:
     """Whose picture it is."""
-    assert isinstance(editor.talk, OrbitTalk)
-    return editor.talk
+    assert isinstance(editor.controller, OrbitTalk)
+    return editor.controller

@@ -24,8 +24,8 @@ import moderngl
 from app.editor import Editor
 from app.mode import Mode
 from app.modes import MODES
-from app.naming import named
-from app.picture import PictureEvent, SceneFrame, SkyChanged
+from app.lazy_import import import_named
+from app.picture_events import PictureEvent, SceneFrame, SkyChanged
 from engine.scene.description import Camera
 from ui.brush import Spot
 from ui.gl.context import GraphicsError
@@ -120,7 +120,7 @@ class PictureFeed:
         self._left_of: object = None  # what the picture of the mode before was made of, where it was finished
         self._finished_of: object = None
         self._is_plain = False  # what is seen is objects lit from the eye, and no mode's picture
-        self._choose(mode, source or named(mode.picture)(context))
+        self._choose(mode, source or import_named(mode.picture)(context))
 
     def _choose(self, mode: Mode, source: PictureSource) -> None:
         self._mode, self.source = mode, source
@@ -190,7 +190,7 @@ class PictureFeed:
                 self._left_of = self._finished_of
             else:
                 self.source.close()
-            self._choose(editor.mode, named(editor.mode.picture)(self._context))
+            self._choose(editor.mode, import_named(editor.mode.picture)(self._context))
         self._took = self._took or bool(self._waiting)
         try:
             if self._scene_waits:
@@ -225,7 +225,7 @@ class PictureFeed:
             if not self._scene.is_there:
                 return took
             thumbnail_came = self._scene.follow()
-            editor.gauges.frame_ms = self._frame_ms
+            editor.metrics.frame_ms = self._frame_ms
             busy = self.source.draw(editor, last_frame_ms, not self._waiting) or thumbnail_came
             status = editor.status
             made_of = _made_of(editor)
@@ -234,7 +234,7 @@ class PictureFeed:
                 may_leave = status.is_finished and not busy
             else:
                 stopped = self.shows_view_before and status.stopped
-                may_leave = status.picture != "waiting" or status.goes_with_hand or stopped
+                may_leave = status.picture != "waiting" or status.follows_input or stopped
             if may_leave:
                 self._leave()
             self._finished_of = made_of if status.is_finished else None
@@ -325,5 +325,5 @@ def _importing() -> Iterator[None]:
     """Import what modes draw with, one at a time: the first frame after another is chosen would wait 20 ms for that."""
     for mode in MODES:
         for name in filter(None, (mode.picture, mode.accuracy, mode.tools, mode.strip, mode.handles)):
-            named(name)
+            import_named(name)
             yield

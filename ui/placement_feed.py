@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from app.commands.light import emission_of
 from app.document import RGB, Document, LightState, ObjectState, layer_key
 from app.editor import Editor
-from app.picture import PictureEvent, SceneFrame, SkyChanged
+from app.picture_events import PictureEvent, SceneFrame, SkyChanged
 from app.placement.events import (
     ComparedRefined,
     Footprint,
@@ -33,7 +33,7 @@ from app.placement.events import (
 )
 from app.placement.status import RenderReport
 from app.placement.talk import PlacementTalk
-from app.solo import is_seen
+from app.solo import is_layer_visible
 from engine.curve.wavelet import forward
 from engine.material.layer import object_of
 from engine.render.headlight_shading import headlight_colour, headlight_radiance
@@ -240,7 +240,7 @@ class PlacementFeed(PictureSource):
         """As a layer of its own, which has the object's name for a key and goes when the real ones can be shown."""
         frame, index = self.renderer.frame, self._names.index(state.name)
         layers = {layer_key(state.name, i): layer for i, layer in enumerate(state.layers)}
-        seen = [layer for key, layer in layers.items() if is_seen(document, editor.view, key)]
+        seen = [layer for key, layer in layers.items() if is_layer_visible(document, editor.view, key)]
         if frame is None or not seen:
             return
         theta_o = frame.theta_o[slice(*frame.object_ranges[index])]
@@ -277,7 +277,7 @@ class PlacementFeed(PictureSource):
 
     def _follow_visibility(self, editor: Editor, document: Document) -> None:
         """Which layers are seen; one that is gone may come back, by undo, before the worker has heard of it."""
-        seen = {key for key, _ in document.layers() if is_seen(document, editor.view, key)}
+        seen = {key for key, _ in document.layers() if is_layer_visible(document, editor.view, key)}
         keys = set(self.renderer.layer_keys)
         plain = self._plain.keys() & keys
         for key in keys - plain:
@@ -333,7 +333,7 @@ class PlacementFeed(PictureSource):
 
 def _talk(editor: Editor) -> PlacementTalk:
     """Whose picture it is: the mode's own talk, or the part of it that is Placement's."""
-    talk = getattr(editor.talk, "placement", editor.talk)
+    talk = getattr(editor.controller, "placement", editor.controller)
     assert isinstance(talk, PlacementTalk)
     return talk
 

@@ -13,21 +13,21 @@ from pathlib import Path
 from app.commands import EditCommand
 from app.commands.light import SetRotation
 from app.commands.paint import Paint
-from app.commands.plan import overrule
+from app.commands.plan import override_from_value
 from app.commands.poses import SetTime, with_amounts
 from app.commands.series import set_series
-from app.decided import by_lines
+from app.effective_settings import override_lines_of
 from app.document import layer_key, split_key
 from app.editor import Editor, WorkerClient
-from app.files.bookmarks import named
-from app.front import front
+from app.files.bookmarks import find_bookmark
+from app.pareto_front import load_front
 from app.jobs.client import Client
 from app.machine.atomic import make_folder_of, require_place
 from app.placement.status import PlacementStatus
 from app.script import (
     AssertErrorBelow,
-    Awaited,
-    Capture,
+    AwaitedPicture,
+    CaptureWindow,
     ChooseMode,
     ChooseView,
     DeformObject,
@@ -35,17 +35,17 @@ from app.script import (
     DragPoints,
     GoToView,
     ImportFile,
-    KeepByName,
+    SaveViewStep,
     MoveCamera,
-    OverruleLines,
+    OverrideLines,
     PaintStroke,
     PickLobe,
     RedoSteps,
-    Rotate,
+    RotateLight,
     SelectPath,
     SetAccuracy,
     SetValues,
-    Show,
+    ShowPanelStep,
     Step,
     UndoSteps,
     UndoViews,
@@ -87,7 +87,7 @@ def take_screenshot(
     size: tuple[int, int] = DEFAULT_SIZE,
     scale: float = 1.0,
     resolution: tuple[int, int] | None = None,
-    wait: Awaited = "exact",
+    wait: AwaitedPicture = "exact",
     client: WorkerClient | None = None,
 ) -> None:
     """Open a scene in a window without a display, run the steps, wait for the picture and save the window's pixels.
@@ -103,7 +103,7 @@ def take_screenshot(
         window.shell.source = feed
         try:
             wait_for_scene(window, editor)
-            pictures = [output, *(step.path for step in steps if isinstance(step, Capture))]
+            pictures = [output, *(step.path for step in steps if isinstance(step, CaptureWindow))]
             for path in pictures:
                 make_folder_of(path)
             require_place(*pictures)
@@ -134,7 +134,7 @@ def wait_for_scene(window: HeadlessWindow, editor: Editor, timeout: float = WAIT
         raise ScriptError(editor.status.message)
 
 
-def wait_for_picture(window: HeadlessWindow, editor: Editor, picture: Awaited, timeout: float = WAIT_SECONDS) -> None:
+def wait_for_picture(window: HeadlessWindow, editor: Editor, picture: AwaitedPicture, timeout: float = WAIT_SECONDS) -> None:
     """Until the first shaded, Orbit's own, or the exact picture is shown, or how far off that is."""
 
     def there() -> bool:
@@ -171,36 +171,36 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
             _drag_item(window, step)
         case DragPoints():
             window.drag(step.start, step.end)
-        case Show():
+        case ShowPanelStep():
             _show(window, step.panel)
         case ChooseView():
             _refused(editor.do(SetView.of(tone_mapping=step.view)))
             window.run_until(lambda: is_at_hand(step.view), WAIT_SECONDS)
         case GoToView():
-            _refused(editor.looks.look_from(named(editor.view.bookmarks, step.name).look, step.name))
-        case KeepByName():
+            _refused(editor.camera_history.set_viewpoint(find_bookmark(editor.view.bookmarks, step.name).viewpoint, step.name))
+        case SaveViewStep():
             window.shell.do(KeepView(step.name))
         case MoveCamera():
             look = Viewpoint(_moved(editor, step), editor.view.resolution)
-            _refused(editor.looks.look_from(look, "camera"))
+            _refused(editor.camera_history.set_viewpoint(look, "camera"))
         case UndoViews():
-            _repeat(editor.looks.undo, step.count, "undo in the view")
+            _repeat(editor.camera_history.undo, step.count, "undo in the view")
         case ChooseMode():
             _choose_mode(editor, step.mode)
         case PickLobe():
             _refused(editor.do(SetView.of(lobe_pixel=step.pixel)))
         case PaintStroke():
             _paint(window, editor, step)
-        case Rotate():
+        case RotateLight():
             _refused(editor.do(SetRotation(step.degrees)))
         case ImportFile():
             _refused(editor.import_measured(step.file, step.cloth))
             _wait_for_files(window, editor)
-        case OverruleLines():
+        case OverrideLines():
             for line, value in step.lines:
-                _refused(editor.do(overrule(line, value)))
+                _refused(editor.do(override_from_value(line, value)))
         case SetAccuracy():
-            for command in by_lines(front().stop(editor.mode.name, step.share).command, editor.document):
+            for command in override_lines_of(load_front().nearest_point(editor.mode.name, step.share).command, editor.document):
                 _refused(editor.do(command))
         case UndoSteps():
             _repeat(editor.undo, step.count, "undo")
@@ -208,7 +208,7 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
             _repeat(editor.redo, step.count, "redo")
         case WaitFor():
             wait_for_picture(window, editor, step.picture)
-        case Capture():
+        case CaptureWindow():
             window.leave()
             window.save(step.path)
         case AssertErrorBelow():
@@ -218,15 +218,15 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
 
 def _moved(editor: Editor, move: MoveCamera) -> Camera:
     """The camera as a step moves it."""
-    camera = editor.looks.own_camera if move.own else editor.looks.camera
+    camera = editor.camera_history.own_camera if move.own else editor.camera_history.camera
     if move.side is not None:
         camera = view_from_side(camera, move.side)
     if move.focal is not None:
         camera = with_focal_length(camera, move.focal)
     if move.frame is not None:
         names = [state.name for state in editor.document.objects]
-        box = editor.looks.box_of(None if move.frame == "all" and "all" not in names else move.frame)
-        camera = frame_box(camera, box, editor.looks.aspect)
+        box = editor.camera_history.box_of(None if move.frame == "all" and "all" not in names else move.frame)
+        camera = frame_box(camera, box, editor.camera_history.aspect)
     if move.orbit is not None:
         camera = orbit_camera(camera, *map(math.radians, move.orbit))
     if move.pan is not None:

@@ -29,8 +29,8 @@ from app.editor import Editor
 from app.files.library import LibraryEntry
 from app.files.preferences import PreferenceFile
 from app.files.recent import RecentFiles
-from app.record import Record
-from app.selecting import seen_layer
+from app.performance_record import PerformanceRecord
+from app.selection import layer_shown
 from app.view_state import Bookmark
 from engine.errors import InsituError
 from ui import theme
@@ -134,7 +134,7 @@ class Shell:
         self._escape_is_imguis = False
         self._focus_comes_in = 0
         self._frame_ms = 0.0
-        self._record, self._error_overlay = Record(), ErrorOverlay(context)
+        self._record, self._error_overlay = PerformanceRecord(), ErrorOverlay(context)
         self._prepared: bool | None = None
         self._prepared_ms = 0.0
         self._last_frame = clock()
@@ -233,7 +233,7 @@ class Shell:
         self._last_frame = now
         status = self.editor.status
         self.pacing.begin_frame(now, status)
-        self._record.note(now, self._frame_ms, status.image_error)
+        self._record.add_frame(now, self._frame_ms, status.image_error)
         self._take_message(now)
         self.editor.barrier.run("The library", self._read_library, None, ())
         self._docking.take_size(size, self.theme.scale)
@@ -458,16 +458,16 @@ class Shell:
             redo_label=redo and spoken(document, redo),
             environments=self.environments,
             scenes=self.scenes,
-            described=editor.described,
+            described=editor.scene_document,
             name=editor.name,
-            camera=editor.looks.camera,
-            own_camera=editor.looks.own_camera,
-            own_resolution=editor.looks.own_resolution,
-            look_undo_label=editor.looks.history.undo_label,
-            look_redo_label=editor.looks.history.redo_label,
+            camera=editor.camera_history.camera,
+            own_camera=editor.camera_history.own_camera,
+            own_resolution=editor.camera_history.own_resolution,
+            look_undo_label=editor.camera_history.history.undo_label,
+            look_redo_label=editor.camera_history.history.redo_label,
             box_of=self._box_of,
             view_thumbnail=self._view_thumbnail,
-            preferences=self.actor.preferences.chosen,
+            preferences=self.actor.preferences.current,
             unsaved=editor.unsaved,
             recent=self.actor.recent.entries,
             recoveries=self.actor.recoveries,
@@ -494,13 +494,13 @@ class Shell:
 
     def _box_of(self, name: str | None) -> NDArray[np.float64] | None:
         try:
-            return self.editor.looks.box_of(name)
+            return self.editor.camera_history.box_of(name)
         except InsituError:
             return None
 
     @property
     def _selected_layer(self) -> Selection | None:
-        return seen_layer(self.editor.document, self.editor.view.selected)
+        return layer_shown(self.editor.document, self.editor.view.selected)
 
     def _map_thumbnails(self, source: PictureFeed) -> dict[str, Picture]:
         """Of the selected layer's images."""

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from app.machine.atomic import replacing
-from app.status import Status
+from app.editor_status import Status
 
 TIMES_VARIABLE = "INSITU_TIMES"
 

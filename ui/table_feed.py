@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from app.editor import Editor
 from app.linked_layers import Layers
-from app.measurements import measurement_in, with_read
+from app.measurements import measurement_in, with_measurements
 from engine.measured.measurement import Measurement
 from ui.gl.context import GraphicsError
 from ui.gl.measured_tables import MeasuredTables
@@ -52,16 +52,16 @@ class TableFeed:
         """Ask the worker for the first that is missing, unless one is under way; whether there is one that may come."""
         coming = [each for each in self.missing(measurements) if not self.problem_of(editor, [each])]
         if coming and not self.tables.is_uploading:
-            editor.tables.want(coming[0])
+            editor.tables.request_table(coming[0])
         return bool(coming)
 
     def complete(self, editor: Editor, layers: Layers) -> Layers | None:
         """The layers with what their files hold, once their tables are here or known not to come; None until then."""
         measured = [found for layer in layers if (found := measurement_in(layer)) is not None]
-        known = [editor.tables.read(each) for each in measured]
+        known = [editor.tables.resolve_measurement(each) for each in measured]
         if self._ask(editor, known):
             return None
-        return with_read(layers, {each.file: each for each in known}) if known else layers
+        return with_measurements(layers, {each.file: each for each in known}) if known else layers
 
     def go_on(self, editor: Editor) -> bool:
         """Make room for a table that has come, or upload a piece of it. Whether there is something new to draw."""

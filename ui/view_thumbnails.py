@@ -40,13 +40,13 @@ class ViewThumbnails:
     def follow(self, editor: Editor, still: Callable[[], ShownStill | None]) -> bool:
         """Take the whole picture, where it is of a kept view that has none; whether there is a new one."""
         self._forget_unused(editor.view.bookmarks)
-        is_elsewhere = editor.status.is_away and not editor.status.goes_with_hand
+        is_elsewhere = editor.status.is_away and not editor.status.follows_input
         if is_elsewhere or all(bookmark.thumbnail for bookmark in editor.view.bookmarks):
             return False
-        seen = editor.looks.camera, editor.looks.resolution
+        seen = editor.camera_history.camera, editor.camera_history.resolution
         for bookmark in editor.view.bookmarks:
-            camera, resolution = bookmark.look
-            there = camera or editor.looks.own_camera, resolution or editor.looks.own_resolution
+            camera, resolution = bookmark.viewpoint
+            there = camera or editor.camera_history.own_camera, resolution or editor.camera_history.own_resolution
             if not bookmark.thumbnail and there == seen and (picture := still()) is not None:
                 thumbnail = jpeg_of(picture)
                 editor.do(SetView.of(bookmarks=with_thumbnail(editor.view.bookmarks, bookmark.name, thumbnail)))

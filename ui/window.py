@@ -258,9 +258,9 @@ class Window:
 
     def _pause(self) -> float:
         """Seconds between two looks at the worker's answers: short while a person waits for one, none within one."""
-        if self.editor.answer_arrives:
+        if self.editor.response_arriving:
             return 0.0
-        if self.editor.talk.awaits_answer:
+        if self.editor.controller.awaits_response:
             return CURVE_LOOK_SECONDS
         return EAGER_LOOK_SECONDS if self.editor.status.picture == "waiting" else WORKER_LOOK_SECONDS
 

@@ -23,32 +23,32 @@ COMMANDS = ("edit", "render", "precompute", "screenshot", "plan", "measure", "do
 """Words that are commands when they come first; a file of such a name is opened as ./render."""
 
 
-def guarded(work: Callable[[], int]) -> int:
+def run_guarded(work: Callable[[], int]) -> int:
     """The exit status of `work`, whatever it raises: 0, 1 (failed: one line says why), 130 (Ctrl-C, quiet)."""
     try:
         return work()
     except KeyboardInterrupt:
         return INTERRUPTED
     except InsituError as error:
-        complain(str(error))
+        print_error(str(error))
     except BrokenPipeError:
         _forget_output()  # whoever read our output has seen enough
     except MemoryError:
-        complain("there is not enough memory for this; try a smaller --resolution or fewer --lights")
+        print_error("there is not enough memory for this; try a smaller --resolution or fewer --lights")
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        complain(f"{where}{error.strerror or error}")
+        print_error(f"{where}{error.strerror or error}")
     except Exception as error:  # a defect of ours: the person gets a line, we get the details
-        complain(f"this failed: a defect of Insitu (for a report: {_kept(error)})")
+        print_error(f"this failed: a defect of Insitu (for a report: {_write_traceback(error)})")
     return FAILED
 
 
-def say(line: str) -> None:
+def print_line(line: str) -> None:
     """One line on standard output, whatever names and values of somebody's files are in it: all that commands print."""
     print(plain_line(line, keep_spaces=True), flush=True)
 
 
-def speak_of_anything() -> None:
+def escape_unprintable() -> None:
     """Have what a terminal has no characters for, such as in names of files, printed by its number: a line that cannot
     be printed would end the work when all of it is done."""
     for stream in (sys.stdout, sys.stderr):
@@ -56,12 +56,12 @@ def speak_of_anything() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-def complain(line: str) -> None:
+def print_error(line: str) -> None:
     """One line on standard error."""
     print(f"insitu: {plain_line(line)}", file=sys.stderr)
 
 
-def _kept(error: Exception) -> str:
+def _write_traceback(error: Exception) -> str:
     """Write the details of a defect to a file: its name, or what went wrong where there can be none."""
     try:
         file = state_directory() / ERROR_FILE

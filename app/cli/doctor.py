@@ -21,7 +21,7 @@ from app.jobs.cache import cache_folder
 from app.machine.memory import gib, memory_bytes
 from app.machine.paths import state_directory
 from app.machine.system import HAS_ANONYMOUS_FILES, anonymous_file, reserve
-from app.naming import IMPORT_FOLDER, qualified
+from app.lazy_import import IMPORT_FOLDER, qualified
 from engine.errors import InsituError
 from engine.threads import n_cores
 

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from app.cli.console import say
+from app.cli.console import print_line
 from app.cli.options import SCENE_HELP, Bounces, Resolution, Values, assignments
-from app.cli.output import progress, tell
+from app.cli.output import progress, print_notes
 from app.machine.atomic import require_folder, require_place
 from app.project import open_project
 
@@ -29,8 +29,8 @@ def import_brdf(
     with progress() as report:
         measurement = import_file(file, output, smooth, cloth, Store(), report)
     for line in import_lines(measurement, cloth):
-        say(line)
-    say(f"{output}: {file.name}, {time.monotonic() - started:.1f} s")
+        print_line(line)
+    print_line(f"{output}: {file.name}, {time.monotonic() - started:.1f} s")
     return 0
 
 
@@ -55,13 +55,13 @@ def export_brdf(
     layers = document.object(object_).layers
     if as_it_is:
         save_material(output, Material(object_, with_full_names(layers, document.source)))
-        say(f"{output}: {object_}, {len(layers)} layers")
+        print_line(f"{output}: {object_}, {len(layers)} layers")
         return 0
     with progress() as report:
         for fraction in export_steps(layers, output):
             report(fraction, "evaluating the layers")
-    tell(untabulated_features(layers))
-    say(f"{output}: {object_}, {len(layers)} layers, {time.monotonic() - started:.1f} s")
+    print_notes(untabulated_features(layers))
+    print_line(f"{output}: {object_}, {len(layers)} layers, {time.monotonic() - started:.1f} s")
     return 0
 
 
@@ -79,6 +79,6 @@ def export(
     project = open_project(scene, resolution, assignments(set_))
     with progress() as report:
         notes = export_scene(project, output, bounces or project.scene.description.bounces or 1, report)
-    tell(notes)
-    say(f"{output}: scene.xml; python {output / 'render.py'} renders it where Mitsuba 3 is installed")
+    print_notes(notes)
+    print_line(f"{output}: scene.xml; python {output / 'render.py'} renders it where Mitsuba 3 is installed")
     return 0

@@ -45,7 +45,7 @@ ViewName = Annotated[
     str | None,
     typer.Option("--view", metavar="NAME", help="Filmic, AgX, ACES 2.0, ACES 1.3, Standard or False colour."),
 ]
-KeptView = Annotated[
+SavedView = Annotated[
     str | None, typer.Option("--camera", metavar="NAME", help="Seen from the view that the session keeps so.")
 ]
 Rotation = Annotated[float | None, typer.Option("--rotation", help="Of the environment, degrees about +Y.")]
@@ -63,7 +63,7 @@ Edges = Annotated[
     int | None,
     typer.Option("--edges", metavar="N", help="Rays through pixels where objects meet: 0 (off), 4, 8 or 16."),
 ]
-Overrule = Annotated[
+Override = Annotated[
     list[str] | None,
     typer.Option("--overrule", metavar="LINE=VALUE", help="A line of `insitu plan`, such as teapot.1.theta_h=64."),
 ]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from app.cli.console import say
+from app.cli.console import print_line
 from app.machine.memory import gib
 from app.project import Project
 from engine.errors import plain_line, plain_notes
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 Report = Callable[[float, str], None]
 
 
-def tell_notes(project: Project) -> None:
+def print_project_notes(project: Project) -> None:
     """What was odd about the scene and the light that it is in, and what was done about it."""
     environment = project.sky.environment
-    tell((*project.scene.notes, *(() if environment is None else environment.notes)))
+    print_notes((*project.scene.notes, *(() if environment is None else environment.notes)))
 
 
-def tell(notes: Iterable[str]) -> None:
+def print_notes(notes: Iterable[str]) -> None:
     """Notes, a line each; of very many the first."""
     for note in plain_notes(notes):
-        say(f"note: {note}")
+        print_line(f"note: {note}")
 
 
 def describe_plan(plan: Plan) -> Iterator[str]:

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli.console import complain, say
+from app.cli.console import print_error, print_line
 from app.cli.frontend import Frontend
 from app.cli.options import (
     Accuracy,
     Bounces,
     Edges,
-    KeptView,
+    SavedView,
     Lights,
-    Overrule,
+    Override,
     Patches,
     Resolution,
     Rotation,
@@ -35,10 +35,10 @@ from app.cli.options import (
     lines,
     window_size,
 )
-from app.cli.output import progress, tell_notes
+from app.cli.output import progress, print_project_notes
 from app.machine.atomic import require_folder, require_place
 from app.machine.paths import state_problem
-from app.project import ProjectWords
+from app.project import ProjectSpec
 from app.sources import find_source
 from engine.colour import find_view
 from engine.errors import InsituError
@@ -48,7 +48,7 @@ from engine.plan_lines import MODE_LINES
 from engine.scene.builtin import DEFAULT_SCENE
 
 if TYPE_CHECKING:
-    from app.frames import Frames
+    from app.frame_sequence import Frames
 
 
 class StillMode(Enum):
@@ -74,10 +74,10 @@ def render(
         bool, typer.Option("--reference", help="By brute force instead of transport: slow, to compare with.")
     ] = False,
     edges: Edges = None,
-    overrule: Overrule = None,
+    overrule: Override = None,
     samples: Samples = None,
     view: ViewName = None,
-    camera: KeptView = None,
+    camera: SavedView = None,
     mode: Annotated[
         StillMode, typer.Option("--mode", help="The way to look whose engine draws it.")
     ] = StillMode.PLACEMENT,
@@ -122,12 +122,12 @@ def render(
         many = "--turntable" if frames is None else "--frames"
         raise InsituError(f"--accuracy {accuracy:g} {many}: expected --mode placement, or one picture")
     if turntable is not None or frames is not None:
-        from app.frames import Frames
+        from app.frame_sequence import Frames
 
         _check_frames(turntable, frames, mode, reference, time_)
         count, animated = (frames, True) if turntable is None else (turntable, False)
         asked = Frames(count or 0, animated, mode.value, lights, patches, chosen)
-        words = ProjectWords(scene, resolution, tuple(values), camera, edges, tuple(planned.items()))
+        words = ProjectSpec(scene, resolution, tuple(values), camera, edges, tuple(planned.items()))
         return _frames(words, output, asked, view, scheduler)
     if scheduler is not None:
         raise InsituError(
@@ -141,7 +141,7 @@ def render(
     if shown is not None and output.suffix.lower() == ".exr":
         raise InsituError(f"--view {view}: {output} holds light itself, expected a name that ends in .png")
     started = time.monotonic()
-    project = ProjectWords(scene, resolution, tuple(values), camera, edges, tuple(planned.items())).open()
+    project = ProjectSpec(scene, resolution, tuple(values), camera, edges, tuple(planned.items())).open()
     require_place(output)  # now that it is known what was read
     noise: float | None = None
     with progress() as report:
@@ -155,7 +155,7 @@ def render(
             project, follow, n_lights=lights, n_patches=patches, reference=reference, series=chosen, n_samples=samples,
             estimates_error=True, mode=mode.value, knobs=knobs,
         )  # fmt: skip
-    tell_notes(project)
+    print_project_notes(project)
     picture, error = still.picture, still.error
     remains = "" if noise is None else f"noise {noise:.2%}"
     said = remains if error is None else error.text
@@ -163,11 +163,11 @@ def render(
     if is_clamped(picture):
         print(TOO_BRIGHT, file=sys.stderr)
     line = f"{output}: {picture.shape[1]} x {picture.shape[0]}, {time.monotonic() - started:.1f} s"
-    say(f"{line}, {said}" if said else line)
+    print_line(f"{line}, {said}" if said else line)
     if error is not None and error.advice:
-        say(f"note: {error.advice}")
+        print_line(f"note: {error.advice}")
     if still.warning:
-        say(f"note: {still.warning}")
+        print_line(f"note: {still.warning}")
     return 0
 
 
@@ -178,9 +178,9 @@ def _knobs(accuracy: float | None, mode: StillMode, reference: bool, lights: int
     if reference or (lights, patches) != (N_LIGHTS, N_PATCHES):
         other = "--reference" if reference else "--lights, --patches"
         raise InsituError(f"--accuracy {accuracy:g} {other}: expected one of them")
-    from app.front import front
+    from app.pareto_front import load_front
 
-    return dict(front().stop(mode.value, accuracy).knobs)
+    return dict(load_front().nearest_point(mode.value, accuracy).knobs)
 
 
 def _check_lines(planned: Mapping[str, Any], mode: StillMode, reference: bool) -> None:
@@ -215,11 +215,11 @@ def _check_frames(
         raise InsituError(f"{asked} --time {time_:g}: expected one of them")
 
 
-def _frames(words: ProjectWords, output: Path, frames: Frames, view: str | None, scheduler: str | None) -> int:
+def _frames(words: ProjectSpec, output: Path, frames: Frames, view: str | None, scheduler: str | None) -> int:
     """Frames all around a scene or through its animation; those that are there already are kept."""
     from app.cli.turntable import FrameFiles, draw_frames
     from app.cluster.opened import opened
-    from app.frames import draw_here
+    from app.frame_sequence import draw_here
 
     started, files = time.monotonic(), FrameFiles.of(output, frames.count)
     if view is not None and files.ending == ".exr":
@@ -230,11 +230,11 @@ def _frames(words: ProjectWords, output: Path, frames: Frames, view: str | None,
             project, frames, files, lambda step: report(step.fraction, step.text),
             project.view if view is None else find_view(view), draw_here if cluster is None else cluster.draw,
         )  # fmt: skip
-    tell_notes(project)
+    print_project_notes(project)
     kept = f", {frames.count - drawn} were there" if drawn < frames.count else ""
-    say(f"{files.folder}: {drawn} frames{kept}, {time.monotonic() - started:.1f} s")
+    print_line(f"{files.folder}: {drawn} frames{kept}, {time.monotonic() - started:.1f} s")
     if error:
-        say(f"note: {error}")
+        print_line(f"note: {error}")
     return 0
 
 
@@ -249,19 +249,19 @@ def screenshot(
     view: ViewName = None,
 ) -> int:
     """Take a picture of the whole editor window; no display is needed."""
-    from app.script import Capture, ChooseView, load_script
+    from app.script import CaptureWindow, ChooseView, load_script
     from app.stills import check_output
 
     check_output(output, (".png",))
     steps = load_script(script, Path(os.path.abspath(output)).parent) if script is not None else ()
     for step in steps:
-        if isinstance(step, Capture):
+        if isinstance(step, CaptureWindow):
             check_output(step.path, (".png",))
     if problem := state_problem():
-        complain(problem)  # own materials are not there; the picture is
+        print_error(problem)  # own materials are not there; the picture is
     if view is not None:
         steps = (ChooseView(find_view(view)), *steps)
     frontend: Frontend = context.obj
     frontend.take_screenshot(find_source(scene), output, steps, size, scale, resolution)
-    say(f"{output}: {size[0]} x {size[1]}")
+    print_line(f"{output}: {size[0]} x {size[1]}")
     return 0

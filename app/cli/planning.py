@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from app.project import Project
-from app.stills import wanted_bounces
+from app.stills import chosen_bounces
 from engine.planner import N_LIGHTS, Plan, plan_scene
 from engine.render.bounce_plan import planned_bounces
 from engine.render.light_pilot import with_light_budget
@@ -32,11 +32,11 @@ def plan_project(
     layers, sky = project.layers, project.sky
     plan = plan_scene(
         project.scene, layers, has_sky=sky.environment is not None, editable=project.editable, n_lights=n_lights,
-        overrides=project.overruled,
+        overrides=project.overrides,
     )  # fmt: skip
     placement = Placement(project.scene, n_edge_rays=plan.n_edge_rays)
     planned_layers = with_maps(placement, still_layers(layers.items(), project.object_names, plan))
-    wanted = wanted_bounces(project, plan)
+    wanted = chosen_bounces(project, plan)
     bounces = planned_bounces(placement, project.indexed_layers, wanted)
     said = bounces.reason or ("as the session says" if wanted == project.n_bounces else plan.reasons["bounces"])
     reason = "; ".join(filter(None, (said, bounces.warning)))

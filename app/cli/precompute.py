@@ -11,11 +11,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
-from app.decided import decisions_of
+from app.effective_settings import effective_settings
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
-from app.messages import Failed, LookFrom, OpenScene, Progress, Response, SceneOpened, SceneSeen
+from app.messages import RequestFailed, SetCamera, OpenScene, Progress, Response, SceneOpened, ViewTraced
 from app.placement.curves import Curves
 from app.placement.messages import ErrorEstimated, EstimateError, StageDone
 from app.placement.transport_talk import TransportTalk
@@ -41,7 +41,7 @@ class CacheContents:
 
 
 @dataclass(frozen=True)
-class Filled:
+class FilledCache:
     """The worker that has filled a cache, the transport it was asked for, and how many bytes there are of it."""
 
     client: InProcessClient
@@ -63,43 +63,43 @@ def precompute(
     filled = fill(project, report, n_lights, store or Store(), cluster)
     report(Progress(WHAT, 0.0))
     filled.client.send(EstimateError(filled.scene, revision=filled.transport))
-    return CacheContents(filled.n_bytes, _until(filled.client, ErrorEstimated, report).estimate)
+    return CacheContents(filled.n_bytes, _poll_until(filled.client, ErrorEstimated, report).estimate)
 
 
 def fill(
     project: Project, report: Report, n_lights: int | None, store: Store, cluster: OnCluster | None = None
-) -> Filled:
+) -> FilledCache:
     """The same as far as something is kept: the error is not estimated."""
-    decided = project.decided
+    decided = project.render_settings
     store.require()
     document, seen = project.document, project.scene
     scene = OpenScene(document.source)
     camera, bumps, n_edge_rays = seen.description.camera, document.new_bumps, decided.n_edge_rays
-    view = LookFrom(0, camera, seen.resolution, document.poses, bumps, n_edge_rays)
+    view = SetCamera(0, camera, seen.resolution, document.poses, bumps, n_edge_rays)
     labour = None if cluster is None else cluster.labour(scene, view, document)
     client = InProcessClient(Tasks(store, fills=True, labour=labour))
     curves = Curves()
     talk = TransportTalk(client.send, curves)
     number = client.send(scene)
-    _until(client, SceneOpened, report)
+    _poll_until(client, SceneOpened, report)
     client.send(replace(view, scene=number))
-    _until(client, SceneSeen, report)
+    _poll_until(client, ViewTraced, report)
     talk.scene_opened()
-    decisions = decisions_of(decided, document)
+    decisions = effective_settings(decided, document)
     if n_lights is not None:
         decisions = replace(decisions, n_lights=n_lights)
     talk.update(time.monotonic(), document, None, decisions, False)
-    while not (stage := _until(client, StageDone, report)).exact:
+    while not (stage := _poll_until(client, StageDone, report)).exact:
         pass
     store.require_kept()
-    return Filled(client, talk.revision, curves.scene_state(document), stage.transport_bytes)
+    return FilledCache(client, talk.revision, curves.scene_state(document), stage.transport_bytes)
 
 
-def _until(client: InProcessClient, kind: type[Answer], report: Report) -> Answer:
+def _poll_until(client: InProcessClient, kind: type[Answer], report: Report) -> Answer:
     """Work until there is such an answer, and no further: answers that came with it are kept by nobody."""
     while client.wait(0.0):
         for response in client.poll(budget_s=0.0):
-            if isinstance(response, Failed):
+            if isinstance(response, RequestFailed):
                 raise InsituError(response.line)
             if isinstance(response, Progress):
                 report(response)

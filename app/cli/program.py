@@ -9,14 +9,14 @@ from typing import Annotated
 
 import typer
 
-from app.cli.console import FAILED, INTERRUPTED, USAGE, complain, say
+from app.cli.console import FAILED, INTERRUPTED, USAGE, print_error, print_line
 from app.cli.exchange import export, export_brdf, import_brdf
 from app.cli.frontend import Frontend
-from app.cli.options import LIGHTS, Lights, Overrule, Resolution, Scene, Scheduler, Values, assignments, lines
-from app.cli.output import describe_check, describe_plan, memory_note, progress, tell_notes
+from app.cli.options import LIGHTS, Lights, Override, Resolution, Scene, Scheduler, Values, assignments, lines
+from app.cli.output import describe_check, describe_plan, memory_note, progress, print_project_notes
 from app.cli.pictures import render, screenshot
 from app.machine.memory import available_memory
-from app.project import ProjectWords
+from app.project import ProjectSpec
 from app.sources import find_source
 from engine.planner import N_LIGHTS
 from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
@@ -30,27 +30,27 @@ def edit(context: typer.Context, scene: Scene = DEFAULT_SCENE) -> int:
 
 def precompute(
     scene: Scene = DEFAULT_SCENE, set_: Values = None, lights: Annotated[int | None, LIGHTS] = None,
-    resolution: Resolution = None, overrule: Overrule = None, scheduler: Scheduler = None,
+    resolution: Resolution = None, overrule: Override = None, scheduler: Scheduler = None,
 ) -> int:  # fmt: skip
     """Fill the cache, so that the editor opens the scene at once; of a session with as many lights as it has."""
     from app.cli.precompute import precompute as fill
     from app.cluster.opened import opened
 
     started = time.monotonic()
-    words = ProjectWords(scene, resolution, tuple(assignments(set_)), overrules=tuple(lines(overrule).items()))
+    words = ProjectSpec(scene, resolution, tuple(assignments(set_)), overrides=tuple(lines(overrule).items()))
     with progress() as report, opened(words, scheduler) as (project, cluster):
         done = fill(project, lambda step: report(step.fraction, f"{step.stage}: {step.text}"), lights, cluster=cluster)
     megabytes, seconds = done.n_bytes / 2**20, time.monotonic() - started
-    say(f"{scene}: {megabytes:.0f} MiB of transport, {seconds:.1f} s, {done.error.text}")
+    print_line(f"{scene}: {megabytes:.0f} MiB of transport, {seconds:.1f} s, {done.error.text}")
     if done.error.is_large:
-        say(f"note: {done.error.advice}")
+        print_line(f"note: {done.error.advice}")
     return 0
 
 
 def plan(
     scene: Scene = DEFAULT_SCENE,
     set_: Values = None,
-    overrule: Overrule = None,
+    overrule: Override = None,
     lights: Lights = N_LIGHTS,
     resolution: Resolution = None,
     check: Annotated[
@@ -61,7 +61,7 @@ def plan(
     from app.cli.planning import plan_project
 
     started = time.process_time()
-    words = ProjectWords(scene, resolution, tuple(assignments(set_)), overrules=tuple(lines(overrule).items()))
+    words = ProjectSpec(scene, resolution, tuple(assignments(set_)), overrides=tuple(lines(overrule).items()))
     project = words.open()
     opening = time.process_time() - started
     with progress() as report:
@@ -69,14 +69,14 @@ def plan(
             project, lambda step: report(step.fraction, step.text), n_lights=lights, opening_seconds=opening
         )
     for line in describe_plan(planned):
-        say(line)
+        print_line(line)
     if note := memory_note(planned, available_memory()):
-        say(f"note: {note}")
+        print_line(f"note: {note}")
     if check:
         from app.measure.planning import carried_out
 
-        say(describe_check(planned, carried_out(words, lights)))
-    tell_notes(project)
+        print_line(describe_check(planned, carried_out(words, lights)))
+    print_project_notes(project)
     return 0
 
 
@@ -107,9 +107,9 @@ def doctor(context: typer.Context) -> int:
     marks = {"ok": "ok     ", "without": "without", "broken": "BROKEN "}
     status = 0
     for finding in examine(context.obj):
-        say(f"{marks[finding.state]} {finding.name}: {' '.join(finding.found.split())}")
+        print_line(f"{marks[finding.state]} {finding.name}: {' '.join(finding.found.split())}")
         if finding.mend:
-            say(f"        to mend it: {finding.mend}")
+            print_line(f"        to mend it: {finding.mend}")
         if finding.state == "broken":
             status = FAILED
     return status
@@ -142,7 +142,7 @@ cli.command()(doctor)
 
 
 def run(arguments: Sequence[str], frontend: Frontend) -> int:
-    """Carry out a command line; the exit status. Errors of the work itself are raised, see `console.guarded`."""
+    """Carry out a command line; the exit status. Errors of the work itself are raised, see `console.run_guarded`."""
     arguments = list(arguments)
     command = typer.main.get_command(cli)
     first = next((word for word in arguments if not word.startswith("-")), None)
@@ -155,6 +155,6 @@ def run(arguments: Sequence[str], frontend: Frontend) -> int:
     except Exception as error:
         if not hasattr(error, "format_message"):  # not the library's word for a wrong command line
             raise
-        complain(f"{error.format_message()} (insitu --help says what there is)")
+        print_error(f"{error.format_message()} (insitu --help says what there is)")
         return USAGE
     return status if isinstance(status, int) else 0

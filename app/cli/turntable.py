@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.frames import Draw, Frames, Report, draw_here, judge_frame, poses_of
+from app.frame_sequence import Draw, Frames, Report, draw_here, judge_frame, poses_of
 from app.machine.atomic import make_folder_of, require_place, save_file
 from app.picture_key import picture_key
 from app.project import Project
@@ -63,7 +63,7 @@ class FrameFiles:
         """
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            known, written = self._noted()
+            known, written = self._read_record()
             if known != key:
                 own = [name for name, content in written.items() if _content_of(self.folder / name) == content]
                 others = [path for path in map(self.path, range(self.count)) if path.exists() and path.name not in own]
@@ -74,25 +74,25 @@ class FrameFiles:
                     raise InsituError(f"{others[0]}: {said}; expected a folder without such files")
                 for name in own:
                     (self.folder / name).unlink()
-                self._note(key, {})
+                self._write_record(key, {})
         except (OSError, UnicodeDecodeError) as error:
             raise InsituError(f"{self.folder}: the folder cannot be used, {error}") from error
         return [i for i in range(self.count) if not _is_whole(self.path(i), resolution)]
 
     def write(self, i: int, picture: NDArray[np.float32], view: ToneMapping) -> None:
         """Put a frame into its file, which is noted before. Raises InsituError."""
-        content, (key, written) = picture_bytes(self.path(i), picture, view), self._noted()
-        self._note(key, {**written, self.path(i).name: _digest(content)})
+        content, (key, written) = picture_bytes(self.path(i), picture, view), self._read_record()
+        self._write_record(key, {**written, self.path(i).name: _digest(content)})
         save_file(self.path(i), content)
 
-    def _noted(self) -> tuple[str, dict[str, str]]:
+    def _read_record(self) -> tuple[str, dict[str, str]]:
         """The key of the frames that are there, "" where there are none, and what was written, by name."""
         if not self.record.exists():
             return "", {}
         key, *lines = self.record.read_text().splitlines() or [""]
         return key, {name: content for content, _, name in (line.partition(" ") for line in lines)}
 
-    def _note(self, key: str, written: Mapping[str, str]) -> None:
+    def _write_record(self, key: str, written: Mapping[str, str]) -> None:
         save_file(self.record, "\n".join([key, *(f"{content} {name}" for name, content in written.items())]).encode())
 
 

@@ -18,7 +18,7 @@ from app.cluster.parcel import Parcel
 from app.cluster.program import other_program, program_digest
 from app.cluster.shelf import Shelf, fetched
 from app.jobs.cache import Store
-from app.messages import LookFrom, OpenScene
+from app.messages import SetCamera, OpenScene
 from app.scene_state import LayerState, SceneState
 from engine.errors import InsituError
 from engine.safe_files import redirect_files
@@ -30,9 +30,9 @@ from engine.transport.projection import LayerShape, VisibleLight, project_layer
 if TYPE_CHECKING:
     import numpy as np
 
-    from app.frames import Drawer, Frames, Picture
+    from app.frame_sequence import Drawer, Frames, Picture
     from app.jobs.bench import Bench
-    from app.project import ProjectWords
+    from app.project import ProjectSpec
 
 _alone = threading.Lock()
 _kept: dict[str, object] = {}
@@ -54,7 +54,7 @@ class Errand:
 class FrameErrand(Errand):
     """Frames of a project."""
 
-    words: ProjectWords
+    words: ProjectSpec
     frames: Frames
 
 
@@ -63,7 +63,7 @@ class ViewErrand(Errand):
     """One view of a scene, opened as the editor's worker opens it, under the light and the emitters of a document."""
 
     open: OpenScene
-    look: LookFrom
+    look: SetCamera
     scene: SceneState
 
 
@@ -136,10 +136,10 @@ def _opened(errand: Errand, make: Callable[[], Kept]) -> Kept:
 
 
 def _drawer(errand: FrameErrand) -> Drawer:
-    from app.frames import drawer_of
+    from app.frame_sequence import drawer_of
 
     drawer = drawer_of(errand.words.open(), errand.frames)
-    drawer.make_ready(lambda step: None)
+    drawer.prepare(lambda step: None)
     return drawer
 
 

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from app.messages import LookFrom, OpenScene
-from app.project import Project, ProjectWords
+from app.messages import SetCamera, OpenScene
+from app.project import Project, ProjectSpec
 from app.scene_state import scene_state
 from app.stills import StillProgress
 from engine.errors import InsituError
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from app.cluster.labour import OnWorkers
     from app.cluster.parcel import Parcel
     from app.document import Document
-    from app.frames import Frames, Picture, Report
+    from app.frame_sequence import Frames, Picture, Report
 
 
 class OnCluster:
     """A project whose files a cluster has."""
 
-    def __init__(self, cluster: Cluster, words: ProjectWords, parcel: Parcel) -> None:
+    def __init__(self, cluster: Cluster, words: ProjectSpec, parcel: Parcel) -> None:
         from app.cluster.program import program_digest
 
         self.cluster, self.words = cluster, words
@@ -49,7 +49,7 @@ class OnCluster:
             if found is not None:
                 yield found
 
-    def labour(self, scene: OpenScene, view: LookFrom, document: Document) -> OnWorkers:
+    def labour(self, scene: OpenScene, view: SetCamera, document: Document) -> OnWorkers:
         """Who does the long work on this view of a document's scene; requests without a number yet."""
         from app.cluster.errands import ViewErrand
         from app.cluster.labour import OnWorkers
@@ -59,7 +59,7 @@ class OnCluster:
 
 
 @contextlib.contextmanager
-def opened(words: ProjectWords, scheduler: str | None) -> Iterator[tuple[Project, OnCluster | None]]:
+def opened(words: ProjectSpec, scheduler: str | None) -> Iterator[tuple[Project, OnCluster | None]]:
     """The project, opened here; and on the cluster of that address, None where none is named. Raises InsituError."""
     if scheduler is None:
         yield words.open(), None
@@ -71,7 +71,7 @@ def opened(words: ProjectWords, scheduler: str | None) -> Iterator[tuple[Project
             f"--scheduler {scheduler}: dask.distributed is not installed; `pip install 'insitu[cluster]'` does it"
         ) from error
     with Cluster(scheduler) as cluster:
-        words = words.from_anywhere()
+        words = words.with_absolute_paths()
         with record_files() as files:
             project = words.open()
             _read_all(project)

@@ -21,7 +21,7 @@ from app.commands.light import SetEmission, SetEnvironment, SetIntensity, SetMap
 from app.commands.maps import SetMap
 from app.commands.material import AddLayers, RemoveLayer, SetMaterial
 from app.commands.paint import BlendByMap, ClearMap, Paint
-from app.commands.plan import Overrule
+from app.commands.plan import OverrideLine
 from app.commands.poses import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetTime
 from app.commands.series import SetFirstBands
 from app.commands.surfaces import SetBumps, SetSurface
@@ -31,5 +31,5 @@ EditCommand = (
     | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetFresnelTerm | SetEditable
     | SetBumps | SetMap | Paint | BlendByMap | ClearMap | SetMaterial | AddLayers | RemoveLayer | SetRotation
     | SetIntensity | SetEnvironment | SetMapping | SetEmission | SetFirstBands | SetPose | AddDeformer | SetDeformer
-    | MoveDeformer | RemoveDeformer | SetTime | SetSurface | Overrule
+    | MoveDeformer | RemoveDeformer | SetTime | SetSurface | OverrideLine
 )  # fmt: skip

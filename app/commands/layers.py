@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from app.document import Document, all_factors, resolve, split_key
-from app.linked_layers import group_of, with_fresnel, without_fresnel
+from app.linked_layers import linked_indices, with_fresnel, without_fresnel
 from engine.errors import InsituError
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
@@ -133,7 +133,7 @@ def _leading(document: Document, key: str) -> tuple[str, Layer]:
     """Key and value of the layer that a layer follows."""
     name, index = split_key(document, key)
     layers = document.object(name).layers
-    lead = group_of(layers, index)[0]
+    lead = linked_indices(layers, index)[0]
     return f"{name}.{lead}", layers[lead]
 
 

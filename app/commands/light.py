@@ -73,7 +73,7 @@ class SetEnvironment:
         return replace(document, light=check_light(changed, "light"))
 
 
-def lit_by(file: Path) -> SetEnvironment:
+def set_environment_file(file: Path) -> SetEnvironment:
     """Light the scene by a file, read as its size suggests."""
     return SetEnvironment(str(resolved(file)), likely_mapping(file))
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from app.commands.maps import with_scene_names
 from app.document import Document, ObjectState, split_key
-from app.linked_layers import Layers, group_of, without_fresnel
+from app.linked_layers import Layers, linked_indices, without_fresnel
 from engine.curve.operators import Edit, collapse
 from engine.errors import InsituError
 from engine.material import MODELS
@@ -75,11 +75,11 @@ class RemoveLayer:
             raise InsituError(f"{self.key} is frozen; thaw it to delete it")
         if layers[index].rises:
             return document.with_object(replace(state, layers=without_fresnel(layers, index)))
-        followers = [layers[i] for i in group_of(layers, index) if layers[i].follows == layers[index].name]
+        followers = [layers[i] for i in linked_indices(layers, index) if layers[i].follows == layers[index].name]
         kept = tuple(each for each in layers if each is not layers[index] and not (each.rises and each in followers))
         if not kept:
             raise InsituError(f"{self.key} is the only layer of {name}; give the object another material instead")
-        return document.with_object(replace(state, layers=_led_anew(kept, layers[index].name, followers)))
+        return document.with_object(replace(state, layers=_with_new_leader(kept, layers[index].name, followers)))
 
 
 def new_layer(model: str) -> Layer:
@@ -113,7 +113,7 @@ def _editable_object(document: Document, name: str) -> ObjectState:
     return state
 
 
-def _led_anew(layers: Layers, gone: str, followers: Sequence[Layer]) -> Layers:
+def _with_new_leader(layers: Layers, gone: str, followers: Sequence[Layer]) -> Layers:
     """The layers that stay; of those that followed the one that is gone, the first leads the others from now on."""
     heirs = [layer.name for layer in followers if not layer.rises]
     follows = {name: "" if name == heirs[0] else heirs[0] for name in heirs}

@@ -13,7 +13,7 @@ AS_PLANNED = "auto"
 
 
 @dataclass(frozen=True)
-class Overrule:
+class OverrideLine:
     """Set a line of the plan to `value`, None: as planned. A curve's line is its path, "teapot.1.theta_h"."""
 
     line: str
@@ -30,24 +30,24 @@ class Overrule:
         else:
             line, n_factors = _curve(document, line)
             value = None if value is None else checked_bands(line, value, n_factors)
-        lines = {name: set_to for name, set_to in document.overrules if name != line}
+        lines = {name: set_to for name, set_to in document.overrides if name != line}
         if value is not None:
             lines[line] = value
-        return replace(document, overrules=tuple(sorted(lines.items())))
+        return replace(document, overrides=tuple(sorted(lines.items())))
 
 
-def overrule(line: str, value: object) -> Overrule:
+def override_from_value(line: str, value: object) -> OverrideLine:
     """The command that a word of a script or a command line stands for: "auto" is as planned."""
     if value == AS_PLANNED:
-        return Overrule(line, None)
+        return OverrideLine(line, None)
     if isinstance(value, bool) or not isinstance(value, int | str):
         raise InsituError(f"plan: {line} = {value}, expected a whole number, or a word")
-    return Overrule(line, value)
+    return OverrideLine(line, value)
 
 
-def standing_overrules(document: Document) -> dict[str, LineValue]:
+def active_overrides(document: Document) -> dict[str, LineValue]:
     """The lines that are set and that there are: a layer may have come to be of another model since."""
-    lines = dict(document.overrules)
+    lines = dict(document.overrides)
     if not lines:
         return {}
     found = {line: value for line, value in lines.items() if line in PICTURE_LINES}

@@ -132,10 +132,10 @@ class SetTime:
         if self.clip is not None and self.clip not in there:
             raise InsituError(f"animation {self.clip!r}, expected one of {', '.join(there)}")
         for state in animated:
-            document = document.with_object(replace(state, moment=self._moment(state)))
+            document = document.with_object(replace(state, moment=self._moment_of(state)))
         return document
 
-    def _moment(self, state: ObjectState) -> Moment | None:
+    def _moment_of(self, state: ObjectState) -> Moment | None:
         if self.time is None:
             return None
         clip = self.clip or (state.moment.clip if state.moment is not None else state.animations[0].name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from app.picture import PictureEvent
+from app.picture_events import PictureEvent
 from engine.deform.gpu_parts import PictureExport
 from engine.scene.description import Camera
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
-from app.messages import LookFrom, OpenScene, Request, Response
+from app.messages import SetCamera, OpenScene, Request, Response
 from app.orbit.messages import EstimateDrawn, OrbitDrawn, Quality
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class PrepareDeform(Request):
     each point; n_lobes: that stand for what these find.
     """
 
-    built_on = (LookFrom,)
+    built_on = (SetCamera,)
 
     scene: SceneState
     n_bounces: int = 0
@@ -54,9 +54,9 @@ class DrawDeform(Request):
     numbers of the parts that it has (`engine.deform.gpu_parts`); then answered by `PoseTold`."""
 
     built_on = (OpenScene,)
-    quick = 0
-    once = True
-    stops = False
+    priority = 0
+    answered_once = True
+    is_stopped_by_user = False
 
     camera: Camera
     resolution: tuple[int, int]

@@ -21,14 +21,14 @@ from app.deform.messages import (
 )
 from app.deform.status import DeformStatus
 from app.document import Document
-from app.messages import Failed, Request, Response
-from app.mode import Desk
+from app.messages import RequestFailed, Request, Response
+from app.mode import EditorServices
 from app.orbit.messages import Carried, DrawPlainly, OrbitAdvanced, OrbitDrawn
 from app.orbit.talk import REST_SECONDS, OrbitTalk
 from app.orbit.wishes import Drawing, OrbitWish
-from app.picture import PictureEvent
-from app.status import PictureState, Status
-from app.timeline import shown_poses
+from app.picture_events import PictureEvent
+from app.editor_status import PictureState, Status
+from app.timeline import visible_poses
 from app.view_state import ViewState
 from engine.deform.gpu_parts import NO_PARTS, Numbers
 from engine.deform.pose import Poses
@@ -56,7 +56,7 @@ class DeformTalk(OrbitTalk):
     draws = DrawDeform
     estimates = EstimateDeform
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: EditorServices) -> None:
         self._lost: tuple[tuple[str, float], ...] = ()
         self._alone: tuple[str, ...] = ()
         self._carried: Carried = ()
@@ -77,7 +77,7 @@ class DeformTalk(OrbitTalk):
         super()._forget()
         self._known_surfaces = KnownSurfaces()
 
-    def take(self, response: Response) -> list[PictureEvent]:
+    def receive(self, response: Response) -> list[PictureEvent]:
         match response:
             case DeformKnown():
                 self._lost = response.lost
@@ -88,7 +88,7 @@ class DeformTalk(OrbitTalk):
             case OrbitDrawn() if response.id == self._drawing_id:
                 self._carried = response.carried
         drawing, own = self._drawing, self._own_camera
-        events = super().take(response)
+        events = super().receive(response)
         if isinstance(response, PoseTold) and events and drawing is not None and own is not None:
             self._parts_told = response.told.numbers
             return [PoseCame(response.told, drawing.look.camera or own, drawing.resolution)]
@@ -99,7 +99,7 @@ class DeformTalk(OrbitTalk):
         if response.id == self._prepare_id and isinstance(self._asked, DeformWish):
             self._known_surfaces.worked(self._asked.surfaces)
 
-    def _take_failure(self, response: Failed) -> None:
+    def _take_failure(self, response: RequestFailed) -> None:
         asked = self._asked
         super()._take_failure(response)
         if response.id == self._prepare_id and isinstance(asked, DeformWish):
@@ -147,7 +147,7 @@ class DeformTalk(OrbitTalk):
         )  # fmt: skip
 
     def _poses_of(self, document: Document, view: ViewState) -> Poses:
-        return shown_poses(document, view)
+        return visible_poses(document, view)
 
     @property
     def _may_hand_over(self) -> bool:

@@ -29,7 +29,7 @@ LEAST_ALPHA = 0.01
 
 
 @dataclass(frozen=True)
-class Written:
+class WrittenMaterial:
     """What was written; `notes`: lines on what is not the same."""
 
     notes: tuple[str, ...] = ()
@@ -37,7 +37,7 @@ class Written:
 
 def write_material(
     shape: Element, layers: Sequence[Layer], folder: Path, stem: str, axes: Float64Array, factors: Float64Array
-) -> Written:
+) -> WrittenMaterial:
     """Add the material of these visible layers to a shape. axes (2, 3): the object's own Y and X in the world; factors
     (K, 3): the means of each layer's texture and weight map, which stand for them there."""
     matt, metal = _exact(layers)
@@ -52,7 +52,7 @@ def write_material(
         write_atomically(folder / "materials" / f"{stem}.npz", packed.getvalue())
         add(add(shape, "bsdf", type="insitu"), "string", name="filename", value=f"materials/{stem}.npz")
     images = [layer.name for layer in layers if not layer.maps.is_plain]
-    return Written((f"{', '.join(images)} by the mean of texture and weight map",) if images else ())
+    return WrittenMaterial((f"{', '.join(images)} by the mean of texture and weight map",) if images else ())
 
 
 def _exact(layers: Sequence[Layer]) -> tuple[Layer | None, Layer | None]:

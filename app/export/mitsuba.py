@@ -19,7 +19,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from app.export.materials import Written, write_material
+from app.export.materials import WrittenMaterial, write_material
 from app.export.meshes import ply_bytes
 from app.export.names import stem_of, written_names
 from app.export.xml_parts import add, add_numbers
@@ -121,5 +121,5 @@ def _add_object(root: ElementTree.Element, project: Project, folder: Path, index
         return []
     layers: list[Layer] = [layer for key, layer in project.layers.items() if object_of(key) == name]
     factors = np.array([mean_factor(scene, index, layer.maps) for layer in layers]).reshape(-1, 3)
-    written: Written = write_material(shape, layers, folder, stem, object_axes(scene)[index, [1, 0]], factors)
+    written: WrittenMaterial = write_material(shape, layers, folder, stem, object_axes(scene)[index, [1, 0]], factors)
     return [f"{name}: {note}" for note in written.notes]

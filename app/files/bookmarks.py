@@ -25,7 +25,7 @@ def is_name(name: str) -> bool:
     return 0 < len(name) <= MAX_NAME and name.isprintable() and name == name.strip()
 
 
-def named(bookmarks: Bookmarks, name: str) -> Bookmark:
+def find_bookmark(bookmarks: Bookmarks, name: str) -> Bookmark:
     """The view of that name; InsituError lists those there are."""
     found = next((each for each in bookmarks if each.name == name), None)
     if found is None:
@@ -34,7 +34,7 @@ def named(bookmarks: Bookmarks, name: str) -> Bookmark:
     return found
 
 
-def kept(bookmarks: Bookmarks, look: Viewpoint, name: str | None = None) -> Bookmarks:
+def add_bookmark(bookmarks: Bookmarks, look: Viewpoint, name: str | None = None) -> Bookmarks:
     """With a view under a name, in the place of the one that has it; None: under a name of its own, at the end."""
     new = Bookmark(_free_name(bookmarks) if name is None else name, look)
     if not is_name(new.name):
@@ -46,12 +46,12 @@ def kept(bookmarks: Bookmarks, look: Viewpoint, name: str | None = None) -> Book
     return (*bookmarks, new)
 
 
-def without(bookmarks: Bookmarks, name: str) -> Bookmarks:
+def remove_bookmark(bookmarks: Bookmarks, name: str) -> Bookmarks:
     """Without the view of that name."""
     return tuple(each for each in bookmarks if each.name != name)
 
 
-def renamed(bookmarks: Bookmarks, old: str, new: str) -> Bookmarks:
+def rename_bookmark(bookmarks: Bookmarks, old: str, new: str) -> Bookmarks:
     """With another name for a view; InsituError where it is none, or another view's."""
     if not is_name(new):
         raise InsituError(f"view {new!r}: expected a name of 1 to {MAX_NAME} characters")
@@ -65,9 +65,9 @@ def with_thumbnail(bookmarks: Bookmarks, name: str, thumbnail: bytes) -> Bookmar
     return tuple(replace(each, thumbnail=thumbnail) if each.name == name else each for each in bookmarks)
 
 
-def looks_of(bookmarks: Bookmarks) -> tuple[tuple[str, Viewpoint], ...]:
+def without_thumbnails(bookmarks: Bookmarks) -> tuple[tuple[str, Viewpoint], ...]:
     """What a person would miss."""
-    return tuple((each.name, each.look) for each in bookmarks)
+    return tuple((each.name, each.viewpoint) for each in bookmarks)
 
 
 def check_thumbnail(data: bytes) -> None:

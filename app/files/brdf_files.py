@@ -7,9 +7,9 @@ from pathlib import Path
 
 from app.files.material_file import Material, dump_material
 from app.machine.atomic import require_place, save_file
-from app.machine.inputs import inputs_are
-from app.measurements import with_read
-from app.reading import measured_layers
+from app.machine.inputs import set_inputs
+from app.measurements import with_measurements
+from app.measured_import import measured_layers
 from engine.errors import InsituError
 from engine.safe_files import resolved
 from engine.material.layer import Layer
@@ -28,10 +28,10 @@ def import_file(
     """Read and fit a measured file (or find it in the store) and write it as a material. Raises InsituError."""
     if output.suffix != ".toml":
         raise InsituError(f"{output}: the name of a material ends in .toml")
-    inputs_are([file])
+    set_inputs([file])
     require_place(output)
     measurement = run_to_end(read_measurement(resolved(file), store), lambda step: report(*step))
-    layers = with_read(measured_layers(file, cloth), {str(resolved(file)): measurement})
+    layers = with_measurements(measured_layers(file, cloth), {str(resolved(file)): measurement})
     smooth = tuple(layer.with_parameter("smoothing", smoothing) for layer in layers)
     name = file.stem[:64].encode(errors="replace").decode()  # of a name that is no text "?" for what is not
     text = dump_material(Material(name, smooth, "Measured"), resolved(output).parent)

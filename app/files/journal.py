@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 from app.document import Document
 from app.files.bookmarks import Bookmarks
-from app.files.session import SUFFIX, JournalRecord, SeenFile, Session, dump_checked, load_session
+from app.files.session import SUFFIX, JournalRecord, KnownFile, Session, dump_checked, load_session
 from app.machine.atomic import PRIVATE_FILE, make_private_folder, write_atomically
 from app.machine.paths import full_path, journal_directory, written_path
 from app.view_state import ViewState
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from filelock import FileLock
 
 DAMAGED = ".damaged"
-NEVER_SAVED = SeenFile()
+NEVER_SAVED = KnownFile()
 WRITE_SECONDS = 0.5
 RETRY_SECONDS = 5.0
 STALE_LOCK_SECONDS = 86400.0
@@ -64,38 +64,38 @@ class _Entry:
 
     document: Document | None
     view: ViewState
-    session: SeenFile
+    session: KnownFile
 
 
 class Journal:
     """The journal of one running editor. ``problem`` is the last failure to write it, "" when there was none.
 
-    ``notice`` is a line about journals of other editors that cannot be read.
+    ``warning`` is a line about journals of other editors that cannot be read.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
         folder = journal_directory() if folder is None else folder
         self.path = folder / f"{os.getpid()}-{time.time_ns():x}-{next(_serial)}{SUFFIX}"
-        self.problem = self.notice = ""
+        self.problem = self.warning = ""
         self.written: Document | None = None
         self._lock: FileLock | None = None
-        self._noted: tuple[Document, Bookmarks] | None = None
-        self._noted_at = float("-inf")
+        self._queued: tuple[Document, Bookmarks] | None = None
+        self._queued_at = float("-inf")
         self._entries: queue.SimpleQueue[_Entry | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._write_all, name="journal", daemon=True)
         self._thread.start()
 
     def note(
-        self, now: float, document: Document, view: ViewState, unsaved: bool, session: SeenFile = NEVER_SAVED
+        self, now: float, document: Document, view: ViewState, unsaved: bool, session: KnownFile = NEVER_SAVED
     ) -> None:
         """Once a frame: have the document written when it, or a kept view, has changed, twice a second at most. Returns
         at once."""
         wanted = (document, view.bookmarks) if unsaved else None
-        since = now - self._noted_at
-        again = _is_same(wanted, self._noted) and not (self.problem and since >= RETRY_SECONDS)
+        since = now - self._queued_at
+        again = _is_same(wanted, self._queued) and not (self.problem and since >= RETRY_SECONDS)
         if again or (wanted is not None and since < WRITE_SECONDS):
             return
-        self._noted, self._noted_at = wanted, now
+        self._queued, self._queued_at = wanted, now
         self._entries.put(_Entry(document if unsaved else None, view, session))
 
     def close(self, keep: bool = False) -> None:
@@ -115,7 +115,7 @@ class Journal:
         except OSError as error:
             self._failed(error)
         with contextlib.suppress(Exception):  # whatever is wrong with others, this journal is to be written
-            self.notice = set_damaged_aside(self.path.parent)
+            self.warning = set_damaged_aside(self.path.parent)
         while (entry := self._newest()) is not None:
             try:
                 self._write(entry)

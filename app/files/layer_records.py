@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from app.commands.curves import MAX_OPERATORS, CurveEdit
 from app.described_layers import layers_from_descriptions
 from app.document import all_factors, layer_key
-from app.linked_layers import FRESNEL_NAME, Layers, alike
+from app.linked_layers import FRESNEL_NAME, Layers, synchronize_layers
 from app.machine.paths import written_path
 from engine.curve.operators import Operator, TabulatedCurve
 from engine.errors import LoadError
@@ -97,7 +97,7 @@ def layers_of(file: str, name: str, records: Sequence[LayerRecord]) -> Layers:
         for each in records
     ]
     plain = layers_from_descriptions(file, name, described)
-    return alike(
+    return synchronize_layers(
         tuple(
             with_curves(file, layer_key(name, i), layer, record.curves).replace(
                 visible=record.visible, frozen=record.frozen

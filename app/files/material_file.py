@@ -25,7 +25,7 @@ from pydantic import Field, ValidationError
 
 from app.described_layers import layers_from_descriptions
 from app.files.layer_records import MAX_LAYERS, CurveRecord, StrictModel, description_of, operator_lines, with_curves
-from app.linked_layers import Layers, alike
+from app.linked_layers import Layers, synchronize_layers
 from app.machine.atomic import save_file
 from app.measurements import with_full_paths
 from engine.errors import InsituError, LoadError
@@ -129,7 +129,7 @@ def _material(tree: dict[str, Any], file: str) -> Material:
     beyond = next((i for i in (*record.hidden, *(c.layer for c in record.curves)) if i >= len(plain)), None)
     if beyond is not None:
         raise LoadError(file, "layer", beyond, f"0 to {len(plain) - 1}, the layers counted from 0")
-    layers = alike(
+    layers = synchronize_layers(
         tuple(
             with_curves(file, f"layer {i}", layer, [c for c in record.curves if c.layer == i]).replace(
                 visible=i not in record.hidden

@@ -41,13 +41,13 @@ class PreferenceFile:
 
     def __init__(self, file: Path | None = None) -> None:
         self._file = file
-        self.chosen = Preferences() if file is None else _read(file)
+        self.current = Preferences() if file is None else _read(file)
 
     def choose(self, **changes: str) -> None:
         """Change some of them, for the next start also. Raises InsituError where they cannot be written."""
-        self.chosen = replace(self.chosen, **changes)  # type: ignore[arg-type]
+        self.current = replace(self.current, **changes)  # type: ignore[arg-type]
         if self._file is not None:
-            save_file(self._file, ("\n".join(toml_lines(asdict(self.chosen))) + "\n").encode())
+            save_file(self._file, ("\n".join(toml_lines(asdict(self.current))) + "\n").encode())
 
 
 def _read(file: Path) -> Preferences:

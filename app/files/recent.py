@@ -21,10 +21,10 @@ FRESH_SECONDS = 2.0
 
 @dataclass(frozen=True)
 class Recent:
-    """A file of the list; `there`: whether it still is where it was."""
+    """A file of the list; `exists`: whether it still is where it was."""
 
     path: Path
-    there: bool
+    exists: bool
 
 
 class RecentFiles:
@@ -33,16 +33,16 @@ class RecentFiles:
     def __init__(self, file: Path | None = None) -> None:
         self._file = file
         self._paths = self._read()
-        self._looked: tuple[Recent, ...] = ()
-        self._looked_at = float("-inf")
+        self._checked: tuple[Recent, ...] = ()
+        self._checked_at = float("-inf")
 
     def entries(self) -> tuple[Recent, ...]:
         """The newest first."""
         now = time.monotonic()
-        if now - self._looked_at > FRESH_SECONDS:
-            self._looked = tuple(Recent(path, os.path.isfile(path)) for path in self._paths)
-            self._looked_at = now
-        return self._looked
+        if now - self._checked_at > FRESH_SECONDS:
+            self._checked = tuple(Recent(path, os.path.isfile(path)) for path in self._paths)
+            self._checked_at = now
+        return self._checked
 
     def add(self, path: Path) -> None:
         """Put a file first, with what other windows have added meanwhile after it.
@@ -51,7 +51,7 @@ class RecentFiles:
         """
         known = [*self._read(), *self._paths] if self._file is not None else self._paths
         self._paths = list(dict.fromkeys([path, *known]))[:MOST]
-        self._looked_at = float("-inf")
+        self._checked_at = float("-inf")
         if self._file is None or any("\n" in str(each) for each in self._paths):
             return
         try:

@@ -46,7 +46,7 @@ from engine.scene.toml_text import check_version, parse_toml_bytes, toml_lines, 
 SUFFIX = SESSION_ENDING
 SESSION_VERSION = 1
 MAX_SESSION_BYTES = 64 * 2**20
-MAX_OVERRULED = 4096
+MAX_OVERRIDES = 4096
 CHANGED = "it has been written elsewhere since it was opened here; save under another name, or replace it"
 # A path of any length that systems take, each byte of it as "%E9".
 PathText = Annotated[str, Field(min_length=1, max_length=3 * 4096 + 5, strict=True)]
@@ -192,7 +192,7 @@ class SessionRecord(StrictModel):
     scene: PathText
     light: LightRecord
     first_bands: FirstBands | None = None
-    overrule: Annotated[dict[Text, StrictInt | StrictStr], Field(max_length=MAX_OVERRULED)] = {}
+    overrule: Annotated[dict[Text, StrictInt | StrictStr], Field(max_length=MAX_OVERRIDES)] = {}
     view: ViewRecord = ViewRecord()
     journal: JournalRecord | None = None
     objects: tuple[ObjectRecord, ...] = Field(alias="object", min_length=1, max_length=MAX_OBJECTS)
@@ -239,7 +239,7 @@ class Session:
 
 
 @dataclass(frozen=True)
-class SeenFile:
+class KnownFile:
     """A session's file as it was read or written here last; None before."""
 
     path: Path | None = None
@@ -266,7 +266,7 @@ def save_session(path: Path, document: Document, view: ViewState) -> Path:
     return written.path
 
 
-def write_session(path: Path, document: Document, view: ViewState, last: SeenFile | None = None) -> SeenFile:
+def write_session(path: Path, document: Document, view: ViewState, last: KnownFile | None = None) -> KnownFile:
     """The same; the file as it is now. last: as it was read or written here last: where it has changed since, it is
     refused as well."""
     path = path if path.suffix else path.with_suffix(SUFFIX)
@@ -276,7 +276,7 @@ def write_session(path: Path, document: Document, view: ViewState, last: SeenFil
     if last is not None and last.path == path and last.has_changed:
         raise InsituError(f"{path}: not saved, {CHANGED}")
     save_file(path, data, session=path)
-    return SeenFile(path, _digest(data))
+    return KnownFile(path, _digest(data))
 
 
 def dump_checked(
@@ -287,7 +287,7 @@ def dump_checked(
     where opening it would refuse it, or find another document in it. known: one that was read back before, as were the
     objects that it shares with this: of 500 objects reading takes a sixth of a second."""
     data = dump_session(document, view, folder, journal).encode()
-    unread = _changed(document, known)
+    unread = _changed_objects(document, known)
     text = dump_session(unread, view, folder, journal)
     if len(data) > MAX_SESSION_BYTES:
         raise InsituError(f"{path}: not written, {len(data)} bytes are more than could be opened again")
@@ -301,7 +301,7 @@ def dump_checked(
     return data
 
 
-def _changed(document: Document, known: Document | None) -> Document:
+def _changed_objects(document: Document, known: Document | None) -> Document:
     """The document with those objects alone that it does not share with another; one of them at least."""
     if known is None:
         return document
@@ -328,7 +328,7 @@ def parse_session(data: bytes, path: Path, folder: Path | None) -> Session:
     objects = tuple(_object(str(path), folder, each) for each in record.objects)
     light = LightState(**{**record.light.model_dump(), "environment": full_path(record.light.environment, folder)})
     document = Document(full_path(record.scene, folder), objects, check_light(light, str(path)), record.first_bands)
-    document = replace(document, overrules=tuple(sorted(record.overrule.items())))
+    document = replace(document, overrides=tuple(sorted(record.overrule.items())))
     view = replace(_view(record.view, document), bookmarks=tuple(each.bookmark for each in record.bookmarks))
     return Session(document, view, record.journal)
 
@@ -350,11 +350,11 @@ def fit_session(session: Session, scene: Document, file: str) -> Document:
     saved = {state.name: state for state in session.document.objects}
     for state in scene.objects:
         _check_moment(state, saved[state.name].moment, file)
-    objects = tuple(_shining_as_in(state, saved[state.name]) for state in scene.objects)
+    objects = tuple(_with_scene_emission(state, saved[state.name]) for state in scene.objects)
     return replace(session.document, source=scene.source, objects=objects)
 
 
-def _shining_as_in(scene: ObjectState, saved: ObjectState) -> ObjectState:
+def _with_scene_emission(scene: ObjectState, saved: ObjectState) -> ObjectState:
     """What is saved of an object; whether it shines, the scene alone says, and what it is made of where that is not
     saved."""
     emission = saved.emission or scene.emission if scene.emits else None
@@ -385,7 +385,7 @@ def dump_session(
     ]
     if journal is not None:
         lines += ["[journal]", *toml_lines(journal.model_dump())]
-    lines += ["[light]", *toml_lines(light), "[overrule]", *toml_lines(dict(document.overrules))]
+    lines += ["[light]", *toml_lines(light), "[overrule]", *toml_lines(dict(document.overrides))]
     lines += ["[view]", *toml_lines(_view_values(view))]
     for state in document.objects:
         lines += _object_lines(state, folder)
@@ -421,7 +421,7 @@ def _camera_values(camera: Camera | None) -> dict[str, Any] | None:
 
 
 def _bookmark_values(bookmark: Bookmark) -> dict[str, Any]:
-    camera, resolution = bookmark.look
+    camera, resolution = bookmark.viewpoint
     thumbnail = base64.b64encode(bookmark.thumbnail).decode() or None
     return {
         "name": bookmark.name, "camera": _camera_values(camera), "resolution": resolution, "thumbnail": thumbnail

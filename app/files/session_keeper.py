@@ -6,23 +6,23 @@ import math
 from pathlib import Path
 
 from app.document import Document
-from app.files.bookmarks import looks_of
+from app.files.bookmarks import without_thumbnails
 from app.files.journal import Journal, Recovery
-from app.files.session import SUFFIX, SeenFile, write_session
+from app.files.session import SUFFIX, KnownFile, write_session
 from app.view_state import ViewState
 from engine.errors import InsituError
 
 
-class SessionKeeper:
+class SessionStore:
     """``journal`` None keeps no journal."""
 
     def __init__(self, journal: Journal | None = None) -> None:
         self._journal = journal
         self._saved: Document | None = None
-        self._saved_looks = looks_of(())
+        self._saved_bookmarks = without_thumbnails(())
         self._recovery: Recovery | None = None
-        self._told: set[str] = set()
-        self._file = SeenFile()
+        self._reported: set[str] = set()
+        self._file = KnownFile()
 
     @property
     def path(self) -> Path | None:
@@ -34,7 +34,7 @@ class SessionKeeper:
         """Whether its file has been written elsewhere since it was opened or saved here."""
         return self._file.has_changed
 
-    def leave(self, document: Document, view: ViewState) -> bool:
+    def leave_document(self, document: Document, view: ViewState) -> bool:
         """Another scene takes the document's place: unsaved edits stay in a journal to recover; whether there were."""
         if self._journal is None or not document.objects or not self.unsaved(document, view):
             return False
@@ -44,28 +44,28 @@ class SessionKeeper:
         self._journal = Journal(self._journal.path.parent)
         return True
 
-    def opened(
+    def set_document(
         self, document: Document, view: ViewState, path: Path | None = None, recovery: Recovery | None = None,
         digest: str = "",
     ) -> None:  # fmt: skip
         """Another document was opened: a scene's, a session's (``path``, and the ``digest`` of what was read there), or
         a recovered one, which no file has."""
-        self._file, self._recovery = SeenFile(path, digest), recovery
-        self._saved, self._saved_looks = document if recovery is None else None, looks_of(view.bookmarks)
+        self._file, self._recovery = KnownFile(path, digest), recovery
+        self._saved, self._saved_bookmarks = document if recovery is None else None, without_thumbnails(view.bookmarks)
 
     def unsaved(self, document: Document, view: ViewState) -> bool:
         """Whether there are edits, or kept views, that no session file has."""
         is_edited = document is not self._saved and document != self._saved
-        return is_edited or looks_of(view.bookmarks) != self._saved_looks
+        return is_edited or without_thumbnails(view.bookmarks) != self._saved_bookmarks
 
-    def played(self, before: Document, after: Document) -> None:
+    def rebase_saved(self, before: Document, after: Document) -> None:
         """An animation went on from one document to another, which is no edit: what was saved counts as saved."""
         if before == self._saved:
             self._saved = after
 
     def give_up(self, document: Document, view: ViewState) -> None:
         """The person does not want what is unsaved: no journal keeps it."""
-        self._saved, self._saved_looks = document, looks_of(view.bookmarks)
+        self._saved, self._saved_bookmarks = document, without_thumbnails(view.bookmarks)
 
     def save(self, path: Path | None, document: Document, view: ViewState) -> Path:
         """Save to ``path``, whatever is there, or where it was saved last; the path. Raises InsituError that says why
@@ -75,11 +75,11 @@ class SessionKeeper:
         if path is None:
             raise InsituError(f"a session needs a name that ends in {SUFFIX}")
         self._file = write_session(path, document, view, last)
-        self._saved, self._saved_looks = document, looks_of(view.bookmarks)
+        self._saved, self._saved_bookmarks = document, without_thumbnails(view.bookmarks)
         assert self._file.path is not None
         return self._file.path
 
-    def keep(self, now: float, document: Document, view: ViewState) -> str:
+    def autosave(self, now: float, document: Document, view: ViewState) -> str:
         """Once a frame: have unsaved edits written to the journal; "", or once a line on what is wrong there.
 
         The journal they were recovered from goes once ours has them.
@@ -88,9 +88,9 @@ class SessionKeeper:
             return ""
         self._journal.note(now, document, view, self.unsaved(document, view), self._file)
         self._drop_recovered(self._journal)
-        lines = {self._journal.notice, self._journal.problem}
-        news = next(iter(lines - self._told - {""}), "")
-        self._told = (self._told & lines) | {news}
+        lines = {self._journal.warning, self._journal.problem}
+        news = next(iter(lines - self._reported - {""}), "")
+        self._reported = (self._reported & lines) | {news}
         return news
 
     def close(self, document: Document, view: ViewState) -> None:

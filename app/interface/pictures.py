@@ -8,7 +8,7 @@ import numpy as np
 
 from app.interface.placement import Picture, PlacementPictures
 from app.project import Project
-from app.stills import layers_by_object, plan_still, prepared_deform, prepared_orbit, render_project, wanted_bounces
+from app.stills import layers_by_object, plan_still, prepared_deform, prepared_orbit, render_project, chosen_bounces
 from engine.deform.deform_engine import Deform
 from engine.errors import InsituError
 from engine.indirect.clamping import BRIGHTEST, clamp_radiance
@@ -65,7 +65,7 @@ class Pictures:
         picture = self.picture(project, mode, n_bounces, 1) / np.float32(intensity)
         plan = plan_still(project)
         placement = Placement(project.scene, None, plan.n_edge_rays)
-        wanted = n_bounces or wanted_bounces(project, plan)
+        wanted = n_bounces or chosen_bounces(project, plan)
         n_bounces = planned_bounces(placement, project.indexed_layers, wanted).n_bounces
         layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
         (judged,) = run_to_end(estimate_drawn_errors(placement, layers, project.sky, n_bounces, [picture]))

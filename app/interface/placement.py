@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.project import Project
-from app.stills import wanted_bounces
+from app.stills import chosen_bounces
 from engine.indirect.clamping import BRIGHTEST, clamp_radiance
 from engine.indirect.sampling_settings import STILL
 from engine.indirect.indirect_light import IndirectLight
@@ -138,7 +138,7 @@ class PlacementPictures:
         view = self._viewed(project, plan.n_edge_rays)
         layers = self._still_layers(project, plan, view.placement)
         self._lit(project, view, layers, plan)
-        n_bounces = self._n_bounces(project, n_bounces or wanted_bounces(project, plan))
+        n_bounces = self._n_bounces(project, n_bounces or chosen_bounces(project, plan))
         radiance = np.zeros((len(view.placement.hits.pixel), 3), np.float32)
         if n_bounces > 1:
             radiance += self._reflected(project, layers, n_bounces, plan)
@@ -259,7 +259,7 @@ class PlacementPictures:
 def _lines_of(project: Project, layers: dict[str, Layer]) -> dict[str, Any]:
     """The lines of the plan that a person has set, of these layers and of the whole picture."""
     others = tuple(f"{key}." for key in project.layers if key not in layers)
-    return {line: value for line, value in project.overruled.items() if not line.startswith(others)}
+    return {line: value for line, value in project.overrides.items() if not line.startswith(others)}
 
 
 def _same_quotient(one: Layer, other: Layer, draft: bool) -> bool:

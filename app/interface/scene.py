@@ -9,7 +9,7 @@ from pathlib import Path
 
 from app.document import Document
 from app.files.session import load_session, save_session
-from app.frames import own_camera
+from app.frame_sequence import own_camera
 from app.interface.editing import Editing
 from app.interface.nodes import CameraNode, LightNode, ObjectNode
 from app.interface.pictures import Mode, Pictures

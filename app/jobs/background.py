@@ -2,7 +2,7 @@
 
     window                                                                                as any process
     worker; the compiling of what first pictures need, direct and indirect light          a little behind
-    a worker's thread for what nobody waits for (`Request.waited_for`)                    behind
+    a worker's thread for what nobody waits for (`Request.is_foreground`)                    behind
     the compiling of what is wanted later                                                 behind all
 
 A process that has stepped back cannot step forward again, but on Linux each thread stands for itself: the worker's
@@ -25,7 +25,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-from app.machine.system import HAS_THREAD_PRIORITIES, let_wake_before_us, step_back_by
+from app.machine.system import HAS_THREAD_PRIORITIES, use_batch_scheduling, lower_priority
 
 Result = TypeVar("Result")
 LITTLE = 3
@@ -34,12 +34,12 @@ LAST = 19
 _OOM_SCORE = "800"  # the system, short of memory, ends us before the window
 
 
-def step_back(last: bool = False) -> None:
+def yield_to_window(last: bool = False) -> None:
     """Leave Ctrl-C, a little of the processor and, when memory runs out, survival to the window; `last`: the processor
     to everybody."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    let_wake_before_us()
-    step_back_by(LAST if last else LITTLE)
+    use_batch_scheduling()
+    lower_priority(LAST if last else LITTLE)
     with contextlib.suppress(OSError), open("/proc/self/oom_score_adj", "w", encoding="ascii") as file:
         file.write(_OOM_SCORE)
 
@@ -63,5 +63,5 @@ def step_behind(niceness: int = NICENESS) -> None:
     """Have this thread, and those that it shares its work with from now on, leave the processors to others."""
     from engine.threads import use_own_threads  # late: it brings NumPy
 
-    step_back_by(niceness)
+    lower_priority(niceness)
     use_own_threads()

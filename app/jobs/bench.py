@@ -17,7 +17,7 @@ from app.document import LightState
 from app.jobs.cache import Store, content_key
 from app.jobs.kernels import Kernels
 from app.jobs.labour import Here, Labour
-from app.messages import LookFrom, Noted, SkyImage
+from app.messages import SetCamera, WorkerWarnings, SkyImage
 from app.sky import sky_of
 from engine.deform.pose import Poses
 from engine.deform.posed_scene import pose_scene
@@ -79,7 +79,7 @@ class Bench:
         """This scene is there to be looked at, by the request of that number."""
         self._loaded = _Loaded(id, scene)
 
-    def look(self, request: LookFrom) -> Generator[None, None, None]:
+    def look(self, request: SetCamera) -> Generator[None, None, None]:
         """A scene that is there is open as this camera sees it, after some steps; what it sees may be the background
         alone."""
         seen = next((each for each in (self._loaded, self._scene) if each.id == request.scene), _Loaded())
@@ -96,13 +96,13 @@ class Bench:
         self.view_key = _view_key(placement, self.geometry_key)
         self._sky_shown = None
 
-    def noted(self) -> Iterator[Noted]:
+    def noted(self) -> Iterator[WorkerWarnings]:
         """What is wrong with the cache, and which images are shown smaller, as soon as there is something new."""
         lines = self.store.take_notes()
         if self._placement is not None:
             lines += self._placement.scene.textures.take_notes()
         if lines:
-            yield Noted(lines)
+            yield WorkerWarnings(lines)
 
     def sky(self, light: LightState) -> SkyState:
         """The sky of the scene that is open, under a document's light. Raises LoadError."""

@@ -17,7 +17,7 @@ from app.jobs.channel import ChannelClosed, ChannelError
 from app.jobs.process import HEARTBEAT_SECONDS, TASKS, StartedWorker, WorkerProcess, start_worker
 from app.jobs.shared_arrays import BlockError, Method, OutOfMemory
 from app.jobs.standing import Standing
-from app.messages import Cancel, Failed, Heartbeat, Request, Response, Shutdown, WorkerRestarted, stamped
+from app.messages import CancelRequests, RequestFailed, Heartbeat, Request, Response, Shutdown, WorkerRestarted, with_numbers
 
 _MAX_CRASHES = 3  # in succession on one request
 _START_TIMEOUT = 30.0  # seconds for the first sign of life: a cold disk, a busy machine
@@ -103,12 +103,12 @@ class Client:
         """
         if self._closed:
             raise ValueError("the client is closed")
-        request = stamped(request, request.id or next(self._ids), request.revision)
+        request = with_numbers(request, request.id or next(self._ids), request.revision)
         self._standing.add(request)
         if self._process is None:
             self._start()
             return request.id
-        if isinstance(request, Cancel):
+        if isinstance(request, CancelRequests):
             self._post(request)
         self._post_standing()
         return request.id
@@ -188,7 +188,7 @@ class Client:
         if isinstance(message, Heartbeat):
             self._beat = message
             self._blame.note(message)
-        elif isinstance(message, Failed) and message.id == 0:  # it cannot start
+        elif isinstance(message, RequestFailed) and message.id == 0:  # it cannot start
             self._hopeless = True
             responses.append(message)
         elif isinstance(message, Response):
@@ -196,7 +196,7 @@ class Client:
             if self._standing.is_current(message):
                 self._standing.settle(message)
                 responses.append(message)
-            if isinstance(message, Failed):
+            if isinstance(message, RequestFailed):
                 self._post_standing()  # the scene that stands again may be one that this worker has not opened
 
     def _replace(self, reason: str, responses: list[Response]) -> None:
@@ -210,7 +210,7 @@ class Client:
             return
         if n_crashes >= _MAX_CRASHES:
             line = f"computing failed {n_crashes} times in succession ({reason}); not tried again"
-            responses.append(Failed(line, id=beat.id, revision=beat.revision))
+            responses.append(RequestFailed(line, id=beat.id, revision=beat.revision))
             self._standing.drop(beat.id)
             if beat.state == "starting":
                 return
@@ -224,7 +224,7 @@ class Client:
         try:
             self._process = WorkerProcess(started or start_worker(*self._command))
         except OSError as error:
-            self._due.append(Failed(f"computing could not be started: {error.strerror}"))
+            self._due.append(RequestFailed(f"computing could not be started: {error.strerror}"))
             return
         self._standing.new_worker()
         self._post_standing()
@@ -241,6 +241,6 @@ class Client:
             self._process.channel.flush()
         except OutOfMemory as error:
             self._standing.drop(request.id)
-            self._due.append(Failed(str(error), id=request.id, revision=request.revision))
+            self._due.append(RequestFailed(str(error), id=request.id, revision=request.revision))
         except ChannelClosed:  # the next poll finds out why and sends the request again
             pass

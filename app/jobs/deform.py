@@ -28,7 +28,7 @@ from app.jobs.measured import ensure_tables
 from app.jobs.orbit import layers_by_object, until_compiled
 from app.jobs.schedule import Handlers, Steps
 from app.messages import Progress
-from app.mode import ModeWork
+from app.mode import ModeWorker
 from app.orbit.messages import OrbitAdvanced, OrbitDrawn, OrbitUnknown
 from engine.scene.description import CameraDescription
 from engine.scene.scene_loader import Scene
@@ -46,7 +46,7 @@ _NO_PICTURE = np.zeros((0, 0, 3), np.float32)
 _ROUNDING = 1e-5  # of axes in single precision
 
 
-class DeformWork(ModeWork):
+class DeformWork(ModeWorker):
     """What pictures of the open scene are drawn of, and by which request that is to be changed last."""
 
     n_points: int | None = None
@@ -63,7 +63,7 @@ class DeformWork(ModeWork):
     def handlers(self) -> Handlers:
         return {PrepareDeform: self._prepare, DrawDeform: self._draw, EstimateDeform: self._estimate}
 
-    def scene_seen(self) -> None:
+    def view_traced(self) -> None:
         scene = self._bench.resting_scene
         if scene is not self._scene:  # another one, not the same from elsewhere or in another pose
             self._deform, self._scene, self._truth = None, scene, None

@@ -8,7 +8,7 @@ from pathlib import Path
 from app.document import Document
 from app.export.mitsuba import export_steps
 from app.jobs.measured import ensure_tables
-from app.machine.inputs import inputs_are
+from app.machine.inputs import set_inputs
 from app.measurements import layers_of_document
 from app.messages import FilesWritten, Progress, Response, WriteFiles
 from app.named_files import files_of_document
@@ -25,7 +25,7 @@ def write_scene(
 ) -> Generator[Response | None, None, None]:
     """Write the folder for Mitsuba 3. Raises InsituError."""
     yield from ensure_tables(layers_of_document(document), store)
-    inputs_are((*scene.files, *files_of_document(document)))
+    set_inputs((*scene.files, *files_of_document(document)))
     steps = export_steps(Project(scene, document), Path(request.path), request.n_bounces)
     notes = yield from map_steps(steps, lambda step: Progress(STAGE, step[0], text=f"writing {step[1]}"))
     yield FilesWritten(request.path, tuple(notes))

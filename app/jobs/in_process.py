@@ -7,7 +7,7 @@ import time
 
 from app.jobs.schedule import RequestHandler, Schedule
 from app.jobs.standing import Standing
-from app.messages import Request, Response, stamped
+from app.messages import Request, Response, with_numbers
 
 
 class InProcessClient:
@@ -22,7 +22,7 @@ class InProcessClient:
         self._ids = itertools.count(1)
 
     def send(self, request: Request) -> int:
-        request = stamped(request, request.id or next(self._ids), request.revision)
+        request = with_numbers(request, request.id or next(self._ids), request.revision)
         self._standing.add(request)
         self._schedule.accept(request)
         return request.id

@@ -29,11 +29,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from app.jobs.background import LAST, step_back, step_behind
+from app.jobs.background import LAST, yield_to_window, step_behind
 from app.machine.installed_kernels import keep_installed, take_installed
 from app.machine.kernel_cache import NUMBA_VARIABLE, kernel_digest, kernel_folders, use_kernel_cache
 from app.machine.system import end_with_parent
-from app.naming import qualified
+from app.lazy_import import qualified
 
 if TYPE_CHECKING:
     from app.jobs.tasks import Tasks
@@ -234,7 +234,7 @@ def _rehearse_later(first: str) -> None:
 def main() -> None:
     """Another process: compile one part for the process of a number and end; without either all, and keep it with the
     installation, as `make setup` does while nobody waits."""
-    step_back(last=len(sys.argv) == 1)
+    yield_to_window(last=len(sys.argv) == 1)
     use_kernel_cache()
     if len(sys.argv) == 1:
         compile_all()

@@ -8,15 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from app.files.brdf_files import export_steps
-from app.measurements import measured_files, with_read
+from app.measurements import measured_files, with_measurements
 from app.messages import (
     FilesWritten,
-    HandOutTable,
+    FetchTable,
     MeasurementsRead,
     Progress,
     ReadMeasured,
     Response,
-    TableHandedOut,
+    TableFetched,
     WriteFiles,
 )
 from engine.errors import InsituError
@@ -48,7 +48,7 @@ def read_for(request: ReadMeasured, store: ArrayStore | None) -> Generator[Respo
     """The measurements of files, and what the layers that wait for them need. Raises LoadError."""
     found = yield from read_files({file: Path(file) for file in request.files}, store)
     bands = []
-    for layer in with_read(request.layers, found):
+    for layer in with_measurements(request.layers, found):
         bands.append(band_counts(layer))
         yield None
     yield MeasurementsRead(found, tuple(bands))
@@ -68,14 +68,14 @@ def ensure_tables(layers: Iterable[Layer], store: ArrayStore | None) -> Generato
         _check_unchanged(file, number, found[file])
 
 
-def hand_out(request: HandOutTable, store: ArrayStore | None) -> Generator[Response | None, None, None]:
+def hand_out(request: FetchTable, store: ArrayStore | None) -> Generator[Response | None, None, None]:
     """The table of a file. Raises InsituError, as for one that is not the file that was asked for any more."""
     if is_table_loaded(request.number):
         measurement = replace(table_of(request.number).measurement, file=request.file)
     else:
         measurement = (yield from read_files({request.file: Path(request.file)}, store))[request.file]
         _check_unchanged(request.file, request.number or measurement.number, measurement)
-    yield TableHandedOut(measurement, table_of(measurement.number).samples)
+    yield TableFetched(measurement, table_of(measurement.number).samples)
 
 
 def _check_unchanged(file: str, number: int, found: Measurement) -> None:

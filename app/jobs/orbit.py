@@ -20,8 +20,8 @@ from app.jobs.kernels import COMPILING, FIRST_TIME, ORBIT, are_compiled, note_co
 from app.jobs.measured import ensure_tables
 from app.jobs.schedule import Handlers, Steps
 from app.machine.memory import orbit_bytes, orbit_slice_bytes
-from app.messages import Noted, Progress
-from app.mode import ModeWork
+from app.messages import WorkerWarnings, Progress
+from app.mode import ModeWorker
 from app.orbit.messages import (
     DrawOrbit,
     DrawPlainly,
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 STAGE = "orbit"
 
 
-class OrbitWork(ModeWork):
+class OrbitWork(ModeWorker):
     """What pictures of the open scene are drawn of, and by which request that is to be changed last."""
 
     n_points: int | None = None
@@ -77,7 +77,7 @@ class OrbitWork(ModeWork):
             EstimateOrbit: self._estimate,
         }
 
-    def scene_seen(self) -> None:
+    def view_traced(self) -> None:
         caster = self._bench.open_placement.caster
         if caster is not self._caster:  # another scene, not the same from another camera
             self._orbit, self._caster, self._emission, self._posed = None, caster, (), None
@@ -115,7 +115,7 @@ class OrbitWork(ModeWork):
         if orbit.notes != self._noted:
             self._noted = orbit.notes
             if orbit.notes:
-                yield Noted(orbit.notes)
+                yield WorkerWarnings(orbit.notes)
         yield from self._tell(orbit, request)
         yield OrbitAdvanced(orbit.version, orbit.is_done, orbit.n_bytes)
         if orbit.has_traced:

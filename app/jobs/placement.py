@@ -31,7 +31,7 @@ from app.jobs.measured import ensure_tables
 from app.jobs.relighting import Relighting
 from app.jobs.schedule import Handlers, Steps
 from app.messages import Progress, Response
-from app.mode import ModeWork
+from app.mode import ModeWorker
 from app.placement.messages import (
     ComputeTransport,
     Contract,
@@ -66,7 +66,7 @@ DRAG_ENVIRONMENT_HEIGHT = 128
 KERNEL_SECONDS = 0.05
 
 
-class PlacementWork(ModeWork):
+class PlacementWork(ModeWorker):
     """The newest transport of the view that is open."""
 
     def __init__(self, bench: Bench) -> None:
@@ -96,7 +96,7 @@ class PlacementWork(ModeWork):
             PrepareRelighting: self._prepare_relighting,
         }
 
-    def scene_seen(self) -> None:
+    def view_traced(self) -> None:
         self._layers, self._current, self._light = {}, {}, None
         self._indirect, self._maps, self._relighting = None, None, Relighting()
         self._light_plans = LightPlans(self._bench)

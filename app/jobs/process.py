@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from app.machine.system import start_with_socket
-from app.naming import IMPORT_FOLDER, qualified
+from app.lazy_import import IMPORT_FOLDER, qualified
 
 if TYPE_CHECKING:
     from app.jobs.shared_arrays import Method

@@ -18,7 +18,7 @@ from app.jobs.deform import DeformWork
 from app.jobs.in_process import InProcessClient
 from app.jobs.kernels import DEFORM, ESTIMATE, INDIRECT, ORBIT, PAINTING, RELIGHTING
 from app.jobs.tasks import Tasks
-from app.messages import Failed, LookFrom, OpenScene, Request
+from app.messages import RequestFailed, SetCamera, OpenScene, Request
 from app.modes import DEFORM as DEFORM_MODE
 from app.modes import MODES
 from app.orbit.messages import DrawOrbit, PrepareOrbit
@@ -111,7 +111,7 @@ def rehearse_later(first: str = "") -> Iterator[str]:
             _rehearse_orbit(client, Path(folder))
             yield ORBIT
         _ask(client, OpenScene(str(scene), id=1))
-        _ask(client, LookFrom(1))
+        _ask(client, SetCamera(1))
         stroke = Stroke(0.5, dabs=pack_dabs([[0.0, 0.0, 0.5]], [[0.0, 0.0, 1.0]]))
         _ask(client, SampleMaps((("ball.0", Images(strokes=Strokes((stroke,)))),)))
         yield PAINTING
@@ -145,7 +145,7 @@ def _rehearse_orbit(client: InProcessClient, folder: Path) -> None:
 
 def rehearse_deform() -> None:
     """Go through what Deform needs, by a worker's tasks of few points."""
-    modes = [replace(mode, work="app.jobs.rehearsal:SmallDeform") if mode is DEFORM_MODE else mode for mode in MODES]
+    modes = [replace(mode, worker="app.jobs.rehearsal:SmallDeform") if mode is DEFORM_MODE else mode for mode in MODES]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         _draw_bent(InProcessClient(Tasks(Store(folder / "cache"), modes=modes)), folder)
@@ -180,7 +180,7 @@ def _opened(
     scene = folder / "changed.toml"
     scene.write_text(text)
     _ask(client, OpenScene(str(scene), id=1))
-    _ask(client, LookFrom(1))
+    _ask(client, SetCamera(1))
     description = parse_description(parse_toml(text, scene.name), scene.name)
     return description, scene_state(document_from_description(str(scene), description))
 
@@ -194,5 +194,5 @@ def _ask(client: InProcessClient, request: Request) -> None:
     client.send(request)
     while client.wait(0.0):
         for answer in client.poll():
-            if isinstance(answer, Failed):
+            if isinstance(answer, RequestFailed):
                 raise RuntimeError(answer.line)

@@ -12,7 +12,7 @@ import logging
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Protocol
 
-from app.messages import Cancel, Failed, Request, Response, stamped
+from app.messages import CancelRequests, RequestFailed, Request, Response, with_numbers
 from engine.errors import InsituError
 
 _log = logging.getLogger("insitu.jobs")
@@ -47,7 +47,7 @@ class _Job:
         response = next(self._steps)
         if response is None:
             return None
-        return stamped(response, response.id or self.request.id, self.request.revision)
+        return with_numbers(response, response.id or self.request.id, self.request.revision)
 
     def close(self) -> None:
         close = getattr(self._steps, "close", None)
@@ -71,16 +71,16 @@ class Schedule:
     def accept(self, request: Request) -> None:
         """Take a request in; it cancels the older of its kind and what was built on that."""
         self._cancel(request)
-        if not isinstance(request, Cancel):
+        if not isinstance(request, CancelRequests):
             self._waiting[type(request)] = request
 
     def choose(self) -> Request | None:
         """The request that `step` will advance; None when there is nothing to do."""
         if self._long is None:
-            long = [kind for kind in self._waiting if kind.quick is None]
+            long = [kind for kind in self._waiting if kind.priority is None]
             kind = min(long, key=lambda kind: kind.depth(), default=None)
             self._long = None if kind is None else _Job(self._waiting.pop(kind), self._handler.handle)
-        for kind in [kind for kind in self._waiting if kind.quick is not None and kind not in self._quick]:
+        for kind in [kind for kind in self._waiting if kind.priority is not None and kind not in self._quick]:
             if self._serves(kind):
                 self._quick[kind] = _Job(self._waiting.pop(kind), self._handler.handle)
         job = self._chosen
@@ -88,7 +88,7 @@ class Schedule:
 
     @property
     def _chosen(self) -> _Job | None:
-        first = min(self._quick, key=lambda kind: kind.quick or 0, default=None)
+        first = min(self._quick, key=lambda kind: kind.priority or 0, default=None)
         return self._long if first is None else self._quick[first]
 
     def step(self) -> Response | None:
@@ -105,17 +105,17 @@ class Schedule:
         except Exception as error:
             return self.fail(error)
 
-    def fail(self, error: Exception) -> Failed:
+    def fail(self, error: Exception) -> RequestFailed:
         """End the job that was advanced last, and what was built on it, because of this error."""
         job = self._chosen
         assert job is not None
         self._cancel(job.request)
         line = _line_for(error, job.request, self._details)
-        return Failed(line, id=job.request.id, revision=job.request.revision)
+        return RequestFailed(line, id=job.request.id, revision=job.request.revision)
 
     def _serves(self, kind: type[Request]) -> bool:
         """Whether nothing is under way that a quick kind waits for, such as the opening of a scene."""
-        return self._long is None or (self._long.begun and (kind.any_time or not self._long.request.alone))
+        return self._long is None or (self._long.begun and (kind.served_anytime or not self._long.request.exclusive))
 
     def _finish(self, job: _Job) -> None:
         if self._quick.pop(type(job.request), None) is None:

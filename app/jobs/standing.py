@@ -8,7 +8,7 @@ or cancelled, once more to a worker that does not see it so: what came after mad
 
 from __future__ import annotations
 
-from app.messages import Cancel, Failed, LookFrom, Noted, OpenScene, Progress, Request, Response, SceneSeen
+from app.messages import CancelRequests, RequestFailed, SetCamera, WorkerWarnings, OpenScene, Progress, Request, Response, ViewTraced
 
 
 class Standing:
@@ -24,9 +24,9 @@ class Standing:
     def add(self, request: Request) -> None:
         """Note a request that is sent now."""
         self._clear(request)
-        if not isinstance(request, Cancel):
+        if not isinstance(request, CancelRequests):
             self._requests[type(request)] = request
-        elif request.cancels(LookFrom):
+        elif request.cancels(SetCamera):
             self._fall_back()
 
     def new_worker(self) -> None:
@@ -42,18 +42,18 @@ class Standing:
 
     def heard(self, response: Response) -> None:
         """Note an answer of the present worker, current or not."""
-        if isinstance(response, SceneSeen):
+        if isinstance(response, ViewTraced):
             self._seen_here = response.id
 
     def is_current(self, response: Response) -> bool:
         """Whether it still counts; what is said of the cache is true whatever was asked since."""
-        return isinstance(response, Noted) or any(request.id == response.id for request in self._requests.values())
+        return isinstance(response, WorkerWarnings) or any(request.id == response.id for request in self._requests.values())
 
     def settle(self, response: Response) -> None:
         """Note a current answer: a request that failed, or was answered once and for all, stands no longer."""
-        if isinstance(response, SceneSeen):
-            self._seen = {kind: each for kind, each in self._requests.items() if kind in (OpenScene, LookFrom)}
-        elif isinstance(response, Failed) or self._answers_once(response):
+        if isinstance(response, ViewTraced):
+            self._seen = {kind: each for kind, each in self._requests.items() if kind in (OpenScene, SetCamera)}
+        elif isinstance(response, RequestFailed) or self._answers_once(response):
             self.drop(response.id)
 
     def drop(self, id: int) -> None:
@@ -63,12 +63,12 @@ class Standing:
                 self._clear(request)
                 if request in self._seen.values():
                     self._seen = {}
-                if isinstance(request, OpenScene | LookFrom):
+                if isinstance(request, OpenScene | SetCamera):
                     self._fall_back()
 
     def requests(self) -> list[Request]:
         """In the order in which a new worker needs them."""
-        return sorted(self._requests.values(), key=lambda request: (request.quick or 0, request.depth()))
+        return sorted(self._requests.values(), key=lambda request: (request.priority or 0, request.depth()))
 
     def _clear(self, request: Request) -> None:
         """Give up what is void with this request."""
@@ -76,14 +76,14 @@ class Standing:
 
     def _answers_once(self, response: Response) -> bool:
         """Whether it is the whole answer to its request."""
-        if isinstance(response, Progress | Noted):
+        if isinstance(response, Progress | WorkerWarnings):
             return False
-        return any(request.once and request.id == response.id for request in self._requests.values())
+        return any(request.answered_once and request.id == response.id for request in self._requests.values())
 
     def _fall_back(self) -> None:
         """Let the scene that was seen last stand, as it was seen, and none that is not open."""
-        for kind in (OpenScene, LookFrom):
+        for kind in (OpenScene, SetCamera):
             self._requests.pop(kind, None)
         self._requests |= self._seen
-        if self._seen and self._seen[LookFrom].id != self._seen_here:
+        if self._seen and self._seen[SetCamera].id != self._seen_here:
             self._sent -= {request.id for request in self._seen.values()}

@@ -14,21 +14,21 @@ from app.jobs.kernels import Kernels
 from app.jobs.labour import Labour
 from app.jobs.measured import described_paths, hand_out, read_files, read_for, write_file
 from app.jobs.schedule import Steps
-from app.measurements import document_with_read, layers_of_document, unread_files, with_read
+from app.measurements import document_with_measurements, layers_of_document, unread_files, with_measurements
 from app.messages import (
-    HandOutTable,
-    LookFrom,
+    FetchTable,
+    SetCamera,
     OpenScene,
     Progress,
     ReadMeasured,
     Request,
     SceneOpened,
-    SceneSeen,
+    ViewTraced,
     WriteFiles,
 )
 from app.mode import Mode
 from app.modes import MODES
-from app.naming import named
+from app.lazy_import import import_named
 from engine.scene.builtin import scene_path
 from engine.scene.scene_loader import load_scene
 from engine.scene.picture_frame import picture_frame
@@ -42,12 +42,12 @@ class Tasks:
         modes: Sequence[Mode] = MODES, labour: Labour | None = None,
     ) -> None:  # fmt: skip
         self.bench = Bench(store, kernels, fills, labour)
-        self._works = [named(mode.work)(self.bench) for mode in modes]
+        self._works = [import_named(mode.worker)(self.bench) for mode in modes]
         self._handlers: dict[type[Request], Callable[[Any], Steps]] = {
             OpenScene: self._open,
-            LookFrom: self._look,
+            SetCamera: self._look,
             ReadMeasured: self._read,
-            HandOutTable: self._hand_out,
+            FetchTable: self._hand_out,
             WriteFiles: self._write,
         }
         for work in self._works:
@@ -68,25 +68,25 @@ class Tasks:
         measurements = yield from read_files(names, self.bench.store)
         self.bench.load(scene, request.id)
         description = scene.description.model_dump_json(by_alias=True)
-        own = layers_of_document(document_with_read(document, measurements))
-        layers = [*own, *(layer for layer in with_read(request.layers, measurements) if layer not in own)]
+        own = layers_of_document(document_with_measurements(document, measurements))
+        layers = [*own, *(layer for layer in with_measurements(request.layers, measurements) if layer not in own)]
         planned = tuple(chain.from_iterable(work.plan(layers) for work in self._works))
         files = tuple(map(str, (*scene.files, *names.values())))
         yield SceneOpened(description, scene.notes, measurements, planned, scene.bounds, scene.animations, files)
 
-    def _look(self, request: LookFrom) -> Steps:
+    def _look(self, request: SetCamera) -> Steps:
         yield Progress("scene", 0.5, text="tracing what the camera sees")
         yield from self.bench.look(request)
         for work in self._works:
-            work.scene_seen()
+            work.view_traced()
         placement = self.bench.open_placement
         flaws = tuple(" ".join(str(error).split()) for error in placement.scene.bump_normals.flaws.values())
-        yield SceneSeen(picture_frame(placement.hits, placement.scene.camera_position), flaws)
+        yield ViewTraced(picture_frame(placement.hits, placement.scene.camera_position), flaws)
 
     def _read(self, request: ReadMeasured) -> Steps:
         yield from read_for(request, self.bench.store)
 
-    def _hand_out(self, request: HandOutTable) -> Steps:
+    def _hand_out(self, request: FetchTable) -> Steps:
         yield from hand_out(request, self.bench.store)
 
     def _write(self, request: WriteFiles) -> Steps:

@@ -27,8 +27,8 @@ from app.machine.atomic import private_opener
 from app.machine.kernel_cache import use_kernel_cache
 from app.machine.paths import log_directory
 from app.machine.system import end_with_parent, inherited_socket, keep_memory_compact, release_memory
-from app.messages import Failed, Heartbeat, Request, Shutdown
-from app.naming import named
+from app.messages import RequestFailed, Heartbeat, Request, Shutdown
+from app.lazy_import import import_named
 
 _LARGEST_LOG = 1 << 20
 IDLE_SECONDS = 1.0  # after which memory goes back to the system
@@ -73,7 +73,7 @@ class Worker:
             self._channel.send(beat)
 
     def _advance(self, schedule: Schedule, chosen: Request) -> None:
-        response = schedule.step() if chosen.waited_for else self._background.run(schedule.step)
+        response = schedule.step() if chosen.is_foreground else self._background.run(schedule.step)
         if response is None:
             return
         try:
@@ -122,10 +122,10 @@ def serve(channel: Channel, options: Any) -> None:
     worker = Worker(channel)
     threading.Thread(target=beat, args=(worker, channel, options.heartbeat, options.parent), daemon=True).start()
     try:
-        handler = named(options.handlers)()
+        handler = import_named(options.handlers)()
     except Exception:
         logging.getLogger("insitu.jobs").exception("the worker's tasks could not be loaded")
-        channel.send(Failed(f"computing could not be started: a defect of Insitu{details}"))
+        channel.send(RequestFailed(f"computing could not be started: a defect of Insitu{details}"))
         sys.exit(1)
     worker.run(Schedule(handler, details))
 

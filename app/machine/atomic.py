@@ -43,7 +43,7 @@ def save_file(path: str | os.PathLike[str], data: bytes, *, private: bool = Fals
 
     session: see `require_no_input`.
     """
-    with _telling(path):
+    with _explaining(path):
         require_no_input(path, session)
         write_atomically(path, data, private=private)
 
@@ -56,17 +56,17 @@ def require_place(*paths: Path) -> None:
     """
     tried = {path.parent: path for path in sorted(paths, key=lambda path: len(os.fspath(path)))}
     for path in paths:
-        with _telling(path):
+        with _explaining(path):
             _require_file(path)
             require_no_input(path)
     for path in tried.values():
-        with _telling(path):
+        with _explaining(path):
             _try_writing(Path(os.path.realpath(path)))
 
 
 def require_folder(folder: Path, names: Iterable[str] = ()) -> None:
     """The same of files of these names in a folder, whether it is there or not: it is not made."""
-    with _telling(folder):
+    with _explaining(folder):
         _require_folder(folder)
         made = Path(os.path.realpath(folder)) / "a"  # the first name that will be new
         while not made.parent.exists():
@@ -81,7 +81,7 @@ def make_folder_of(path: Path) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
-        raise InsituError(f"{path.parent}: the folder cannot be made, {_why(error)}") from error
+        raise InsituError(f"{path.parent}: the folder cannot be made, {_reason(error)}") from error
 
 
 @contextlib.contextmanager
@@ -91,7 +91,7 @@ def replacing_folder(folder: Path) -> Iterator[Path]:
     Of a folder that is there already, files of the same names are replaced when all are written, and all others stay.
     Raises InsituError that says why it cannot be written; what was there is then untouched.
     """
-    with _telling(folder):
+    with _explaining(folder):
         target = Path(os.path.realpath(folder))
         _require_folder(target)
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -170,15 +170,15 @@ def sweep_temporaries(folder: Path, name: str | None = None) -> None:
 
 
 @contextlib.contextmanager
-def _telling(path: str | os.PathLike[str]) -> Iterator[None]:
+def _explaining(path: str | os.PathLike[str]) -> Iterator[None]:
     """What the system refuses of a file or folder that a person named, as InsituError with one line."""
     try:
         yield
     except (OSError, ValueError) as error:
-        raise InsituError(f"{os.fspath(path)}: not written, {_why(error)}; what was there is untouched") from error
+        raise InsituError(f"{os.fspath(path)}: not written, {_reason(error)}; what was there is untouched") from error
 
 
-def _why(error: OSError | ValueError) -> str:
+def _reason(error: OSError | ValueError) -> str:
     """What the system says of a path that it does not take, in words."""
     if isinstance(error, UnicodeError):
         return f"its name has characters that this system's ({sys.getfilesystemencoding()}) lack"

@@ -1,7 +1,7 @@
 """The files that the project which is open in this process was read from: no output takes the place of one of them.
 
-Whoever opens a project says what it has read (`inputs_are`), whoever brings more into it says that as well
-(`note_inputs`); all that is written for a person asks here before (`app.machine.atomic`). Files are told apart by what
+Whoever opens a project says what it has read (`set_inputs`), whoever brings more into it says that as well
+(`add_inputs`); all that is written for a person asks here before (`app.machine.atomic`). Files are told apart by what
 they are and not by their names: a link, or another spelling on a disk that does not mind capitals, is the same file.
 """
 
@@ -16,13 +16,13 @@ from engine.errors import InsituError
 _inputs: set[Path] = set()
 
 
-def inputs_are(paths: Iterable[Path]) -> None:
+def set_inputs(paths: Iterable[Path]) -> None:
     """Another project is open, which was read from these files."""
     _inputs.clear()
-    note_inputs(paths)
+    add_inputs(paths)
 
 
-def note_inputs(paths: Iterable[Path]) -> None:
+def add_inputs(paths: Iterable[Path]) -> None:
     """The project has read these files as well; also what an undone edit has read may be wanted again."""
     _inputs.update(Path(os.path.abspath(path)) for path in paths)
 

@@ -20,7 +20,7 @@ from pathlib import Path
 import platformdirs
 
 from app.machine.atomic import make_private_folder
-from app.naming import qualified
+from app.lazy_import import qualified
 
 NUMBA_VARIABLE = "NUMBA_CACHE_DIR"
 _ROOT = Path(__file__).resolve().parents[2]

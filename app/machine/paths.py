@@ -28,7 +28,7 @@ def state_directory() -> Path:
     Where it cannot be made it is named all the same: whoever reads finds nothing there, whoever writes says why not.
     """
     configured = os.environ.get(STATE_VARIABLE)
-    return _made(Path(configured) if configured else Path(platformdirs.user_state_dir(APPLICATION, appauthor=False)))
+    return _make_folder(Path(configured) if configured else Path(platformdirs.user_state_dir(APPLICATION, appauthor=False)))
 
 
 def state_problem() -> str:
@@ -41,20 +41,20 @@ def state_problem() -> str:
 
 def journal_directory() -> Path:
     """The folder of the autosave journals, one file for each running editor."""
-    return _made(state_directory() / "journals")
+    return _make_folder(state_directory() / "journals")
 
 
 def material_directory() -> Path:
     """The folder of a person's own materials."""
-    return _made(state_directory() / "materials")
+    return _make_folder(state_directory() / "materials")
 
 
 def log_directory() -> Path:
     """The folder of what is logged."""
-    return _made(state_directory() / "log")
+    return _make_folder(state_directory() / "log")
 
 
-def _made(folder: Path) -> Path:
+def _make_folder(folder: Path) -> Path:
     with contextlib.suppress(OSError):
         make_private_folder(folder)
     return folder
@@ -75,7 +75,7 @@ def preference_file() -> Path:
     return state_directory() / "preferences.toml"
 
 
-def spoken_name(source: str) -> str:
+def display_name(source: str) -> str:
     """What a person calls a scene or a session: its file's name without the ending, of a scene.toml its folder's."""
     path = Path(source)
     return path.parent.name if path.name == "scene.toml" else path.stem

@@ -28,7 +28,7 @@ HAS_THREAD_PRIORITIES = sys.platform == "linux"
 # What processes hold stands in files; elsewhere a library asks for it.
 HAS_PROC = sys.platform == "linux"
 _PR_SET_PDEATHSIG = 1
-_LOOK_SECONDS = 0.02
+_POLL_SECONDS = 0.02
 _M_MMAP_THRESHOLD, _M_ARENA_MAX = -3, -8
 _LEAST_MAPPED = 4 << 20
 _MOST_HEAPS = 2
@@ -36,7 +36,7 @@ _MOST_HEAPS = 2
 # ------------------------------------------------------------------------------------------------------- processes
 
 
-def let_wake_before_us() -> None:
+def use_batch_scheduling() -> None:
     """Have this process, and the threads that it begins, never take a processor as soon as they have something to do:
     sched(7), SCHED_BATCH. Nothing elsewhere."""
     if sys.platform == "linux":
@@ -44,7 +44,7 @@ def let_wake_before_us() -> None:
             os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
 
 
-def step_back_by(niceness: int) -> None:
+def lower_priority(niceness: int) -> None:
     """Leave the processors to others; niceness: by how much, as nice(2) counts. On Linux this thread does, and those
     that it begins."""
     with contextlib.suppress(OSError):
@@ -187,7 +187,7 @@ def has_hung_up(sock: socket.socket, timeout_s: float, polls: bool = hasattr(sel
             return True
         if time.monotonic() >= end:
             return False
-        time.sleep(_LOOK_SECONDS)
+        time.sleep(_POLL_SECONDS)
 
 
 # ----------------------------------------------------------------------------------------------------- files, memory

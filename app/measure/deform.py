@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from app.measure.figures import Figure, NotMeasured, not_measured
 from app.measure.launches import run_program
-from app.naming import qualified
+from app.lazy_import import qualified
 from engine.deform.fit_errors import MESH, fit_errors, random_vectors, shadowed_mesh
 from engine.deform.deform_engine import N_LOBES, ORDER, Deform, band_light_of, finish_deform
 from engine.deform.bending_points import BendingPoints, bending_points

@@ -1,6 +1,6 @@
 """The front of each mode: which settings of its knobs no other beats in error and time both.
 
-    python -m app.measure.front [FILE]        writes the table that the slider reads (`app.front`)
+    python -m app.measure.front [FILE]        writes the table that the slider reads (`app.pareto_front`)
 
 Errors are by the picture's own judgement (`engine.render.error_estimate`), by the same looks at the truth; seconds are
 of the processor, from an opened scene to the picture, all bounces of the scene included. Placement: lights, patches and
@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.front import FRONT_FILE, Stop, front_text
+from app.pareto_front import FRONT_FILE, FrontPoint, format_front
 from app.measure.knobs_deform import Bench, DeformKnobs
 from app.measure.machine import machine_facts
 from app.project import Project, open_project, with_edges
@@ -55,9 +55,9 @@ class FrontEffort:
     )  # fmt: skip
 
 
-def measure_front(effort: FrontEffort, report: Callable[[str], None]) -> dict[str, tuple[Stop, ...]]:
+def measure_front(effort: FrontEffort, report: Callable[[str], None]) -> dict[str, tuple[FrontPoint, ...]]:
     """The front of each mode, from the quickest to the truest; of several scenes geometric means."""
-    found: dict[str, tuple[Stop, ...]] = {}
+    found: dict[str, tuple[FrontPoint, ...]] = {}
     for mode, scenes, measured in (("placement", effort.placement, _placement), ("orbit", effort.orbit, _orbit)):
         stops = [list(_told(mode, scene, measured(_project(scene, effort.size), effort), report)) for scene in scenes]
         found[mode] = on_the_front([_mean(each) for each in zip(*stops, strict=True)])
@@ -66,31 +66,31 @@ def measure_front(effort: FrontEffort, report: Callable[[str], None]) -> dict[st
     return found
 
 
-def on_the_front(stops: Sequence[Stop]) -> tuple[Stop, ...]:
+def on_the_front(stops: Sequence[FrontPoint]) -> tuple[FrontPoint, ...]:
     """Those that no other beats in error and time both, the quickest first."""
-    found: list[Stop] = []
+    found: list[FrontPoint] = []
     for stop in sorted(stops, key=lambda each: (each.seconds, each.error)):
         if not found or stop.error < found[-1].error:
             found.append(stop)
     return tuple(found)
 
 
-def _told(mode: str, scene: str, stops: Iterator[Stop], report: Callable[[str], None]) -> Iterator[Stop]:
+def _told(mode: str, scene: str, stops: Iterator[FrontPoint], report: Callable[[str], None]) -> Iterator[FrontPoint]:
     for stop in stops:
         report(f"{mode} {scene} {dict(stop.knobs)}: {stop.error:.2%}, {stop.seconds:.2f} s")
         yield stop
 
 
-def _mean(stops: Sequence[Stop]) -> Stop:
+def _mean(stops: Sequence[FrontPoint]) -> FrontPoint:
     error, seconds = np.exp(np.log([(each.error, each.seconds) for each in stops]).mean(axis=0)).tolist()
-    return Stop(stops[0].knobs, error, seconds)
+    return FrontPoint(stops[0].knobs, error, seconds)
 
 
 def _project(scene: str, size: tuple[int, int]) -> Project:
     return with_edges(open_project(scene, size), 0)
 
 
-def _placement(project: Project, effort: FrontEffort) -> Iterator[Stop]:
+def _placement(project: Project, effort: FrontEffort) -> Iterator[FrontPoint]:
     judging = Placement(project.scene)
     layers, quality = _layers(judging, project), still_quality(plan_still(project))
     n_bounces = planned_bounces(judging, project.indexed_layers, project.scene.description.bounces).n_bounces
@@ -103,7 +103,7 @@ def _placement(project: Project, effort: FrontEffort) -> Iterator[Stop]:
         seconds = time.process_time() - began
         judged = run_to_end(estimate_point_errors(judging, layers, project.sky, quality, n_bounces, radiance, indirect))
         knobs = _knobs(n_lights=n_lights, n_patches=n_patches, n_fan_rays=n_fan_rays)
-        yield Stop(knobs, judged.estimate.overall, seconds)
+        yield FrontPoint(knobs, judged.estimate.overall, seconds)
 
 
 def _placement_picture(
@@ -117,7 +117,7 @@ def _placement_picture(
     return run_to_end(reflect_layers(placement, layers, project.sky, quality, indirect)), indirect
 
 
-def _orbit(project: Project, effort: FrontEffort) -> Iterator[Stop]:
+def _orbit(project: Project, effort: FrontEffort) -> Iterator[FrontPoint]:
     for n_points, n_coefficients in effort.points:
         began = time.process_time()
         orbit = Orbit(project.scene, n_points=n_points, n_coefficients=n_coefficients)
@@ -128,16 +128,16 @@ def _orbit(project: Project, effort: FrontEffort) -> Iterator[Stop]:
             pass
         picture = _drawn(project, orbit)
         seconds = time.process_time() - began
-        yield Stop(_knobs(n_points=n_points, n_coefficients=n_coefficients), _judged(project, picture), seconds)
+        yield FrontPoint(_knobs(n_points=n_points, n_coefficients=n_coefficients), _judged(project, picture), seconds)
 
 
-def _deform(bench: Bench, effort: FrontEffort) -> Iterator[Stop]:
+def _deform(bench: Bench, effort: FrontEffort) -> Iterator[FrontPoint]:
     bench.shaded(*effort.rays[0])  # reads kernels
     for n_rays, n_lobes in effort.rays:
         began = time.process_time()
         shaded = bench.shaded(n_rays, n_lobes)
         seconds = (time.process_time() - began) * N_POINTS / len(shaded)
-        yield Stop(_knobs(n_rays=n_rays, n_lobes=n_lobes), bench.error(shaded), seconds)
+        yield FrontPoint(_knobs(n_rays=n_rays, n_lobes=n_lobes), bench.error(shaded), seconds)
 
 
 def _drawn(project: Project, engine: Orbit) -> NDArray[np.float32]:
@@ -170,7 +170,7 @@ def main() -> None:
         f"`python -m app.measure.front` of {datetime.now(UTC):%Y-%m-%d} on {facts['cpu']}: {scenes} at "
         "{} × {}, 12,000 points of a relief (Deform); processor seconds".format(*effort.size)
     )
-    file.write_text(front_text(origin, effort.size[0] * effort.size[1], found))
+    file.write_text(format_front(origin, effort.size[0] * effort.size[1], found))
 
 
 if __name__ == "__main__":

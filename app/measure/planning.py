@@ -26,8 +26,8 @@ from app.cli.planning import plan_project
 from app.jobs.cache import CACHE_VARIABLE, Store
 from app.machine.atomic import save_file
 from app.measure.accuracy import REFERENCES, reference_folder
-from app.naming import qualified
-from app.project import ProjectWords, open_project
+from app.lazy_import import qualified
+from app.project import ProjectSpec, open_project
 from engine.errors import InsituError
 from engine.planner import Plan
 from engine.scene.builtin import builtin_scenes
@@ -112,7 +112,7 @@ def check(source: str) -> PlanRow:
     plan = plan_project(project, lambda step: None, opening_seconds=opened)
     planning = time.process_time() - started - opened
     scene = project.scene
-    return compared(source, plan, carried_out(ProjectWords(source)), scene.resolution, len(scene.triangles), planning)
+    return compared(source, plan, carried_out(ProjectSpec(source)), scene.resolution, len(scene.triangles), planning)
 
 
 def compared(
@@ -128,7 +128,7 @@ def compared(
     )  # fmt: skip
 
 
-def carried_out(words: ProjectWords, n_lights: int | None = None) -> Carried:
+def carried_out(words: ProjectSpec, n_lights: int | None = None) -> Carried:
     """Fill an empty cache with what `words` open, in a process of its own; n_lights: None for as many as the editor
     would take. Raises InsituError."""
     import psutil
@@ -210,7 +210,7 @@ def main(said: str) -> None:
     words, n_lights = json.loads(said)
     words |= {name: tuple(map(tuple, words[name])) for name in ("values", "overrules")}
     words["resolution"] = words["resolution"] and tuple(words["resolution"])
-    project = ProjectWords(**words).open()
+    project = ProjectSpec(**words).open()
     started = time.process_time()
     fill(project, lambda progress: None, n_lights, Store())
     print(json.dumps({"seconds": time.process_time() - started}))

@@ -21,7 +21,7 @@ from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
 from app.measure.accuracy import errors
 from app.measure.figures import Figure, NotMeasured, not_measured
-from app.messages import Failed, LookFrom, OpenScene, Request, Response
+from app.messages import RequestFailed, SetCamera, OpenScene, Request, Response
 from app.placement.messages import ComputeTransport, LayerPicture, PrepareRelighting, RelightingPrepared
 from app.project import open_project
 from app.scene_state import SceneState, layer_state, scene_state
@@ -81,7 +81,7 @@ class _Ready:
         if not self.scene.layers:
             raise NotMeasured(f"{source} has no layers")
         self._tasks, self._n_preview = Tasks(Store(cache)), min(PREVIEW.n_lights, effort.n_final // 4)
-        self.ask(OpenScene(source, id=1), LookFrom(1, None, effort.resolution))
+        self.ask(OpenScene(source, id=1), SetCamera(1, None, effort.resolution))
         self.ask(self._transport(self.scene, effort.n_final))
 
     def ask(self, *requests: Request) -> list[Response]:
@@ -91,7 +91,7 @@ class _Ready:
             client.send(request)
         answers = list(client.poll(budget_s=float("inf")))
         for answer in answers:
-            if isinstance(answer, Failed):
+            if isinstance(answer, RequestFailed):
                 raise NotMeasured(answer.line)
         return answers
 

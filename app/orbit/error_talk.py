@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from app.messages import Cancel, Failed, Request
+from app.messages import CancelRequests, RequestFailed, Request
 from app.orbit.messages import DrawnEstimated, EstimateDrawn
 from app.orbit.wishes import OrbitWish
 from app.view_state import Viewpoint
@@ -64,7 +64,7 @@ class DrawnErrorTalk:
     def give_up(self) -> None:
         """Nobody waits for the answer any more."""
         if self._asked is not None:
-            self._send(Cancel(of=(self._kind,)))
+            self._send(CancelRequests(of=(self._kind,)))
             self._asked = None
 
     def at_rest(self, seen: Seen) -> ErrorEstimate | None:
@@ -87,7 +87,7 @@ class DrawnErrorTalk:
         if response.id == self._asked:
             self._known, self._known_of, self._asked = response, self._seen, None
 
-    def took_failure(self, response: Failed) -> None:
+    def took_failure(self, response: RequestFailed) -> None:
         """It could not be found out, and is not asked for again."""
         if response.id == self._asked:
             self._asked, self._is_refused = None, True

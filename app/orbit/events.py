@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from app.picture import PictureEvent
+from app.picture_events import PictureEvent
 
 if TYPE_CHECKING:
     from engine.orbit.gpu_parts import Part

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from app.messages import LookFrom, OpenScene, Request, Response
+from app.messages import SetCamera, OpenScene, Request, Response
 
 if TYPE_CHECKING:
     from app.scene_state import SceneState
@@ -32,7 +32,7 @@ class PrepareOrbit(Request):
     Another camera cancels it, for a camera is traced before anything slow goes on; what it has made ready stays.
     """
 
-    built_on = (LookFrom,)
+    built_on = (SetCamera,)
 
     scene: SceneState
     n_bounces: int = 0
@@ -48,9 +48,9 @@ class LookOrbit(Request):
     where it sees what nothing was made ready for, such as backs."""
 
     built_on = (OpenScene,)
-    quick = 1
-    once = True
-    stops = False
+    priority = 1
+    answered_once = True
+    is_stopped_by_user = False
 
     camera: Camera
 
@@ -62,10 +62,10 @@ class DrawOrbit(Request):
     is drawn long before what it sees has been traced."""
 
     built_on = (OpenScene,)
-    quick = 0
-    once = True
-    any_time = True
-    stops = False
+    priority = 0
+    answered_once = True
+    served_anytime = True
+    is_stopped_by_user = False
 
     camera: Camera
     resolution: tuple[int, int]
@@ -80,10 +80,10 @@ class DrawPlainly(Request):
     where no scene is open yet. Not built on what was traced, as `DrawOrbit`."""
 
     built_on = (OpenScene,)
-    quick = 0
-    once = True
-    any_time = True
-    stops = False
+    priority = 0
+    answered_once = True
+    served_anytime = True
+    is_stopped_by_user = False
 
     camera: Camera
     resolution: tuple[int, int]
@@ -97,11 +97,11 @@ class EstimateDrawn(Request):
     scene, n_bounces: what they show, see `PrepareOrbit`; has_map: with where the former is off. Answered by
     `DrawnEstimated`. Each mode that draws in the worker has a kind of its own."""
 
-    built_on = (LookFrom,)
-    quick = 8
-    once = True
-    stops = False
-    waited_for = False
+    built_on = (SetCamera,)
+    priority = 8
+    answered_once = True
+    is_stopped_by_user = False
+    is_foreground = False
 
     scene: SceneState
     n_bounces: int

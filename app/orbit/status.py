@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from app.status import Status
+from app.editor_status import Status
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,6 @@ class OrbitStatus(Status):
         return True
 
     @property
-    def goes_with_hand(self) -> bool:
+    def follows_input(self) -> bool:
         """It is: pictures are drawn as the hand moves, from the first on."""
         return self.is_plain or self.picture != "waiting"

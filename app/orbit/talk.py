@@ -25,10 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.commands import EditCommand
-from app.decided import decided_view
+from app.effective_settings import effective_view
 from app.document import Document
-from app.messages import Cancel, Failed, Request, Response
-from app.mode import Desk, ModeTalk, OpenedScene
+from app.messages import CancelRequests, RequestFailed, Request, Response
+from app.mode import EditorServices, ModeController, OpenedScene
 from app.orbit.error_talk import DrawnErrorTalk, Seen
 from app.orbit.events import OrbitPartCame, OrbitPicture
 from app.orbit.messages import (
@@ -47,11 +47,11 @@ from app.orbit.messages import (
 )
 from app.orbit.status import OrbitStatus
 from app.orbit.wishes import WINDOW_SECONDS, WINDOW_STEPS, Drawing, Known, OrbitWish, Pace
-from app.picture import PictureEvent
+from app.picture_events import PictureEvent
 from app.placement.known_light import KnownLight
 from app.placement.messages import ComputeTransport
 from app.placement.talk import PlacementTalk
-from app.status import PictureState, Status
+from app.editor_status import PictureState, Status
 from app.view_state import Viewpoint, ViewState
 from engine.deform.pose import Poses
 from engine.material.layer import Layer
@@ -72,7 +72,7 @@ LACKS = (
 )
 
 
-class OrbitTalk(ModeTalk):
+class OrbitTalk(ModeController):
     """The talk of Orbit; `placement` is that of the view at rest. Another mode whose pictures are drawn in the worker
     says what it is called, what it wants made ready, and what it has drawn."""
 
@@ -81,7 +81,7 @@ class OrbitTalk(ModeTalk):
     draws: type[Request] = DrawOrbit
     estimates: type[EstimateDrawn] = EstimateOrbit
 
-    def __init__(self, desk: Desk) -> None:
+    def __init__(self, desk: EditorServices) -> None:
         self._desk = desk
         self.placement = PlacementTalk(desk)
         self._error = DrawnErrorTalk(desk.send, self.estimates)
@@ -126,7 +126,7 @@ class OrbitTalk(ModeTalk):
         self._hold_placement_back()
         self._is_open = False
 
-    def scene_stays(self) -> None:
+    def scene_open_failed(self) -> None:
         self._is_open = True
         self._asked = self._drawing = None
 
@@ -136,42 +136,42 @@ class OrbitTalk(ModeTalk):
         self._own_camera = scene.description.camera
         self._known_light.worked(scene.described.light)
         self.placement.scene_opened(scene)
-        self.placement.looked_away()
+        self.placement.view_moved()
 
-    def looked_away(self) -> None:
+    def view_moved(self) -> None:
         self.is_away = True
         self._hold_placement_back()
 
-    def looked_back(self) -> None:
+    def view_restored(self) -> None:
         self.is_away = False
         self._go_on()
 
-    def scene_seen(self, scene: OpenedScene) -> None:
+    def view_traced(self, scene: OpenedScene) -> None:
         self.is_away = False
         self._go_on()
         self._error.forget()
         self._hands_over = self._placement_follows = self._shows_placement = False
-        self.placement.scene_seen(scene)
-        self.placement.looked_away()
+        self.placement.view_traced(scene)
+        self.placement.view_moved()
 
     def _go_on(self) -> None:
         """A look has cancelled what was being made ready."""
         if not self._is_known_to_be_done:
             self._asked = None
 
-    def left(self) -> None:
-        self._desk.send(Cancel(of=(self.prepares, self.draws, self.estimates, DrawPlainly)))
-        self.placement.left()
+    def deactivated(self) -> None:
+        self._desk.send(CancelRequests(of=(self.prepares, self.draws, self.estimates, DrawPlainly)))
+        self.placement.deactivated()
 
     def edited(self, command: EditCommand | None = None) -> None:
         self.placement.edited(command)
 
-    def hand_released(self) -> None:
+    def drag_ended(self) -> None:
         self._moved_at = -math.inf
-        self.placement.hand_released()
+        self.placement.drag_ended()
 
-    def learn(self, planned: Iterable[tuple[Layer, Mapping[str, int]]]) -> None:
-        self.placement.learn(planned)
+    def add_band_plans(self, planned: Iterable[tuple[Layer, Mapping[str, int]]]) -> None:
+        self.placement.add_band_plans(planned)
 
     def reload_images(self, key: str) -> None:
         self._asked = None
@@ -229,7 +229,7 @@ class OrbitTalk(ModeTalk):
             return self._shows_placement
         view = self._desk.view
         poses = self._poses_of(self._desk.history.document, view)
-        return (self._shown.look, self._shown.poses) == (view.look, poses)
+        return (self._shown.look, self._shown.poses) == (view.viewpoint, poses)
 
     @property
     def hands_over(self) -> bool:
@@ -242,8 +242,8 @@ class OrbitTalk(ModeTalk):
         return self._shows_placement
 
     @property
-    def awaits_answer(self) -> bool:
-        return self._drawing is not None or self._hands_over and self.placement.awaits_answer
+    def awaits_response(self) -> bool:
+        return self._drawing is not None or self._hands_over and self.placement.awaits_response
 
     @property
     def is_running(self) -> bool:
@@ -319,8 +319,8 @@ class OrbitTalk(ModeTalk):
     def _has_followed(self) -> bool:
         """Whether document and view are as they were at the last update."""
         document = self._desk.history.document
-        view = decided_view(self._desk.view, document)
-        return self._inputs(document, view) == self._wish_made_of and view.look == self._look
+        view = effective_view(self._desk.view, document)
+        return self._inputs(document, view) == self._wish_made_of and view.viewpoint == self._look
 
     # ------------------------------------------------------------------------------------------- what modes differ in
 
@@ -372,7 +372,7 @@ class OrbitTalk(ModeTalk):
             self._draw(now)
             if self._is_whole and self._may_hand_over and not (self._hands_over or self.is_away or self._is_stopped):
                 self._hands_over = True
-                self.placement.looked_back()
+                self.placement.view_restored()
         elif not (self.placement.is_running or self._desk.history.dragging):
             self._prepare()  # so that the view can move at once
         self._judge(now)
@@ -402,10 +402,10 @@ class OrbitTalk(ModeTalk):
         if wish is None or self._wish_made_of != made_of:
             wish, self._wish_made_of = self._wish_of(document, view), made_of
         poses = self._poses_of(document, view)
-        if (wish, view.look, poses) != (self._wish, self._look, self._poses):
+        if (wish, view.viewpoint, poses) != (self._wish, self._look, self._poses):
             self._moved_at = -math.inf if self._wish is None else now
             self._is_stopped = self._is_stopped and wish == self._wish
-            self._wish, self._look, self._poses = wish, view.look, poses
+            self._wish, self._look, self._poses = wish, view.viewpoint, poses
 
     def _update_placement(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
         """Placement's part, where it has one; it loses that as soon as its picture is not the document's. That stays on
@@ -430,8 +430,8 @@ class OrbitTalk(ModeTalk):
         """Placement asks for nothing until Orbit's picture is whole again."""
         if self._hands_over:
             self._hands_over = self._placement_follows = False
-            self.placement.looked_away()
-            self._desk.send(Cancel(of=(ComputeTransport,)))
+            self.placement.view_moved()
+            self._desk.send(CancelRequests(of=(ComputeTransport,)))
 
     def _prepare(self) -> None:
         """Ask for what the document wants. In mid-drag only once the wish before is in a picture: each takes a while
@@ -470,7 +470,7 @@ class OrbitTalk(ModeTalk):
     def _show_in_window(self, wanted: Drawing, now: float) -> None:
         """Nothing is asked for but that what is seen be made ready first; once all is ready that is seldom anything."""
         if self._drawing is not None:
-            self._desk.send(Cancel(of=(self.draws,)))
+            self._desk.send(CancelRequests(of=(self.draws,)))
             self._drawing, self._drawing_id = None, 0
         looked, self._shown = self._shown and self._shown.look, wanted
         self._shows_placement = self._placement_follows
@@ -512,7 +512,7 @@ class OrbitTalk(ModeTalk):
 
     # -------------------------------------------------------------------------------------------------------- answers
 
-    def take(self, response: Response) -> list[PictureEvent]:
+    def receive(self, response: Response) -> list[PictureEvent]:
         match response:
             case OrbitAdvanced():
                 self._take_advance(response)
@@ -527,12 +527,12 @@ class OrbitTalk(ModeTalk):
                     self._begin_anew()
             case DrawnEstimated():
                 self._error.took(response)
-            case Failed():
+            case RequestFailed():
                 self._error.took_failure(response)
                 self._take_failure(response)
-                return self.placement.take(response)
+                return self.placement.receive(response)
             case _:
-                return self.placement.take(response)
+                return self.placement.receive(response)
         return []
 
     def _take_advance(self, response: OrbitAdvanced) -> None:
@@ -543,7 +543,7 @@ class OrbitTalk(ModeTalk):
         if self._asked is not None:
             self._known_light.worked(self._asked.scene.light)
         if response.is_done and not self.is_running:
-            self._desk.gauges.progress = None
+            self._desk.metrics.progress = None
 
     def _take_picture(self, response: OrbitDrawn) -> list[PictureEvent]:
         drawing = self._drawing
@@ -569,7 +569,7 @@ class OrbitTalk(ModeTalk):
             self._asked = None  # to be made ready yet: what no picture has seen before
         self._known = known
 
-    def _take_failure(self, response: Failed) -> None:
+    def _take_failure(self, response: RequestFailed) -> None:
         if response.id == self._drawing_id:
             self._refused, self._drawing = self._drawing, None
         if response.id == self._prepare_id and self._asked is not None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from app.document import Document
 from app.orbit.messages import Quality
 from app.scene_state import LayerState, SceneState, scene_state
-from app.solo import is_seen
+from app.solo import is_layer_visible
 from app.view_state import Viewpoint, ViewState
 from engine.deform.pose import Poses
 
@@ -35,7 +35,7 @@ class OrbitWish:
     @classmethod
     def of(cls, document: Document, view: ViewState) -> OrbitWish:
         scene = scene_state(document)
-        seen = (each for each in scene.layers if is_seen(document, view, each.key))
+        seen = (each for each in scene.layers if is_layer_visible(document, view, each.key))
         layers = tuple(LayerState(each.key, each.layer.replace(visible=True)) for each in seen)
         return cls(replace(scene, layers=layers), view.n_bounces, view.n_points, view.n_coefficients)
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from app.document import Document
-from app.messages import Failed, Request
+from app.messages import RequestFailed, Request
 from app.placement.messages import BandsPlanned, PlanBands
 from engine.material.layer import Layer
 from engine.material.model import Model
@@ -118,7 +118,7 @@ class BandTalk:
         if response.id == self._asked[0]:
             self._learn(response.bands)
 
-    def took_failure(self, response: Failed) -> None:
+    def took_failure(self, response: RequestFailed) -> None:
         """Layers that cannot be planned get the usual bands, so that they can be edited on."""
         if response.id == self._asked[0]:
             self._learn(usual_bands(layer.model) for layer in self._asked[1])

@@ -25,7 +25,7 @@ import numpy as np
 
 from app.commands.light import emission_of
 from app.document import SCENE_ENVIRONMENT, Document, layer_key
-from app.picture import PictureEvent, SkyChanged
+from app.picture_events import PictureEvent, SkyChanged
 from app.placement.curves import Float64Array, Coefficients, Curves, drawn_as
 from app.placement.events import LayerRadiance, TransportReady
 from app.placement.wishes import TransportWish, brightened, same_coefficients

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from app.commands.light import emission_of
 from app.document import Document
 from app.messages import Request
-from app.picture import PictureEvent
+from app.picture_events import PictureEvent
 from app.placement.curves import Float64Array, Coefficients, Curves, view_curve_of
 from app.placement.events import ComparedRefined, LayerLook
 from app.placement.messages import Contract, LayerPicture

@@ -48,7 +48,7 @@ class Curves:
 
     def bands(self, document: Document, key: str) -> dict[str, int]:
         """J of each of a layer's transport factors: as planned, or as a person chose for the sharpest, or for each."""
-        counts, lines = self.planned(document, key), dict(document.overrules)
+        counts, lines = self.planned(document, key), dict(document.overrides)
         return bands_of_lines(key, counts, lines) if lines else counts
 
     def planned(self, document: Document, key: str) -> dict[str, int]:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document import Document
-from app.messages import Cancel, Request
+from app.messages import CancelRequests, Request
 from app.placement.curves import Curves
 from app.placement.messages import ErrorEstimated, EstimateError
 from app.view_state import ViewState
@@ -87,7 +87,7 @@ class ErrorTalk:
     def _give_up(self) -> None:
         """The picture is another one: an answer that is still to come is given up."""
         if self._asked is not None:
-            self._send(Cancel(of=(EstimateError,)))
+            self._send(CancelRequests(of=(EstimateError,)))
         self._estimate = self._asked = self._colours = None
         self._stopped = False
         self._rests_since = math.inf

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from app.picture import PictureEvent
+from app.picture_events import PictureEvent
 from app.placement.curves import Float64Array, Coefficients
 
 

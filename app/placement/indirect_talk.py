@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from app.document import Document, Selection
 from app.messages import Request
-from app.picture import PictureEvent
+from app.picture_events import PictureEvent
 from app.placement.curves import Float64Array, Curves, drawn_as
 from app.placement.edited_curves import edited_layers
 from app.placement.events import Footprint, IndirectRadiance

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from app.messages import LookFrom, Request, Response
+from app.messages import SetCamera, Request, Response
 
 if TYPE_CHECKING:
     from app.scene_state import LayerState, SceneState
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 class PlanBands(Request):
     """Say how many bands the curves of these layers need; answered by `BandsPlanned`."""
 
-    quick = 1
-    once = True
-    stops = False
+    priority = 1
+    answered_once = True
+    is_stopped_by_user = False
 
     layers: tuple[Layer, ...]
 
@@ -49,7 +49,7 @@ class ComputeTransport(Request):
     a preview would not be shown.
     """
 
-    built_on = (LookFrom,)
+    built_on = (SetCamera,)
 
     scene: SceneState
     selected: str | None
@@ -78,7 +78,7 @@ class Contract(Request):
     """
 
     built_on = (ComputeTransport,)
-    quick = 3
+    priority = 3
 
     layer: LayerState
     factor: str | None
@@ -98,7 +98,7 @@ class Freeze(Request):
     """
 
     built_on = (ComputeTransport,)
-    quick = 4
+    priority = 4
 
     scene: SceneState
     key: str | None = None
@@ -113,8 +113,8 @@ class EstimateError(Request):
     answered by `ErrorEstimated`, once that picture is there. has_map: with where it is off."""
 
     built_on = (ComputeTransport,)
-    once = True
-    waited_for = False
+    answered_once = True
+    is_foreground = False
 
     scene: SceneState
     second_bands: int | None = None
@@ -127,8 +127,8 @@ class PrepareRelighting(Request):
     is there; what is there of it already stays. Answered by `RelightingPrepared`."""
 
     built_on = (ComputeTransport,)
-    once = True
-    waited_for = False
+    answered_once = True
+    is_foreground = False
 
     scene: SceneState
 
@@ -137,9 +137,9 @@ class PrepareRelighting(Request):
 class SampleMaps(Request):
     """Sample the images of some layers, by key, where the eye sees them; each is answered on its own."""
 
-    built_on = (LookFrom,)
-    quick = 2
-    stops = False
+    built_on = (SetCamera,)
+    priority = 2
+    is_stopped_by_user = False
 
     layers: tuple[tuple[str, Images], ...]
 

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 
 from app.document import Document
-from app.messages import Cancel, Request
+from app.messages import CancelRequests, Request
 from app.placement.curves import Curves
 from app.placement.messages import PrepareRelighting, RelightingPrepared
 
@@ -36,7 +36,7 @@ class RelightTalk:
         picture is there, a sky lights it, and no hand has hold of anything."""
         if self._picture is None or self._picture[0] is not document or self._picture[1] != revision:
             if self._asked is not None:
-                self._send(Cancel(of=(PrepareRelighting,)))
+                self._send(CancelRequests(of=(PrepareRelighting,)))
             self.forget()
             self._picture = document, revision
         if not rests or self._asked is not None or self._is_done:

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from app.decided import KNOBS
+from app.effective_settings import KNOBS
 from app.document import Document, reflecting_layers
 from app.placement.status import PlacementStatus
-from app.status import Status, duration
+from app.editor_status import Status, duration
 from app.view_state import ViewState
 from engine.material.layer import Layer, object_of
 from engine.planner import PRECISION_REASON, RAYS_REASON, edge_reason, sphere_reason, usual_bands
@@ -69,7 +69,7 @@ def _line(
     document: Document, line: str, title: str, planned: LineValue | str, reason: str, choices: Choices, group: str = ""
 ) -> SheetLine:
     """planned: what it is where no person has set it, a value or words."""
-    lines, words = dict(document.overrules), {value: text for text, value in choices}
+    lines, words = dict(document.overrides), {value: text for text, value in choices}
     as_planned = words.get(planned) or (f"{planned:,}" if isinstance(planned, int) else planned)
     if line not in lines:
         return SheetLine(line, title, as_planned, reason, choices, False, group)
@@ -99,7 +99,7 @@ def _light_lines(document: Document, view: ViewState, status: PlacementStatus) -
         reason = why.get("patches", "parts of what shines in the scene")
         n_patches = status.needed_patches or view.n_patches
         yield _line(document, "patches", "Lamp patches", n_patches, reason, _numbers(PATCH_CHOICES))
-    if dict(document.overrules).get("bounces", view.n_bounces) != 1:
+    if dict(document.overrides).get("bounces", view.n_bounces) != 1:
         n_rays = view.n_fan_rays or status.found_rays or "as needed"
         reason = KNOB if view.n_fan_rays else why.get("rays") or RAYS_REASON
         yield _line(document, "rays", "Rays a fan", n_rays, reason, _numbers(HEMISPHERE_RAYS))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from app.document import LightState
 from app.placement.transport_talk import TransportTalk
-from app.status import Status
+from app.editor_status import Status
 from engine.planner import Precision
 from engine.render.picture_error import NONE, percent
 

@@ -16,11 +16,11 @@ from functools import partial
 
 from app.commands import EditCommand
 from app.commands.material import SetMaterial
-from app.decided import decided_view, decisions_of
+from app.effective_settings import effective_view, effective_settings
 from app.document import Document, layer_key
-from app.messages import Cancel, Failed, Response
-from app.mode import Desk, ModeTalk, OpenedScene
-from app.picture import PictureEvent, SkyChanged
+from app.messages import CancelRequests, RequestFailed, Response
+from app.mode import EditorServices, ModeController, OpenedScene
+from app.picture_events import PictureEvent, SkyChanged
 from app.placement.band_plans import BandPlans, BandTalk
 from app.placement.changeover import Asked, Changeover
 from app.placement.comparison import Comparison
@@ -62,17 +62,17 @@ from app.placement.status import (
     transport_note,
 )
 from app.placement.transport_talk import TransportTalk
-from app.status import PictureState, Status
+from app.editor_status import PictureState, Status
 from app.view_state import AS_PLANNED, ViewState
 from engine.indirect.clamping import TOO_BRIGHT
 from engine.material.layer import Layer
 
 
-class PlacementTalk(ModeTalk):
+class PlacementTalk(ModeController):
     """The talk of Placement. curves: how many bands each curve gets, None for as many as planned."""
 
-    def __init__(self, desk: Desk, curves: Curves | None = None) -> None:
-        self.curves = curves or Curves(plans=desk.kept(BandPlans))
+    def __init__(self, desk: EditorServices, curves: Curves | None = None) -> None:
+        self.curves = curves or Curves(plans=desk.shared_state(BandPlans))
         self._desk = desk
         self._bands = BandTalk(desk.send, self.curves.plans)
         self._transport = TransportTalk(desk.send, self.curves)
@@ -104,16 +104,16 @@ class PlacementTalk(ModeTalk):
         self._error.lost()
         self._relight.forget()
 
-    def scene_stays(self) -> None:
+    def scene_open_failed(self) -> None:
         self._transport.scene_opened(is_new=False)
 
-    def looked_away(self) -> None:
+    def view_moved(self) -> None:
         self.scene_closed()
 
-    def looked_back(self) -> None:
-        self.scene_stays()
+    def view_restored(self) -> None:
+        self.scene_open_failed()
 
-    def scene_seen(self, scene: OpenedScene) -> None:
+    def view_traced(self, scene: OpenedScene) -> None:
         self.scene_opened(scene)
 
     def scene_opened(self, scene: OpenedScene) -> None:
@@ -127,12 +127,12 @@ class PlacementTalk(ModeTalk):
         self._known_light.worked(scene.described.light)
         self.curves.opened(scene.description)
         self._changeover.scene_opened(scene.document, scene.description.environment is not None)
-        self.learn(scene.planned)
+        self.add_band_plans(scene.planned)
 
-    def left(self) -> None:
-        self._desk.send(Cancel(of=(ComputeTransport, SampleMaps, PlanBands)))
+    def deactivated(self) -> None:
+        self._desk.send(CancelRequests(of=(ComputeTransport, SampleMaps, PlanBands)))
 
-    def learn(self, planned: Iterable[tuple[Layer, Mapping[str, int]]]) -> None:
+    def add_band_plans(self, planned: Iterable[tuple[Layer, Mapping[str, int]]]) -> None:
         for layer, bands in planned:
             self.curves.plans.learn(layer, bands)
 
@@ -145,7 +145,7 @@ class PlacementTalk(ModeTalk):
         self.indirect.edited()
         self.maps.edited()
 
-    def hand_released(self) -> None:
+    def drag_ended(self) -> None:
         self._transport.hand_released()
 
     def reload_images(self, key: str) -> None:
@@ -178,7 +178,7 @@ class PlacementTalk(ModeTalk):
     @property
     def _view(self) -> ViewState:
         """With what the document has in the place of its knobs."""
-        return decided_view(self._desk.view, self._document)
+        return effective_view(self._desk.view, self._document)
 
     # --------------------------------------------------------------------------------------------------------- asking
 
@@ -197,7 +197,7 @@ class PlacementTalk(ModeTalk):
         """Ask for what is missing; whether the bands of all layers are known."""
         talk, revision = self._transport, self._transport.revision
         planned = self._bands.update(document)
-        decisions = decisions_of(view, document)
+        decisions = effective_settings(view, document)
         dragging, is_fine = self._desk.history.dragging, self._changeover.is_fine
         talk.update(now, document, view.selected, decisions, dragging, view.precision, planned, is_fine)
         if talk.revision != revision:
@@ -244,7 +244,7 @@ class PlacementTalk(ModeTalk):
         exact = self._picture in ("finished", "exact")
         if view.compare is not self._comparison.document:
             self._comparison.begin(view.compare, exact and view.compare is document)
-        decisions = decisions_of(view, document)
+        decisions = effective_settings(view, document)
         return self._comparison.update(now, document, self._transport, decisions, exact, self.indirect.is_shown)
 
     @property
@@ -253,7 +253,7 @@ class PlacementTalk(ModeTalk):
         return self._transport.running and self._view.n_bounces != 1 and not self.indirect.is_on_screen
 
     @property
-    def awaits_answer(self) -> bool:
+    def awaits_response(self) -> bool:
         """Whether a curve's transport, a layer's picture or frozen light is to come at any moment."""
         return self._transport.awaits_contraction or self.indirect.awaits_frozen
 
@@ -395,16 +395,16 @@ class PlacementTalk(ModeTalk):
 
     # -------------------------------------------------------------------------------------------------------- answers
 
-    def take(self, response: Response) -> list[PictureEvent]:
+    def receive(self, response: Response) -> list[PictureEvent]:
         is_open, is_of_view = self._transport.is_open, response.id == self._view_id
         match response:
             case BandsPlanned():
                 self._bands.took(response)
-            case Failed():
+            case RequestFailed():
                 self._take_failure(response)
             case MapsSampled() if is_open:
                 self.maps.took(response)
-                self._desk.say_once(response.note)
+                self._desk.notify_once(response.note)
                 self.indirect.means_changed()
                 self._picture_changed()
                 self._error.forget()
@@ -422,7 +422,7 @@ class PlacementTalk(ModeTalk):
                 return self._take_picture(response)
         return []
 
-    def sky_came(self, event: SkyChanged) -> list[PictureEvent]:
+    def sky_changed(self, event: SkyChanged) -> list[PictureEvent]:
         if not self._changeover.has_picture:
             return [event]
         self._changeover.took_sky(event)
@@ -471,7 +471,7 @@ class PlacementTalk(ModeTalk):
             desk.notify(response.warning)
         self._bounces, self._bounces_reason = (response.n_bounces, response.warning), response.reason
 
-    def _take_failure(self, response: Failed) -> None:
+    def _take_failure(self, response: RequestFailed) -> None:
         self._bands.took_failure(response)
         self._transport.took_failure(response)
         self._comparison.took_failure(response.id)
@@ -489,7 +489,7 @@ class PlacementTalk(ModeTalk):
             self._transport_bytes = response.transport_bytes
         if response.exact:
             self._done = response
-            self._desk.gauges.progress = None
+            self._desk.metrics.progress = None
 
 
 def _in_one_frame(events: list[PictureEvent]) -> list[PictureEvent]:

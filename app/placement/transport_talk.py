@@ -27,7 +27,7 @@ import numpy as np
 
 from app.commands.light import emission_of
 from app.document import SCENE_ENVIRONMENT, Document, LightState, Selection
-from app.messages import Failed, Request
+from app.messages import RequestFailed, Request
 from app.placement.curves import Float64Array, Coefficients, Curves, drawn_as
 from app.placement.edited_curves import EditedCurves, curve_wishes, edited_layers
 from app.placement.messages import ComputeTransport, Contract, LayerPicture, LayerTransport, StageDone
@@ -466,7 +466,7 @@ class TransportTalk:
         if response.id == self._transport_id and response.exact:
             self._running, self._exact = False, not self._drag_quality
 
-    def took_failure(self, response: Failed) -> None:
+    def took_failure(self, response: RequestFailed) -> None:
         """Note that a request was given up: it is not asked again until what it asked for changes."""
         if response.id == self._transport_id:
             self._running = False

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from app.document import document_from_description
 from app.jobs.bands import plan_bands
-from app.measurements import document_with_read, unread_files
-from app.messages import Cancel, LookFrom, OpenScene, Request, Response, SceneOpened, SceneSeen, stamped
+from app.measurements import document_with_measurements, unread_files
+from app.messages import CancelRequests, SetCamera, OpenScene, Request, Response, SceneOpened, ViewTraced, with_numbers
 from app.placement.messages import (
     ComputeTransport,
     Contract,
@@ -76,7 +76,7 @@ class FakeClient:
 
     def send(self, request: Request) -> int:
         self._id += 1
-        sent = stamped(request, self._id, request.revision)
+        sent = with_numbers(request, self._id, request.revision)
         self.requests.append(sent)
         if isinstance(sent, PlanBands) and self.plans:
             self.answer(sent, *(answer for answer in plan_bands(sent) if answer is not None))
@@ -95,7 +95,7 @@ class FakeClient:
 
     def answer(self, request: Request, *responses: Response) -> None:
         """Let the next poll return these, as answers to this request."""
-        self._due += [stamped(response, response.id or request.id, request.revision) for response in responses]
+        self._due += [with_numbers(response, response.id or request.id, request.revision) for response in responses]
 
     def open_scene(
         self, scene: dict[str, Any] = SCENE, bands: dict[str, dict[str, int]] | None = None,
@@ -104,7 +104,7 @@ class FakeClient:
     ) -> None:  # fmt: skip
         """Answer the newest OpenScene; bands: those planned, None for all; boxes: of the objects, None for none."""
         description = parse_description(scene, "scene.toml")
-        document = document_with_read(document_from_description("scene.toml", description), measurements or {})
+        document = document_with_measurements(document_from_description("scene.toml", description), measurements or {})
         if bands is None:
             bands = {key: band_counts(layer) for key, layer in document.layers() if not unread_files([layer])}
         text = description.model_dump_json(by_alias=True)
@@ -115,8 +115,8 @@ class FakeClient:
         self.see_scene()
 
     def see_scene(self) -> None:
-        """Answer the newest LookFrom."""
-        self.answer(self.sent(LookFrom)[-1], SceneSeen(FRAME))
+        """Answer the newest SetCamera."""
+        self.answer(self.sent(SetCamera)[-1], ViewTraced(FRAME))
 
     def finish_stage(self, stage: str, exact: bool) -> None:
         """Answer the newest ComputeTransport with one stage: all layers' pictures, then the selected's transport."""
@@ -164,10 +164,10 @@ class ServingClient(FakeClient):
         sent = self.requests[-1]
         if isinstance(sent, OpenScene):
             text = parse_description(SCENE, "scene.toml").model_dump_json(by_alias=True)
-            self._answers = {OpenScene: [stamped(SceneOpened(text), id, sent.revision)]}
-        elif isinstance(sent, LookFrom):
+            self._answers = {OpenScene: [with_numbers(SceneOpened(text), id, sent.revision)]}
+        elif isinstance(sent, SetCamera):
             opened = self._answers.get(OpenScene, [])  # what was built on the look before it is given up
-            self._answers = {OpenScene: [*opened, stamped(SceneSeen(FRAME), id, sent.revision)]}
+            self._answers = {OpenScene: [*opened, with_numbers(ViewTraced(FRAME), id, sent.revision)]}
         elif isinstance(sent, ComputeTransport):
             if sent.selected is not None and sent.factor is not None:
                 self._selected = dict.fromkeys((sent.selected, *sent.followers), sent.factor)
@@ -181,10 +181,10 @@ class ServingClient(FakeClient):
             self._answers[Contract] = self._contraction(sent)
         elif isinstance(sent, EstimateError):
             # The error of each request is another one, so that a test can tell which of them was answered.
-            self._answers[EstimateError] = [stamped(ErrorEstimated(ErrorEstimate(float(id))), id, sent.revision)]
+            self._answers[EstimateError] = [with_numbers(ErrorEstimated(ErrorEstimate(float(id))), id, sent.revision)]
         elif isinstance(sent, PrepareRelighting):
-            self._answers[PrepareRelighting] = [stamped(RelightingPrepared(0), id, sent.revision)]
-        elif isinstance(sent, Cancel) and sent.of in ((EstimateError,), (PrepareRelighting,)):
+            self._answers[PrepareRelighting] = [with_numbers(RelightingPrepared(0), id, sent.revision)]
+        elif isinstance(sent, CancelRequests) and sent.of in ((EstimateError,), (PrepareRelighting,)):
             self._answers.pop(sent.of[0], None)
         return id
 
@@ -212,7 +212,7 @@ class ServingClient(FakeClient):
             if self._selected.get(layer.key) in layer.factors and not layer.fixed:
                 answers.append(transport(layer.key, self._selected[layer.key], stage, self._precision))
         answers.append(StageDone(stage, stage == last, 0.1))
-        return [stamped(answer, request.id, request.revision) for answer in answers]
+        return [with_numbers(answer, request.id, request.revision) for answer in answers]
 
     def _contraction(self, request: Contract) -> list[Response]:
         layer = request.layer
@@ -225,7 +225,7 @@ class ServingClient(FakeClient):
         answers: list[Response] = [picture] if request.picture else []
         if request.factor is not None:
             answers.append(transport(layer.key, request.factor, picture.stage, request.precision))
-        return [stamped(answer, request.id, request.revision) for answer in answers]
+        return [with_numbers(answer, request.id, request.revision) for answer in answers]
 
 
 def computed(client: FakeClient) -> list[ComputeTransport]:

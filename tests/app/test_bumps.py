@@ -13,8 +13,8 @@ from app.files.session import load_session, save_session
 from app.jobs.bench import Bench
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
-from app.looking import REST_SECONDS
-from app.messages import LookFrom, OpenScene, SceneSeen
+from app.view_controller import REST_SECONDS
+from app.messages import SetCamera, OpenScene, ViewTraced
 from app.project import open_project
 from app.set_path import set_path
 from app.view_state import ViewState
@@ -74,11 +74,11 @@ def test_the_worker_sees_other_normals_and_says_what_is_wrong(scene: Path) -> No
     client = InProcessClient(Tasks())
     id = client.send(OpenScene(str(scene)))
 
-    def seen(*bumps: Bumps) -> SceneSeen:
-        client.send(LookFrom(id, bumps=tuple(("card", each) for each in bumps)))
-        answers: list[SceneSeen] = []
+    def seen(*bumps: Bumps) -> ViewTraced:
+        client.send(SetCamera(id, bumps=tuple(("card", each) for each in bumps)))
+        answers: list[ViewTraced] = []
         while not answers:
-            answers = [each for each in client.poll(0.1) if isinstance(each, SceneSeen)]
+            answers = [each for each in client.poll(0.1) if isinstance(each, ViewTraced)]
         return answers[0]
 
     own, flat, wrong = seen(), seen(NO_BUMPS), seen(Bumps(normal_map="ramp.png"))
@@ -92,7 +92,7 @@ def test_transport_is_kept_by_bumps_and_visibility_without_them(scene: Path) -> 
     bench.load(open_project(str(scene)).scene, 1)
     keys = []
     for strength in (1.0, 2.0, 0.0):
-        run_to_end(bench.look(LookFrom(1, bumps=(("card", Bumps(bump_map="ramp.png", bump_strength=strength)),))))
+        run_to_end(bench.look(SetCamera(1, bumps=(("card", Bumps(bump_map="ramp.png", bump_strength=strength)),))))
         keys.append((bench.geometry_key, bench.view_key))
     assert len({geometry for geometry, _ in keys}) == 1 and len({view for _, view in keys}) == 3
     assert keys[2][0] == keys[2][1]  # flat: as without
@@ -108,11 +108,11 @@ def test_an_edit_is_traced_once_the_hand_rests_and_undone_in_one_step(client: Fa
     name = next(state.name for state in editor.document.objects if not state.emits)
     assert editor.do(SetBumps(name, "bump_map", "bricks.png")) is None
     editor.tick(2.0)
-    assert client.sent(LookFrom) == []
+    assert client.sent(SetCamera) == []
     editor.tick(2.1 + REST_SECONDS)
-    (look,) = client.sent(LookFrom)
+    (look,) = client.sent(SetCamera)
     assert look.bumps == ((name, Bumps(bump_map="bricks.png")),)
     editor.undo()
     editor.tick(3.0)
     editor.tick(3.1 + REST_SECONDS)
-    assert client.sent(LookFrom)[-1].bumps == () and editor.document.new_bumps == ()
+    assert client.sent(SetCamera)[-1].bumps == () and editor.document.new_bumps == ()

@@ -18,12 +18,12 @@ from app.document import Document
 from app.jobs.deform import DeformWork
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
-from app.messages import Failed, LookFrom, OpenScene, Response
+from app.messages import RequestFailed, SetCamera, OpenScene, Response
 from app.mode import OpenedScene
 from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, OrbitUnknown, PrepareOrbit
 from app.project import open_project
 from app.scene_state import scene_state
-from app.status import Status
+from app.editor_status import Status
 from app.stills import render_project
 from engine.deform import heights
 from engine.deform.gpu_parts import NO_PARTS, PosedPart, PictureExport
@@ -58,7 +58,7 @@ def answers(client: InProcessClient) -> list[Response]:
 
 def test_a_scene_is_made_ready_once_and_drawn_in_any_pose(file: Path) -> None:
     client = InProcessClient(Tasks())
-    client.send(LookFrom(client.send(OpenScene(str(file)))))
+    client.send(SetCamera(client.send(OpenScene(str(file)))))
     answers(client)
     project = open_project(str(file))
     eye, scene = project.scene.description.camera, scene_state(project.document)
@@ -78,7 +78,7 @@ def test_a_scene_is_made_ready_once_and_drawn_in_any_pose(file: Path) -> None:
         pictures.append(drawn.radiance)
     assert np.abs(pictures[0] - pictures[1]).max() > 0.1
     # Seen in a pose by the other modes, it is the same scene at rest to this one.
-    client.send(LookFrom(client.send(OpenScene(str(file))), poses=POSES))
+    client.send(SetCamera(client.send(OpenScene(str(file))), poses=POSES))
     answers(client)
     client.send(PrepareDeform(scene, 1, ("box",)))
     assert [each.is_done for each in answers(client) if isinstance(each, OrbitAdvanced)][-1]
@@ -92,7 +92,7 @@ def test_where_the_window_draws_it_is_told_what_moves_and_the_rest_once(
 ) -> None:
     monkeypatch.setitem(heights.PATTERNS, "bumps", partial(heights.bumps, 8))
     client = InProcessClient(Tasks())
-    client.send(LookFrom(client.send(OpenScene(str(file)))))
+    client.send(SetCamera(client.send(OpenScene(str(file)))))
     answers(client)
     project = open_project(str(file))
     eye, scene = project.scene.description.camera, scene_state(project.document)
@@ -123,23 +123,23 @@ def test_a_moving_picture_is_the_windows_where_it_draws_and_one_at_rest_the_work
     talk.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
     talk.draw_in_window(1 << 27)
     table.update()
-    talk.take(OrbitAdvanced(1, False, id=table.id_of(PrepareDeform)))
+    talk.receive(OrbitAdvanced(1, False, id=table.id_of(PrepareDeform)))
     (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
     assert (asked.quality, asked.known) == ("moving", NO_PARTS)
     pose = PosedPart(*(np.zeros((0, n), np.float32) for n in (12, 9, 14)), (0.0, 0.0, 0.0))
     told, radiance = PictureExport(pose, (3, 4, 5, 6), None, None, None, None), np.zeros((0, 0, 3), np.float32)
-    (came,) = talk.take(PoseTold(radiance, 1, 1, False, 0.01, told=told, id=table.id_of(DrawDeform)))
+    (came,) = talk.receive(PoseTold(radiance, 1, 1, False, 0.01, told=told, id=table.id_of(DrawDeform)))
     assert isinstance(came, PoseCame) and came.told is told and came.resolution == asked.resolution
-    talk.take(OrbitAdvanced(2, False, id=table.id_of(PrepareDeform)))
+    talk.receive(OrbitAdvanced(2, False, id=table.id_of(PrepareDeform)))
     table.now += 0.1
     (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
     assert asked.known == (3, 4, 5, 6)  # before the window has drawn them
-    talk.take(PoseTold(radiance, 1, 2, False, 0.01, told=told, id=table.id_of(DrawDeform)))
+    talk.receive(PoseTold(radiance, 1, 2, False, 0.01, told=told, id=table.id_of(DrawDeform)))
     talk.tell_again((3, 0, 0, 0))  # which it could not
     (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
     assert asked.known == (3, 0, 0, 0)
-    talk.take(PoseTold(radiance, 1, 2, False, 0.01, told=told, id=table.id_of(DrawDeform)))
-    talk.take(OrbitAdvanced(3, True, id=table.id_of(PrepareDeform)))
+    talk.receive(PoseTold(radiance, 1, 2, False, 0.01, told=told, id=table.id_of(DrawDeform)))
+    talk.receive(OrbitAdvanced(3, True, id=table.id_of(PrepareDeform)))
     table.now += 1.0
     (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
     assert (asked.quality, asked.known) == ("rest", None)
@@ -148,7 +148,7 @@ def test_a_moving_picture_is_the_windows_where_it_draws_and_one_at_rest_the_work
 def test_a_split_picture_is_traced_pass_by_pass(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("engine.deform.path_reference.N_PASSES", 2)
     client = InProcessClient(Tasks())
-    client.send(LookFrom(client.send(OpenScene(str(file)))))
+    client.send(SetCamera(client.send(OpenScene(str(file)))))
     answers(client)
     project = open_project(str(file))
     eye, scene = project.scene.description.camera, scene_state(project.document)
@@ -179,7 +179,7 @@ def test_what_is_split_and_rests_is_traced_and_not_handed_over() -> None:
     table.view = replace(table.view, split=(0.3, 0.6))
     (asked,) = table.update()
     assert isinstance(asked, PrepareDeform) and asked.traced is not None and asked.traced.poses == ()
-    talk.take(OrbitAdvanced(1, True, id=table.id_of(PrepareDeform)))
+    talk.receive(OrbitAdvanced(1, True, id=table.id_of(PrepareDeform)))
     (drawn,) = [each for each in table.update() if isinstance(each, DrawDeform)]
     assert drawn.split == (0.3, 0.6)
     take_picture(table)
@@ -188,7 +188,7 @@ def test_what_is_split_and_rests_is_traced_and_not_handed_over() -> None:
         table.update()
     assert not talk.hands_over
     for n_passes, picture in ((0, "refining"), (31, "refining"), (32, "finished")):
-        talk.take(PathsTraced(n_passes, 32, id=table.id_of(PrepareDeform)))
+        talk.receive(PathsTraced(n_passes, 32, id=table.id_of(PrepareDeform)))
         status = talk.status(Status())
         assert status.picture == picture and talk.is_running == (n_passes < 32)
         assert f"{n_passes / 32:.0%}" in status.missing_note or picture == "finished"
@@ -208,7 +208,7 @@ def test_a_hand_that_bends_has_one_picture_a_frame_and_nothing_made_ready_anew()
     table.history.do(AddDeformer(name, "bend"))
     (second,) = table.update()
     assert isinstance(second, PrepareDeform) and second.posed == (name,)  # it is about to bend: its shadows are its own
-    talk.take(OrbitAdvanced(1, True, id=table.id_of(PrepareDeform)))
+    talk.receive(OrbitAdvanced(1, True, id=table.id_of(PrepareDeform)))
     assert [type(each) for each in table.update()] == [DrawDeform]
     take_picture(table)
     table.history.begin_drag()
@@ -255,21 +255,21 @@ def test_a_surface_is_the_documents_and_deforms_alone() -> None:
     table.history.do(SetSurface(NAME, "membrane"))
     (asked,) = table.update()
     assert asked.surfaces == ((NAME, DeformSurface.model_validate({"membrane": {"translucency": 0.5}})),)
-    talk.take(OrbitAdvanced(1, True, id=table.id_of(PrepareDeform)))
+    talk.receive(OrbitAdvanced(1, True, id=table.id_of(PrepareDeform)))
     table.now += 1.0
     table.update()
     take_picture(table)
     table.update()
     status = talk.status(Status())
     assert status.alone == (NAME,) and status.picture == "finished" and not talk.hands_over
-    assert NAME in status.unjudged  # nobody finds out where it is off
+    assert NAME in status.no_estimate_reason  # nobody finds out where it is off
     table.view = replace(table.view, split=(0.3, 0.6))
     table.history.do(SetSurface(NAME, ""))
     table.update()
-    assert "Beside paths" in talk.status(Status()).unjudged
+    assert "Beside paths" in talk.status(Status()).no_estimate_reason
     table.view = replace(table.view, split=None)
     table.update()
-    assert not talk.status(Status()).unjudged
+    assert not talk.status(Status()).no_estimate_reason
 
 
 def test_an_image_that_cannot_be_read_leaves_the_document_and_the_picture_as_they_were() -> None:
@@ -280,7 +280,7 @@ def test_an_image_that_cannot_be_read_leaves_the_document_and_the_picture_as_the
     talk.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
     table.history.do(SetSurface(NAME, "membrane"))
     table.update()
-    talk.take(OrbitAdvanced(1, True, id=table.id_of(PrepareDeform)))
+    talk.receive(OrbitAdvanced(1, True, id=table.id_of(PrepareDeform)))
     table.update()
     before, steps = table.history.document, len(table.history.undo_steps)
     for goes_on in (False, True):
@@ -288,7 +288,7 @@ def test_an_image_that_cannot_be_read_leaves_the_document_and_the_picture_as_the
         table.update()
         if goes_on:
             table.history.do(AddDeformer(NAME, "bend"))
-        talk.take(Failed("leaf.png: broken", id=table.id_of(PrepareDeform)))
+        talk.receive(RequestFailed("leaf.png: broken", id=table.id_of(PrepareDeform)))
         assert table.history.document.object(NAME).surface == before.object(NAME).surface
         assert len(table.history.undo_steps) == steps + (3 if goes_on else 0)
         (asked,) = [each for each in table.update() if isinstance(each, PrepareDeform)]  # it does not stand still
@@ -297,14 +297,14 @@ def test_an_image_that_cannot_be_read_leaves_the_document_and_the_picture_as_the
 
 def test_a_scene_goes_on_as_it_was_where_an_image_is_broken(file: Path, tmp_path: Path) -> None:
     client = InProcessClient(Tasks())
-    client.send(LookFrom(client.send(OpenScene(str(file)))))
+    client.send(SetCamera(client.send(OpenScene(str(file)))))
     answers(client)
     scene = scene_state(open_project(str(file)).document)
     (tmp_path / "leaf.png").write_bytes(b"no image")
     for name in ("leaf.png", str(tmp_path / "none.png")):
         says = DeformSurface.model_validate({"patch": {"file": name}})
         client.send(PrepareDeform(scene, 1, (), (("box", says),)))
-        (failed,) = [each for each in answers(client) if isinstance(each, Failed)]
+        (failed,) = [each for each in answers(client) if isinstance(each, RequestFailed)]
         assert Path(name).name in failed.line and "\n" not in failed.line and "nothing was changed" in failed.line
     client.send(PrepareDeform(scene, 1))
     assert [each.is_done for each in answers(client) if isinstance(each, OrbitAdvanced)][-1]
@@ -312,7 +312,7 @@ def test_a_scene_goes_on_as_it_was_where_an_image_is_broken(file: Path, tmp_path
 
 def test_the_error_of_the_fit_is_a_picture_of_its_own_and_a_membrane_has_none(file: Path) -> None:
     client = InProcessClient(Tasks())
-    client.send(LookFrom(client.send(OpenScene(str(file)))))
+    client.send(SetCamera(client.send(OpenScene(str(file)))))
     answers(client)
     project = open_project(str(file))
     eye, scene = project.scene.description.camera, scene_state(project.document)
@@ -330,7 +330,7 @@ def test_the_error_of_the_fit_is_a_picture_of_its_own_and_a_membrane_has_none(fi
 def take_picture(table: Table) -> None:
     """The worker's answer to the newest picture asked for."""
     radiance, prepared = np.ones((2, 2, 3), np.float32), table.id_of(PrepareDeform)
-    table.talk.take(OrbitDrawn(radiance, prepared, 1, True, 0.01, id=table.id_of(DrawDeform)))
+    table.talk.receive(OrbitDrawn(radiance, prepared, 1, True, 0.01, id=table.id_of(DrawDeform)))
 
 
 def test_a_still_is_of_the_pose_that_is_set(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from app.__main__ import Desktop
 from app.cli.program import run
-from app.front import Stop, front, front_text, read_front
+from app.pareto_front import FrontPoint, load_front, format_front, parse_front
 from app.measure.front import FrontEffort, measure_front, on_the_front
 from app.modes import MODES
 from app.script import SetAccuracy, parse_script
@@ -18,8 +18,8 @@ from engine.errors import InsituError
 Captured = pytest.CaptureFixture[str]
 
 
-def stop(n_lights: int, error: float, seconds: float) -> Stop:
-    return Stop((("n_lights", n_lights),), error, seconds)
+def stop(n_lights: int, error: float, seconds: float) -> FrontPoint:
+    return FrontPoint((("n_lights", n_lights),), error, seconds)
 
 
 def test_what_another_beats_in_error_and_time_is_not_on_the_front() -> None:
@@ -30,33 +30,33 @@ def test_what_another_beats_in_error_and_time_is_not_on_the_front() -> None:
 
 @pytest.mark.parametrize("mode", [mode.name for mode in MODES])
 def test_every_mode_has_a_front_from_speed_to_accuracy_which_its_knobs_can_follow(mode: str) -> None:
-    table, view = front(), ViewState()
-    stops = table.stops[mode]
+    table, view = load_front(), ViewState()
+    stops = table.points[mode]
     assert len(stops) >= 2 and stops == on_the_front(stops) and "processor" in table.origin
     for i, each in enumerate(stops):
         assert all(LIMITS[name][0] <= value <= LIMITS[name][1] for name, value in each.knobs)
         moved = each.command.apply(view)
-        assert table.position(mode, moved) == i / (len(stops) - 1) and table.stop(mode, i / (len(stops) - 1)) == each
-    assert table.stop(mode, -1.0) == stops[0] and table.stop(mode, 2.0) == stops[-1]
+        assert table.position(mode, moved) == i / (len(stops) - 1) and table.nearest_point(mode, i / (len(stops) - 1)) == each
+    assert table.nearest_point(mode, -1.0) == stops[0] and table.nearest_point(mode, 2.0) == stops[-1]
     beside = SetView.of(n_lights=777, n_points=777, n_rays=777).apply(view)
     assert table.position(mode, beside) is None
 
 
 @pytest.mark.parametrize("mode", [mode.name for mode in MODES])
 def test_where_nobody_has_moved_a_knob_the_slider_stands_on_the_front(mode: str) -> None:
-    assert front().position(mode, ViewState()) is not None
+    assert load_front().position(mode, ViewState()) is not None
 
 
 def test_a_table_is_read_as_it_was_written() -> None:
-    stops = {"placement": (Stop((("n_lights", 100), ("n_patches", 64)), 0.125, 2.5), stop(400, 0.05, 3.0))}
-    table = read_front(front_text("measured here", 1000, stops))
-    assert (table.origin, table.n_pixels, table.stops) == ("measured here", 1000, stops)
+    stops = {"placement": (FrontPoint((("n_lights", 100), ("n_patches", 64)), 0.125, 2.5), stop(400, 0.05, 3.0))}
+    table = parse_front(format_front("measured here", 1000, stops))
+    assert (table.origin, table.n_pixels, table.points) == ("measured here", 1000, stops)
 
 
 def test_a_larger_picture_takes_longer_where_pixels_are_computed_and_not_where_points_are() -> None:
-    table = front()
+    table = load_front()
     for mode, expected in {"placement": 4.0, "orbit": 1.0, "deform": 1.0}.items():
-        last = table.stops[mode][-1]
+        last = table.points[mode][-1]
         assert table.seconds(last, 4 * table.n_pixels) == pytest.approx(expected * last.seconds)
 
 
@@ -76,7 +76,7 @@ def test_a_script_moves_the_slider(tmp_path: Path) -> None:
 
 
 def test_the_command_line_takes_accuracy_in_place_of_knobs(tmp_path: Path, capsys: Captured) -> None:
-    said, first = [], dict(front().stops["placement"][0].knobs)
+    said, first = [], dict(load_front().points["placement"][0].knobs)
     by_hand = [f"--lights={first['n_lights']}", f"--patches={first['n_patches']}"]
     by_hand += [f"--overrule=rays={first['n_fan_rays']}"] if first.get("n_fan_rays") else []
     for name, knobs in {"accuracy": ["--accuracy", "0"], "knobs": by_hand}.items():

@@ -15,23 +15,23 @@ from app.files.session import load_session
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
-from app.measurements import layers_of_document, measured_files, measurement_in, unread_files, with_read
+from app.measurements import layers_of_document, measured_files, measurement_in, unread_files, with_measurements
 from app.messages import (
-    Failed,
+    RequestFailed,
     FilesWritten,
-    HandOutTable,
+    FetchTable,
     MeasurementsRead,
     OpenScene,
     Progress,
     ReadMeasured,
     SceneOpened,
-    TableHandedOut,
+    TableFetched,
     WriteFiles,
 )
 from app.placement.curves import Curves
 from app.placement.messages import ComputeTransport, LayerPicture, PlanBands
 from app.project import open_project
-from app.reading import import_measured, measured_layers
+from app.measured_import import import_measured, measured_layers
 from app.set_path import set_path
 from engine.errors import InsituError, LoadError
 from engine.measured import tables
@@ -65,10 +65,10 @@ def scene(tmp_path: Path, merl_file: Path) -> Path:
 
 
 def document_of(opened: SceneOpened, source: Path) -> Document:
-    from app.measurements import document_with_read
+    from app.measurements import document_with_measurements
 
     description = SceneDescription.model_validate_json(opened.description)
-    return document_with_read(document_from_description(str(source), description), opened.measurements)
+    return document_with_measurements(document_from_description(str(source), description), opened.measurements)
 
 
 def compute(document: Document) -> ComputeTransport:
@@ -95,7 +95,7 @@ def test_a_worker_reads_what_a_scene_names(scene: Path, tmp_path: Path, monkeypa
     another = replace(opened.measurements["gloss.binary"], file=str(scene.parent / "gloss.binary"), number=number + 1)
     layers = tuple(replace(each, layer=each.layer.with_parameter("file", another)) for each in request.scene.layers)
     *_, failed = run_in_process(tasks, replace(request, scene=replace(request.scene, layers=layers)))
-    assert isinstance(failed, Failed) and "has changed since it was imported" in failed.line
+    assert isinstance(failed, RequestFailed) and "has changed since it was imported" in failed.line
 
 
 @pytest.mark.parametrize("name", ["../gloss.binary", "/etc/passwd", "there_is_none.binary"])
@@ -176,7 +176,7 @@ def test_the_window_plans_no_bands_of_an_import(
     assert editor.save(tmp_path / "x.insitu") is None
     pot = editor.document.object("pot").layers
     other = Editor(client, str(tmp_path / "x.insitu"))
-    assert with_read(client.sent(OpenScene)[-1].layers[:2], found) == pot
+    assert with_measurements(client.sent(OpenScene)[-1].layers[:2], found) == pot
     client.open_scene(measurements=found, planned=tuple(zip(pot, bands, strict=True)))
     for now in (0.0, 5.0):
         other.tick(now)
@@ -190,7 +190,7 @@ def test_an_import_that_fails_or_is_cancelled_changes_nothing(client: FakeClient
     client.open_scene()
     editor.tick(0.0)
     before = editor.document
-    for end in (lambda asked: client.answer(asked, Failed("x.binary: size = 3 bytes")), lambda _: editor.cancel_work()):
+    for end in (lambda asked: client.answer(asked, RequestFailed("x.binary: size = 3 bytes")), lambda _: editor.cancel_work()):
         editor.do(import_measured("pot", tmp_path / "x.binary"))
         asked = client.sent(ReadMeasured)[-1]
         end(asked)
@@ -208,23 +208,23 @@ def test_the_worker_answers_an_import_between_other_work(merl_file: Path, tmp_pa
     answer = client.poll(float("inf"))[-1]
     assert isinstance(answer, MeasurementsRead) and answer.found[str(merl_file)].is_read
     # What takes longer than a frame is planned there, of the layers as they will be.
-    assert answer.planned == tuple(band_counts(layer) for layer in with_read(layers, answer.found))
+    assert answer.planned == tuple(band_counts(layer) for layer in with_measurements(layers, answer.found))
 
 
 def test_the_worker_hands_a_table_out(merl_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tables, "_tables", {})
     tasks = Tasks(Store(tmp_path / "cache"))
-    *_, given = run_in_process(tasks, HandOutTable(str(merl_file)))
-    assert isinstance(given, TableHandedOut) and given.measurement.is_read
+    *_, given = run_in_process(tasks, FetchTable(str(merl_file)))
+    assert isinstance(given, TableFetched) and given.measurement.is_read
     number = given.measurement.number
     assert np.array_equal(given.samples, tables.table_of(number).samples) and given.samples.dtype == np.float32
     # By its number at once; a copy of the file is the same table, by its own name; another number is another file.
     monkeypatch.delattr("app.jobs.measured.read_measurement")
-    (again,) = run_in_process(tasks, HandOutTable("copy.binary", number))
-    assert isinstance(again, TableHandedOut) and again.measurement == replace(given.measurement, file="copy.binary")
+    (again,) = run_in_process(tasks, FetchTable("copy.binary", number))
+    assert isinstance(again, TableFetched) and again.measurement == replace(given.measurement, file="copy.binary")
     monkeypatch.undo()
-    *_, failed = run_in_process(tasks, HandOutTable(str(merl_file), number + 1))
-    assert isinstance(failed, Failed) and "has changed since it was imported" in failed.line
+    *_, failed = run_in_process(tasks, FetchTable(str(merl_file), number + 1))
+    assert isinstance(failed, RequestFailed) and "has changed since it was imported" in failed.line
 
 
 def test_a_table_is_asked_for_once(client: FakeClient) -> None:
@@ -233,27 +233,27 @@ def test_a_table_is_asked_for_once(client: FakeClient) -> None:
     editor.tick(0.0)
     measurement, samples = drawn_measurement(), np.zeros((2, 2, 2, 3), np.float32)
     for _ in range(2):
-        editor.tables.want(measurement)
-    (asked,) = client.sent(HandOutTable)
+        editor.tables.request_table(measurement)
+    (asked,) = client.sent(FetchTable)
     assert (asked.file, asked.number) == ("drawn.binary", 5) and editor.tables.take() is None
-    client.answer(asked, TableHandedOut(measurement, samples))
+    client.answer(asked, TableFetched(measurement, samples))
     editor.tick(0.1)
-    editor.tables.want(measurement)  # it is here, and nobody has taken it
-    assert len(client.sent(HandOutTable)) == 1
+    editor.tables.request_table(measurement)  # it is here, and nobody has taken it
+    assert len(client.sent(FetchTable)) == 1
     assert editor.tables.take() == (5, samples) and editor.tables.take() is None
     # One that fails is not asked for again until another scene is opened, and is told of where it would be shown.
     unread = replace(measurement, number=0, file="gone.binary")
-    editor.tables.want(unread)
-    client.answer(client.sent(HandOutTable)[-1], Failed("gone.binary: cannot be read"))
+    editor.tables.request_table(unread)
+    client.answer(client.sent(FetchTable)[-1], RequestFailed("gone.binary: cannot be read"))
     editor.tick(0.2)
-    editor.tables.want(unread)
+    editor.tables.request_table(unread)
     assert editor.tables.refusal(unread) == "gone.binary: cannot be read" and not editor.tables.refusal(measurement)
-    assert not editor.status.is_error and len(client.sent(HandOutTable)) == 2
+    assert not editor.status.is_error and len(client.sent(FetchTable)) == 2
     editor.open("shelf")
     client.open_scene()
     editor.tick(0.3)
-    editor.tables.want(unread)
-    assert len(client.sent(HandOutTable)) == 3
+    editor.tables.request_table(unread)
+    assert len(client.sent(FetchTable)) == 3
 
 
 def test_a_material_is_exported_by_the_worker(client: FakeClient, tmp_path: Path) -> None:

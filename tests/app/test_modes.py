@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from app.messages import Cancel, HandOutTable, LookFrom, OpenScene, ReadMeasured, Request
+from app.messages import CancelRequests, FetchTable, SetCamera, OpenScene, ReadMeasured, Request
 from app.modes import MODES
-from app.naming import named
+from app.lazy_import import import_named
 from app.placement.messages import ComputeTransport, Contract, Freeze, PlanBands, SampleMaps
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.parametrize("file", ["app/editor.py", "app/status.py", "ui/shell.py", "app/jobs/tasks.py"])
+@pytest.mark.parametrize("file", ["app/editor.py", "app/editor_status.py", "ui/shell.py", "app/jobs/tasks.py"])
 def test_what_every_mode_shares_has_no_word_of_placement_s(file: str) -> None:
     found = re.findall(r"\b\w*(?:bands|bounces|transport)\w*\b", (ROOT / file).read_text(), re.IGNORECASE)
     assert found == []
@@ -23,28 +23,28 @@ def test_what_every_mode_shares_has_no_word_of_placement_s(file: str) -> None:
 
 @pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
 def test_what_a_mode_names_is_there(mode) -> None:
-    assert all(callable(named(name)) for name in (mode.work, mode.picture, mode.accuracy))
+    assert all(callable(import_named(name)) for name in (mode.worker, mode.picture, mode.accuracy))
 
 
 def needed_by(kind: type[Request]) -> set[type[Request]]:
-    kinds = {OpenScene, LookFrom, ComputeTransport, Contract, Freeze, PlanBands, ReadMeasured, HandOutTable, SampleMaps}
-    return {each for each in kinds if (kind().cancels(each) if kind is Cancel else each.needs(kind))}
+    kinds = {OpenScene, SetCamera, ComputeTransport, Contract, Freeze, PlanBands, ReadMeasured, FetchTable, SampleMaps}
+    return {each for each in kinds if (kind().cancels(each) if kind is CancelRequests else each.needs(kind))}
 
 
 def test_a_request_is_void_with_what_it_is_built_on() -> None:
     # Contractions are of a transport, which is of a view, which is of a scene; what is read or handed out for the
     # window is of none of them.
     assert needed_by(ComputeTransport) == {ComputeTransport, Contract, Freeze}
-    assert needed_by(LookFrom) == {LookFrom, ComputeTransport, Contract, Freeze, SampleMaps}
-    assert needed_by(OpenScene) == needed_by(LookFrom) | {OpenScene, ReadMeasured}
+    assert needed_by(SetCamera) == {SetCamera, ComputeTransport, Contract, Freeze, SampleMaps}
+    assert needed_by(OpenScene) == needed_by(SetCamera) | {OpenScene, ReadMeasured}
     assert needed_by(Contract) == {Contract}
 
 
 def test_a_person_who_stops_the_work_means_no_looks_in_passing() -> None:
-    assert needed_by(Cancel) == {OpenScene, LookFrom, ComputeTransport, Contract, Freeze, ReadMeasured}
+    assert needed_by(CancelRequests) == {OpenScene, SetCamera, ComputeTransport, Contract, Freeze, ReadMeasured}
 
 
 def test_a_mode_that_is_left_takes_its_own_requests_alone() -> None:
-    gone = Cancel(of=(ComputeTransport,))
+    gone = CancelRequests(of=(ComputeTransport,))
     assert gone.cancels(ComputeTransport) and gone.cancels(Freeze)
     assert not gone.cancels(OpenScene) and not gone.cancels(ReadMeasured) and not gone.cancels(SampleMaps)

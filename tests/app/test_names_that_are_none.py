@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from app.commands.light import lit_by
+from app.commands.light import set_environment_file
 from app.commands.maps import image_name
 from app.editor import Editor
 from app.files.material_file import load_material
@@ -77,7 +77,7 @@ def test_what_a_scene_names(named: tuple[Path, str]) -> None:
 def test_light_images_and_materials(named: tuple[Path, str], client: FakeClient) -> None:
     folder, name = named
     for asks in (
-        lambda: lit_by(folder / f"{name}.exr"),
+        lambda: set_environment_file(folder / f"{name}.exr"),
         lambda: load_environment(folder / f"{name}.exr"),
         lambda: image_name(folder / f"{name}.png", "shelf"),
     ):

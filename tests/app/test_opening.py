@@ -4,8 +4,8 @@ from pathlib import Path
 
 from app.commands.light import SetRotation
 from app.editor import Editor
-from app.messages import Failed, LookFrom, OpenScene
-from app.picture import SceneFrame
+from app.messages import RequestFailed, SetCamera, OpenScene
+from app.picture_events import SceneFrame
 from app.placement.messages import BouncesPlanned, ComputeTransport
 from app.placement.status import RenderReport
 from app.placement.transport_talk import N_LIGHTS_PREVIEW
@@ -18,7 +18,7 @@ EXACT = RenderReport(128, 128, 0.0, True)
 
 def test_opening_asks_for_all_layers_at_once(client: FakeClient) -> None:
     editor = Editor(client, "shelf")
-    assert [type(request) for request in client.requests] == [OpenScene, LookFrom]
+    assert [type(request) for request in client.requests] == [OpenScene, SetCamera]
     assert editor.status.picture == "waiting"
     client.open_scene()
     events = editor.tick(0.0)
@@ -58,10 +58,10 @@ def test_each_scene_is_planned_anew(client: FakeClient) -> None:
 def test_a_scene_that_fails_to_open_leaves_the_one_before(settled: Editor, client: FakeClient) -> None:
     before = settled.document
     settled.open("nowhere.toml")
-    client.answer(client.sent(OpenScene)[-1], Failed("nowhere.toml: file = No such file"))
+    client.answer(client.sent(OpenScene)[-1], RequestFailed("nowhere.toml: file = No such file"))
     settled.tick(1.5)
     assert settled.document is before and "nowhere.toml" in settled.status.message
-    settled.talk.rendered(EXACT)
+    settled.controller.rendered(EXACT)
     assert settled.status.picture == "exact"
     settled.do(SetRotation(5.0))
     settled.tick(1.6)
@@ -71,7 +71,7 @@ def test_a_scene_that_fails_to_open_leaves_the_one_before(settled: Editor, clien
 
 def test_where_a_scene_cannot_be_opened_the_default_one_is(client: FakeClient) -> None:
     editor = Editor(client, "/broken.toml")
-    client.answer(client.sent(OpenScene)[-1], Failed("/broken.toml: version = nothing, expected 1"))
+    client.answer(client.sent(OpenScene)[-1], RequestFailed("/broken.toml: version = nothing, expected 1"))
     editor.tick(0.0)
     assert editor.status.is_error and not editor.scene_is_open  # a script ends here, with these words
     assert [request.source for request in client.sent(OpenScene)] == ["/broken.toml", "teatray"]
@@ -85,7 +85,7 @@ def test_where_a_scene_cannot_be_opened_the_default_one_is(client: FakeClient) -
 def test_the_default_scene_is_not_tried_for_ever(client: FakeClient) -> None:
     editor = Editor(client, "/broken.toml")
     for now in (0.0, 0.1, 0.2):
-        client.answer(client.sent(OpenScene)[-1], Failed("out of memory"))
+        client.answer(client.sent(OpenScene)[-1], RequestFailed("out of memory"))
         editor.tick(now)
     assert len(client.sent(OpenScene)) == 2
     assert editor.open("/other.toml") is None and len(client.sent(OpenScene)) == 3  # what a person opens is tried
@@ -112,7 +112,7 @@ def test_light_is_opened_with_the_default_scene(client: FakeClient, tmp_path: Pa
     editor.tick(0.0)
     (asked,) = computed(client)  # the scene's own light is never computed
     assert asked.scene.light.environment == str(tmp_path / "sky.exr")
-    client.answer(asked, Failed("sky.exr: first bytes = nothing"))
+    client.answer(asked, RequestFailed("sky.exr: first bytes = nothing"))
     editor.tick(0.1)
     assert editor.document.light.environment == "scene" and not editor.history.undo_steps
     assert editor.status.message == "sky.exr: first bytes = nothing"

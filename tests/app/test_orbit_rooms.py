@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.front import front
-from app.project import open_project, overruled
+from app.pareto_front import load_front
+from app.project import open_project, with_overrides
 from app.stills import render_project
 from engine.indirect.series import BounceSeries
 from engine.transport.pipeline import Placement
@@ -70,9 +70,9 @@ MEASURED = {
 @pytest.mark.parametrize("name", MEASURED)
 def test_rooms_at_rest_are_as_bright_as_in_placement(name: str, tmp_path: Path) -> None:
     room = str(ROOMS[name](tmp_path)) if name in ROOMS else name
-    finest = dict(front().stop("placement", 1.0).knobs)
+    finest = dict(load_front().nearest_point("placement", 1.0).knobs)
     project = open_project(room, (64, 48))
-    fine = overruled(project, {"rays": finest.pop("n_fan_rays")})
+    fine = with_overrides(project, {"rays": finest.pop("n_fan_rays")})
     truth = render_project(fine, lambda _: None, series=BounceSeries(4), **finest).picture
     found = render_project(project, lambda _: None, series=BounceSeries(4), mode="orbit").picture
     where = inner(Placement(project.scene))

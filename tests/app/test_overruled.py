@@ -9,15 +9,15 @@ import pytest
 
 from app.cli.precompute import fill
 from app.commands.layers import SetModel
-from app.commands.plan import Overrule, overrule, standing_overrules
-from app.decided import decided_view, decisions_of
+from app.commands.plan import OverrideLine, override_from_value, active_overrides
+from app.effective_settings import effective_view, effective_settings
 from app.document import Document
 from app.editor import Editor
 from app.files.session import load_session, save_session
 from app.jobs.cache import Store
-from app.messages import LookFrom
+from app.messages import SetCamera
 from app.placement.messages import BouncesPlanned
-from app.project import open_project, overruled
+from app.project import open_project, with_overrides
 from app.view_state import AS_PLANNED, SetView, ViewState
 from engine.errors import InsituError, LoadError
 from engine.planner import RenderSettings
@@ -29,19 +29,19 @@ LINES = {"lights": 1000, "patches": 256, "bounces": 2, "sphere": 0, "precision":
 
 def with_lines(document: Document, **lines: int | str) -> Document:
     for line, value in lines.items():
-        document = Overrule(line, value).apply(document)
+        document = OverrideLine(line, value).apply(document)
     return document
 
 
 def test_a_line_is_set_by_its_name_and_given_back(document: Document) -> None:
     changed = with_lines(document, **LINES, **{"pot.1.theta_h": 32})
-    assert dict(changed.overrules) == LINES | {"pot.1.theta_h": 32}
-    view = decided_view(ViewState(), changed)
-    assert decisions_of(view, changed) == RenderSettings(1000, 256, 2, False, frozenset({"lights", "patches"}))
+    assert dict(changed.overrides) == LINES | {"pot.1.theta_h": 32}
+    view = effective_view(ViewState(), changed)
+    assert effective_settings(view, changed) == RenderSettings(1000, 256, 2, False, frozenset({"lights", "patches"}))
     assert (view.precision, view.n_edge_rays) == ("float", 4)
-    for line in dict(changed.overrules):
-        changed = overrule(line, "auto").apply(changed)
-    assert changed == document and decided_view(view, changed) is view
+    for line in dict(changed.overrides):
+        changed = override_from_value(line, "auto").apply(changed)
+    assert changed == document and effective_view(view, changed) is view
 
 
 @pytest.mark.parametrize(
@@ -60,15 +60,15 @@ def test_a_line_is_set_by_its_name_and_given_back(document: Document) -> None:
 )
 def test_what_there_is_not_is_refused(document: Document, line: str, value: int, words: str) -> None:
     with pytest.raises(InsituError, match=words):
-        Overrule(line, value).apply(document)
+        OverrideLine(line, value).apply(document)
 
 
 def test_a_line_of_a_layer_counts_for_nothing_while_the_layer_is_of_another_model(document: Document) -> None:
     changed = with_lines(document, **{"pot.1.theta_h": 32, "pot.0.theta_i": 512})
-    assert standing_overrules(changed) == {"pot.1.theta_h": 32, "pot.0.theta_i": 512}
+    assert active_overrides(changed) == {"pot.1.theta_h": 32, "pot.0.theta_i": 512}
     other = SetModel("pot.1", "lambert").apply(changed)
-    assert standing_overrules(other) == {"pot.0.theta_i": 512}
-    assert standing_overrules(SetModel("pot.1", "rough_conductor").apply(other)) == standing_overrules(changed)
+    assert active_overrides(other) == {"pot.0.theta_i": 512}
+    assert active_overrides(SetModel("pot.1", "rough_conductor").apply(other)) == active_overrides(changed)
 
 
 def test_a_session_has_them(document: Document, tmp_path: Path) -> None:
@@ -86,12 +86,12 @@ def test_a_damaged_line_of_a_session_is_named(document: Document, tmp_path: Path
 
 
 def test_the_editor_asks_for_what_is_set_and_undo_brings_back(settled: Editor, client: FakeClient) -> None:
-    planned = dict(settled.talk.wanted_coefficients("pot.1"))
+    planned = dict(settled.controller.wanted_coefficients("pot.1"))
     for line, value in {**LINES, "edges": 8, "pot.1.theta_h": 32}.items():
-        assert settled.do(Overrule(line, value)) is None
+        assert settled.do(OverrideLine(line, value)) is None
     settled.tick(1.1)
     settled.tick(1.4)
-    (look,) = client.sent(LookFrom)
+    (look,) = client.sent(SetCamera)
     assert look.n_edge_rays == 8
     client.see_scene()
     settled.tick(1.5)
@@ -103,8 +103,8 @@ def test_the_editor_asks_for_what_is_set_and_undo_brings_back(settled: Editor, c
     assert {state.key: state.bands for state in request.scene.layers}["pot.1"][0] == 32
     for _ in range(7):
         settled.undo()
-    assert settled.document.overrules == () and settled.undo() is None
-    assert {name: len(values) for name, values in settled.talk.wanted_coefficients("pot.1").items()} == {
+    assert settled.document.overrides == () and settled.undo() is None
+    assert {name: len(values) for name, values in settled.controller.wanted_coefficients("pot.1").items()} == {
         name: len(values) for name, values in planned.items()
     }
 
@@ -113,7 +113,7 @@ def test_bounces_set_by_a_person_do_not_hide_how_many_are_planned(client: FakeCl
     editor = Editor(client, "shelf")
     client.open_scene({key: value for key, value in SCENE.items() if key != "bounces"})
     editor.tick(0.0)
-    editor.do(Overrule("bounces", 2))
+    editor.do(OverrideLine("bounces", 2))
     client.answer(computed(client)[-1], BouncesPlanned(3, "the last carries 2 %"))  # comes too late
     editor.tick(0.1)
     editor.tick(0.4)
@@ -127,7 +127,7 @@ def test_bounces_set_by_a_person_do_not_hide_how_many_are_planned(client: FakeCl
 
 
 def test_a_knob_of_the_view_gives_way(settled: Editor, client: FakeClient) -> None:
-    settled.do(Overrule("lights", 600))
+    settled.do(OverrideLine("lights", 600))
     settled.do(SetView.of(n_lights=5000))
     settled.tick(1.1)
     settled.tick(1.4)
@@ -139,7 +139,7 @@ def test_a_command_line_changes_what_is_computed(tmp_path: Path) -> None:
     (tmp_path / "scene.toml").write_text(ground((24, 18), gloss=True))
     project = open_project(str(tmp_path / "scene.toml"))
     lines = {"lights": 480, "ground.1.theta_h": 16, "sphere": 0, "bounces": 1, "edges": 0}
-    by_hand = overruled(project, lines)
+    by_hand = with_overrides(project, lines)
     session = save_session(tmp_path / "work", by_hand.document, ViewState())
     kept = {}
     for name, each in {"plain": replace(project, n_lights=480), "hand": by_hand, "session": None}.items():
@@ -148,4 +148,4 @@ def test_a_command_line_changes_what_is_computed(tmp_path: Path) -> None:
     assert kept["hand"] == kept["session"]
     assert sum(kept["hand"].values()) < 0.6 * sum(kept["plain"].values())  # fewer bands, and no sphere
     with pytest.raises(InsituError, match="no line 'lamps'"):
-        overruled(project, {"lamps": 7})
+        with_overrides(project, {"lamps": 7})

@@ -96,7 +96,7 @@ def answer(editor: Editor, client: FakeClient, request: SampleMaps, level: float
 
 def test_a_stroke_is_seen_while_it_goes_on(editor: Editor, client: FakeClient) -> None:
     """Answers that the hand has left behind are shown, and their mean stands for the newest, until that is here."""
-    plain = editor.talk.curves.sent_gain(editor.document, "pot.1")
+    plain = editor.controller.curves.sent_gain(editor.document, "pot.1")
     editor.begin_drag()
     editor.do(Paint("pot.1", STROKE))
     editor.tick(0.1)
@@ -105,12 +105,12 @@ def test_a_stroke_is_seen_while_it_goes_on(editor: Editor, client: FakeClient) -
     assert [event for event in editor.tick(0.1) if isinstance(event, LayerMapsChanged)] == []
     assert client.sent(SampleMaps) == [first]  # one after the other, or no answer would count
     (event,) = answer(editor, client, first, 0.25)
-    assert (event.samples == 0.25).all() and event.has_weight and not editor.talk.maps.is_complete
-    np.testing.assert_allclose(editor.talk.curves.sent_gain(editor.document, "pot.1"), 0.25 * plain)
+    assert (event.samples == 0.25).all() and event.has_weight and not editor.controller.maps.is_complete
+    np.testing.assert_allclose(editor.controller.curves.sent_gain(editor.document, "pot.1"), 0.25 * plain)
     (event,) = answer(editor, client, client.sent(SampleMaps)[-1], 0.5)
-    assert (event.samples == 0.5).all() and editor.talk.maps.is_complete
+    assert (event.samples == 0.5).all() and editor.controller.maps.is_complete
     editor.end_drag()
-    ((_, images),) = editor.talk.curves.map_means  # of the stroke as it went on nothing is kept
+    ((_, images),) = editor.controller.curves.map_means  # of the stroke as it went on nothing is kept
     assert images.strokes is editor.document.layer("pot.1").maps.strokes  # nor a copy of the document's strokes
     editor.undo()
     (event,) = [event for event in editor.tick(0.1) if isinstance(event, LayerMapsChanged)]

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 from pydantic import BaseModel
 
-from app.frames import Frames
+from app.frame_sequence import Frames
 from app.jobs.cache import content_key
 from app.picture_key import parts_of, picture_key
 from app.project import Project, open_project

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from app.cli.console import say
-from app.cli.output import tell_notes
-from app.status import Gauges
+from app.cli.console import print_line
+from app.cli.output import print_project_notes
+from app.editor_status import StatusMetrics
 from engine.errors import LONGEST_LINE, MOST_NOTES
 from engine.scene.scene_loader import load_scene
 from engine.transport.pipeline import SkyState
@@ -24,8 +24,8 @@ def project_of(scene: object) -> Any:
 
 
 def test_lines_that_commands_print_are_plain(capsys: pytest.CaptureFixture[str]) -> None:
-    say(f"{HOSTILE}: 48 x 36")
-    tell_notes(project_of(SimpleNamespace(notes=(HOSTILE, *map(str, range(1000))))))
+    print_line(f"{HOSTILE}: 48 x 36")
+    print_project_notes(project_of(SimpleNamespace(notes=(HOSTILE, *map(str, range(1000))))))
     lines = capsys.readouterr().out.split("\n")
     assert lines.pop() == "" and len(lines) == 1 + MOST_NOTES + 1
     assert all(line.isprintable() and len(line) <= LONGEST_LINE + len("note: ") for line in lines)
@@ -33,7 +33,7 @@ def test_lines_that_commands_print_are_plain(capsys: pytest.CaptureFixture[str])
 
 
 def test_what_the_window_says_is_plain() -> None:
-    gauges = Gauges()
+    gauges = StatusMetrics()
     gauges.note(HOSTILE, *map(str, range(1000)))
     gauges.note(HOSTILE)
     gauges.notify(HOSTILE, False)
@@ -46,7 +46,7 @@ def test_hostile_files_say_plain_lines(shared_data: Path, capsys: pytest.Capture
     files = sorted((shared_data / "cases" / "attacks").glob("*.glb"))
     assert files
     for file in files:
-        tell_notes(project_of(load_scene(file, (8, 6))))
+        print_project_notes(project_of(load_scene(file, (8, 6))))
         lines = capsys.readouterr().out.split("\n")[:-1]
         for line in lines:
             assert line.isprintable() and len(line) <= LONGEST_LINE + len("note: "), file.name

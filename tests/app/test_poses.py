@@ -12,11 +12,11 @@ from app.commands.poses import MAX_DEFORMERS
 from app.document import Document
 from app.editor import Editor
 from app.files.session import dump_session, fit_session, load_session, save_session
-from app.looking import REST_SECONDS
-from app.messages import Failed, LookFrom
+from app.view_controller import REST_SECONDS
+from app.messages import RequestFailed, SetCamera
 from app.script import DeformObject, load_script
 from app.set_path import set_path
-from app.timeline import shown_poses
+from app.timeline import visible_poses
 from app.view_state import SetView, ViewState
 from engine.deform.pose import Deformation, Moment
 from engine.errors import InsituError, LoadError
@@ -198,13 +198,13 @@ def playing(client: FakeClient) -> Editor:
 def test_what_plays_is_no_step_and_stays_where_it_stops(playing: Editor, client: FakeClient) -> None:
     for now, time in ((1.5, 0.5), (2.0, 1.0), (2.5, 0.3)):  # it begins anew after 1.2 seconds
         playing.tick(now)
-        ((_, (moment,)),) = shown_poses(playing.document, playing.view)
+        ((_, (moment,)),) = visible_poses(playing.document, playing.view)
         assert isinstance(moment, Moment) and moment.time == pytest.approx(time)
     assert playing.document.poses == () and not playing.history.undo_steps
-    assert not [look for look in client.sent(LookFrom) if look.poses]  # it does not rest
+    assert not [look for look in client.sent(SetCamera) if look.poses]  # it does not rest
     playing.do(AddDeformer("pot", "bend", 40.0))
     playing.player.pause()
-    stopped, bend = playing.document.object("pot").row
+    stopped, bend = playing.document.object("pot").motion_stack
     assert isinstance(stopped, Moment) and stopped.time == pytest.approx(0.3) and bend == BEND
     playing.tick(9.0)
     assert playing.document.object("pot").moment == stopped
@@ -260,31 +260,31 @@ def test_a_drag_is_one_step_and_is_traced_once_it_rests(editor: Editor, client: 
     for step in range(1, 5):
         editor.do(SetDeformer("pot", 0, amount=10.0 * step))
         editor.tick(2.0 + 0.5 * REST_SECONDS * step)
-    assert client.sent(LookFrom) == [] and editor.status.is_away
+    assert client.sent(SetCamera) == [] and editor.status.is_away
     editor.end_drag()
     editor.tick(4.0)
-    (look,) = client.sent(LookFrom)
+    (look,) = client.sent(SetCamera)
     assert look.poses == (("pot", (BEND,)),) and look.camera is None
     client.see_scene()
     editor.tick(4.1)
-    assert not editor.status.is_away and len(client.sent(LookFrom)) == 1
+    assert not editor.status.is_away and len(client.sent(SetCamera)) == 1
     editor.undo()
     assert editor.document.object("pot").deformations == (Deformation("bend", 0.0),)
     editor.tick(5.0)
     editor.tick(6.0)
-    assert client.sent(LookFrom)[1].poses == ()
+    assert client.sent(SetCamera)[1].poses == ()
 
 
 def test_a_pose_that_cannot_be_traced_is_asked_for_once(editor: Editor, client: FakeClient) -> None:
     editor.do(AddDeformer("pot", "bend", 40.0))
     editor.tick(2.0)
     editor.tick(3.0)
-    (look,) = client.sent(LookFrom)
-    client.answer(look, Failed("no memory"))
+    (look,) = client.sent(SetCamera)
+    client.answer(look, RequestFailed("no memory"))
     for step in range(5):
         editor.tick(4.0 + step)
-    assert len(client.sent(LookFrom)) == 1 and editor.document.poses
+    assert len(client.sent(SetCamera)) == 1 and editor.document.poses
     editor.do(SetDeformer("pot", 0, amount=20.0))
     editor.tick(10.0)
     editor.tick(11.0)
-    assert len(client.sent(LookFrom)) == 2
+    assert len(client.sent(SetCamera)) == 2

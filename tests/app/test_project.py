@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.cli.output import tell_notes
+from app.cli.output import print_project_notes
 from app.commands.layers import SetParameter
 from app.commands.light import SetEnvironment
 from app.document import LightState
@@ -139,7 +139,7 @@ def test_a_commands_notes_are_of_the_light_too(tmp_path: Path, capsys: pytest.Ca
     image[1, 2] = -1.0
     write_exr(tmp_path / "sky.exr", image)
     project = open_project(str(tmp_path / "sky.exr"))
-    tell_notes(project)
+    print_project_notes(project)
     said = "".join(capsys.readouterr())
     assert said.startswith("note: 1 of 32 pixels had negative values, set to 0") and said.count("note:") == 1
     assert project.sky is project.sky  # it is read once

@@ -6,17 +6,17 @@ import pytest
 
 from app.script import (
     AssertErrorBelow,
-    Capture,
+    CaptureWindow,
     ChooseView,
     DragItem,
     DragPoints,
     ImportFile,
     PickLobe,
     RedoSteps,
-    Rotate,
+    RotateLight,
     SelectPath,
     SetValues,
-    Show,
+    ShowPanelStep,
     UndoSteps,
     WaitFor,
     load_script,
@@ -62,22 +62,22 @@ def test_all_kinds_of_steps(tmp_path: Path) -> None:
         SelectPath("teapot.1.theta_h"),
         DragItem("curve.b", (40.0, -25.0)),
         DragPoints((10.0, 20.5), (30.0, 40.0)),
-        Show("brdf"),
+        ShowPanelStep("brdf"),
         PickLobe((3, 4)),
         ChooseView("aces_2"),
-        Rotate(45.0),
+        RotateLight(45.0),
         ImportFile(Path("cloth.binary"), True),
         UndoSteps(1),
         RedoSteps(2),
         WaitFor("exact"),
-        Capture(tmp_path / "FILE.png"),
+        CaptureWindow(tmp_path / "FILE.png"),
         AssertErrorBelow(0.01),
     )
 
 
 def test_captures_go_where_they_are_told(tmp_path: Path) -> None:
     (tmp_path / "s.toml").write_text('[[step]]\ncapture = "a/b.PNG"')
-    assert load_script(tmp_path / "s.toml", tmp_path / "out") == (Capture(tmp_path / "out" / "a" / "b.PNG"),)
+    assert load_script(tmp_path / "s.toml", tmp_path / "out") == (CaptureWindow(tmp_path / "out" / "a" / "b.PNG"),)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from app.document import Document, ObjectState
-from app.solo import alone, is_seen, toggled
+from app.solo import solo_layer, is_layer_visible, toggle_solo
 from app.view_state import ViewState
 from engine.material import MODELS, make_layer
 
@@ -14,13 +14,13 @@ DOCUMENT = Document("x", (POT, TRAY))
 
 
 def seen(document: Document, view: ViewState) -> list[str]:
-    return [key for key, _ in document.layers() if is_seen(document, view, key)]
+    return [key for key, _ in document.layers() if is_layer_visible(document, view, key)]
 
 
 def test_solo_hides_the_others_of_its_object() -> None:
-    view = toggled(ViewState(), "pot.0").apply(ViewState())
+    view = toggle_solo(ViewState(), "pot.0").apply(ViewState())
     assert view.solo == "pot.0" and seen(DOCUMENT, view) == ["pot.0", "tray.0", "tray.1"]
-    assert seen(DOCUMENT, toggled(view, "pot.0").apply(view)) == ["pot.0", "pot.1", "pot.2", "tray.0", "tray.1"]
+    assert seen(DOCUMENT, toggle_solo(view, "pot.0").apply(view)) == ["pot.0", "pot.1", "pot.2", "tray.0", "tray.1"]
 
 
 def test_a_fresnel_term_stays_with_its_layer() -> None:
@@ -37,4 +37,4 @@ def test_a_hidden_layer_is_seen_alone_and_hidden_objects_stay_so() -> None:
 
 def test_a_layer_that_is_gone_hides_nothing() -> None:
     view = ViewState(solo="pot.7")
-    assert alone(DOCUMENT, view) is None and len(seen(DOCUMENT, view)) == 5
+    assert solo_layer(DOCUMENT, view) is None and len(seen(DOCUMENT, view)) == 5

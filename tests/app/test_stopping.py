@@ -4,7 +4,7 @@ import numpy as np
 
 from app.commands.light import SetRotation
 from app.editor import Editor
-from app.messages import Cancel, OpenScene, Progress
+from app.messages import CancelRequests, OpenScene, Progress
 from app.placement.messages import ComputeTransport, LayerPicture
 from app.placement.status import RenderReport
 from app.view_state import SetView
@@ -18,7 +18,7 @@ def test_work_can_be_stopped_and_resumed(editor: Editor, client: FakeClient) -> 
     editor.tick(0.1)
     editor.cancel_work()
     editor.tick(1.0)
-    assert isinstance(client.requests[-1], Cancel) and editor.status.picture == "preview"
+    assert isinstance(client.requests[-1], CancelRequests) and editor.status.picture == "preview"
     (stopped,) = computed(client)
     client.answer(stopped, Progress("transport", 0.5))
     editor.tick(1.05)
@@ -49,7 +49,7 @@ def test_more_bounces_go_on_where_work_was_stopped(editor: Editor, client: FakeC
 
 
 def test_stopping_what_the_picture_does_not_need_leaves_nothing_to_resume(settled: Editor, client: FakeClient) -> None:
-    settled.talk.rendered(EXACT)
+    settled.controller.rendered(EXACT)
     settled.cancel_work()
     settled.tick(1.1)
     assert settled.status.picture == "exact" and not settled.status.stopped

@@ -138,7 +138,7 @@ def read_preferences(path: Path) -> None:
     """What is damaged is as if it were not there: nothing is raised."""
     from app.files.preferences import PreferenceFile, Preferences
 
-    assert PreferenceFile(path).chosen in [Preferences(m, s) for m in ("blender", "maya") for s in ("dolly", "orbit")]
+    assert PreferenceFile(path).current in [Preferences(m, s) for m in ("blender", "maya") for s in ("dolly", "orbit")]
 
 
 def read_recent(path: Path) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from app.document import document_from_description
 from app.jobs.bands import plan_bands
 from app.messages import (
-    LookFrom,
+    SetCamera,
     MeasurementsRead,
     OpenScene,
     Progress,
@@ -23,9 +23,9 @@ from app.messages import (
     Request,
     Response,
     SceneOpened,
-    SceneSeen,
+    ViewTraced,
     SkyImage,
-    stamped,
+    with_numbers,
 )
 from app.placement.messages import (
     ComputeTransport,
@@ -140,9 +140,9 @@ class StandInClient:
         number = len(self.requests) + 1
         request = replace(request, id=number)
         self.requests.append(request)
-        if isinstance(request, LookFrom):
+        if isinstance(request, SetCamera):
             self._view_id = number
-        self._due += [stamped(r, r.id or number, request.revision) for r in self._answers(request)]
+        self._due += [with_numbers(r, r.id or number, request.revision) for r in self._answers(request)]
         return number
 
     def say(self, response: Response) -> None:
@@ -159,8 +159,8 @@ class StandInClient:
     def _answers(self, request: Request) -> Iterator[Response]:
         if isinstance(request, OpenScene):
             yield scene_opened()
-        elif isinstance(request, LookFrom):
-            yield SceneSeen(scene_frame())
+        elif isinstance(request, SetCamera):
+            yield ViewTraced(scene_frame())
         elif isinstance(request, ComputeTransport):
             yield from self._compute(request)
         elif isinstance(request, Contract):

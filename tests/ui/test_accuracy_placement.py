@@ -9,7 +9,7 @@ import pytest
 from app.commands.layers import SetEditable
 from app.placement.messages import ComputeTransport
 from app.placement.status import PlacementStatus, error_note
-from app.status import Status
+from app.editor_status import Status
 from engine.render.picture_error import ErrorEstimate
 from tests.ui.stand_in import StandInClient
 from ui import theme as look

@@ -12,7 +12,7 @@ from imgui_bundle import imgui
 
 from app.commands.layers import SetParameter
 from app.editor import Editor
-from app.files.bookmarks import looks_of
+from app.files.bookmarks import without_thumbnails
 from app.files.session import load_session
 from app.view_state import SetView
 from engine.scene.camera import camera_frame
@@ -77,7 +77,7 @@ def something(window: HeadlessWindow, random: Random, folder: Path) -> str:
             shell.do(KeepView(random.choice((None, None, *(each.name for each in bookmarks)))))
         case "go" if bookmarks:
             chosen = random.choice(bookmarks)
-            shell.do(LookFromThere(chosen.look, chosen.name))
+            shell.do(LookFromThere(chosen.viewpoint, chosen.name))
         case "rename" if bookmarks:
             shell.do(RenameView(random.choice(bookmarks).name, random.choice(("", "View 1", "a" * 64, "Größe"))))
         case "delete" if bookmarks:
@@ -86,13 +86,13 @@ def something(window: HeadlessWindow, random: Random, folder: Path) -> str:
             shell.do(SetPreference({"mouse": random.choice(("blender", "maya"))}))
             shell.do(SetPreference({"scroll": random.choice(("dolly", "orbit"))}))
         case "size":
-            editor.looks.resize(random.choice((None, (48, 32), (20, 60))))
+            editor.camera_history.resize(random.choice((None, (48, 32), (20, 60))))
         case "open":
             shell.do(OpenFile("teatray"))
         case "save":
             assert editor.save(folder / "any.insitu") is None
             saved = load_session(folder / "any.insitu").view
-            assert (saved.look, saved.bookmarks) == (editor.view.look, editor.view.bookmarks)
+            assert (saved.viewpoint, saved.bookmarks) == (editor.view.viewpoint, editor.view.bookmarks)
     window.frames(random.choice((1, 2, 30)) if what == "wait" else 1)
     return what
 
@@ -106,19 +106,19 @@ def test_whatever_a_hand_does(context: moderngl.Context, tmp_path: Path, seed: i
     random, done = Random(seed), list[str]()
     for _ in range(STEPS):
         done.append(something(window, random, tmp_path))
-        assert np.all(np.isfinite(camera_frame(editor.looks.camera))), done
-        assert not editor.looks.history.dragging and window.shell.state.grip is None, done
+        assert np.all(np.isfinite(camera_frame(editor.camera_history.camera))), done
+        assert not editor.camera_history.history.dragging and window.shell.state.grip is None, done
     # Through the view's whole history and back: it stays where it was.
-    look, document = editor.view.look, editor.document
-    n = len(editor.looks.history.undo_steps)
-    while editor.looks.undo() is not None:
-        assert np.all(np.isfinite(camera_frame(editor.looks.camera)))
+    look, document = editor.view.viewpoint, editor.document
+    n = len(editor.camera_history.history.undo_steps)
+    while editor.camera_history.undo() is not None:
+        assert np.all(np.isfinite(camera_frame(editor.camera_history.camera)))
     for _ in range(n):
-        editor.looks.redo()
-    assert editor.view.look == look and editor.document is document
+        editor.camera_history.redo()
+    assert editor.view.viewpoint == look and editor.document is document
     editor.end_drag()
     assert editor.save(tmp_path / "end.insitu") is None and not editor.unsaved
-    assert looks_of(load_session(tmp_path / "end.insitu").view.bookmarks) == looks_of(editor.view.bookmarks)
+    assert without_thumbnails(load_session(tmp_path / "end.insitu").view.bookmarks) == without_thumbnails(editor.view.bookmarks)
     feed.close()
     window.close()
     editor.close()

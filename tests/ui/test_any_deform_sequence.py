@@ -15,7 +15,7 @@ import pytest
 from app.commands import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetSurface, SetTime
 from app.commands.layers import SetParameter
 from app.commands.light import SetRotation
-from app.decided import decided_view
+from app.effective_settings import effective_view
 from app.deform.talk import DeformTalk
 from app.editor import Editor
 from app.jobs.cache import Store
@@ -89,13 +89,13 @@ def test_the_stand_in_is_called_as_the_engine_is() -> None:
 
 def expected_colour(editor: Editor) -> np.ndarray:
     document = editor.document
-    view = decided_view(editor.view, document)
+    view = effective_view(editor.view, document)
     layers, effort = OrbitWish.of(document, view).scene.layers, (view.n_rays, view.n_lobes)
     names = [state.name for state in document.objects]
     own = [said_of_layers([each.layer for each in layers if each.object == name]) for name in names]
     posed = tuple(state.name for state in document.objects if state.deformations or state.moment is not None)
     wanted = document.light.rotation, own, posed, document.new_surfaces, document.poses, effort, view.n_bounces
-    return colour_of(editor.looks.camera, *wanted)
+    return colour_of(editor.camera_history.camera, *wanted)
 
 
 def first(editor: Editor, name: str, command: Callable[[int], object]) -> None:
@@ -167,7 +167,7 @@ def test_the_last_picture_is_of_the_last_document(tmp_path: Path, monkeypatch: p
         walk.editor.do(SetSurface("dice", ""))
         walk.editor.do(SetView.of(fit_error=False))
         walk.editor.do(SetView.of(mode="deform"))
-        walk.until(lambda: isinstance(walk.editor.talk, DeformTalk) and walk.editor.status.picture == "refining")
+        walk.until(lambda: isinstance(walk.editor.controller, DeformTalk) and walk.editor.status.picture == "refining")
         told = [
             line for line in walk.told if not any(known in line for known in (*MAY_BE_TOLD, "expected -720 to 720"))
         ]

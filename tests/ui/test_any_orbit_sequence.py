@@ -15,8 +15,8 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.commands.plan import overrule
-from app.decided import decided_view
+from app.commands.plan import override_from_value
+from app.effective_settings import effective_view
 from app.document import Document
 from app.editor import Editor
 from app.jobs.cache import Store
@@ -140,12 +140,12 @@ def test_the_stand_in_is_called_as_the_engine_is() -> None:
 def expected_colour(editor: Editor) -> np.ndarray:
     """That of the picture that the document and the view come to."""
     document: Document = editor.document
-    view: ViewState = decided_view(editor.view, editor.document)
+    view: ViewState = effective_view(editor.view, editor.document)
     wish = OrbitWish.of(document, view)
     layers, effort = wish.scene.layers, (wish.n_points, wish.n_coefficients)
     names = [state.name for state in document.objects]
     own = [said_of_layers([each.layer for each in layers if each.object == name]) for name in names]
-    return colour_of(editor.looks.camera, document.light.rotation, 1.0, own, effort, wish.n_bounces)
+    return colour_of(editor.camera_history.camera, document.light.rotation, 1.0, own, effort, wish.n_bounces)
 
 
 CAMERAS = tuple(Camera(position=(0.3 * i, 1.0, 2.6), target=(0.0, 0.45, 0.0), fov_y=42.0) for i in range(1, 4))
@@ -193,7 +193,7 @@ class OrbitWalk:
     def begin_again(self) -> None:
         """In Orbit, with nothing in hand, and a worker that takes many steps a frame."""
         self.editor.cancel_drag()
-        self.editor.looks.end_drag()
+        self.editor.camera_history.end_drag()
         self.editor.resume_work()
         self.editor.do(SetView.of(mode="orbit", compare=None, solo=None))
         self.client.hurries = True
@@ -207,7 +207,7 @@ class OrbitWalk:
 def plan_lines(**values: tuple[int, ...]) -> dict[str, Callable[[OrbitWalk], object]]:
     """Commands that set lines of the plan to one of these values, or leave them as planned."""
     return {
-        f"{line} {value}": lambda w, line=line, value=value: w.editor.do(overrule(line, value))
+        f"{line} {value}": lambda w, line=line, value=value: w.editor.do(override_from_value(line, value))
         for line, own in values.items()
         for value in (*own, "auto")
     }
@@ -217,10 +217,10 @@ COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
     **{name: command for name, command in OTHERS.items() if name not in ("half", "float")},
     **{f"camera {i}": lambda w, c=c: w.editor.do(SetView.of(camera=c)) for i, c in enumerate(CAMERAS)},
     "the scene's camera": lambda w: w.editor.do(SetView.of(camera=None)),
-    "a look undone": lambda w: w.editor.looks.undo(),
-    "take hold of the camera": lambda w: w.editor.looks.begin_drag("orbit"),
-    "let the camera go": lambda w: w.editor.looks.end_drag(),
-    "turn a little": lambda w: w.editor.looks.look_from(replace_camera(w), "orbit"),
+    "a look undone": lambda w: w.editor.camera_history.undo(),
+    "take hold of the camera": lambda w: w.editor.camera_history.begin_drag("orbit"),
+    "let the camera go": lambda w: w.editor.camera_history.end_drag(),
+    "turn a little": lambda w: w.editor.camera_history.set_viewpoint(replace_camera(w), "orbit"),
     "Placement": lambda w: w.editor.do(SetView.of(mode="placement")),
     "Orbit": lambda w: w.editor.do(SetView.of(mode="orbit")),
     "back to Orbit": lambda w: w.editor.do(SetView.of(mode="orbit")),
@@ -235,9 +235,9 @@ COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
 
 def replace_camera(walk: OrbitWalk):  # type: ignore[no-untyped-def]
     """The look from a little farther right."""
-    camera = walk.editor.looks.camera
+    camera = walk.editor.camera_history.camera
     x, y, z = camera.position
-    return walk.editor.view.look._replace(camera=camera.model_copy(update={"position": (x + 0.05, y, z)}))
+    return walk.editor.view.viewpoint._replace(camera=camera.model_copy(update={"position": (x + 0.05, y, z)}))
 
 
 @pytest.fixture
@@ -260,7 +260,7 @@ def stroll(walk: OrbitWalk, random: np.random.Generator, n_commands: int) -> lis
 
 def is_whole(editor: Editor) -> bool:
     """Whether the editor says that Orbit shows all it can of this document and view."""
-    return isinstance(editor.talk, OrbitTalk) and editor.status.picture == "refining"
+    return isinstance(editor.controller, OrbitTalk) and editor.status.picture == "refining"
 
 
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(s, marks=pytest.mark.sweep) for s in range(2, 100))])

@@ -23,7 +23,7 @@ from app.jobs.cache import Store
 from app.jobs.schedule import Schedule
 from app.jobs.standing import Standing
 from app.jobs.tasks import Tasks
-from app.messages import Cancel, Failed, Request, Response, WorkerRestarted, stamped
+from app.messages import CancelRequests, RequestFailed, Request, Response, WorkerRestarted, with_numbers
 from app.view_state import SetView
 from engine.curve.operators import Operator
 from tests.ui.small_scene import write_small_scene
@@ -53,9 +53,9 @@ class LateClient:
 
     def send(self, request: Request) -> int:
         self._n_sent += 1
-        request = stamped(request, self._n_sent, request.revision)
+        request = with_numbers(request, self._n_sent, request.revision)
         self._standing.add(request)
-        if isinstance(request, Cancel):
+        if isinstance(request, CancelRequests):
             self._schedule.accept(request)
         self._post_standing()
         return request.id
@@ -87,7 +87,7 @@ class LateClient:
         if not self._standing.is_current(response):
             return False
         self._standing.settle(response)
-        if isinstance(response, Failed):
+        if isinstance(response, RequestFailed):
             self._post_standing()
         return True
 

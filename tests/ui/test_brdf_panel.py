@@ -17,9 +17,9 @@ from imgui_bundle import ImVec2, imgui
 from app.commands.curves import SetOperators
 from app.commands.layers import SetModel, SetParameter
 from app.commands.material import SetMaterial
-from app.measurements import with_read
-from app.messages import Failed, HandOutTable, TableHandedOut
-from app.reading import measured_layers
+from app.measurements import with_measurements
+from app.messages import RequestFailed, FetchTable, TableFetched
+from app.measured_import import measured_layers
 from app.view_state import OpenPanel, SetView, ViewState
 from engine.curve.operators import Operator
 from engine.measured.table_lookup import evaluate_table
@@ -191,15 +191,15 @@ def test_what_was_measured_is_shown_once_it_is_here(window: HeadlessWindow) -> N
     assert isinstance(client, StandInClient)
     file, samples = Path("/drawn.binary"), np.maximum(analytic_samples(), 0.0)
     measurement = replace(drawn_measurement(), file=str(file))
-    editor.do(SetMaterial("teapot", with_read(measured_layers(file), {str(file): measurement}), "drawn"))
+    editor.do(SetMaterial("teapot", with_measurements(measured_layers(file), {str(file): measurement}), "drawn"))
     editor.do(SetView.of(brdf_whole=True))
     board = settled(window)
     window.frame()
     curves, sphere = board.lobe, sphere_pixels(window)
     assert board.curves_alone and "brdf.curves_alone" in window.shell.handles.names() and curves is not None
-    asked = [request for request in client.requests if isinstance(request, HandOutTable)]
+    asked = [request for request in client.requests if isinstance(request, FetchTable)]
     assert [(each.file, each.number) for each in asked] == [(str(file), 5)]
-    client.say(TableHandedOut(measurement, samples, id=asked[0].id))
+    client.say(TableFetched(measurement, samples, id=asked[0].id))
     for _ in range(100):  # uploaded between frames, in pieces as there is time
         window.look()
         if not settled(window).curves_alone:
@@ -218,12 +218,12 @@ def test_a_table_without_room_is_told_of(window: HeadlessWindow, monkeypatch: py
     client, editor = window.shell.editor._client, window.shell.editor
     assert isinstance(client, StandInClient)
     measurement = replace(drawn_measurement(), file="/large.binary", number=7)
-    layers = with_read(measured_layers(Path("/large.binary"), cloth=True), {"/large.binary": measurement})
+    layers = with_measurements(measured_layers(Path("/large.binary"), cloth=True), {"/large.binary": measurement})
     monkeypatch.setattr(window.shell._tables.tables._memory, "limit", 1 << 20)
     editor.do(SetMaterial("teapot", layers, "large"))
     settled(window)
-    asked = [request for request in client.requests if isinstance(request, HandOutTable)][-1]
-    client.say(TableHandedOut(measurement, np.zeros((90, 90, 180, 3), np.float32), id=asked.id))
+    asked = [request for request in client.requests if isinstance(request, FetchTable)][-1]
+    client.say(TableFetched(measurement, np.zeros((90, 90, 180, 3), np.float32), id=asked.id))
     board = window.shell._brdf_board
     for _ in range(100):  # taken between frames, where a slow one leaves time for it
         window.look()
@@ -236,11 +236,11 @@ def test_a_table_that_cannot_be_had_is_told_of(window: HeadlessWindow) -> None:
     client, editor = window.shell.editor._client, window.shell.editor
     assert isinstance(client, StandInClient)
     measurement = replace(drawn_measurement(), file="/gone.binary", number=6)
-    layers = with_read(measured_layers(Path("/gone.binary"), cloth=True), {"/gone.binary": measurement})
+    layers = with_measurements(measured_layers(Path("/gone.binary"), cloth=True), {"/gone.binary": measurement})
     editor.do(SetMaterial("teapot", layers, "gone"))
     settled(window)
-    asked = [request for request in client.requests if isinstance(request, HandOutTable)][-1]
-    client.say(Failed("/gone.binary: cannot be read", id=asked.id))
+    asked = [request for request in client.requests if isinstance(request, FetchTable)][-1]
+    client.say(RequestFailed("/gone.binary: cannot be read", id=asked.id))
     board = settled(window)
     assert board.curves_alone and board.why_alone == "/gone.binary: cannot be read" and board.lobe is not None
 

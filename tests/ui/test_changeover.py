@@ -167,12 +167,12 @@ def test_a_hand_sees_a_new_material_before_its_last_stage(walk: Walk) -> None:
     walk.client.hurries = False
     before = walk.feed.source.renderer.linear_image()
     walk.editor.do(material("Copper"))
-    while not walk.editor.talk._changeover.waits:  # its coarse picture has come
+    while not walk.editor.controller._changeover.waits:  # its coarse picture has come
         walk.frames(1)
     np.testing.assert_array_equal(walk.feed.source.renderer.linear_image(), before)
     walk.editor.begin_drag()
     walk.editor.do(SetParameter("ball.0", "alpha", 0.3))
     walk.frames(2)
-    assert not walk.editor.talk.is_held
+    assert not walk.editor.controller.is_held
     assert relative_error(walk.feed.source.renderer.linear_image(), before) > 0.02
     walk.editor.end_drag()

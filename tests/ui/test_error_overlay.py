@@ -9,7 +9,7 @@ import pytest
 from imgui_bundle import imgui
 
 from app.placement.talk import PlacementTalk
-from app.status import Status
+from app.editor_status import Status
 from ui.headless import HeadlessWindow
 from ui.panels.viewport import ERROR_AWAITED, ERROR_UNKNOWN, error_missing
 
@@ -41,4 +41,4 @@ def test_a_key_lays_it_over_the_picture_and_takes_it_off(
 def test_nobody_is_told_to_wait_for_what_will_not_come() -> None:
     assert error_missing(Status(picture="finished")) == ERROR_AWAITED
     assert error_missing(Status()) == ERROR_UNKNOWN
-    assert error_missing(Status(picture="finished", unjudged="no paths")) == "no paths"
+    assert error_missing(Status(picture="finished", no_estimate_reason="no paths")) == "no paths"

@@ -105,9 +105,9 @@ DOCKED = {
 }  # fmt: skip
 ELSEWHERE = {"menus": menus, "status bar": status_bar, "dialogs": dialogs, "help": shortcuts}
 FAULTS: dict[str, Callable[[Holding, pytest.MonkeyPatch], None]] = {
-    "what is asked": lambda h, patch: patch.setattr(h.editor.talk._transport, "update", broken),
-    "the comparison": lambda h, patch: patch.setattr(h.editor.talk._comparison, "update", broken),
-    "an answer": lambda h, patch: patch.setattr(h.editor.talk._transport, "took_picture", broken),
+    "what is asked": lambda h, patch: patch.setattr(h.editor.controller._transport, "update", broken),
+    "the comparison": lambda h, patch: patch.setattr(h.editor.controller._comparison, "update", broken),
+    "an answer": lambda h, patch: patch.setattr(h.editor.controller._transport, "took_picture", broken),
     "the poll": lambda h, patch: patch.setattr(h.editor._client, "poll", broken),
     "the renderer's layer": lambda h, patch: patch.setattr(h.feed.source.renderer, "set_layer_gain", broken),
     "the renderer's update": lambda h, patch: patch.setattr(h.feed.source.renderer, "update", broken),

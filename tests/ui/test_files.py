@@ -14,8 +14,8 @@ from app.commands.light import SetIntensity
 from app.document import LightState
 from app.editor import Editor
 from app.files.session import load_session
-from app.machine.inputs import note_inputs
-from app.machine.paths import spoken_name
+from app.machine.inputs import add_inputs
+from app.machine.paths import display_name
 from app.placement.messages import ComputeTransport
 from app.probe_file import likely_mapping, probe_size
 from tests.ui.stand_in import StandInClient
@@ -79,8 +79,8 @@ def test_answers_become_actions(tmp_path: Path) -> None:
 
 
 def test_names_are_suggested() -> None:
-    assert spoken_name("teatray") == "teatray"
-    assert spoken_name("/home/someone/kitchen/scene.toml") == "kitchen"
+    assert display_name("teatray") == "teatray"
+    assert display_name("/home/someone/kitchen/scene.toml") == "kitchen"
     assert picture_name(Path("/p"), datetime(2030, 1, 2, 3, 4, 5)) == Path("/p/insitu-2030-01-02-030405.png")
 
 
@@ -245,7 +245,7 @@ def test_a_session_that_another_window_has_saved_is_asked_about(window: Headless
 def test_a_picture_replaces_nothing_that_was_read(window: HeadlessWindow, tmp_path: Path) -> None:
     sky = tmp_path / "sky.exr"
     sky.write_bytes(b"light")
-    note_inputs([sky])
+    add_inputs([sky])
     window.shell.request(SavePicture(sky, False))
     window.frames(3)
     assert "the project reads this file" in window.shell.editor.status.message and sky.read_bytes() == b"light"

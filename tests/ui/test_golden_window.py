@@ -58,7 +58,7 @@ def window(context: moderngl.Context, tmp_path: Path, monkeypatch: pytest.Monkey
     """The window with an edited curve, its picture exact; what is measured by the clock stands still."""
     if "llvmpipe" not in context.info["GL_RENDERER"]:
         pytest.skip("the golden picture is that of Mesa's llvmpipe")
-    monkeypatch.setattr("app.status.resident_megabytes", lambda *pids: 512.0)
+    monkeypatch.setattr("app.editor_status.resident_megabytes", lambda *pids: 512.0)
     monkeypatch.setattr(Shell, "note_frame_time", lambda shell, milliseconds: setattr(shell, "_frame_ms", 12.5))
     client = InProcessClient(Tasks(Store(tmp_path / "cache")))
     with opened_window(context, write_small_scene(tmp_path), client, n_lights=400) as opened:

@@ -6,7 +6,7 @@ import pytest
 from imgui_bundle import imgui
 
 from app.editor import Editor
-from app.messages import Failed, Progress
+from app.messages import RequestFailed, Progress
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
 from ui.pacing import PROGRESS_SECONDS
@@ -40,7 +40,7 @@ def test_another_stage_or_a_message_is_shown_at_once(window: HeadlessWindow, cli
     client.say(Progress("final", 0.9))
     assert window.shell.idle(window._time)
     window.frame()
-    client.say(Failed("out of memory"))
+    client.say(RequestFailed("out of memory"))
     assert window.shell.idle(window._time)
 
 

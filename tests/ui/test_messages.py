@@ -41,7 +41,7 @@ def test_what_the_line_has_no_room_for_stands_above_it(context: moderngl.Context
 
 def test_long_work_goes_up_too(context: moderngl.Context) -> None:
     for window in opened(context, (800, 600), 1.0):
-        gauges = window.shell.editor.gauges
+        gauges = window.shell.editor.metrics
         gauges.progress = Progress("a stage of the work that has a long name " * 3, 0.5, 12.0)
         window.frames(4)
         assert "status.strip.start" in window.shell.handles.names()
@@ -52,7 +52,7 @@ def test_long_work_goes_up_too(context: moderngl.Context) -> None:
 
 def test_long_work_leaves_its_panel_the_button_that_stops_it(context: moderngl.Context) -> None:
     for window in opened(context, (1380, 860), 1.0):
-        window.shell.editor.gauges.progress = Progress("a stage of the work that has a long name", 0.5, 480.0)
+        window.shell.editor.metrics.progress = Progress("a stage of the work that has a long name", 0.5, 480.0)
         window.frames(4)
         x, _ = window.shell.handles.position("button.cancel")
         side = imgui.get_frame_height()

@@ -19,11 +19,11 @@ from app.jobs.bench import Bench
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
-from app.messages import LookFrom, Request, Response
-from app.mode import Desk, Mode, ModeTalk, ModeWork
+from app.messages import SetCamera, Request, Response
+from app.mode import EditorServices, Mode, ModeController, ModeWorker
 from app.modes import PLACEMENT
-from app.picture import PictureEvent
-from app.status import Status
+from app.picture_events import PictureEvent
+from app.editor_status import Status
 from app.view_state import SetView, ViewState
 from tests.ui.small_scene import linear_picture, wait_until_exact, write_small_scene
 from ui.gl.textures import small_texture
@@ -36,7 +36,7 @@ pytestmark = pytest.mark.gl
 
 @dataclass(frozen=True)
 class Paint(Request):
-    built_on = (LookFrom,)
+    built_on = (SetCamera,)
     colour: tuple[float, float, float]
 
 
@@ -45,8 +45,8 @@ class Painted(Response, PictureEvent):
     pixels: NDArray[np.uint8]
 
 
-class FlatTalk(ModeTalk):
-    def __init__(self, desk: Desk) -> None:
+class FlatTalk(ModeController):
+    def __init__(self, desk: EditorServices) -> None:
         self._desk, self._asked = desk, None
 
     def update(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
@@ -56,14 +56,14 @@ class FlatTalk(ModeTalk):
             self._desk.send(Paint(colour))
         return []
 
-    def take(self, response: Response) -> list[PictureEvent]:
+    def receive(self, response: Response) -> list[PictureEvent]:
         return [response] if isinstance(response, Painted) else []
 
     def status(self, status: Status) -> Status:
         return replace(status, picture="exact")
 
 
-class FlatWork(ModeWork):
+class FlatWork(ModeWorker):
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
 

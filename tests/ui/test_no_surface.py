@@ -54,7 +54,7 @@ def test_a_camera_that_sees_no_surface_shows_the_background(
         wait_until_exact(window)
         editor, before = window.shell.editor, shown_radiance(window)
         if turned:
-            editor.looks.look_from(Viewpoint(UP, editor.view.resolution), "up")
+            editor.camera_history.set_viewpoint(Viewpoint(UP, editor.view.resolution), "up")
             window.frames(2)
             wait_until_exact(window)
         assert "the camera sees no surface, the background alone" in editor.status.message
@@ -62,7 +62,7 @@ def test_a_camera_that_sees_no_surface_shows_the_background(
         expected = sky.evaluate(centre_directions(UP, SIZE).reshape(-1, 3)).reshape(SIZE[1], SIZE[0], 3)
         np.testing.assert_allclose(shown_radiance(window), expected, rtol=0.02, atol=0.002)
         if turned:
-            editor.looks.undo()
+            editor.camera_history.undo()
             window.frames(2)
             wait_until_exact(window)
             np.testing.assert_allclose(shown_radiance(window), before, rtol=1e-3, atol=1e-4)

@@ -130,8 +130,8 @@ def test_shaders_draw_the_picture_that_the_worker_does_at_rest(drawing_window: H
     assert window.run_until(lambda: editor.status.picture == "refining", 120.0)
     before = n_moving(window)
     moving = look_aside(window)
-    assert editor.talk.drawn_in_window is not None  # type: ignore[attr-defined]
-    assert window.run_until(lambda: editor.talk.drawn_in_window is None and is_drawn(window), 120.0)  # type: ignore[attr-defined]
+    assert editor.controller.drawn_in_window is not None  # type: ignore[attr-defined]
+    assert window.run_until(lambda: editor.controller.drawn_in_window is None and is_drawn(window), 120.0)  # type: ignore[attr-defined]
     at_rest = feed_of(window).canvas.linear_image()
     assert n_moving(window) == before
     assert np.abs(moving - at_rest).mean() < 0.1 * at_rest.mean()  # fewer coefficients, pixels enlarged

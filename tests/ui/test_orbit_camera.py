@@ -41,7 +41,7 @@ def drag(window: HeadlessWindow, by: tuple[float, float], button: int, *held: im
 
 
 def label(window: HeadlessWindow) -> str | None:
-    return window.shell.editor.looks.history.undo_label
+    return window.shell.editor.camera_history.history.undo_label
 
 
 def choose(window: HeadlessWindow, **changes: str) -> None:
@@ -58,23 +58,23 @@ def test_drags_as_in_other_programs(window: HeadlessWindow, mouse: str, drags: d
     editor = window.shell.editor
     choose(window, mouse=mouse)
     for gesture, (button, *held) in drags.items():
-        before = editor.looks.camera
+        before = editor.camera_history.camera
         drag(window, (50, 20), button, *held)
         assert label(window) == gesture and window.shell.state.grip is None
-        editor.looks.undo()
-        assert editor.looks.camera == before and editor.looks.history.undo_label is None  # one drag, one step
+        editor.camera_history.undo()
+        assert editor.camera_history.camera == before and editor.camera_history.history.undo_label is None  # one drag, one step
     # Nothing of it is an edit or a selection, or a lobe; what the other program does with its keys is not done.
     for button, *held in (BLENDER if mouse == "maya" else MAYA).values():
         if (button, held) != (0, [ALT]):  # in the picture that shows the lobe
             drag(window, (50, 20), button, *held)
-    assert editor.looks.camera == OWN and not editor.history.undo_steps and editor.view.lobe_pixel is None
+    assert editor.camera_history.camera == OWN and not editor.history.undo_steps and editor.view.lobe_pixel is None
     assert editor.view.selected is not None and editor.view.selected.object == "teapot"
 
 
 @pytest.mark.gl
 def test_an_orbit_by_pixels(window: HeadlessWindow) -> None:
     drag(window, (50, 25), 2)
-    camera = window.shell.editor.looks.camera
+    camera = window.shell.editor.camera_history.camera
     # 0.4 degrees a pixel: 20 to the left of where it stood at +Z, and 10 up, about the target.
     x, y, z = np.subtract(camera.position, camera.target)
     assert math.degrees(math.atan2(x, z)) == pytest.approx(-20.0)
@@ -92,17 +92,17 @@ def test_a_hand_that_returns_and_one_that_presses_esc_leave_no_step(window: Head
     window.move(x + 60, y)
     window.move(x, y)
     window.release(2)
-    assert editor.looks.camera == OWN and editor.looks.history.undo_label is None
+    assert editor.camera_history.camera == OWN and editor.camera_history.history.undo_label is None
     window.move(x, y)
     window.press(2)
     window.move(x + 60, y)
     window.frames(1)
-    assert editor.looks.camera != OWN and editor.status.is_away
+    assert editor.camera_history.camera != OWN and editor.status.is_away
     window.key(Key.escape)
-    assert editor.looks.camera == OWN and editor.looks.history.undo_label is None
+    assert editor.camera_history.camera == OWN and editor.camera_history.history.undo_label is None
     window.move(x + 90, y + 10)  # the button is still down
     window.release(2)
-    assert editor.looks.camera == OWN and editor.view.selected is not None
+    assert editor.camera_history.camera == OWN and editor.view.selected is not None
 
 
 @pytest.mark.gl
@@ -112,11 +112,11 @@ def test_the_wheel_goes_nearer_what_is_under_the_mouse(window: HeadlessWindow) -
     window.move(x - 100, y + 30)
     for _ in range(3):
         window.wheel(1.0)
-    assert editor.looks.history.undo_label == "dolly" and distance(editor.looks.camera) < 0.7 * distance(OWN)
-    moved = np.subtract(editor.looks.camera.position, OWN.position)
+    assert editor.camera_history.history.undo_label == "dolly" and distance(editor.camera_history.camera) < 0.7 * distance(OWN)
+    moved = np.subtract(editor.camera_history.camera.position, OWN.position)
     assert moved[0] < 0.0  # towards the left, where the mouse is
-    editor.looks.undo()
-    assert editor.looks.camera == OWN  # three notches, one step
+    editor.camera_history.undo()
+    assert editor.camera_history.camera == OWN  # three notches, one step
 
 
 @pytest.mark.gl
@@ -134,8 +134,8 @@ def test_two_fingers_orbit_pan_and_go_nearer(window: HeadlessWindow) -> None:
         for key in filter(None, (held,)):
             window.hold(key, False)
         assert label(window) == expected
-        editor.looks.undo()
-        assert editor.looks.camera == OWN
+        editor.camera_history.undo()
+        assert editor.camera_history.camera == OWN
     assert editor.view.fit
 
 
@@ -173,7 +173,7 @@ def test_what_the_picture_had_before_is_still_there(window: HeadlessWindow) -> N
         assert editor.view.selected is not None and editor.view.selected.object == "teapot"
         window.click(x + 60, y)
         assert editor.view.selected.object == "wall"
-    assert editor.looks.camera == OWN
+    assert editor.camera_history.camera == OWN
 
 
 @pytest.mark.gl
@@ -186,20 +186,20 @@ def test_keys_look_from_the_sides_and_frame(window: HeadlessWindow) -> None:
         (Key.keypad7, (CTRL,), (0, 0.5 - r, 0)),
     ):  # fmt: skip
         window.key(key, *held)
-        assert editor.looks.camera.position == pytest.approx(place, abs=2e-3)
+        assert editor.camera_history.camera.position == pytest.approx(place, abs=2e-3)
     window.key(Key.f)
-    assert editor.looks.camera.target == pytest.approx((0.0, 0.0, 0.0))  # the teapot's box
+    assert editor.camera_history.camera.target == pytest.approx((0.0, 0.0, 0.0))  # the teapot's box
     assert label(window) == "frame teapot"
     window.key(Key.keypad4)
     window.key(Key.keypad_add)
     window.key(Key.home)
     assert label(window) == "frame all"
     window.key(Key.keypad0)
-    assert editor.looks.camera == OWN and editor.view.camera is None
+    assert editor.camera_history.camera == OWN and editor.view.camera is None
     window.key(Key.z, ALT)
-    assert label(window) == "nearer" or editor.looks.camera != OWN
+    assert label(window) == "nearer" or editor.camera_history.camera != OWN
     window.key(Key.z, SHIFT, ALT)
-    assert editor.looks.camera == OWN and not editor.history.undo_steps
+    assert editor.camera_history.camera == OWN and not editor.history.undo_steps
 
 
 @pytest.mark.gl
@@ -208,8 +208,8 @@ def test_the_panel_of_lens_horizon_size_and_kept_views(window: HeadlessWindow) -
     window.key(Key.n)
     window.drag_handle("camera.focal", (100, 0))
     # 100 pixels double it; 3 of them make it a drag.
-    assert focal_length(editor.looks.camera.fov_y) == pytest.approx(2.0 * focal_length(40.0), rel=0.03)
-    assert label(window) == "focal length" and editor.looks.camera.position == OWN.position
+    assert focal_length(editor.camera_history.camera.fov_y) == pytest.approx(2.0 * focal_length(40.0), rel=0.03)
+    assert label(window) == "focal length" and editor.camera_history.camera.position == OWN.position
     window.click_handle("button.camera.keep")
     window.click_handle("button.camera.reset")
     window.click_handle("button.camera.keep")
@@ -221,9 +221,9 @@ def test_the_panel_of_lens_horizon_size_and_kept_views(window: HeadlessWindow) -
     window.key(Key.enter)
     assert [each.name for each in editor.view.bookmarks] == ["View 1", "Front"]
     window.click_handle("camera.view.View 1")
-    assert editor.looks.camera.fov_y < 25.0 and label(window) == "View 1"
-    window.click_handle("button.camera.update.Front")
-    assert editor.view.bookmarks[1].look.camera == editor.looks.camera
+    assert editor.camera_history.camera.fov_y < 25.0 and label(window) == "View 1"
+    window.click_handle("button.camera.update.ParetoFront")
+    assert editor.view.bookmarks[1].viewpoint.camera == editor.camera_history.camera
     window.click_handle("button.camera.delete.View 1")
     assert [each.name for each in editor.view.bookmarks] == ["Front"]
     window.click_handle("camera.size.1")
@@ -237,10 +237,10 @@ def test_the_panel_of_lens_horizon_size_and_kept_views(window: HeadlessWindow) -
 @pytest.mark.gl
 def test_a_tilted_horizon_is_levelled(window: HeadlessWindow) -> None:
     editor = window.shell.editor
-    editor.looks.look_from(Viewpoint(OWN.model_copy(update={"up": (0.4, 1.0, 0.0)})), "tilt")
+    editor.camera_history.set_viewpoint(Viewpoint(OWN.model_copy(update={"up": (0.4, 1.0, 0.0)})), "tilt")
     window.key(Key.n)
     window.click_handle("button.camera.level")
-    assert is_level(editor.looks.camera) and editor.looks.camera.position == pytest.approx(OWN.position)
+    assert is_level(editor.camera_history.camera) and editor.camera_history.camera.position == pytest.approx(OWN.position)
 
 
 @pytest.mark.gl
@@ -249,23 +249,23 @@ def test_the_menu_moves_the_camera_and_chooses_the_mouse(window: HeadlessWindow)
     window.click_handle("menu.View")
     window.click_handle("menu.Camera")
     window.click_handle("menu.mouse.maya")
-    assert window.shell.actor.preferences.chosen.mouse == "maya"
+    assert window.shell.actor.preferences.current.mouse == "maya"
     window.click_handle("menu.View")
     window.click_handle("menu.Camera")
     window.click_handle("menu.view_right")
-    assert editor.looks.camera.position[0] == pytest.approx(distance(OWN))
+    assert editor.camera_history.camera.position[0] == pytest.approx(distance(OWN))
     window.click_handle("menu.Edit")
     window.click_handle("menu.undo_look")
-    assert editor.looks.camera == OWN
+    assert editor.camera_history.camera == OWN
 
 
 def test_preferences_are_kept_and_damaged_ones_cost_nothing(tmp_path: Path) -> None:
     file = tmp_path / "preferences.toml"
     PreferenceFile(file).choose(mouse="maya", scroll="orbit")
-    assert (PreferenceFile(file).chosen.mouse, PreferenceFile(file).chosen.scroll) == ("maya", "orbit")
+    assert (PreferenceFile(file).current.mouse, PreferenceFile(file).current.scroll) == ("maya", "orbit")
     for text in ('mouse = "houdini"', "mouse = 3", "[[", 'mouse = "maya"\nnext_years = 1'):
         file.write_text(text)
-        assert PreferenceFile(file).chosen.mouse == ("maya" if "next" in text else "blender")
+        assert PreferenceFile(file).current.mouse == ("maya" if "next" in text else "blender")
     (tmp_path / "file").write_text("")
     with pytest.raises(InsituError):
         PreferenceFile(tmp_path / "file" / "preferences.toml").choose(mouse="maya")

@@ -45,7 +45,7 @@ def expected(walk: Walk, scene: Scene) -> np.ndarray:
     layers = {i: state.layers for i, state in enumerate(editor.document.objects) if not state.emits}
     caster = RayCaster(scene.vertices, scene.triangles)
     sky = sky_of(scene, editor.document.light)
-    return run_to_end(headlight_picture(scene.from_camera(editor.looks.camera), caster, layers, sky, RESOLUTION))
+    return run_to_end(headlight_picture(scene.from_camera(editor.camera_history.camera), caster, layers, sky, RESOLUTION))
 
 
 @pytest.mark.parametrize("mode", ["orbit", "deform"])
@@ -59,10 +59,10 @@ def test_the_camera_moves_before_anything_is_ready(
         here.frames(3)
         seen = []
         for _ in range(12):
-            editor.do(SetView.of(camera=orbit_camera(editor.looks.camera, 10.0, 0.0)))
+            editor.do(SetView.of(camera=orbit_camera(editor.camera_history.camera, 10.0, 0.0)))
             here.frames(8)
             if editor.status.is_away:  # as long as the worker has not traced what is seen from there
-                assert editor.status.picture == "waiting" and editor.status.goes_with_hand  # no boxes are drawn
+                assert editor.status.picture == "waiting" and editor.status.follows_input  # no boxes are drawn
             seen.append(here.feed.source.canvas.linear_image())
         assert len({picture.tobytes() for picture in seen}) >= 10  # it follows
         here.frames(300)
@@ -84,7 +84,7 @@ def test_poses_move_before_anything_is_ready(context: moderngl.Context, source: 
         for amount in (10.0, 20.0, 40.0):
             assert editor.do(SetDeformer("ball", 0, amount)) is None
             here.frames(40)
-        assert editor.status.goes_with_hand
+        assert editor.status.follows_input
         here.frames(300)
         shown = here.feed.source.canvas.linear_image()
         scene = load_scene(source, RESOLUTION)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from app.commands.layers import SetEditable
-from app.commands.plan import Overrule
-from app.decided import decided_view
+from app.commands.plan import OverrideLine
+from app.effective_settings import effective_view
 from app.placement.messages import ComputeTransport
 from app.placement.sheet import SheetLine, plan_sheet
 from app.placement.status import PlacementStatus
@@ -91,32 +91,32 @@ def test_a_line_is_set_in_its_list_and_given_back(shown: HeadlessWindow) -> None
     client = editor._client
     assert isinstance(client, StandInClient)
     choose(shown, "lights", "1,000")
-    assert dict(editor.document.overrules) == {"lights": 1000}
+    assert dict(editor.document.overrides) == {"lights": 1000}
     line = sheet(shown)["lights"]
     assert line.is_set and line.value == "1,000" and line.reason == "set by hand, in the place of 4,000"
     assert shown.run_until(lambda: client.requests and computed(client)[-1].decisions.n_lights == 1000, 30.0)
     shown.click_handle("button.plan.lights.reset")
     shown.frames(2)
-    assert editor.document.overrules == () and "button.plan.lights.reset" not in shown.shell.handles.names()
+    assert editor.document.overrides == () and "button.plan.lights.reset" not in shown.shell.handles.names()
     editor.undo()
-    assert dict(editor.document.overrules) == {"lights": 1000}
+    assert dict(editor.document.overrides) == {"lights": 1000}
     choose(shown, "lights", "As planned")
-    assert editor.document.overrules == ()
+    assert editor.document.overrides == ()
 
 
 def test_a_knob_of_the_accuracy_panel_follows_the_line_that_stands_over_it(window: HeadlessWindow) -> None:
     editor = window.shell.editor
-    editor.do(Overrule("precision", "float"))
+    editor.do(OverrideLine("precision", "float"))
     window.frames(2)
     window.click_handle("accuracy.precision.0")
     window.frames(2)
-    assert dict(editor.document.overrules) == {"precision": "half"} and editor.view.precision == "half"
-    editor.do(Overrule("precision", None))
+    assert dict(editor.document.overrides) == {"precision": "half"} and editor.view.precision == "half"
+    editor.do(OverrideLine("precision", None))
     window.frames(2)
     window.click_handle("accuracy.precision.1")
     window.frames(2)
-    assert editor.document.overrules == () and editor.view.precision == "float"
-    assert decided_view(editor.view, editor.document) is editor.view
+    assert editor.document.overrides == () and editor.view.precision == "float"
+    assert effective_view(editor.view, editor.document) is editor.view
 
 
 @pytest.mark.parametrize(
@@ -130,8 +130,8 @@ def test_other_modes_have_the_lines_that_they_carry_out(
     editor.do(SetView.of(mode=mode))
     window.frames(2)
     assert set(sheet(window)) == {"bounces", "edges", *own}
-    editor.do(Overrule(own[1], value))
-    assert getattr(decided_view(editor.view, editor.document), knob) == value
+    editor.do(OverrideLine(own[1], value))
+    assert getattr(effective_view(editor.view, editor.document), knob) == value
     line = sheet(window)[own[1]]
     assert line.is_set and line.value == str(value) and line.reason.startswith("set by hand, in the place of")
     editor.undo()

@@ -45,7 +45,7 @@ def test_right_click_puts_a_parameter_back(window: HeadlessWindow, name: str, ha
     editor = window.shell.editor
     editor.do(SetParameter("teapot.1", name, other))
     window.frames(2)
-    own = editor.described.layer("teapot.1").values[name]
+    own = editor.scene_document.layer("teapot.1").values[name]
     assert value(window, name) == other != own
     right_click(window, handle)
     assert value(window, name) == own

@@ -16,7 +16,7 @@ from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
 from app.machine.memory import memory_bytes
-from app.messages import LookFrom
+from app.messages import SetCamera
 from app.project import open_project
 from app.view_state import SetView
 from tests.ui.small_scene import linear_picture, opened_window, wait_until_exact, write_small_scene
@@ -78,10 +78,10 @@ def test_edits_history_and_selection_stay(small: HeadlessWindow, tmp_path: Path)
     assert editor.view.resolution is None
 
 
-def looks(window: HeadlessWindow) -> list[LookFrom]:
+def looks(window: HeadlessWindow) -> list[SetCamera]:
     client = window.shell.editor._client
     assert isinstance(client, StandInClient)
-    return [request for request in client.requests if isinstance(request, LookFrom)]
+    return [request for request in client.requests if isinstance(request, SetCamera)]
 
 
 def test_edits_made_while_it_is_opened_stay_too(window: HeadlessWindow) -> None:

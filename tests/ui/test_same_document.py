@@ -15,7 +15,7 @@ import pytest
 
 from app.commands.layers import SetParameter
 from app.commands.light import SetRotation
-from app.commands.plan import overrule
+from app.commands.plan import override_from_value
 from app.jobs.cache import Store
 from tests.ui.small_scene import write_small_scene
 from tests.ui.test_any_sequence import LateClient, Walk, fresh, relative_error
@@ -39,7 +39,7 @@ def begun(context: moderngl.Context, source: str, tmp_path: Path, seed: int) -> 
     here = Walk(context, source, LateClient(np.random.default_rng(seed), store), n_bounces=1)
     here.client.hurries = True
     here.until(lambda: here.editor.scene_is_open)
-    assert here.editor.do(overrule("lights", 60)) is None
+    assert here.editor.do(override_from_value("lights", 60)) is None
     return here
 
 
@@ -56,7 +56,7 @@ def test_lights_that_were_asked_for_and_undone_leave_nothing(
     here = begun(context, source, tmp_path, 0)
     try:
         first = here.settle().copy()
-        assert here.editor.do(overrule("lights", 500)) is None  # which finds the shadows of all directions
+        assert here.editor.do(override_from_value("lights", 500)) is None  # which finds the shadows of all directions
         assert np.abs(here.settle() - first).max() > 0.0
         np.testing.assert_array_equal(undone(here, 1), first)
         np.testing.assert_array_equal(fresh(context, here, tmp_path), first)
@@ -74,7 +74,7 @@ def edit(here: Walk, random: np.random.Generator) -> None:
     if kind < 2:
         line = str(random.choice(sorted(LINES)))
         values = LINES[line]
-        assert here.editor.do(overrule(line, values[int(random.integers(0, len(values)))])) is None
+        assert here.editor.do(override_from_value(line, values[int(random.integers(0, len(values)))])) is None
     elif kind == 2:
         here.editor.begin_drag()
         for _ in range(3):
@@ -99,7 +99,7 @@ def test_a_walk_with_lines_of_the_plan_and_back(
             edit(here, random)
         shown = here.settle().copy()
         expected = fresh(context, here, tmp_path)
-        if dict(here.editor.document.overrules).get("bounces", 1) == 1:
+        if dict(here.editor.document.overrides).get("bounces", 1) == 1:
             np.testing.assert_array_equal(expected, shown)
         else:  # where light between surfaces is found finest hangs on the curves that it was found under: noise
             assert relative_error(shown, expected) < 0.005

@@ -10,7 +10,7 @@ from PIL import Image
 
 from app.messages import Request, Response
 from app.placement.messages import ErrorEstimated, EstimateError
-from app.script import Capture, load_script
+from app.script import CaptureWindow, load_script
 from engine.curve.operators import Operator
 from engine.errors import InsituError
 from engine.render.picture_error import ErrorEstimate
@@ -97,8 +97,8 @@ def test_a_script_chooses_the_series(window: HeadlessWindow, tmp_path: Path) -> 
     view = editor.view
     assert (view.n_bounces, editor.document.first_bands, view.second_bands) == (3, 128, 8)
     # 64 × 16 as planned for the coat, 16 for the base: with 128 for the sharpest, what varies slowly stays.
-    assert [len(values) for values in editor.talk.wanted_coefficients("teapot.1").values()] == [128, 16]
-    assert [len(values) for values in editor.talk.wanted_coefficients("teapot.0").values()] == [16]
+    assert [len(values) for values in editor.controller.wanted_coefficients("teapot.1").values()] == [128, 16]
+    assert [len(values) for values in editor.controller.wanted_coefficients("teapot.0").values()] == [16]
     run(window, tmp_path, '[[step]]\nundo = 1\n[[step]]\nset = { "series.second" = "all" }\n')
     assert editor.document.first_bands is None and editor.view.second_bands is None
 
@@ -107,10 +107,10 @@ def test_a_script_overrules_the_plan(window: HeadlessWindow, tmp_path: Path) -> 
     editor = window.shell.editor
     lines = 'lights = 600, edges = "off", rays = 256, "teapot.coat.theta_h" = 32'
     run(window, tmp_path, f"[[step]]\noverrule = {{ {lines} }}\n")
-    assert dict(editor.document.overrules) == {"lights": 600, "edges": 0, "rays": 256, "teapot.1.theta_h": 32}
-    assert len(editor.talk.wanted_coefficients("teapot.1")["theta_h"]) == 32
+    assert dict(editor.document.overrides) == {"lights": 600, "edges": 0, "rays": 256, "teapot.1.theta_h": 32}
+    assert len(editor.controller.wanted_coefficients("teapot.1")["theta_h"]) == 32
     run(window, tmp_path, '[[step]]\nundo = 1\n[[step]]\noverrule = { lights = "auto" }\n')
-    assert dict(editor.document.overrules) == {"edges": 0, "rays": 256}
+    assert dict(editor.document.overrides) == {"edges": 0, "rays": 256}
 
 
 @pytest.mark.parametrize(
@@ -163,7 +163,7 @@ def test_a_captured_picture_survives_a_full_disk(window: HeadlessWindow, tmp_pat
     output = tmp_path / "step.png"
     output.write_bytes(b"hours of work")
     with largest_file(1000), pytest.raises(ScriptError) as caught:
-        run_steps(window, window.shell.editor, [Capture(output)])
+        run_steps(window, window.shell.editor, [CaptureWindow(output)])
     assert str(caught.value) == "step 1: " + NOT_WRITTEN.format(output)
     assert output.read_bytes() == b"hours of work" and not list(tmp_path.glob(".*"))
 
@@ -206,10 +206,10 @@ def test_a_script_moves_the_camera_keeps_views_and_goes_to_them(window: Headless
     run(window, tmp_path, CAMERA)
     # From +Z at 4.03 m a quarter to the right is +X; 30 degrees up; half as far. 12 mm see 90 degrees.
     half = 0.5 * np.hypot(4.0, 0.5)
-    assert editor.looks.camera.position == pytest.approx((half * np.cos(np.pi / 6), 0.5 + half * 0.5, 0.0), abs=1e-6)
-    assert editor.looks.camera.fov_y == pytest.approx(90.0) and editor.view.tone_mapping == "agx"
+    assert editor.camera_history.camera.position == pytest.approx((half * np.cos(np.pi / 6), 0.5 + half * 0.5, 0.0), abs=1e-6)
+    assert editor.camera_history.camera.fov_y == pytest.approx(90.0) and editor.view.tone_mapping == "agx"
     assert [each.name for each in editor.view.bookmarks] == ["Aside"]
-    steps = [step.label for step in editor.looks.history.undo_steps]
+    steps = [step.label for step in editor.camera_history.history.undo_steps]
     assert steps == ["camera", "camera", "Aside"] and not editor.history.undo_steps
 
 

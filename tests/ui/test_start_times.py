@@ -6,7 +6,7 @@ import json
 import time
 from pathlib import Path
 
-from app.status import Status
+from app.editor_status import Status
 from ui.start_times import start_times
 
 

@@ -101,7 +101,7 @@ def test_a_mode_that_draws_while_something_moves_has_the_picture_turned_and_no_b
     window.move(x + 40, y)
     window.frames(2)
     status = window.shell.editor.status
-    assert status.is_away and not status.goes_with_hand  # this worker never has a picture of Orbit's
+    assert status.is_away and not status.follows_input  # this worker never has a picture of Orbit's
     moved = window.pixels()[200:400, 300:800].astype(float)
     assert moved.mean() > 0.85 * before.mean() and np.abs(moved - before).mean() > 1.0
     window.release(2)
@@ -114,6 +114,6 @@ def test_in_a_picture_that_is_turned_nothing_is_where_it_was(window: HeadlessWin
     window.move(*centre(window))
     window.frames(2)
     assert editor.view.hovered is not None
-    assert editor.do(SetView.of(camera=orbit_camera(editor.looks.camera, 10.0, 0.0))) is None
+    assert editor.do(SetView.of(camera=orbit_camera(editor.camera_history.camera, 10.0, 0.0))) is None
     window.frames(2)
     assert editor.status.is_away and editor.view.hovered is None

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from app.naming import qualified
+from app.lazy_import import qualified
 
 Number = float | int | bool
 

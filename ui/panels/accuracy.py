@@ -1,6 +1,6 @@
 """Speed against accuracy: what the picture costs and how far it is from exact, both measured, and what trades them.
 
-One slider moves all of a mode's knobs along the settings that no other beats in both (`app.front`). It says the error
+One slider moves all of a mode's knobs along the settings that no other beats in both (`app.pareto_front`). It says the error
 that was measured there of the front's own scenes, and the time for as many pixels; how far off the picture itself is
 stands below, once that was judged. Knobs that stand beside the front are "custom".
 The time of a frame and the worker's progress are everybody's; what stands between them is the mode's own.
@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from app.decided import by_lines, decided_view
-from app.front import Front, Stop, front
-from app.naming import named
-from app.status import Status, duration
+from app.effective_settings import override_lines_of, effective_view
+from app.pareto_front import ParetoFront, FrontPoint, load_front
+from app.lazy_import import import_named
+from app.editor_status import Status, duration
 from app.view_state import SetView
 from engine.render.picture_error import ErrorEstimate, percent
 from ui import theme as look
@@ -39,7 +39,7 @@ def draw(context: PanelContext) -> list[Action]:
     """The whole panel, inside its window."""
     actions = _trade(context)
     if context.mode.accuracy:
-        actions += named(context.mode.accuracy)(context)
+        actions += import_named(context.mode.accuracy)(context)
     history_plot.draw(context, error_hint(context.status))
     actions += _work(context)
     return actions
@@ -50,7 +50,7 @@ def _trade(context: PanelContext) -> list[Action]:
     widgets.label(context, "Accuracy", least=TRADE_WIDTH)
     room, gap = imgui.get_content_region_avail().x, context.px(GAP)
     actions: list[Action] = []
-    if context.mode.name in front().stops:
+    if context.mode.name in load_front().points:
         imgui.set_next_item_width(SLIDER_SHARE * (room - gap))
         actions += _slider(context)
         imgui.same_line(0.0, gap)
@@ -61,22 +61,22 @@ def _trade(context: PanelContext) -> list[Action]:
 
 
 def _slider(context: PanelContext) -> list[Action]:
-    table, mode, document = front(), context.mode.name, context.document
-    view = decided_view(context.view, document)
+    table, mode, document = load_front(), context.mode.name, context.document
+    view = effective_view(context.view, document)
     at = table.position(mode, view)
-    shown = CUSTOM if at is None else expected(table, table.stop(mode, at), context.resolution)
+    shown = CUSTOM if at is None else expected(table, table.nearest_point(mode, at), context.resolution)
     hand, moved = fields.slider(
         context, "speed_accuracy", 0.5 if at is None else at, 0.0, 1.0, "%.2f", handle="accuracy.slider",
         title="from speed to accuracy", shown=shown,
     )  # fmt: skip
     widgets.tooltip(f"{SLIDER_HINT}\n{table.origin}")
-    chosen = table.stop(mode, moved)
-    moving = by_lines(chosen.command, document) if hand.changed and not chosen.is_set(view) else ()
-    begun = [BeginDrag("accuracy")] if hand.began and document.overrules else []
-    return [*begun, *moving, *([EndDrag()] if hand.ended and document.overrules else [])]
+    chosen = table.nearest_point(mode, moved)
+    moving = override_lines_of(chosen.command, document) if hand.changed and not chosen.is_set(view) else ()
+    begun = [BeginDrag("accuracy")] if hand.began and document.overrides else []
+    return [*begun, *moving, *([EndDrag()] if hand.ended and document.overrides else [])]
 
 
-def expected(table: Front, stop: Stop, resolution: tuple[int, int]) -> str:
+def expected(table: ParetoFront, stop: FrontPoint, resolution: tuple[int, int]) -> str:
     """The error and time to expect of a stop, of a picture of (width, height) pixels, in words."""
     return f"{percent(stop.error)} · {duration(table.seconds(stop, resolution[0] * resolution[1]))}"
 

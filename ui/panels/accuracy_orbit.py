@@ -5,7 +5,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from app.orbit.status import OrbitStatus
-from app.status import duration
+from app.editor_status import duration
 from ui.panels import accuracy_placement
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext

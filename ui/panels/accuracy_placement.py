@@ -8,7 +8,7 @@ from dataclasses import replace
 from imgui_bundle import ImVec2, imgui
 
 from app.commands.series import SetFirstBands
-from app.decided import by_lines, decided_view
+from app.effective_settings import override_lines_of, effective_view
 from app.placement.status import PlacementStatus
 from app.view_state import SetView
 from engine.planner import N_PATCHES
@@ -49,10 +49,10 @@ def draw(context: PanelContext) -> list[Action]:
     """The choices, and the figures measured."""
     status = context.status
     assert isinstance(status, PlacementStatus)
-    context = replace(context, view=decided_view(context.view, context.document))
+    context = replace(context, view=effective_view(context.view, context.document))
     actions: list[Action] = []
     for action in _quality(context, status):
-        actions += by_lines(action, context.document) if isinstance(action, SetView) else [action]
+        actions += override_lines_of(action, context.document) if isinstance(action, SetView) else [action]
     imgui.spacing()
     imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(imgui.get_style().item_spacing.x, context.px(1)))
     selected = context.view.selected

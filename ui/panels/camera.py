@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from app.files.bookmarks import MAX_NAME, without
+from app.files.bookmarks import MAX_NAME, remove_bookmark
 from app.view_state import Bookmark, SetView, Viewpoint
 from engine.scene.camera_moves import focal_length, is_level, with_focal_length
 from engine.scene.description import MAX_RESOLUTION
@@ -139,7 +139,7 @@ def _view(context: PanelContext, bookmark: Bookmark) -> list[Action]:
     actions: list[Action] = []
     corner, size = imgui.get_cursor_screen_pos(), ImVec2(*map(context.px, THUMBNAIL))
     if imgui.invisible_button("go", size):
-        actions.append(LookFromThere(bookmark.look, name))
+        actions.append(LookFromThere(bookmark.viewpoint, name))
     context.handles.note_item(f"camera.view.{name}")
     is_here = _is_here(context, bookmark)
     _thumbnail(context, bookmark, corner, size, imgui.is_item_hovered() or is_here)
@@ -154,14 +154,14 @@ def _view(context: PanelContext, bookmark: Bookmark) -> list[Action]:
         actions.append(SetPanel({"renames": name}))
     imgui.same_line(0.0, 0.0)
     if widgets.icon_button(context, f"camera.delete.{name}", Icon.DELETE, f"Delete {name}."):
-        actions.append(SetView.of(bookmarks=without(context.view.bookmarks, name)))
+        actions.append(SetView.of(bookmarks=remove_bookmark(context.view.bookmarks, name)))
     imgui.end_group()
     imgui.pop_id()
     return actions
 
 
 def _is_here(context: PanelContext, bookmark: Bookmark) -> bool:
-    camera, resolution = bookmark.look
+    camera, resolution = bookmark.viewpoint
     return (camera or context.own_camera, resolution or context.own_resolution) == (context.camera, context.resolution)
 
 

@@ -18,11 +18,11 @@ from app.files.journal import Recovery
 from app.files.library import LibraryEntry
 from app.files.preferences import Preferences
 from app.files.recent import Recent
-from app.looks import NO_CAMERA
+from app.camera_history import NO_CAMERA
 from app.mode import Mode
-from app.record import Record
-from app.selecting import seen_layer
-from app.status import Status
+from app.performance_record import PerformanceRecord
+from app.selection import layer_shown
+from app.editor_status import Status
 from app.view_state import Bookmark, ViewState
 from engine.scene.description import Camera
 from ui.brush import Spot
@@ -150,7 +150,7 @@ class PanelContext:
     handles: Handles = field(default_factory=Handles)
     fields: Fields = field(default_factory=Fields)
     brdf: BrdfBoard = field(default_factory=BrdfBoard)
-    record: Record = field(default_factory=Record)
+    record: PerformanceRecord = field(default_factory=PerformanceRecord)
     picture: Picture | None = None
     error_overlay: Picture | None = None
     environment: Picture | None = None
@@ -188,7 +188,7 @@ class PanelContext:
     @property
     def selected_layer(self) -> Selection | None:
         """What is selected, where it has a material to show: None of an emitter."""
-        return seen_layer(self.document, self.view.selected)
+        return layer_shown(self.document, self.view.selected)
 
     @property
     def resolution(self) -> tuple[int, int]:

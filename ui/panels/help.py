@@ -8,8 +8,8 @@ from imgui_bundle import ImVec2, imgui
 
 from app.commands.curves import MuteOperator, RemoveOperator
 from app.document import Selection, all_factors
-from app.pasting import copied_curve, copied_material
-from app.solo import toggled
+from app.pasting import copy_curve, copy_material
+from app.solo import toggle_solo
 from app.view_state import SetView, Tool
 from engine.scene.builtin import DEFAULT_SCENE
 from ui import theme as look
@@ -213,7 +213,7 @@ def perform(context: PanelContext, name: str) -> list[Action]:
         "brighter": [SetView.of(exposure=view.exposure + 1.0 / 3.0)],
         "log": [SetView.of(log_y=not view.log_y, curve_zoom=None)],
         "brdf": [ShowPanel("brdf")],
-        "solo": [toggled(view, layer.key)] if (layer := context.selected_layer) else [],
+        "solo": [toggle_solo(view, layer.key)] if (layer := context.selected_layer) else [],
         "help": [SetView.of(show_shortcuts=not view.show_shortcuts)],
         "paste": [Paste()],
         "paste_layers": [Paste(as_layers=True)],
@@ -248,10 +248,10 @@ def _copy(context: PanelContext, name: str) -> list[Action]:
     if selected is None:
         return []
     if name == "copy_material":
-        return [Copy(copied_material(document, selected.object), f"the material of {selected.object}")]
+        return [Copy(copy_material(document, selected.object), f"the material of {selected.object}")]
     if selected.factor is None:
         return []
-    return [Copy(copied_curve(document, selected.key, selected.factor), f"the curve {_curve_label(context, selected)}")]
+    return [Copy(copy_curve(document, selected.key, selected.factor), f"the curve {_curve_label(context, selected)}")]
 
 
 def _curve_label(context: PanelContext, selected: Selection) -> str:

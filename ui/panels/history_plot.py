@@ -6,7 +6,7 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 from numpy.typing import NDArray
 
-from app.record import SECONDS
+from app.performance_record import SECONDS
 from engine.render.picture_error import percent
 from ui import theme as look
 from ui.panels import widgets
@@ -32,7 +32,7 @@ HINT = (
 def draw(context: PanelContext, hint: str = "") -> None:
     """Their last values, and beside them both lines in a well; hint: what else there is to say of the error. A line is
     left free below."""
-    record = context.record.at(context.now)
+    record = context.record.samples_at(context.now)
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
     height = room.y - imgui.get_frame_height() - 2.0 * imgui.get_style().item_spacing.y
     height = min(max(height, context.px(LEAST_HEIGHT)), context.px(MOST_HEIGHT))

@@ -12,7 +12,7 @@ from datetime import datetime
 from imgui_bundle import ImVec2, imgui
 
 from app.files.journal import Recovery
-from app.machine.paths import spoken_name
+from app.machine.paths import display_name
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action, Leave, Quit, Recover, SetPanel
@@ -85,7 +85,7 @@ def _draw_recoveries(context: PanelContext) -> list[Action]:
 def _row(context: PanelContext, index: int, recovery: Recovery) -> list[Action]:
     written = datetime.fromtimestamp(recovery.written_at)
     imgui.align_text_to_frame_padding()
-    name = spoken_name(str(recovery.session_path or recovery.scene))
+    name = display_name(str(recovery.session_path or recovery.scene))
     imgui.text_unformatted(widgets.fitting(name, context.px(NAME_WIDTH)))
     imgui.same_line(context.px(NAME_WIDTH + 20.0))
     imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT_SOFT))

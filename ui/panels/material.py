@@ -8,9 +8,9 @@ from imgui_bundle import ImVec2, imgui
 
 from app.commands.layers import SetFresnelTerm, SetModel, SetParameter
 from app.document import ObjectState, Selection
-from app.linked_layers import group_of
-from app.naming import named
-from app.reading import describe_measurement
+from app.linked_layers import linked_indices
+from app.lazy_import import import_named
+from app.measured_import import describe_measurement
 from engine.material import MODELS, Layer, Parameter
 from engine.material.parameters import Value
 from engine.measured.measurement import Measurement
@@ -27,7 +27,7 @@ WIDE_CONTROL = 136.0
 
 def draw(context: PanelContext) -> list[Action]:
     """The whole panel, inside its window: what the mode has for the selected object, and its material."""
-    tools = named(context.mode.tools)(context) if context.mode.tools else []
+    tools = import_named(context.mode.tools)(context) if context.mode.tools else []
     return [*tools, *_material(context)]
 
 
@@ -65,9 +65,9 @@ def _material(context: PanelContext) -> list[Action]:
 
 def _sharing_note(state: ObjectState, index: int) -> str:
     """Which layers are edited along with this one, and in what."""
-    layer, others = state.layers[index], [i for i in group_of(state.layers, index) if i != index]
+    layer, others = state.layers[index], [i for i in linked_indices(state.layers, index) if i != index]
     if layer.rises:
-        lead = state.layers[group_of(state.layers, index)[0]]
+        lead = state.layers[linked_indices(state.layers, index)[0]]
         return f"All of this is shared with {lead.title}: edited in one, it follows in the other."
     sharing = [state.layers[i].title for i in others if not state.layers[i].rises]
     return f"Curves, and what drives them, are shared with {', '.join(sharing)}." if sharing else ""

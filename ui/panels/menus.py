@@ -116,7 +116,7 @@ def _recent(context: PanelContext) -> list[Action]:
     entries = context.recent()
     for index, entry in enumerate(entries):
         name, folder = entry.path.name, widgets.fitting(str(entry.path.parent), context.px(RECENT_WIDTH))
-        if imgui.menu_item_simple(f"{name}###{entry.path}", folder, False, entry.there):
+        if imgui.menu_item_simple(f"{name}###{entry.path}", folder, False, entry.exists):
             actions.append(OpenFile(str(entry.path)))
         context.handles.note_item(f"menu.recent.{index}")
     if not entries:
@@ -200,7 +200,7 @@ def _camera(context: PanelContext) -> list[Action]:
     actions = _entry(context, "Lens, size, kept views…", "camera", on=context.state.shows_camera)
     for bookmark in context.view.bookmarks:
         if imgui.menu_item_simple(f"{bookmark.name}###kept.{bookmark.name}"):
-            actions.append(LookFromThere(bookmark.look, bookmark.name))
+            actions.append(LookFromThere(bookmark.viewpoint, bookmark.name))
     imgui.separator()
     is_open = bool(context.document.objects)
     for text, name in CAMERA_ENTRIES:

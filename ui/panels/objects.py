@@ -7,8 +7,8 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 from app.commands.layers import SetEditable, SetFrozen, SetVisible
 from app.commands.material import AddLayers, RemoveLayer, new_layer
 from app.document import ObjectState, layer_key
-from app.pasting import copied_layer, copied_material
-from app.solo import alone, is_seen, toggled
+from app.pasting import copy_layer, copy_material
+from app.solo import solo_layer, is_layer_visible, toggle_solo
 from engine.material import MODELS
 from engine.material.layer import Layer
 from ui import theme as look
@@ -146,7 +146,7 @@ def _layer(context: PanelContext, state: ObjectState, index: int, layer: Layer) 
     imgui.dummy(ImVec2(context.px(32), imgui.get_frame_height()))
     imgui.same_line()
     edited = Icon.CHANGED if layer.edits else ""
-    faint = not is_seen(context.document, context.view, path)
+    faint = not is_layer_visible(context.document, context.view, path)
     actions += _name(context, path, layer.title, "its curves and parameters", "", corner, width, faint)
     actions += _drop(context, state) + _layer_menu(context, state, path, layer)
     if edited:
@@ -159,10 +159,10 @@ def _layer(context: PanelContext, state: ObjectState, index: int, layer: Layer) 
                "Indirect light then keeps nothing ready for it."):  # fmt: skip
         actions.append(SetFrozen(path, not layer.frozen))
     if not layer.rises and _toggle(
-        context, f"solo.{path}", Icon.SOLO, Icon.SOLO, alone(context.document, context.view) != path, quiet,
+        context, f"solo.{path}", Icon.SOLO, Icon.SOLO, solo_layer(context.document, context.view) != path, quiet,
         "Solo: see this layer without the others of its object; again: all of them. Not an edit. (S)",
     ):  # fmt: skip
-        actions.append(toggled(context.view, path))
+        actions.append(toggle_solo(context.view, path))
     imgui.pop_id()
     return actions
 
@@ -181,7 +181,7 @@ def _object_menu(context: PanelContext, state: ObjectState) -> list[Action]:
     actions: list[Action] = []
     if state.layers and imgui.begin_popup_context_item("menu"):
         if imgui.menu_item_simple("Copy the material"):
-            actions.append(Copy(copied_material(context.document, state.name), f"the material of {state.name}"))
+            actions.append(Copy(copy_material(context.document, state.name), f"the material of {state.name}"))
         if imgui.menu_item_simple("Paste"):
             actions += [Select(state.name), Paste()]
         if imgui.menu_item_simple("Paste as further layers"):
@@ -207,7 +207,7 @@ def _layer_menu(context: PanelContext, state: ObjectState, path: str, layer: Lay
     actions: list[Action] = []
     if imgui.begin_popup_context_item("menu"):
         if imgui.menu_item_simple("Copy the layer"):
-            actions.append(Copy(copied_layer(context.document, path), f"the layer {layer.title}"))
+            actions.append(Copy(copy_layer(context.document, path), f"the layer {layer.title}"))
         if imgui.menu_item_simple("Paste"):
             actions += [Select(path), Paste()]
         if imgui.menu_item_simple("Delete the layer", None, False, len(state.layers) > 1):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from imgui_bundle import ImVec2, imgui
 
-from app.naming import named
+from app.lazy_import import import_named
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action, BeginDrag, Hold
@@ -43,7 +43,7 @@ class PictureHandle:
 
 def handles_of(context: PanelContext, placed: Placed) -> list[PictureHandle]:
     """Those of the mode; where scripts find them is noted."""
-    found: list[PictureHandle] = named(context.mode.handles)(context, placed) if context.mode.handles else []
+    found: list[PictureHandle] = import_named(context.mode.handles)(context, placed) if context.mode.handles else []
     for handle in found:
         context.handles.note(handle.name, *handle.place)
     return found

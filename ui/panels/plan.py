@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands.plan import Overrule
+from app.commands.plan import OverrideLine
 from app.placement.sheet import SheetLine, plan_sheet
 from ui import theme as look
 from ui.panels import widgets
@@ -57,7 +57,7 @@ def _line(context: PanelContext, line: SheetLine) -> list[Action]:
     if line.is_set:
         imgui.same_line(edge - width - side - 0.5 * gap)
         if widgets.icon_button(context, f"plan.{line.line}.reset", Icon.RESET, GIVE_BACK):
-            actions.append(Overrule(line.line, None))
+            actions.append(OverrideLine(line.line, None))
     if line.choices:
         imgui.same_line(edge - width)
         actions += _value(context, line, width)
@@ -76,11 +76,11 @@ def _value(context: PanelContext, line: SheetLine, width: float) -> list[Action]
     name = f"plan.{line.line}"
     if widgets.begin_combo(f"##{name}", line.value):
         if imgui.selectable(PLANNED, not line.is_set)[0] and line.is_set:
-            actions.append(Overrule(line.line, None))
+            actions.append(OverrideLine(line.line, None))
         context.handles.note_item(f"{name}.{PLANNED}")
         for text, value in line.choices:
             if imgui.selectable(text, line.is_set and text == line.value)[0]:
-                actions.append(Overrule(line.line, value))
+                actions.append(OverrideLine(line.line, value))
             context.handles.note_item(f"{name}.{text}")
         imgui.end_combo()
     else:

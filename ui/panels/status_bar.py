@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from imgui_bundle import ImVec2, imgui
 
-from app.status import Status
+from app.editor_status import Status
 from engine.render.picture_error import percent
 from ui import theme as look
 from ui.panels import view_sketch, widgets
@@ -129,7 +129,7 @@ def picture_state(status: Status, meanwhile: str = "", camera_moved: bool = True
         error = f", {status.estimate.short}"
     if not status.worker_alive:
         return look.BAD, "computing stopped", "What computes has ended and is being started again; edits are safe."
-    if status.is_away and not status.goes_with_hand:
+    if status.is_away and not status.follows_input:
         if not camera_moved:
             return look.ACCENT, "before the change", PICTURE_BEFORE
         return look.ACCENT, "the view before", PICTURE_BEFORE_MOVING if status.draws_moving else VIEW_BEFORE
@@ -151,7 +151,7 @@ def picture_state(status: Status, meanwhile: str = "", camera_moved: bool = True
 def _finished_state(status: Status) -> tuple[look.Colour, str, str]:
     """The same of a picture to which nothing comes: its error as it is estimated, until then what is known of it."""
     estimate, noise = status.estimate, status.image_error or 0.0
-    if status.goes_with_hand and estimate is None:
+    if status.follows_input and estimate is None:
         return look.TEXT_SOFT, "finished", MODES_OWN
     if estimate is None and status.picture == "finished":
         return look.BAD if noise > NOISY else look.TEXT_SOFT, f"finished, noise {percent(noise)}", FINISHED_HINT

@@ -34,7 +34,7 @@ Float64Array = NDArray[np.float64]
 
 def draw(context: PanelContext, placed: Placed, picture: Picture) -> None:
     """Over the picture, in the panel's draw list."""
-    if not context.status.is_away or context.status.goes_with_hand or not has_moved(context):
+    if not context.status.is_away or context.status.follows_input or not has_moved(context):
         return
     seen = context.picture_camera
     if context.status.draws_moving and seen is not None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from app.commands.light import SetRotation
-from app.naming import named
-from app.solo import alone
-from app.status import Status
+from app.lazy_import import import_named
+from app.solo import solo_layer
+from app.editor_status import Status
 from app.view_state import SetView
 from engine.material.layer import object_of
 from ui import theme as look
@@ -39,7 +39,7 @@ def draw(context: PanelContext) -> list[Action]:
         draw_list.add_rect_filled(corner, end, look.pack(look.BACKDROP))
     if room.x < 8 or room.y < 8:
         return []
-    taken, below = named(context.mode.strip)(context, corner, room) if context.mode.strip else (0.0, [])
+    taken, below = import_named(context.mode.strip)(context, corner, room) if context.mode.strip else (0.0, [])
     return _draw_picture(context, corner, ImVec2(room.x, room.y - taken)) + below
 
 
@@ -200,7 +200,7 @@ def _object_at(context: PanelContext, pixel: tuple[int, int] | None) -> str | No
     """What a pixel shows; nothing where the picture has gone on from what was traced."""
     status = context.status
     is_turned = status.draws_moving and view_sketch.has_moved(context)
-    has_moved_on = status.is_away and (status.goes_with_hand or is_turned)
+    has_moved_on = status.is_away and (status.follows_input or is_turned)
     return None if pixel is None or has_moved_on else context.object_at(*pixel)
 
 
@@ -267,8 +267,8 @@ def _draw_zoom(context: PanelContext, end: ImVec2) -> None:
 
 def error_missing(status: Status) -> str:
     """What is said where no false colours are seen."""
-    if status.unjudged:
-        return status.unjudged
+    if status.no_estimate_reason:
+        return status.no_estimate_reason
     return ERROR_AWAITED if status.image_error is not None or status.is_finished else ERROR_UNKNOWN
 
 
@@ -292,7 +292,7 @@ def _draw_error_legend(context: PanelContext, corner: ImVec2) -> None:
 
 def _draw_solo(context: PanelContext, corner: ImVec2) -> None:
     """That layers are hidden, so that nobody takes the picture for the whole material's."""
-    solo = alone(context.document, context.view)
+    solo = solo_layer(context.document, context.view)
     if solo is None:
         return
     text = f"{Icon.SOLO}  {object_of(solo)}: {context.document.layer(solo).name} alone"

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from app.cli import program
-from app.cli.console import guarded
+from app.cli.console import run_guarded
 from app.script import Step
 from engine.errors import InsituError
 
@@ -57,4 +57,4 @@ class Recorder:
 
 def run(*words: str | Path, frontend: Recorder | None = None) -> int:
     """The exit status of a command line."""
-    return guarded(lambda: program.run([str(word) for word in words], frontend or Recorder()))
+    return run_guarded(lambda: program.run([str(word) for word in words], frontend or Recorder()))

@@ -123,9 +123,9 @@ def test_the_editor_replaces_nothing_that_it_has_read(lit: Path, merl_file: Path
     other.parent.mkdir()
     other.hardlink_to(lit.with_name("other.exr"))
     before = contents(lit.parent)
-    from app.commands.light import lit_by
+    from app.commands.light import set_environment_file
 
-    assert editor.do(lit_by(lit.with_name("other.exr"))) is None
+    assert editor.do(set_environment_file(lit.with_name("other.exr"))) is None
     editor.undo()
     assert "the project reads this file" in str(editor.export_scene(lit.parent))
     lit.with_name("sky.exr").rename(lit.with_name("moved.exr"))

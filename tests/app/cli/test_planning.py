@@ -24,7 +24,7 @@ from app.jobs.tasks import Tasks
 from app.measure import planning
 from app.measure.planning import carried_out
 from app.messages import Progress
-from app.project import ProjectWords, open_project
+from app.project import ProjectSpec, open_project
 from app.view_state import ViewState
 from engine.errors import InsituError
 from engine.planner import Cost, Plan
@@ -120,7 +120,7 @@ def test_memory_and_disk_are_told_within_a_third(tmp_path: Path) -> None:
     file = tmp_path / "scene.toml"
     file.write_text(GROUND)
     plan = plan_project(open_project(str(file)), lambda step: None)
-    was = carried_out(ProjectWords(str(file), (150, 100)))
+    was = carried_out(ProjectSpec(str(file), (150, 100)))
     assert plan.cost is not None and was.seconds > 0.0
     assert plan.cost.memory_mib == pytest.approx(was.memory_mib, rel=0.3)
     assert 0.7 < 150 * 100 / (160 * 120) * plan.cost.disk_mib / was.disk_mib < 1.3
@@ -128,7 +128,7 @@ def test_memory_and_disk_are_told_within_a_third(tmp_path: Path) -> None:
 
 def test_what_cannot_be_carried_out_is_said_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(InsituError, match="nowhere.toml"):
-        carried_out(ProjectWords(str(tmp_path / "nowhere.toml")))
+        carried_out(ProjectSpec(str(tmp_path / "nowhere.toml")))
 
 
 @pytest.mark.sweep

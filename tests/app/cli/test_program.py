@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from app.__main__ import Desktop
 from app.cli import console, program
-from app.cli.console import COMMANDS, guarded
+from app.cli.console import COMMANDS, run_guarded
 from app.cli.output import progress
 from engine.errors import InsituError
 from tests.app.cli.command_line import Recorder, run
@@ -140,7 +140,7 @@ def test_a_person_never_sees_a_traceback(error: BaseException, status: int, said
     def work() -> int:
         raise error
 
-    assert guarded(work) == status
+    assert run_guarded(work) == status
     printed = capsys.readouterr().err
     assert printed.startswith(said) and "Traceback" not in printed and bool(printed) == bool(said)
 
@@ -149,7 +149,7 @@ def test_the_details_of_a_defect_are_kept(tmp_path: Path) -> None:
     def work() -> int:
         raise ZeroDivisionError("of ours")
 
-    guarded(work)
+    run_guarded(work)
     assert "ZeroDivisionError: of ours" in (tmp_path / "state" / console.ERROR_FILE).read_text()
 
 

@@ -11,7 +11,7 @@ from PIL import Image
 
 from app import stills
 from app.cli.turntable import FrameFiles
-from app.frames import cameras
+from app.frame_sequence import cameras
 from app.project import open_project
 from app.stills import render_project
 from engine.errors import InsituError
@@ -200,7 +200,7 @@ def test_a_turn_that_was_killed_before_a_frame_was_whole_goes_on(tmp_path: Path)
 
 @pytest.mark.parametrize("out", ["/proc/self/turn", "/proc/self/turn/a.exr"])
 def test_a_folder_that_cannot_be_written_is_told_before_the_scene_is_read(scene: Path, out: str, capsys, monkeypatch):
-    monkeypatch.setattr("app.project.ProjectWords.open", lambda words: pytest.fail("the scene was read"))
+    monkeypatch.setattr("app.project.ProjectSpec.open", lambda words: pytest.fail("the scene was read"))
     assert turn(scene, Path(out), "--turntable", 2) == 1
     assert turn(scene, Path(out), "--frames", 2) == 1
     told = capsys.readouterr().err.splitlines()

@@ -29,9 +29,9 @@ from app.cluster.dask import Cluster
 from app.cluster.errands import FrameErrand, draw_frame
 from app.cluster.labour import OnWorkers
 from app.cluster.opened import OnCluster, opened
-from app.frames import Frames, draw_here
+from app.frame_sequence import Frames, draw_here
 from app.jobs.cache import Store
-from app.project import ProjectWords
+from app.project import ProjectSpec
 from engine.errors import InsituError
 from engine.indirect.series import BounceSeries
 from engine.render.picture_files import exr_bytes
@@ -107,11 +107,11 @@ def machines(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machines]:
 
 
 @pytest.fixture
-def words(tmp_path: Path) -> ProjectWords:
+def words(tmp_path: Path) -> ProjectSpec:
     (tmp_path / "room.toml").write_text(ROOM)
     sky = np.random.default_rng(1).random((8, 16, 3), np.float32)
     (tmp_path / "sky.exr").write_bytes(exr_bytes(sky))
-    return ProjectWords(str(tmp_path / "room.toml"), (16, 12))
+    return ProjectSpec(str(tmp_path / "room.toml"), (16, 12))
 
 
 def silent(step: object) -> None:
@@ -119,7 +119,7 @@ def silent(step: object) -> None:
 
 
 @pytest.mark.parametrize("mode", ["placement", pytest.param("orbit", marks=pytest.mark.sweep)])
-def test_frames_are_the_same_though_a_worker_is_killed(machines: Machines, words: ProjectWords, mode: str) -> None:
+def test_frames_are_the_same_though_a_worker_is_killed(machines: Machines, words: ProjectSpec, mode: str) -> None:
     frames = replace(FRAMES, mode=mode)
     project = words.open()
     here = dict(draw_here(project, frames, range(1, 4), silent))
@@ -141,7 +141,7 @@ def test_frames_are_the_same_though_a_worker_is_killed(machines: Machines, words
 
 
 def test_a_cache_is_filled_with_the_same_though_the_worker_with_the_light_is_killed(
-    machines: Machines, words: ProjectWords, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    machines: Machines, words: ProjectSpec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seeing = OnWorkers.light
 
@@ -161,7 +161,7 @@ def test_a_cache_is_filled_with_the_same_though_the_worker_with_the_light_is_kil
     assert len(here) >= 5 and here == there  # visibility, unit, two layers, indirect light
 
 
-def test_a_scene_is_sent_once(machines: Machines, words: ProjectWords) -> None:
+def test_a_scene_is_sent_once(machines: Machines, words: ProjectSpec) -> None:
     def kept() -> dict[str, int]:
         with opened(words, machines.address):
             return {file.name: file.stat().st_ino for file in (machines.folder / "scheduler" / "sent").iterdir()}
@@ -172,7 +172,7 @@ def test_a_scene_is_sent_once(machines: Machines, words: ProjectWords) -> None:
     assert len(kept().items() - first.items()) == 1  # the scene file, and not its sky
 
 
-def test_what_is_stopped_leaves_nothing_to_do(machines: Machines, words: ProjectWords) -> None:
+def test_what_is_stopped_leaves_nothing_to_do(machines: Machines, words: ProjectSpec) -> None:
     with pytest.raises(KeyboardInterrupt), opened(words, machines.address) as (project, cluster):
         assert cluster is not None
         next(cluster.draw(project, FRAMES, range(4), silent))
@@ -203,7 +203,7 @@ def test_workers_are_counted_while_dask_updates_what_it_knows(machines: Machines
             updating.join()
 
 
-def test_a_worker_with_another_insitu_says_so(machines: Machines, words: ProjectWords) -> None:
+def test_a_worker_with_another_insitu_says_so(machines: Machines, words: ProjectSpec) -> None:
     with opened(words, machines.address) as (_, cluster):
         assert isinstance(cluster, OnCluster)
         name, parcel, _ = cluster.named
@@ -213,7 +213,7 @@ def test_a_worker_with_another_insitu_says_so(machines: Machines, words: Project
 
 
 def test_the_command_line_draws_the_same_and_says_what_is_wrong(
-    machines: Machines, words: ProjectWords, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    machines: Machines, words: ProjectSpec, tmp_path: Path, capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     few = ("--turntable", 2, "--resolution", 12, 9, "--lights", 40, "--bounces", 1)
@@ -242,7 +242,7 @@ GREETINGS = {"ssh": b"SSH-2.0-OpenSSH_9.2p1\r\n", "nothing": b"", "garbage": (40
 
 @pytest.mark.parametrize("greeting", GREETINGS)
 def test_who_is_no_scheduler_is_told_in_one_line(
-    words: ProjectWords, greeting: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    words: ProjectSpec, greeting: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(cluster_module, "CONNECT_SECONDS", 1.0)
 
@@ -263,7 +263,7 @@ def test_who_is_no_scheduler_is_told_in_one_line(
 
 
 def test_a_worker_of_another_version_is_named_before_it_is_given_anything(
-    machines: Machines, words: ProjectWords, capsys: pytest.CaptureFixture[str]
+    machines: Machines, words: ProjectSpec, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """One whose `app` has no cluster yet. A module, as an editable install would add what a package lacks."""
     (machines.folder / "old").mkdir()
@@ -292,7 +292,7 @@ def test_a_worker_of_another_version_is_named_before_it_is_given_anything(
 
 @pytest.mark.parametrize("stage", ["submit", "n_workers", "send"])
 def test_a_scheduler_that_dies_in_mid_run_is_told_in_one_line(
-    words: ProjectWords, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, stage: str
+    words: ProjectSpec, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, stage: str
 ) -> None:
     few = ("--turntable", "30", "--resolution", "12", "9", "--lights", "40", "--bounces", "1")
     machines = Machines(tmp_path)
@@ -324,7 +324,7 @@ def test_a_scheduler_that_dies_in_mid_run_is_told_in_one_line(
 
 
 def test_a_cluster_without_workers_and_one_that_has_gone_are_told(
-    machines: Machines, words: ProjectWords, monkeypatch: pytest.MonkeyPatch
+    machines: Machines, words: ProjectSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cluster_module, "WORKERLESS_SECONDS", 0.5)
     with opened(words, machines.address) as (project, cluster):
@@ -338,7 +338,7 @@ def test_a_cluster_without_workers_and_one_that_has_gone_are_told(
             list(cluster.draw(project, FRAMES, range(4), silent))
 
 
-def test_a_scheduler_that_is_killed_leaves_one_line_on_the_terminal(words: ProjectWords, tmp_path: Path) -> None:
+def test_a_scheduler_that_is_killed_leaves_one_line_on_the_terminal(words: ProjectSpec, tmp_path: Path) -> None:
     """Of a program of its own, whose libraries write what they like."""
     machines, out = Machines(tmp_path), tmp_path / "out"
     machines.start_worker()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from app.__main__ import Desktop
-from app.cli.console import guarded
+from app.cli.console import run_guarded
 from app.cli.program import run
 from app.files.material_file import load_material
 from app.measurements import measurement_in
@@ -33,7 +33,7 @@ layer = [{ model = "lambert", albedo = [0.7, 0.3, 0.1] }, { model = "rough_condu
 
 
 def insitu(*arguments: object) -> int:
-    return guarded(lambda: run([str(word) for word in arguments], Desktop()))
+    return run_guarded(lambda: run([str(word) for word in arguments], Desktop()))
 
 
 def test_import_writes_a_material_and_says_what_it_did(

@@ -13,7 +13,7 @@ from app.commands.light import SetIntensity, SetRotation
 from app.document import Document
 from app.editor import Editor
 from app.files.journal import RETRY_SECONDS, WRITE_SECONDS, Journal, recoverable_sessions
-from app.files.session import SeenFile, load_session, save_session
+from app.files.session import KnownFile, load_session, save_session
 from app.view_state import ViewState
 from tests.app.fake_worker import FakeClient
 from tests.app.limits import largest_file
@@ -28,7 +28,7 @@ def opened(client: FakeClient, journal: Journal | None) -> Editor:
 
 def test_edits_are_written_soon_and_offered_after_the_end(document: Document, tmp_path: Path) -> None:
     journal = Journal(tmp_path)
-    journal.note(10.0, document, ViewState(exposure=1.0), True, SeenFile(Path("/home/mine.insitu")))
+    journal.note(10.0, document, ViewState(exposure=1.0), True, KnownFile(Path("/home/mine.insitu")))
     assert recoverable_sessions(tmp_path) == []  # its editor lives
     journal.close(keep=True)
     (recovery,) = recoverable_sessions(tmp_path)
@@ -228,8 +228,8 @@ def test_a_session_that_no_longer_fits_opens_the_scene_alone(client: FakeClient,
 
 
 def notice_of(journal: Journal) -> str:
-    wait_until(lambda: journal.notice != "")
-    return journal.notice
+    wait_until(lambda: journal.warning != "")
+    return journal.warning
 
 
 def test_a_damaged_journal_is_kept_aside_and_told_once(client: FakeClient, document: Document, tmp_path: Path) -> None:
@@ -253,7 +253,7 @@ def test_a_damaged_journal_is_kept_aside_and_told_once(client: FakeClient, docum
     # The next start meets none, and says nothing.
     again = Journal(tmp_path)
     again.close()
-    assert again.notice == "" and (tmp_path / "a.damaged").exists()
+    assert again.warning == "" and (tmp_path / "a.damaged").exists()
 
 
 def test_a_journal_whose_editor_lives_is_left_alone(document: Document, tmp_path: Path) -> None:
@@ -263,7 +263,7 @@ def test_a_journal_whose_editor_lives_is_left_alone(document: Document, tmp_path
     living.path.write_text("half a jour")
     other = Journal(tmp_path)
     other.close()
-    assert other.notice == "" and living.path.exists()
+    assert other.warning == "" and living.path.exists()
     living.close()
 
 

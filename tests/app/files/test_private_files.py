@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from app.barrier import Barrier
-from app.cli.console import guarded
+from app.cli.console import run_guarded
 from app.files.journal import Journal
 from app.files.library import Library
 from app.jobs.cache import Store
@@ -43,7 +43,7 @@ def keep_everything(document) -> None:
     journal.note(10.0, document, ViewState(), True)
     journal.close(keep=True)
     LayoutMemory(layout_file(), 1.0).keep("wide", "[Window]", frozenset())
-    guarded(fall)
+    run_guarded(fall)
     Barrier(holds=True).run("A part", fall, 0)
 
 

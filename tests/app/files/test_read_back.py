@@ -14,7 +14,7 @@ from app.document import Document
 from app.editor import Editor
 from app.files.journal import WRITE_SECONDS, Journal, recoverable_sessions
 from app.files.material_file import Material, load_material, save_material
-from app.files.session import SeenFile, load_session, save_session, write_session
+from app.files.session import KnownFile, load_session, save_session, write_session
 from app.view_state import ViewState
 from engine.deform.pose import Moment
 from engine.errors import InsituError
@@ -43,7 +43,7 @@ def test_any_name_of_a_file_comes_back(document: Document, tmp_path: Path, name:
 def test_the_journal_keeps_edits_of_a_scene_of_any_name(document: Document, tmp_path: Path, name: str) -> None:
     journal, wanted = Journal(tmp_path / "journal"), named(document, tmp_path, name)
     session = tmp_path / f"{name}.insitu"
-    journal.note(10.0, wanted, ViewState(), True, SeenFile(session, "12ab"))
+    journal.note(10.0, wanted, ViewState(), True, KnownFile(session, "12ab"))
     journal.close(keep=True)
     assert not journal.problem
     (recovery,) = recoverable_sessions(tmp_path / "journal")

@@ -32,7 +32,7 @@ def test_what_has_gone_is_told(tmp_path: Path) -> None:
     (tmp_path / "there.toml").touch()
     recent.add(tmp_path / "gone.toml")
     recent.add(tmp_path / "there.toml")
-    assert [entry.there for entry in recent.entries()] == [True, False]
+    assert [entry.exists for entry in recent.entries()] == [True, False]
 
 
 def test_two_windows_share_one_list(tmp_path: Path) -> None:
@@ -60,7 +60,7 @@ def test_a_folder_that_cannot_be_written_costs_only_the_memory(tmp_path: Path) -
 
 def test_names_that_no_system_takes_are_not_there(tmp_path: Path) -> None:
     (tmp_path / "recent.txt").write_text(f"/{'x' * 300}.toml\n/{'y/' * 3000}z.toml\n")
-    assert [entry.there for entry in RecentFiles(tmp_path / "recent.txt").entries()] == [False, False]
+    assert [entry.exists for entry in RecentFiles(tmp_path / "recent.txt").entries()] == [False, False]
 
 
 def test_names_of_any_bytes_are_kept(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from app.jobs.client import Client
-from app.messages import LookFrom, OpenScene, Response, SceneSeen
+from app.messages import SetCamera, OpenScene, Response, ViewTraced
 
 Answers = list[Response]
 # Long enough for a machine that does much else; only a worker that hangs is waited for so long.
@@ -33,8 +33,8 @@ def of(kind: type[Response], answers: Answers) -> Answers:
 
 
 def open_scene(client: Client) -> None:
-    client.send(LookFrom(client.send(OpenScene("open scene"))))
-    collect(client, seen(SceneSeen))
+    client.send(SetCamera(client.send(OpenScene("open scene"))))
+    collect(client, seen(ViewTraced))
 
 
 def wait_until_idle(client: Client) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from app.document import LightState
 from app.jobs.cache import Store
 from app.jobs.tasks import Tasks
-from app.messages import Failed, Progress, Response, SceneSeen
+from app.messages import RequestFailed, Progress, Response, ViewTraced
 from app.placement.messages import (
     ComputeTransport,
     Contract,
@@ -82,7 +82,7 @@ def twice(state: LayerState, *factors: str) -> LayerState:
 
 def opened(source: str, store: Store) -> Tasks:
     tasks = Tasks(store)
-    assert any(isinstance(answer, SceneSeen) for answer in open_in_process(tasks, source))
+    assert any(isinstance(answer, ViewTraced) for answer in open_in_process(tasks, source))
     return tasks
 
 
@@ -138,5 +138,5 @@ def tiles_of(*shown: np.ndarray) -> int:
 
 
 def failure(answers: list[Response]) -> str:
-    assert isinstance(answers[-1], Failed) and "\n" not in answers[-1].line
+    assert isinstance(answers[-1], RequestFailed) and "\n" not in answers[-1].line
     return answers[-1].line

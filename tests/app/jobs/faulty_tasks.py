@@ -11,7 +11,7 @@ import numpy as np
 
 from app.jobs import channel
 from app.jobs.cache import Store
-from app.messages import LookFrom, OpenScene, Progress, Request, Response, SceneOpened, SceneSeen
+from app.messages import SetCamera, OpenScene, Progress, Request, Response, SceneOpened, ViewTraced
 from app.placement.messages import ComputeTransport, Contract, LayerPicture, LayerTransport, StageDone
 from engine.errors import LoadError
 from engine.planner import RenderSettings
@@ -48,7 +48,7 @@ class FaultyTasks:
     def handle(self, request: Request) -> Iterator[Response | None]:
         if isinstance(request, Contract):
             return self._contract(request)
-        if isinstance(request, LookFrom):
+        if isinstance(request, SetCamera):
             return self._look()
         text = request.source if isinstance(request, OpenScene) else request.selected
         verb, _, argument = text.partition(" ")
@@ -64,7 +64,7 @@ class FaultyTasks:
         yield SceneOpened(argument)
 
     def _look(self) -> Iterator[Response | None]:
-        yield SceneSeen(PIXELS)
+        yield ViewTraced(PIXELS)
 
     def pictures(self, argument: str) -> Iterator[Response | None]:
         """So many pictures, one a step."""

@@ -47,8 +47,8 @@ class SmallDeformWork(DeformWork):
 
 SMALL_MODES = (
     PLACEMENT,
-    replace(ORBIT, work=f"{__name__}:{SmallOrbitWork.__name__}"),
-    replace(DEFORM, work=f"{__name__}:{SmallDeformWork.__name__}"),
+    replace(ORBIT, worker=f"{__name__}:{SmallOrbitWork.__name__}"),
+    replace(DEFORM, worker=f"{__name__}:{SmallDeformWork.__name__}"),
 )
 
 

@@ -14,7 +14,7 @@ import pytest
 from app.jobs.background import LAST, LITTLE, NICENESS, Background
 from app.jobs.schedule import Schedule
 from app.jobs.worker import Worker
-from app.messages import LookFrom, Request, Response
+from app.messages import SetCamera, Request, Response
 from app.orbit.messages import EstimateOrbit
 from app.placement.messages import EstimateError, PrepareRelighting
 from engine.scene.raycaster import RayCaster
@@ -85,10 +85,10 @@ class Noting:
 def test_the_worker_steps_back_for_what_nobody_waits_for() -> None:
     tasks = Noting()
     worker, schedule = Worker(None), Schedule(tasks)
-    look = LookFrom(1)
+    look = SetCamera(1)
     for request in (look, EstimateOrbit(None, 1, look, look), EstimateError(None), PrepareRelighting(None)):
         schedule.accept(request)
     while (chosen := schedule.choose()) is not None:
         worker._advance(schedule, chosen)
-    assert tasks.found.pop(LookFrom) == {priority()}
+    assert tasks.found.pop(SetCamera) == {priority()}
     assert tasks.found == dict.fromkeys((EstimateOrbit, EstimateError, PrepareRelighting), {BEHIND})

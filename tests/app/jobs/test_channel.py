@@ -13,7 +13,7 @@ import pytest
 from app.jobs.channel import Channel, ChannelClosed, ChannelError
 from app.jobs.shared_arrays import Method
 from app.machine import system
-from app.messages import Message, Progress, SceneSeen
+from app.messages import Message, Progress, ViewTraced
 from app.placement.messages import LayerPicture
 
 LATER = float("inf")
@@ -57,8 +57,8 @@ ARRAYS = {
 
 
 def test_arrays_come_back_equal_with_their_dtypes(pair: tuple[Channel, Channel]) -> None:
-    received = through(pair, SceneSeen(ARRAYS))
-    assert isinstance(received, SceneSeen)
+    received = through(pair, ViewTraced(ARRAYS))
+    assert isinstance(received, ViewTraced)
     assert received.frame.keys() == ARRAYS.keys()
     for name, array in received.frame.items():
         assert array.dtype == ARRAYS[name].dtype
@@ -67,8 +67,8 @@ def test_arrays_come_back_equal_with_their_dtypes(pair: tuple[Channel, Channel])
 
 def test_large_arrays_travel_beside_the_message(pair: tuple[Channel, Channel]) -> None:
     """4096 bytes are shared and read-only; 4095 are inside the message."""
-    received = through(pair, SceneSeen({"in": np.ones(4095, np.uint8), "out": np.ones(4096, np.uint8)}))
-    assert isinstance(received, SceneSeen)
+    received = through(pair, ViewTraced({"in": np.ones(4095, np.uint8), "out": np.ones(4096, np.uint8)}))
+    assert isinstance(received, ViewTraced)
     assert received.frame["in"].flags.writeable
     assert not received.frame["out"].flags.writeable
 
@@ -76,8 +76,8 @@ def test_large_arrays_travel_beside_the_message(pair: tuple[Channel, Channel]) -
 def test_memory_map_travels_beside_the_message(pair: tuple[Channel, Channel], tmp_path: os.PathLike[str]) -> None:
     np.arange(5000).tofile(os.path.join(tmp_path, "a"))
     mapped = np.memmap(os.path.join(tmp_path, "a"), dtype=np.int64, mode="r")
-    received = through(pair, SceneSeen({"a": mapped}))
-    assert isinstance(received, SceneSeen)
+    received = through(pair, ViewTraced({"a": mapped}))
+    assert isinstance(received, ViewTraced)
     assert type(received.frame["a"]) is np.ndarray
     assert not received.frame["a"].flags.writeable
     np.testing.assert_array_equal(received.frame["a"], np.arange(5000))

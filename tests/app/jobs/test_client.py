@@ -11,7 +11,7 @@ import pytest
 
 from app.jobs.client import Client
 from app.jobs.shared_arrays import Method
-from app.messages import Cancel, Failed, LookFrom, OpenScene, Progress, SceneOpened, SceneSeen
+from app.messages import CancelRequests, RequestFailed, SetCamera, OpenScene, Progress, SceneOpened, ViewTraced
 from app.placement.messages import Contract, LayerPicture, LayerTransport, StageDone
 from tests.app.jobs.answers import collect, of, open_scene, seen, wait_until_idle
 from tests.app.jobs.faulty_tasks import HANDLERS, compute, picture
@@ -26,11 +26,11 @@ pytestmark = pytest.mark.usefixtures("state_folder")
 def test_answers_arrive_with_their_arrays(method: Method) -> None:
     with Client(HANDLERS, method=method) as client:
         scene = client.send(OpenScene("open scene", revision=3))
-        client.send(LookFrom(scene))
+        client.send(SetCamera(scene))
         numbers = [scene, client.send(compute("pictures 20", revision=4))]
         answers = collect(client, seen(StageDone))
     opened, looked = answers[:2]
-    assert isinstance(opened, SceneOpened) and isinstance(looked, SceneSeen)
+    assert isinstance(opened, SceneOpened) and isinstance(looked, ViewTraced)
     assert (opened.id, opened.revision, opened.description) == (numbers[0], 3, "scene")
     np.testing.assert_array_equal(looked.frame["pixel"], np.arange(10_000))
     for index, answer in enumerate(answers[2:-1]):
@@ -68,7 +68,7 @@ def test_answers_to_an_older_request_are_dropped(client: Client) -> None:
 def test_cancel_stops_the_worker_and_its_answers(client: Client, tmp_path: Path) -> None:
     client.send(compute(f"forever {tmp_path / 'note'}"))
     collect(client, seen(Progress))
-    client.send(Cancel())
+    client.send(CancelRequests())
     assert client.poll() == []
     wait_until_idle(client)
     assert (tmp_path / "note").read_text() == "closed"
@@ -123,7 +123,7 @@ def test_close_ends_the_worker_even_within_a_long_step() -> None:
         os.kill(pid, 0)
     assert client.poll() == []
     with pytest.raises(ValueError, match="closed"):
-        client.send(Cancel())
+        client.send(CancelRequests())
 
 
 # ------------------------------------------------------------------------------------------------- errors in a job
@@ -132,12 +132,12 @@ def test_close_ends_the_worker_even_within_a_long_step() -> None:
 def test_errors_leave_the_worker_alive(client: Client, state_folder: Path) -> None:
     pid = client.pid
     client.send(OpenScene("load_error"))
-    (failed,) = collect(client, seen(Failed))
-    assert isinstance(failed, Failed)
+    (failed,) = collect(client, seen(RequestFailed))
+    assert isinstance(failed, RequestFailed)
     assert failed.line == "a.ply: vertex 3 = nan, expected finite numbers; nothing was changed"
     client.send(OpenScene("bug"))
-    failed = collect(client, seen(Failed))[-1]
-    assert isinstance(failed, Failed)
+    failed = collect(client, seen(RequestFailed))[-1]
+    assert isinstance(failed, RequestFailed)
     log = state_folder / "log" / "worker.log"
     assert failed.line.endswith(f"Undo the last edit to go on (for a report: {log})")
     assert 'raise ValueError("two\\nlines")' in log.read_text()
@@ -149,8 +149,8 @@ def test_worker_out_of_memory_says_so_and_goes_on(client: Client) -> None:
     """Address space limited to 2 GiB, 4 GiB wanted."""
     pid = client.pid
     client.send(compute("out_of_memory"))
-    failed = collect(client, seen(Failed))[-1]
-    assert isinstance(failed, Failed)
+    failed = collect(client, seen(RequestFailed))[-1]
+    assert isinstance(failed, RequestFailed)
     assert failed.line.startswith("out of memory; lower the resolution")
     open_scene(client)
     assert client.pid == pid
@@ -159,8 +159,8 @@ def test_worker_out_of_memory_says_so_and_goes_on(client: Client) -> None:
 def test_result_without_room_for_it_fails_its_request(client: Client) -> None:
     pid = client.pid
     client.send(compute("no_room"))
-    failed = collect(client, seen(Failed))[-1]
-    assert isinstance(failed, Failed)
+    failed = collect(client, seen(RequestFailed))[-1]
+    assert isinstance(failed, RequestFailed)
     assert failed.line.startswith("no memory for 1 MiB of results: File too large")
     open_scene(client)
     assert client.pid == pid

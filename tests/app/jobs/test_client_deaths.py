@@ -13,7 +13,7 @@ import pytest
 
 from app.jobs.client import Client
 from app.jobs.shared_arrays import Method
-from app.messages import Failed, OpenScene, Progress, SceneOpened, SceneSeen, WorkerRestarted
+from app.messages import RequestFailed, OpenScene, Progress, SceneOpened, ViewTraced, WorkerRestarted
 from app.placement.messages import LayerPicture, StageDone
 from tests.app.jobs.answers import collect, kill, of, open_scene, seen, wait_until_idle
 from tests.app.jobs.faulty_tasks import HANDLERS, compute
@@ -40,7 +40,7 @@ def test_killed_while_idle(client: Client) -> None:
     answers = collect(client, seen(WorkerRestarted))
     assert answers == [WorkerRestarted("it was ended by SIGKILL")]  # seen, not waited for in vain
     assert client.pid != before
-    answers = collect(client, seen(SceneSeen))  # the standing requests were sent again, unasked
+    answers = collect(client, seen(ViewTraced))  # the standing requests were sent again, unasked
     assert len(answers) == 2
 
 
@@ -54,7 +54,7 @@ def test_killed_within_a_step(client: Client) -> None:
     # The system may close what a process held before it tells how that ended, and the window does not wait for it.
     assert restarted.reason in ("it was ended by SIGKILL", "it closed its connection")
     answers += collect(client, seen(Progress))
-    assert [type(answer) for answer in answers] == [WorkerRestarted, SceneOpened, SceneSeen, Progress]
+    assert [type(answer) for answer in answers] == [WorkerRestarted, SceneOpened, ViewTraced, Progress]
     assert answers[-1].id == light
 
 
@@ -94,7 +94,7 @@ def test_stopped_worker_is_replaced() -> None:
         open_scene(client)
         stopped = client.pid
         kill(client, signal.SIGSTOP)
-        answers = collect(client, seen(SceneSeen))
+        answers = collect(client, seen(ViewTraced))
         assert answers[0] == WorkerRestarted("it did not answer for 1 s")
         assert client.pid != stopped
     assert stopped is not None
@@ -135,13 +135,13 @@ def test_damaged_block_is_never_shown_and_the_worker_replaced(client: Client, tm
 def test_request_that_kills_the_worker_again_and_again_is_given_up(client: Client) -> None:
     open_scene(client)
     deadly = client.send(compute("die", revision=8))
-    answers = collect(client, seen(Failed))
-    (failed,) = of(Failed, answers)
-    assert isinstance(failed, Failed)
+    answers = collect(client, seen(RequestFailed))
+    (failed,) = of(RequestFailed, answers)
+    assert isinstance(failed, RequestFailed)
     assert (failed.id, failed.revision) == (deadly, 8)
     how = r"\(it (was ended by SIGKILL|closed its connection)\)"  # as fast as the system takes the process down
     assert re.fullmatch(f"computing failed 3 times in succession {how}; not tried again", failed.line)
-    collect(client, seen(SceneSeen))  # the scene stands, and a worker has it
+    collect(client, seen(ViewTraced))  # the scene stands, and a worker has it
     assert client.alive
     client.send(compute("pictures 1"))
     collect(client, seen(StageDone))
@@ -150,13 +150,13 @@ def test_request_that_kills_the_worker_again_and_again_is_given_up(client: Clien
 def test_scene_that_kills_the_worker_leaves_the_one_before_open(client: Client) -> None:
     open_scene(client)
     deadly = client.send(OpenScene("die"))
-    answers = collect(client, seen(SceneSeen))
+    answers = collect(client, seen(ViewTraced))
     assert [type(answer) for answer in answers if not isinstance(answer, (Progress, WorkerRestarted))] == [
-        Failed,
+        RequestFailed,
         SceneOpened,
-        SceneSeen,
+        ViewTraced,
     ]
-    assert of(Failed, answers)[0].id == deadly
+    assert of(RequestFailed, answers)[0].id == deadly
 
 
 def test_scene_that_fails_in_a_new_worker_leaves_the_one_before_open(client: Client) -> None:
@@ -164,7 +164,7 @@ def test_scene_that_fails_in_a_new_worker_leaves_the_one_before_open(client: Cli
     wait_until_idle(client)
     client.send(OpenScene("load_error"))
     kill(client)  # before or after it answered: the new worker has opened neither scene
-    answers = collect(client, lambda answers: seen(WorkerRestarted)(answers) and seen(SceneSeen)(answers))
+    answers = collect(client, lambda answers: seen(WorkerRestarted)(answers) and seen(ViewTraced)(answers))
     assert isinstance(answers[-2], SceneOpened)
     assert answers[-2].description == "scene"
 
@@ -174,32 +174,32 @@ def test_kills_from_outside_are_not_held_against_finished_requests(client: Clien
     for _ in range(4):
         wait_until_idle(client)
         kill(client)
-        answers = collect(client, seen(SceneSeen))
-        assert not of(Failed, answers)
+        answers = collect(client, seen(ViewTraced))
+        assert not of(RequestFailed, answers)
 
 
 def test_worker_that_cannot_load_its_tasks_says_why_and_is_not_tried_again() -> None:
     with Client("tests.app.jobs.faulty_tasks:Unimportable") as client:
         answers = collect(client, lambda _: not client.alive)
         (failed,) = answers
-        assert isinstance(failed, Failed)
+        assert isinstance(failed, RequestFailed)
         assert failed.line.startswith("computing could not be started: a defect of Insitu (for a report: ")
         client.send(OpenScene("open scene"))  # a new wish, a new try
         assert client.alive
-        collect(client, seen(Failed))
+        collect(client, seen(RequestFailed))
 
 
 def test_worker_that_dies_before_it_can_speak_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", "/bin/false")
     with Client(HANDLERS) as client:
         answers = collect(client, lambda _: not client.alive)
-    assert [type(answer) for answer in answers] == [WorkerRestarted, WorkerRestarted, Failed]
+    assert [type(answer) for answer in answers] == [WorkerRestarted, WorkerRestarted, RequestFailed]
 
 
 def test_worker_that_cannot_be_started_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", "/nowhere/python")
     with Client(HANDLERS) as client:
-        assert client.poll() == [Failed("computing could not be started: No such file or directory")]
+        assert client.poll() == [RequestFailed("computing could not be started: No such file or directory")]
         assert not client.alive
 
 
@@ -209,7 +209,7 @@ def test_restarts_leave_no_descriptor_and_no_process(client: Client) -> None:
     before = len(os.listdir("/proc/self/fd"))
     for _ in range(3):
         kill(client)
-        collect(client, seen(SceneSeen))
+        collect(client, seen(ViewTraced))
         wait_until_idle(client)
     assert len(os.listdir("/proc/self/fd")) == before
     children = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()

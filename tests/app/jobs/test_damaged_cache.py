@@ -15,7 +15,7 @@ from app.jobs import indirect as indirect_module
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
-from app.messages import Failed, Response
+from app.messages import RequestFailed, Response
 from app.placement.curves import Curves
 from app.placement.messages import ComputeTransport, Contract, Freeze, Frozen, LayerPicture
 from engine.indirect.sampling_settings import ROUGH
@@ -91,7 +91,7 @@ def steps_of(client: InProcessClient, most: int = MOST_STEPS) -> tuple[int, list
 
 def shown(answers: list[Response]) -> dict[str, np.ndarray]:
     """What is shown in the end: each layer's picture, and the indirect light of the last freezing."""
-    failed = [answer.line for answer in answers if isinstance(answer, Failed)]
+    failed = [answer.line for answer in answers if isinstance(answer, RequestFailed)]
     assert not failed, failed
     pictures = {a.key: np.asarray(a.radiance) for a in answers if isinstance(a, LayerPicture) and a.stage == "final"}
     frozen = [answer for answer in answers if isinstance(answer, Frozen)][-1]

@@ -16,7 +16,7 @@ from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.kernels import PARTS, Kernels
 from app.machine.kernel_cache import kernel_folders
-from app.messages import Cancel, Progress, Response
+from app.messages import CancelRequests, Progress, Response
 from app.orbit.messages import DrawPlainly, OrbitAdvanced, OrbitDrawn, PrepareOrbit
 from app.placement.messages import (
     BandsPlanned,
@@ -244,7 +244,7 @@ def test_a_mode_waits_for_its_kernels_and_plain_pictures_do_not(
     answers = [answer for _ in range(40) for answer in client.poll(budget_s=0.0)]
     assert any(isinstance(answer, OrbitDrawn) and answer.radiance.any() for answer in answers)
     assert not any(isinstance(answer, OrbitAdvanced) for answer in answers)
-    client.send(Cancel())
+    client.send(CancelRequests())
     client.poll(budget_s=0.0)
     assert not client.wait(0.0) and len(started) == 1
     kernels.note_compiled(mode)
@@ -311,7 +311,7 @@ def test_a_person_may_wait_for_indirect_light_and_for_nothing_after_it(
 
     monkeypatch.setattr("app.jobs.rehearsal.rehearse_later", lambda first: iter(kernels.LATER))
     monkeypatch.setattr(kernels, "step_behind", behind)
-    monkeypatch.setattr(kernels, "step_back", lambda last: log.append(f"last: {last}"))
+    monkeypatch.setattr(kernels, "yield_to_window", lambda last: log.append(f"last: {last}"))
     monkeypatch.setattr(kernels, "rehearse", lambda part: kernels._rehearse_later(""))
     monkeypatch.setattr(kernels, "end_with_parent", lambda parent: None)
     monkeypatch.setattr(kernels.gc, "set_threshold", lambda threshold: None)

@@ -14,7 +14,7 @@ from app.jobs.cache import Store
 from app.jobs.client import Client
 from app.jobs.deform import DeformWork
 from app.jobs.orbit import OrbitWork
-from app.messages import Failed, Response, WorkerRestarted
+from app.messages import RequestFailed, Response, WorkerRestarted
 from app.orbit.messages import OrbitDrawn
 from tests.app.jobs.answers import collect, kill, of, seen
 from tests.app.jobs.small_modes import HANDLERS, SCENE, SIZE, in_process, picture_in, shown_by, small_tasks
@@ -74,7 +74,7 @@ class Worker:
         if self._shown.draw is not None:
             self.client.send(self._shown.draw)
             answers += collect(self.client, lambda found: bool(of(OrbitDrawn, found)) and not self.client.busy)
-        assert not of(Failed, answers)
+        assert not of(RequestFailed, answers)
         return picture_in(answers)
 
     def _until(self, seconds: float) -> list[Response]:

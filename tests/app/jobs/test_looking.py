@@ -12,7 +12,7 @@ from app.jobs import indirect, labour
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
-from app.messages import Failed, LookFrom, SceneSeen
+from app.messages import RequestFailed, SetCamera, ViewTraced
 from app.placement.messages import IndirectFound, LayerPicture, StageDone
 from engine.scene.description import Camera
 from engine.scene.picture_frame import Lamps
@@ -52,8 +52,8 @@ def test_it_sees_what_a_scene_with_that_camera_shows(tmp_path: Path) -> None:
         client.poll(float("inf"))
         if camera is not None:
             computed(client)  # the picture from where it was seen first, of which nothing is to stay
-            client.send(LookFrom(scene, camera, RESOLUTION))
-            (seen,) = (a for a in client.poll(float("inf")) if isinstance(a, SceneSeen))
+            client.send(SetCamera(scene, camera, RESOLUTION))
+            (seen,) = (a for a in client.poll(float("inf")) if isinstance(a, ViewTraced))
         else:
             seen = open_in_process(Tasks(), source, resolution=RESOLUTION)[-1]
         frames.append(seen.frame)
@@ -70,9 +70,9 @@ def test_going_back_finds_what_was_computed(tmp_path: Path, monkeypatch: pytest.
     scene = ask_for_scene(client, source, resolution=RESOLUTION) - 1
     client.poll(float("inf"))
     expected = computed(client)
-    client.send(LookFrom(scene, ASIDE, RESOLUTION))
+    client.send(SetCamera(scene, ASIDE, RESOLUTION))
     computed(client)
-    client.send(LookFrom(scene, None, RESOLUTION))
+    client.send(SetCamera(scene, None, RESOLUTION))
     client.poll(float("inf"))
     monkeypatch.delattr(labour, "project_layer")
     monkeypatch.delattr(Placement, "light")
@@ -92,8 +92,8 @@ def test_a_kept_picture_waits_for_the_first_light_between_surfaces_alone(
     scene = ask_for_scene(client, source, resolution=RESOLUTION) - 1
     client.poll(float("inf"))
     computed(client)  # its direct light is kept, of light between surfaces nothing is known yet
-    client.send(LookFrom(scene, ASIDE, RESOLUTION))
-    client.send(LookFrom(scene, None, RESOLUTION))
+    client.send(SetCamera(scene, ASIDE, RESOLUTION))
+    client.send(SetCamera(scene, None, RESOLUTION))
     client.poll(float("inf"))
     client.send(compute(n_bounces=2))
     answers = client.poll(float("inf"))
@@ -108,10 +108,10 @@ def test_a_camera_that_sees_nothing_is_looked_away_from_again(tmp_path: Path) ->
     scene = ask_for_scene(client, source, resolution=RESOLUTION) - 1
     client.poll(float("inf"))
     expected = computed(client)
-    client.send(LookFrom(scene, AWAY, RESOLUTION))
+    client.send(SetCamera(scene, AWAY, RESOLUTION))
     (*_, seen) = client.poll(float("inf"))
-    assert isinstance(seen, SceneSeen) and not seen.frame.n_points
-    client.send(LookFrom(scene, None, RESOLUTION))
+    assert isinstance(seen, ViewTraced) and not seen.frame.n_points
+    client.send(SetCamera(scene, None, RESOLUTION))
     client.poll(float("inf"))
     assert_same_pictures(computed(client), expected)
 
@@ -121,6 +121,6 @@ def test_a_look_at_a_scene_that_is_gone_is_refused(tmp_path: Path) -> None:
     client = InProcessClient(Tasks(Store(tmp_path / "cache")))
     ask_for_scene(client, source, resolution=RESOLUTION)
     client.poll(float("inf"))
-    client.send(LookFrom(99, ASIDE, RESOLUTION))
+    client.send(SetCamera(99, ASIDE, RESOLUTION))
     (*_, failed) = client.poll(float("inf"))
-    assert isinstance(failed, Failed) and failed.line == "no scene is open"
+    assert isinstance(failed, RequestFailed) and failed.line == "no scene is open"

@@ -9,7 +9,7 @@ from PIL import Image
 from app.jobs.cache import Store
 from app.jobs.maps import thumbnail
 from app.jobs.tasks import Tasks
-from app.messages import SceneSeen
+from app.messages import ViewTraced
 from app.placement.messages import MapsRefused, MapsSampled, SampleMaps
 from engine.material.layer_maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
@@ -29,7 +29,7 @@ def tasks(tmp_path: Path) -> Tasks:
     Image.fromarray(np.full((4, 4, 3), (255, 188, 0), np.uint8)).save(tmp_path / "tan.png")
     Image.fromarray(np.full((4, 4), 51, np.uint8)).save(tmp_path / "fifth.png")
     tasks = Tasks(Store(tmp_path / "cache"))
-    assert isinstance(open_in_process(tasks, str(tmp_path / "scene.toml"))[-1], SceneSeen)
+    assert isinstance(open_in_process(tasks, str(tmp_path / "scene.toml"))[-1], ViewTraced)
     return tasks
 
 

@@ -13,7 +13,7 @@ from app.jobs import labour
 from app.jobs.array_record import read_record, write_record
 from app.jobs.cache import Store
 from app.jobs.client import Client
-from app.messages import Failed, Response, SceneOpened, WorkerRestarted
+from app.messages import RequestFailed, Response, SceneOpened, WorkerRestarted
 from app.placement.messages import (
     LayerPicture,
     StageDone,
@@ -99,7 +99,7 @@ def test_a_killed_worker_goes_on_to_the_same_pictures(source: str, tmp_path: Pat
             if not killed and any(isinstance(a, StageDone) and a.stage == "preview" for a in answers):
                 os.kill(client.pid, signal.SIGKILL)
                 killed = True
-    assert any(isinstance(a, WorkerRestarted) for a in answers) and not any(isinstance(a, Failed) for a in answers)
+    assert any(isinstance(a, WorkerRestarted) for a in answers) and not any(isinstance(a, RequestFailed) for a in answers)
     # The scene is opened and the stages are gone through once more, to the last bit as if nothing had been.
     assert sum(isinstance(a, SceneOpened) for a in answers) == 2
     assert_same_pictures(pictures(answers), expected)

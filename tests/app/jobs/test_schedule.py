@@ -10,7 +10,7 @@ import pytest
 from app.document import LightState
 from app.jobs.in_process import InProcessClient
 from app.jobs.schedule import Schedule
-from app.messages import Cancel, Failed, LookFrom, OpenScene, Progress, Request, Response
+from app.messages import CancelRequests, RequestFailed, SetCamera, OpenScene, Progress, Request, Response
 from app.orbit.messages import DrawOrbit, DrawPlainly
 from app.placement.messages import Contract, LayerPicture, LayerTransport, StageDone
 from app.scene_state import SceneState
@@ -78,13 +78,13 @@ def test_orbit_draws_while_a_camera_is_traced_and_nothing_else_is_done(drawing: 
     # A hand that moves on meets a look that began when it rested.
     handler = Steps()
     schedule = Schedule(handler)
-    schedule.accept(LookFrom(1))
+    schedule.accept(SetCamera(1))
     schedule.step()
     schedule.accept(contract(2.0))
     schedule.accept(drawing)
     while schedule.choose() is not None:
         schedule.step()
-    assert handler.done == ["LookFrom", *3 * [type(drawing).__name__], *2 * ["LookFrom"], *3 * ["Contract"]]
+    assert handler.done == ["SetCamera", *3 * [type(drawing).__name__], *2 * ["SetCamera"], *3 * ["Contract"]]
 
 
 def test_contraction_is_served_when_nothing_else_runs() -> None:
@@ -115,7 +115,7 @@ def test_cancel_stops_what_runs_and_what_waits(tmp_path: Path) -> None:
     client.send(compute(f"forever {tmp_path / 'note'}"))
     client.poll(0)
     client.send(contract(1.0))
-    client.send(Cancel())
+    client.send(CancelRequests())
     assert (tmp_path / "note").exists()
     assert client.poll(10) == []
 
@@ -132,12 +132,12 @@ def test_new_scene_cancels_everything(tmp_path: Path) -> None:
 def test_error_meant_for_a_person_is_handed_on_verbatim() -> None:
     (response,) = run_in_process(FaultyTasks(), OpenScene("load_error", id=4))
     expected = "a.ply: vertex 3 = nan, expected finite numbers; nothing was changed"
-    assert response == Failed(expected, id=4)
+    assert response == RequestFailed(expected, id=4)
 
 
 def test_other_errors_become_one_line_and_a_traceback_in_the_log(caplog: pytest.LogCaptureFixture) -> None:
     responses = run_in_process(FaultyTasks(), OpenScene("bug", id=4))
-    assert responses[-1] == Failed("the computation failed: a defect of Insitu. Undo the last edit to go on", id=4)
+    assert responses[-1] == RequestFailed("the computation failed: a defect of Insitu. Undo the last edit to go on", id=4)
     (record,) = caplog.records
     assert record.levelno == logging.ERROR
     assert record.exc_info is not None
@@ -146,7 +146,7 @@ def test_other_errors_become_one_line_and_a_traceback_in_the_log(caplog: pytest.
 def test_verb_that_does_not_exist_fails_its_request_alone(caplog: pytest.LogCaptureFixture) -> None:
     client = InProcessClient(FaultyTasks())
     client.send(OpenScene("no_such_verb"))
-    assert names(client.poll(10)) == ["Failed"]
+    assert names(client.poll(10)) == ["RequestFailed"]
     client.send(OpenScene("open a"))
     assert names(client.poll(10)) == ["SceneOpened"]
 
@@ -155,7 +155,7 @@ def test_scene_that_fails_takes_along_what_was_asked_of_it() -> None:
     client = InProcessClient(FaultyTasks())
     for request in (OpenScene("load_error"), compute("pictures 2"), contract(1.0)):
         client.send(request)
-    assert names(client.poll(10)) == ["Failed"]
+    assert names(client.poll(10)) == ["RequestFailed"]
 
 
 def test_failed_contraction_leaves_the_transport_running(caplog: pytest.LogCaptureFixture) -> None:
@@ -163,7 +163,7 @@ def test_failed_contraction_leaves_the_transport_running(caplog: pytest.LogCaptu
     client.send(compute("pictures 2"))
     client.poll(0)
     client.send(Contract(None, "A"))  # type: ignore[arg-type]
-    assert names(client.poll(10)) == ["Failed", "LayerPicture", "StageDone"]
+    assert names(client.poll(10)) == ["RequestFailed", "LayerPicture", "StageDone"]
 
 
 def test_poll_returns_after_its_budget() -> None:

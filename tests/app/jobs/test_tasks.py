@@ -15,8 +15,8 @@ from app.jobs.in_process import InProcessClient
 from app.jobs.kernels import Kernels
 from app.jobs.placement import _stages
 from app.jobs.tasks import Tasks
-from app.looking import what_is_missing
-from app.messages import Progress, Response, SceneOpened, SceneSeen, SkyImage
+from app.view_controller import describe_empty_frame
+from app.messages import Progress, Response, SceneOpened, ViewTraced, SkyImage
 from app.placement.messages import (
     Contract,
     ErrorEstimated,
@@ -55,7 +55,7 @@ from tests.pictures import write_exr
 
 def test_an_opened_scene_tells_what_the_window_needs(source: str, store: Store) -> None:
     answers = open_in_process(Tasks(store), source)
-    assert [type(answer) for answer in answers] == [Progress, SceneOpened, Progress, SceneSeen]
+    assert [type(answer) for answer in answers] == [Progress, SceneOpened, Progress, ViewTraced]
     frame = answers[-1].frame
     n_points = frame.n_points
     assert (frame.width, frame.height) == (48, 48)
@@ -319,8 +319,8 @@ def test_a_camera_that_sees_nothing_to_edit_has_a_picture_of_that(
     text = SCENE.replace("target = [0, 0.3, 0]", f"target = {target}").replace("fov_y = 45", "fov_y = 8")
     path.write_text(text.replace("0,0,5,0, 0,-5,0,0", "0,0,0.1,0, 0,-0.1,0,0"))
     tasks = Tasks(store)
-    seen = next(a for a in open_in_process(tasks, str(path)) if isinstance(a, SceneSeen))
-    assert seen.frame.n_points == 0 and what_is_missing(seen.frame) == f"the camera sees {sees}"
+    seen = next(a for a in open_in_process(tasks, str(path)) if isinstance(a, ViewTraced))
+    assert seen.frame.n_points == 0 and describe_empty_frame(seen.frame) == f"the camera sees {sees}"
     answers = run_in_process(tasks, compute(n_bounces=2))
     assert {key: len(picture) for key, picture in pictures(answers).items()} == dict.fromkeys(pictures(answers), 0)
     assert isinstance(answers[-1], StageDone) and answers[-1].exact

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from app.machine.atomic import replacing_folder, require_folder, require_place, save_file
-from app.machine.inputs import inputs_are, note_inputs, require_no_input
+from app.machine.inputs import set_inputs, add_inputs, require_no_input
 from engine.errors import InsituError
 
 
@@ -19,9 +19,9 @@ def source(tmp_path: Path) -> Iterator[Path]:
     file = tmp_path / "scene" / "sky.exr"
     file.parent.mkdir()
     file.write_bytes(b"light")
-    inputs_are([file])
+    set_inputs([file])
     yield file
-    inputs_are([])
+    set_inputs([])
 
 
 def symbolic(source: Path, link: Path) -> Path:
@@ -72,7 +72,7 @@ def test_a_file_beside_it_is_free(source: Path) -> None:
 def test_a_session_may_be_saved_where_it_was_read_and_over_nothing_else(source: Path, tmp_path: Path) -> None:
     session = tmp_path / "a.insitu"
     session.write_bytes(b"old")
-    note_inputs([session])
+    add_inputs([session])
     save_file(session, b"new", session=session)
     with pytest.raises(InsituError, match="the project reads this file"):
         require_no_input(session)
@@ -84,7 +84,7 @@ def test_a_session_may_be_saved_where_it_was_read_and_over_nothing_else(source: 
 
 
 def test_another_project_has_other_files(source: Path) -> None:
-    inputs_are([])
+    set_inputs([])
     save_file(source, b"free")
     assert source.read_bytes() == b"free"
 

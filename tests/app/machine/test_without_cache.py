@@ -55,7 +55,7 @@ def test_the_editor_works_without_a_cache_and_says_so_once(folder: Path, tmp_pat
     editor = Editor(client, scene, resolution=(12, 8))
     editor.do(SetView.of(n_lights=500, n_bounces=1))
     said = messages(editor, client)
-    assert editor.talk._transport.delivered_final
+    assert editor.controller._transport.delivered_final
     about = [line for line in said if "cache" in line]
     assert len(about) == 1 and about[0].startswith(f"the cache in {folder} ") and editor.status.is_error
     assert about[0].endswith("results stay in memory only")

@@ -12,7 +12,7 @@ from app.commands.layers import SetParameter
 from app.commands.light import SetRotation
 from app.document import document_from_description
 from app.history import History
-from app.messages import Cancel, Failed, Request
+from app.messages import CancelRequests, RequestFailed, Request
 from app.mode import OpenedScene
 from app.orbit.events import OrbitPicture
 from app.orbit.messages import (
@@ -29,7 +29,7 @@ from app.orbit.messages import (
 from app.orbit.talk import LOOK_SECONDS, REST_SECONDS, OrbitTalk
 from app.orbit.wishes import MOVING_SECONDS, STEPS, WINDOW_SECONDS, Pace
 from app.placement.messages import ComputeTransport
-from app.status import Gauges, Status
+from app.editor_status import StatusMetrics, Status
 from app.view_state import ViewState
 from engine.planner import band_counts
 from engine.render.picture_error import ErrorEstimate
@@ -45,7 +45,7 @@ class Table:
     def __init__(self) -> None:
         self.description = SceneDescription.model_validate(SCENE)
         self.document = document_from_description("stand-in", self.description)
-        self.barrier, self.gauges, self.view = Barrier(), Gauges(), ViewState(mode="orbit", n_bounces=1)
+        self.barrier, self.metrics, self.view = Barrier(), StatusMetrics(), ViewState(mode="orbit", n_bounces=1)
         self.history = History(self.document)
         self.sent: list[Request] = []
         self._kept: dict[type, object] = {}
@@ -58,13 +58,13 @@ class Table:
         self.sent.append(request)
         return len(self.sent)
 
-    def kept(self, kind):  # type: ignore[no-untyped-def]
+    def shared_state(self, kind):  # type: ignore[no-untyped-def]
         """One of each kind."""
         return self._kept.setdefault(kind, kind())
 
     def notify(self, text: str, is_error: bool = False) -> None: ...
 
-    def say_once(self, note: str) -> None: ...
+    def notify_once(self, note: str) -> None: ...
 
     def document_changed(self) -> None:
         self.talk.edited()
@@ -77,20 +77,20 @@ class Table:
 
     def look(self, camera: Camera | None) -> None:
         self.view = replace(self.view, camera=camera)
-        self.talk.looked_away()
+        self.talk.view_moved()
 
     def id_of(self, kind: type[Request]) -> int:
         """The number of the newest of that kind."""
         return max(i + 1 for i, request in enumerate(self.sent) if isinstance(request, kind))
 
     def advance(self, version: int, is_done: bool = True) -> None:
-        self.talk.take(OrbitAdvanced(version, is_done, id=self.id_of(PrepareOrbit)))
+        self.talk.receive(OrbitAdvanced(version, is_done, id=self.id_of(PrepareOrbit)))
 
     def drawn(self, version: int, is_done: bool = True, prepared: int = 0) -> list[object]:
         """The answer to the newest picture that was asked for."""
         radiance = np.ones((2, 2, 3), np.float32)
         prepared = prepared or self.id_of(PrepareOrbit)
-        return self.talk.take(OrbitDrawn(radiance, prepared, version, is_done, 0.01, id=self.id_of(DrawOrbit)))
+        return self.talk.receive(OrbitDrawn(radiance, prepared, version, is_done, 0.01, id=self.id_of(DrawOrbit)))
 
 
 @pytest.fixture
@@ -110,7 +110,7 @@ def test_nothing_is_drawn_before_there_is_anything_to_draw_of() -> None:
     table = Table()
     table.update()
     status = table.talk.status(Status())
-    assert table.update(1.0) == [] and status.picture == "waiting" and not status.goes_with_hand
+    assert table.update(1.0) == [] and status.picture == "waiting" and not status.follows_input
 
 
 def test_a_plain_picture_that_a_worker_without_a_scene_was_asked_for_is_not_asked_for_again_and_again() -> None:
@@ -119,14 +119,14 @@ def test_a_plain_picture_that_a_worker_without_a_scene_was_asked_for_is_not_aske
     table.look(CAMERAS[0])
     (asked,) = table.update()
     assert isinstance(asked, DrawPlainly)
-    table.talk.take(OrbitUnknown(id=table.id_of(DrawPlainly)))
+    table.talk.receive(OrbitUnknown(id=table.id_of(DrawPlainly)))
     assert table.update() == [] and table.update() == []
     table.look(CAMERAS[1])
     assert [type(request) for request in table.update()] == [DrawPlainly]
 
 
 def test_from_the_first_picture_on_it_goes_with_the_hand(table: Table) -> None:
-    assert table.talk.status(Status()).goes_with_hand
+    assert table.talk.status(Status()).follows_input
 
 
 def test_a_camera_that_moves_has_one_picture_under_way_and_the_next_is_of_then(table: Table) -> None:
@@ -156,7 +156,7 @@ def test_placement_has_its_turn_once_the_picture_is_whole_and_loses_it_to_a_hand
     table.update()
     assert [type(request) for request in table.update()] == [ComputeTransport]
     table.look(CAMERAS[0])
-    assert Cancel(of=(ComputeTransport,)) in table.sent
+    assert CancelRequests(of=(ComputeTransport,)) in table.sent
     assert [type(request) for request in table.update()] == [DrawOrbit]
 
 
@@ -190,7 +190,7 @@ def test_what_a_picture_saw_that_nothing_was_ready_for_is_made_ready(table: Tabl
 def test_a_worker_that_has_nothing_to_draw_of_is_told_again(table: Table) -> None:
     table.look(CAMERAS[0])
     table.update()
-    table.talk.take(OrbitUnknown(id=table.id_of(DrawOrbit)))
+    table.talk.receive(OrbitUnknown(id=table.id_of(DrawOrbit)))
     assert [type(request) for request in table.update()] == [PrepareOrbit]
 
 
@@ -198,9 +198,9 @@ def test_a_picture_that_failed_is_not_asked_for_again_and_again(table: Table) ->
     table.look(CAMERAS[0])
     table.update()
     table.update(REST_SECONDS)
-    table.talk.take(Failed("no", id=table.id_of(DrawOrbit)))
+    table.talk.receive(RequestFailed("no", id=table.id_of(DrawOrbit)))
     table.update()
-    table.talk.take(Failed("no", id=table.id_of(DrawOrbit)))
+    table.talk.receive(RequestFailed("no", id=table.id_of(DrawOrbit)))
     assert table.update() == [] and table.update(1.0) == []
 
 
@@ -238,7 +238,7 @@ def test_a_window_that_draws_itself_asks_for_pictures_at_rest_alone(drawing: Tab
     (asked,) = drawing.update(REST_SECONDS)
     assert asked == DrawOrbit(CAMERAS[-1], (WIDTH, HEIGHT), "rest")
     drawing.look(CAMERAS[0])  # which a hand does not wait for
-    assert drawing.update() == [Cancel(of=(DrawOrbit,)), LookOrbit(CAMERAS[0])]
+    assert drawing.update() == [CancelRequests(of=(DrawOrbit,)), LookOrbit(CAMERAS[0])]
     assert drawing.drawn(1) == [] and drawing.talk.drawn_in_window is not None
 
 
@@ -298,7 +298,7 @@ def judged(table: Table) -> EstimateOrbit:
     """What is asked once the picture rests, answered."""
     table.update()
     (asked,) = (request for request in table.update(1.0) if isinstance(request, EstimateOrbit))
-    table.talk.take(DrawnEstimated(NEAR, FAR, id=table.id_of(EstimateOrbit)))
+    table.talk.receive(DrawnEstimated(NEAR, FAR, id=table.id_of(EstimateOrbit)))
     return asked
 
 
@@ -330,7 +330,7 @@ def test_where_it_is_off_is_told_where_that_is_asked_for(table: Table) -> None:
     colours = np.zeros((HEIGHT, WIDTH, 4), np.uint8)
     assert asked.has_map and table.talk.status(Status()).error_colours is None
     assert table.talk.status(Status()).estimate == NEAR  # the same picture's, so that its map is awaited
-    table.talk.take(DrawnEstimated(NEAR, FAR, colours, id=table.id_of(EstimateOrbit)))
+    table.talk.receive(DrawnEstimated(NEAR, FAR, colours, id=table.id_of(EstimateOrbit)))
     assert table.talk.status(Status()).error_colours is colours
     table.look(CAMERAS[0])
     table.update()
@@ -342,14 +342,14 @@ def test_a_picture_that_is_seen_no_more_is_not_judged(table: Table) -> None:
     assert [type(request) for request in table.update(1.0)].count(EstimateOrbit) == 1
     late = table.id_of(EstimateOrbit)
     table.look(CAMERAS[0])
-    assert Cancel(of=(EstimateOrbit,)) in table.update()
-    table.talk.take(DrawnEstimated(NEAR, FAR, id=late))
+    assert CancelRequests(of=(EstimateOrbit,)) in table.update()
+    table.talk.receive(DrawnEstimated(NEAR, FAR, id=late))
     assert table.talk.status(Status()).estimate is None
 
 
 def test_what_cannot_be_judged_is_not_asked_for_again(table: Table) -> None:
     table.update()
     table.update(1.0)
-    table.talk.take(Failed("no", id=table.id_of(EstimateOrbit)))
+    table.talk.receive(RequestFailed("no", id=table.id_of(EstimateOrbit)))
     assert not [request for request in table.update(5.0) if isinstance(request, EstimateOrbit)]
     assert table.talk.status(Status()).estimate is None

@@ -30,20 +30,20 @@ def test_stages_go_from_preview_to_exact(editor: Editor, client: FakeClient) -> 
     client.finish_stage("final", exact=True)
     editor.tick(0.2)
     assert editor.status.picture == "refining"  # the renderer has not yet said that it shows all coefficients
-    editor.talk.rendered(EXACT)
+    editor.controller.rendered(EXACT)
     assert editor.status.picture == "exact"
     assert editor.status.precomputed_mb == 2.0
     assert client.sent(Contract) == []  # all was delivered with the stage
 
 
 def test_curve_edits_of_the_selected_layer_ask_for_nothing(settled: Editor, client: FakeClient) -> None:
-    before = settled.talk.wanted_coefficients("pot.1")["theta_h"]
-    settled.talk.rendered(EXACT)
+    before = settled.controller.wanted_coefficients("pot.1")["theta_h"]
+    settled.controller.rendered(EXACT)
     settled.do(AddOperator("pot.1", "theta_h", LIFT))
     assert settled.status.picture == "refining"
     settled.tick(5.0)
     assert client.requests == []
-    raised = settled.talk.wanted_coefficients("pot.1")["theta_h"] - before
+    raised = settled.controller.wanted_coefficients("pot.1")["theta_h"] - before
     # the bands within [b, c] rise by the magnitude, those well outside [a, d] not at all
     nodes = band_nodes(len(raised))
     full, outside = (nodes >= 0.2) & (nodes <= 0.3), nodes > 0.6
@@ -57,32 +57,32 @@ def test_switching_the_curve_contracts_the_other(settled: Editor, client: FakeCl
     (request,) = client.sent(Contract)
     assert (request.layer.key, request.factor) == ("pot.1", "theta_d")
     assert request.layer.factors == ("theta_h", "theta_d")
-    settled.talk.rendered(EXACT)
+    settled.controller.rendered(EXACT)
     assert settled.status.picture == "refining"
     client.contract("final")
     events = settled.tick(1.2)
     assert [type(event) for event in events] == [TransportReady]  # the picture is there: its curves are as they were
     settled.tick(1.3)
-    settled.talk.rendered(EXACT)
+    settled.controller.rendered(EXACT)
     assert settled.status.picture == "exact"
     assert len(client.sent(Contract)) == 1
 
 
 def test_another_precision_is_asked_for_at_once(settled: Editor, client: FakeClient) -> None:
-    settled.talk.rendered(replace(EXACT, precision="half"))
+    settled.controller.rendered(replace(EXACT, precision="half"))
     assert settled.status.picture == "exact" and settled.status.transport_note == ""
     settled.do(SetView.of(precision="float"))
     settled.tick(1.1)
     (request,) = client.sent(Contract)
     assert (request.layer.key, request.factor, request.precision) == ("pot.1", "theta_h", "float")
-    settled.talk.rendered(replace(EXACT, precision="half"))  # the picture stays as it is meanwhile
+    settled.controller.rendered(replace(EXACT, precision="half"))  # the picture stays as it is meanwhile
     assert settled.status.picture == "refining"
     assert settled.status.transport_note == "made with half floats until full floats are here"
     client.contract("final")
     events = settled.tick(1.2)
     assert [type(event) for event in events] == [TransportReady]  # the picture is there: its curves are as they were
     settled.tick(1.3)
-    settled.talk.rendered(replace(EXACT, precision="float"))
+    settled.controller.rendered(replace(EXACT, precision="float"))
     assert settled.status.picture == "exact" and settled.status.transport_note == ""
     assert len(client.sent(Contract)) == 1
 
@@ -111,7 +111,7 @@ def test_the_other_curve_is_contracted_again_one_at_a_time(settled: Editor, clie
     requests = client.sent(Contract)
     assert len(requests) == 2 and computed(client) == []
     assert requests[0].picture and requests[1].picture  # another curve makes another picture
-    wanted = settled.talk.wanted_coefficients("pot.1")["theta_d"]
+    wanted = settled.controller.wanted_coefficients("pot.1")["theta_d"]
     assert np.array_equal(requests[1].layer.coefficients[1], wanted)
 
 
@@ -147,7 +147,7 @@ def test_roughness_is_asked_for_when_the_hand_rests(settled: Editor, client: Fak
 def test_undo_of_another_layer_asks_for_its_picture_alone(settled: Editor, client: FakeClient) -> None:
     settled.do(AddOperator("pot.1", "theta_h", LIFT))
     settled.tick(1.05)
-    settled.talk.rendered(EXACT)
+    settled.controller.rendered(EXACT)
     settled.select("floor.0")
     settled.tick(1.1)
     client.contract("final")
@@ -157,12 +157,12 @@ def test_undo_of_another_layer_asks_for_its_picture_alone(settled: Editor, clien
     settled.tick(1.3)
     (request,) = client.sent(Contract)
     assert (request.layer.key, request.factor) == ("pot.1", None)  # no transport: nobody selects it
-    assert np.array_equal(request.layer.coefficients[0], settled.talk.wanted_coefficients("pot.1")["theta_h"])
+    assert np.array_equal(request.layer.coefficients[0], settled.controller.wanted_coefficients("pot.1")["theta_h"])
     client.contract("final")
     events = settled.tick(1.4)
     assert [type(event) for event in events] == [LayerRadiance]
     settled.tick(1.5)
-    settled.talk.rendered(EXACT)
+    settled.controller.rendered(EXACT)
     assert settled.status.picture == "exact"
     assert len(client.requests) == 1  # the floor's transport is still there: it is not asked for again
 
@@ -170,7 +170,7 @@ def test_undo_of_another_layer_asks_for_its_picture_alone(settled: Editor, clien
 def test_a_layer_rendered_exactly_is_not_asked_for_when_left(settled: Editor, client: FakeClient) -> None:
     settled.do(AddOperator("pot.1", "theta_h", LIFT))
     settled.tick(1.05)
-    settled.talk.rendered(EXACT)
+    settled.controller.rendered(EXACT)
     settled.select("floor.0")
     settled.tick(1.1)
     client.contract("final")
@@ -202,7 +202,7 @@ def test_a_stage_without_the_selected_curve_is_asked_for_it_once(editor: Editor,
     assert [request.factor for request in client.sent(Contract)] == ["theta_d", "theta_d"]
     client.contract("final")
     editor.tick(0.6)
-    editor.talk.rendered(EXACT)
+    editor.controller.rendered(EXACT)
     assert editor.status.picture == "exact"
 
 
@@ -229,18 +229,18 @@ def test_a_stage_made_with_older_curves_is_put_right(editor: Editor, client: Fak
     assert request.layer.key == "pot.1"
     client.contract("final")
     editor.tick(0.3)
-    editor.talk.rendered(EXACT)
+    editor.controller.rendered(EXACT)
     assert editor.status.picture == "exact"
 
 
 def test_a_new_worker_begins_with_a_preview(editor: Editor, client: FakeClient) -> None:
     client.finish_stage("final", exact=True)
     editor.tick(1.0)
-    editor.talk.rendered(EXACT)
+    editor.controller.rendered(EXACT)
     assert editor.status.picture == "exact"
     client.answer(OpenScene("shelf"), WorkerRestarted("signal 9"))
     editor.tick(1.5)
-    editor.talk.rendered(EXACT)
+    editor.controller.rendered(EXACT)
     assert editor.status.picture == "refining"  # what is on screen is still as it was
     client.finish_stage("coarse", exact=False)
     editor.tick(1.6)
@@ -258,7 +258,7 @@ def test_a_fixed_object_is_asked_for_without_bands(client: FakeClient) -> None:
     client.finish_stage("final", exact=True)
     editor.tick(0.1)
     editor.tick(0.2)
-    editor.talk.rendered(EXACT)
+    editor.controller.rendered(EXACT)
     assert editor.status.picture == "exact"
     assert client.sent(Contract) == []  # its curves are shown, but there is nothing to bend
 
@@ -271,19 +271,19 @@ def test_making_an_object_editable_keeps_the_picture_and_asks_for_its_bands(
     settled.tick(1.4)
     client.finish_stage("final", exact=True)
     settled.tick(1.5)
-    settled.talk.rendered(EXACT)
+    settled.controller.rendered(EXACT)
     assert settled.status.picture == "exact"
     settled.do(SetEditable("floor", True))
     settled.tick(1.6)
     settled.tick(1.9)
     assert [layer.fixed for layer in computed(client)[-1].scene.layers] == [False, False, False]
-    settled.talk.rendered(EXACT)
+    settled.controller.rendered(EXACT)
     # All on screen is final and stays; only the floor's curves cannot be bent yet.
     assert settled.status.picture == "refining" and settled.status.material_note == ""
     assert settled.status.transport_note == "floor.0: shown as it was until its bands are here"
     client.finish_stage("final", exact=True)
     settled.tick(2.0)
-    settled.talk.rendered(EXACT)
+    settled.controller.rendered(EXACT)
     assert settled.status.picture == "exact" and settled.status.transport_note == ""
 
 
@@ -299,5 +299,5 @@ def test_a_fixed_curve_that_changes_is_part_of_its_transport(settled: Editor, cl
     assert settled.status.material_note == "the curve of a fixed object follows when the hand rests"
     settled.tick(1.9)
     (work,) = computed(client)[n_before:]
-    assert np.array_equal(work.scene.layers[2].coefficients[0], settled.talk.wanted_coefficients("floor.0")["theta_i"])
+    assert np.array_equal(work.scene.layers[2].coefficients[0], settled.controller.wanted_coefficients("floor.0")["theta_i"])
     assert settled.status.picture == "preview" and client.sent(Contract) == []

@@ -5,7 +5,7 @@ import numpy as np
 from app.commands.light import SetEnvironment, SetRotation
 from app.editor import Editor
 from app.messages import SkyImage
-from app.picture import SkyChanged
+from app.picture_events import SkyChanged
 from app.placement.events import LayerRadiance, TransportReady
 from app.placement.messages import BouncesPlanned
 from app.placement.status import RenderReport
@@ -34,7 +34,7 @@ def test_turning_asks_for_quick_pictures_one_at_a_time(settled: Editor, client: 
     assert not computed(client)[-1].is_drag and computed(client)[-1].scene.light.rotation == 33.0
     client.finish_stage("final", exact=True)
     settled.tick(3.0)
-    settled.talk.rendered(EXACT)
+    settled.controller.rendered(EXACT)
     assert settled.status.picture == "exact" and settled.status.light_note == ""
 
 
@@ -61,11 +61,11 @@ def test_another_environment_at_the_same_rotation_is_not_refined_before_it_is_sh
     settled.tick(2.3)
     client.finish_stage("coarse", exact=False)  # not as good as what is on screen
     settled.tick(2.4)
-    assert settled.talk.drawn.light.environment == "scene"
+    assert settled.controller.drawn.light.environment == "scene"
     assert settled.status.light_note == "the light before is shown until this one is as good"
     client.finish_stage("preview", exact=False)
     settled.tick(2.5)
-    assert settled.talk.drawn.light.environment == "studio"
+    assert settled.controller.drawn.light.environment == "studio"
     assert settled.status.light_note == "being refined for 30.0°"
 
 
@@ -128,8 +128,8 @@ def test_the_sky_is_handed_on_though_the_light_was_turned_meanwhile(settled: Edi
     settled.tick(1.5)
     assert len(computed(client)) == 2  # the worker says what sky it is once, under the first of both
     client.answer(under_way, SkyImage(np.ones((2, 4, 3)), id=VIEW_ID))
-    assert settled.tick(1.6) == [] and settled.talk.drawn.light.environment == "scene"  # its pictures are not there yet
+    assert settled.tick(1.6) == [] and settled.controller.drawn.light.environment == "scene"  # its pictures are not there yet
     client.finish_stage("drag", exact=True)
     sky, *layers = settled.tick(1.7)
     assert isinstance(sky, SkyChanged) and {type(event) for event in layers} == {LayerRadiance, TransportReady}
-    assert all(event.with_next for event in (sky, *layers[:-1])) and settled.talk.drawn is settled.document
+    assert all(event.with_next for event in (sky, *layers[:-1])) and settled.controller.drawn is settled.document

@@ -11,7 +11,7 @@ from app.document import Document
 from app.editor import Editor
 from app.files.library import Library
 from app.jobs.tasks import Tasks
-from app.messages import Failed
+from app.messages import RequestFailed
 from app.placement.messages import BandsPlanned, ComputeTransport, PlanBands
 from app.placement.status import RenderReport
 from app.view_state import SetView
@@ -32,7 +32,7 @@ def editor(client: FakeClient, monkeypatch: pytest.MonkeyPatch) -> Editor:
     editor.tick(0.0)
     client.finish_stage("final", exact=True)
     editor.tick(1.0)
-    editor.talk.rendered(RenderReport(exact=True))
+    editor.controller.rendered(RenderReport(exact=True))
     assert editor.status.picture == "exact"
     client.plans = False
     client.requests.clear()
@@ -64,13 +64,13 @@ def test_transport_waits_for_the_workers_plan(editor: Editor, client: FakeClient
     seen = editor.document.layer(key)
     for now in (2.0, 3.0, 4.0):  # the layer is edited on; it is planned as it came
         editor.tick(now)
-        editor.talk.rendered(RenderReport(exact=True))
+        editor.controller.rendered(RenderReport(exact=True))
         assert editor.status.picture != "exact"
         assert editor.do(SetParameter(key, MOVED[seen.model.name], 0.1 * now)) is None
     (asked,) = client.sent(PlanBands)
     assert client.requests == [asked] and seen in asked.layers
     usual = usual_bands(seen.model)
-    assert {factor: len(values) for factor, values in editor.talk.wanted_coefficients(key).items()} == usual
+    assert {factor: len(values) for factor, values in editor.controller.wanted_coefficients(key).items()} == usual
     planned = {factor: 2 * n for factor, n in usual.items()}
     client.answer(asked, BandsPlanned((planned,) * len(asked.layers)))
     for now in (4.3, 4.6):  # bands other than the usual: the hand is to rest anew
@@ -100,18 +100,18 @@ def test_undo_finds_what_was_planned(editor: Editor, client: FakeClient) -> None
     client.finish_stage("final", exact=True)
     editor.undo()
     editor.tick(5.0)
-    editor.talk.rendered(RenderReport(exact=True))
+    editor.controller.rendered(RenderReport(exact=True))
     assert editor.status.picture == "exact" and len(client.sent(PlanBands)) == 2
 
 
 def bands_of(editor: Editor, key: str) -> dict[str, int]:
-    return {factor: len(values) for factor, values in editor.talk.wanted_coefficients(key).items()}
+    return {factor: len(values) for factor, values in editor.controller.wanted_coefficients(key).items()}
 
 
 def test_what_cannot_be_planned_has_the_usual_bands(editor: Editor, client: FakeClient) -> None:
     editor.do(SetModel("pot.1", "cook_torrance"))
     editor.tick(2.0)
-    client.answer(client.sent(PlanBands)[0], Failed("internal error"))
+    client.answer(client.sent(PlanBands)[0], RequestFailed("internal error"))
     editor.tick(2.3)
     assert bands_asked(client, "pot.1") == tuple(usual_bands(GLOSS.model).values())
     assert editor.status.message == "internal error"
@@ -140,7 +140,7 @@ def test_a_plan_that_comes_after_a_stop_does_not_undo_it(editor: Editor, client:
 
 def test_a_mode_that_is_left_and_come_back_to_finds_its_plans(editor: Editor, client: FakeClient) -> None:
     editor.do(SetParameter("pot.1", "alpha", 0.15))  # edited by hand, a layer keeps the bands that it came with
-    bands = {key: dict(editor.talk.curves.bands(editor.document, key)) for key, _ in editor.document.layers()}
+    bands = {key: dict(editor.controller.curves.bands(editor.document, key)) for key, _ in editor.document.layers()}
     editor.do(SetModel("pot.0", "cook_torrance"))
     editor.tick(2.0)
     (asked,) = client.sent(PlanBands)
@@ -153,5 +153,5 @@ def test_a_mode_that_is_left_and_come_back_to_finds_its_plans(editor: Editor, cl
         editor.tick(3.0)
         editor.tick(4.0)
     assert client.sent(PlanBands) == [asked]
-    found = {key: dict(editor.talk.curves.bands(editor.document, key)) for key, _ in editor.document.layers()}
+    found = {key: dict(editor.controller.curves.bands(editor.document, key)) for key, _ in editor.document.layers()}
     assert found == bands | {"pot.0": planned}

@@ -7,7 +7,7 @@ from app.commands.curves import AddOperator
 from app.commands.layers import SetParameter, SetVisible
 from app.commands.light import SetEnvironment, SetRotation
 from app.editor import Editor
-from app.messages import Failed
+from app.messages import RequestFailed
 from app.placement.events import ComparedRefined
 from app.placement.indirect_talk import IndirectTalk
 from app.placement.messages import Contract, LayerPicture
@@ -46,7 +46,7 @@ def finish(editor: Editor, client: FakeClient, now: float) -> list[ComparedRefin
     """The final stage comes and the renderer shows all of it; what is told of A in the tick after."""
     client.finish_stage("final", exact=True)
     editor.tick(now)
-    editor.talk.rendered(EXACT)
+    editor.controller.rendered(EXACT)
     return refined(editor, now + 0.01)
 
 
@@ -119,7 +119,7 @@ def finish_edited(editor: Editor, client: FakeClient) -> list[ComparedRefined]:
     client.contract("final")
     client.requests.clear()  # B's own request for that layer
     editor.tick(1.1)
-    editor.talk.rendered(EXACT)
+    editor.controller.rendered(EXACT)
     return told + refined(editor, 1.2)
 
 
@@ -156,7 +156,7 @@ def test_a_that_cannot_be_drawn_stays_as_it_is(early: Editor, client: FakeClient
     early.do(LIFT)
     finish_edited(early, client)
     request = asked_for_a(client)[-1]
-    client.answer(request, Failed("out of memory"))
+    client.answer(request, RequestFailed("out of memory"))
     early.tick(1.3)
     for now in (2.0, 10.0, 20.0):
         assert refined(early, now) == []

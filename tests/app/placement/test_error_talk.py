@@ -16,11 +16,11 @@ from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.indirect import IndirectTasks
 from app.jobs.tasks import Tasks
-from app.messages import Cancel, Request, Response
+from app.messages import CancelRequests, Request, Response
 from app.placement.indirect_talk import FINE_STAGE
 from app.placement.messages import ComputeTransport, ErrorEstimated, EstimateError
 from app.placement.status import RenderReport
-from app.project import ProjectWords
+from app.project import ProjectSpec
 from app.stills import render_project
 from app.view_state import SetView
 from engine.curve.operators import Operator
@@ -74,7 +74,7 @@ class Desk:
         for _ in range(n):
             self.now += seconds
             self.editor.tick(self.now)
-            self.editor.talk.rendered(RenderReport(exact=True))
+            self.editor.controller.rendered(RenderReport(exact=True))
 
     def until_open(self) -> None:
         for _ in range(1000):
@@ -106,7 +106,7 @@ def desk(tmp_path: Path) -> Desk:
 def test_it_is_what_a_still_says_of_itself(desk: Desk) -> None:
     desk.until_judged()
     found = desk.editor.status.estimate
-    project = ProjectWords(str(desk.scene), overrules=(("sphere", 1),)).open()  # shadows as the editor keeps them
+    project = ProjectSpec(str(desk.scene), overrides=(("sphere", 1),)).open()  # shadows as the editor keeps them
     still = render_project(project, lambda _: None, n_lights=500, series=BounceSeries(1), estimates_error=True)
     assert found is not None and still.error is not None
     assert 0.5 * still.error.overall < found.overall < 2.0 * still.error.overall and found.indirect is None
@@ -173,7 +173,7 @@ def test_what_is_asked_is_dropped_at_the_next_edit(desk: Desk) -> None:
     assert desk.client.steps(4) == []  # it has begun
     desk.editor.do(AddOperator("ball.0", "theta_h", LIFT))
     desk.frames(1)
-    assert [request.of for request in desk.client.requests if isinstance(request, Cancel)] == [(EstimateError,)]
+    assert [request.of for request in desk.client.requests if isinstance(request, CancelRequests)] == [(EstimateError,)]
     assert not any(isinstance(answer, ErrorEstimated) for answer in desk.client.steps(200))
 
 

@@ -5,7 +5,7 @@ import pytest
 from app.commands.layers import SetParameter
 from app.commands.light import SetEnvironment, SetIntensity, SetMapping, SetRotation
 from app.editor import Editor
-from app.messages import Failed
+from app.messages import RequestFailed
 from app.placement.messages import ComputeTransport
 from tests.app.fake_worker import FakeClient
 
@@ -28,7 +28,7 @@ def fail_newest(editor: Editor, client: FakeClient, now: float) -> None:
     """Let the hand rest, and the worker refuse what is asked then."""
     editor.tick(now)
     editor.tick(now + 0.5)
-    client.answer(client.sent(ComputeTransport)[-1], Failed(LINE))
+    client.answer(client.sent(ComputeTransport)[-1], RequestFailed(LINE))
     editor.tick(now + 0.6)
 
 
@@ -54,7 +54,7 @@ def test_edits_made_meanwhile_stay(editor: Editor, client: FakeClient) -> None:
     editor.tick(2.5)
     request = client.sent(ComputeTransport)[-1]
     editor.do(SetIntensity(3.0))
-    client.answer(request, Failed(LINE))
+    client.answer(request, RequestFailed(LINE))
     editor.tick(2.6)
     light = editor.document.light
     assert (light.environment, light.intensity) == ("scene", 3.0)
@@ -85,6 +85,6 @@ def test_a_light_that_worked_once_is_kept_when_it_fails_later(editor: Editor, cl
     client.finish_stage("coarse", exact=False)
     editor.tick(2.6)
     before = editor.document
-    client.answer(client.sent(ComputeTransport)[-1], Failed("out of memory"))
+    client.answer(client.sent(ComputeTransport)[-1], RequestFailed("out of memory"))
     editor.tick(2.7)
     assert editor.document is before

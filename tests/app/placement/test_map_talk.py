@@ -28,7 +28,7 @@ def editor(client: FakeClient) -> Editor:
     ticks(editor)
     client.finish_stage("final", exact=True)
     ticks(editor)
-    editor.talk.rendered(EXACT)
+    editor.controller.rendered(EXACT)
     return editor
 
 
@@ -57,7 +57,7 @@ def test_samples_come_once_for_a_file_and_numbers_need_none(editor: Editor, clie
     assert request.layers == (("pot.0", Images("oak.png")),)
     (event,) = sample(editor, client)
     assert event.key == "pot.0" and (event.samples == 0.5).all() and not event.has_weight
-    editor.talk.rendered(EXACT)
+    editor.controller.rendered(EXACT)
     assert editor.status.picture == "exact"
     editor.do(SetMap("pot.0", "texture_strength", 0.25))
     editor.do(SetMap("pot.0", "weight_invert", True))
@@ -84,9 +84,9 @@ def test_the_old_image_stays_until_the_new_is_here_and_undo_needs_nobody(editor:
 def test_the_mean_reaches_indirect_light(editor: Editor, client: FakeClient) -> None:
     editor.do(OAK)
     ticks(editor)
-    plain = editor.talk.curves.sent_gain(editor.document, "pot.0")
+    plain = editor.controller.curves.sent_gain(editor.document, "pot.0")
     sample(editor, client)
-    curves, document = editor.talk.curves, editor.document
+    curves, document = editor.controller.curves, editor.document
     np.testing.assert_allclose(curves.sent_gain(document, "pot.0"), plain * [0.5, 0.25, 1.0])
     np.testing.assert_array_equal(curves.gain(document, "pot.0"), plain)  # to the eye the image itself counts
     editor.do(SetMap("pot.0", "texture_strength", 0.5))
@@ -108,7 +108,7 @@ def test_an_image_that_cannot_be_used_leaves_the_document_again(editor: Editor, 
     assert editor.document == before and editor.history.undo_label is None
     assert editor.status.is_error and "13000" in editor.status.message
     assert ticks(editor) == []
-    editor.talk.rendered(EXACT)
+    editor.controller.rendered(EXACT)
     assert editor.status.picture == "exact"
 
 
@@ -118,16 +118,16 @@ def test_one_that_was_edited_on_stays_and_is_told(editor: Editor, client: FakeCl
     editor.do(SetMap("pot.0", "texture_strength", 0.5))
     refuse(editor, client)
     maps = editor.document.layer("pot.0").maps
-    assert maps.texture == "oak.png" and "13000" in str(editor.talk.maps.refusal("pot.0", maps))
+    assert maps.texture == "oak.png" and "13000" in str(editor.controller.maps.refusal("pot.0", maps))
     ticks(editor)
-    assert len(client.sent(SampleMaps)) == 1 and editor.talk.maps.is_complete  # nobody asks for it again
+    assert len(client.sent(SampleMaps)) == 1 and editor.controller.maps.is_complete  # nobody asks for it again
 
 
 def test_files_that_were_painted_on_are_sampled_again(editor: Editor, client: FakeClient) -> None:
     editor.do(OAK)
     ticks(editor)
     sample(editor, client, 0.25)
-    editor.talk.rendered(EXACT)
+    editor.controller.rendered(EXACT)
     editor.reload_images("pot.0")
     assert ticks(editor) == [] and editor.status.picture != "exact"  # the old one is shown meanwhile
     assert [request.layers for request in client.sent(SampleMaps)] == 2 * [(("pot.0", Images("oak.png")),)]
@@ -192,7 +192,7 @@ def test_side_a_is_drawn_with_its_own_image(client: FakeClient) -> None:
     sample(editor, client, 0.75)
     client.finish_stage("final", exact=True)
     ticks(editor)
-    editor.talk.rendered(EXACT)
+    editor.controller.rendered(EXACT)
     (event,) = (e for e in editor.tick(0.5) if isinstance(e, ComparedRefined))
     samples, strength, inverts = event.looks["pot.0"].maps
     assert samples is not None and (samples == 0.25).all() and (strength, inverts) == (1.0, False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from app.document import document_from_description
-from app.messages import Cancel, Request
+from app.messages import CancelRequests, Request
 from app.placement.curves import Curves
 from app.placement.messages import PrepareRelighting, RelightingPrepared
 from app.placement.relight_talk import REST_SECONDS, RelightTalk
@@ -52,10 +52,10 @@ def test_it_is_asked_once_when_the_picture_rests(talk: RelightTalk, sent: list[R
 def test_another_picture_gives_up_what_is_under_way(talk: RelightTalk, sent: list[Request], changed) -> None:
     rest(talk)
     talk.update(5.0, *changed, False)
-    assert isinstance(sent[-1], Cancel) and sent[-1].of == (PrepareRelighting,)
+    assert isinstance(sent[-1], CancelRequests) and sent[-1].of == (PrepareRelighting,)
     for now in (6.0, 6.0 + REST_SECONDS):
         talk.update(now, *changed, True)
-    assert [type(request) for request in sent] == [PrepareRelighting, Cancel, PrepareRelighting]
+    assert [type(request) for request in sent] == [PrepareRelighting, CancelRequests, PrepareRelighting]
 
 
 def test_what_came_is_not_given_up(talk: RelightTalk, sent: list[Request]) -> None:

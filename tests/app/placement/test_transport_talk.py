@@ -13,8 +13,8 @@ from app.commands.curves import AddOperator, ResetCurve
 from app.commands.layers import SetEditable, SetFresnelTerm, SetModel, SetParameter, SetVisible
 from app.commands.light import SetEnvironment, SetIntensity, SetRotation
 from app.commands.material import AddLayers, RemoveLayer, SetMaterial, new_layer
-from app.commands.plan import Overrule, standing_overrules
-from app.decided import decided_view, decisions_of
+from app.commands.plan import OverrideLine, active_overrides
+from app.effective_settings import effective_view, effective_settings
 from app.document import LightState, reflecting_layers
 from app.editor import Editor
 from app.files.session import load_session
@@ -62,14 +62,14 @@ ACTIONS: dict[str, Any] = {
     "fix the floor": lambda editor: editor.do(SetEditable("floor", False)),
     "half": lambda editor: editor.do(SetView.of(precision="half")),
     "float": lambda editor: editor.do(SetView.of(precision="float")),
-    "few lights": lambda editor: editor.do(Overrule("lights", 600)),
-    "more lights": lambda editor: editor.do(Overrule("lights", 5000)),
-    "few bands": lambda editor: editor.do(Overrule("pot.1.theta_h", 16)),
-    "few bands of the floor": lambda editor: editor.do(Overrule("floor.0.theta_i", 4)),
-    "no sphere": lambda editor: editor.do(Overrule("sphere", 0)),
-    "float by hand": lambda editor: editor.do(Overrule("precision", "float")),
-    "edges by hand": lambda editor: editor.do(Overrule("edges", 4)),
-    "as planned": lambda editor: [editor.do(Overrule(line, None)) for line, _ in editor.document.overrules],
+    "few lights": lambda editor: editor.do(OverrideLine("lights", 600)),
+    "more lights": lambda editor: editor.do(OverrideLine("lights", 5000)),
+    "few bands": lambda editor: editor.do(OverrideLine("pot.1.theta_h", 16)),
+    "few bands of the floor": lambda editor: editor.do(OverrideLine("floor.0.theta_i", 4)),
+    "no sphere": lambda editor: editor.do(OverrideLine("sphere", 0)),
+    "float by hand": lambda editor: editor.do(OverrideLine("precision", "float")),
+    "edges by hand": lambda editor: editor.do(OverrideLine("edges", 4)),
+    "as planned": lambda editor: [editor.do(OverrideLine(line, None)) for line, _ in editor.document.overrides],
     "open again": lambda editor: opened_again(editor),
     "rest": lambda editor: None,
 }
@@ -81,7 +81,7 @@ def opened_again(editor: Editor) -> None:
         document = editor.document
         with tempfile.TemporaryDirectory() as folder:
             assert editor.save(Path(folder, "s.insitu")) is None
-            assert load_session(Path(folder, "s.insitu")).document.overrules == document.overrules
+            assert load_session(Path(folder, "s.insitu")).document.overrides == document.overrides
             assert editor.open(str(Path(folder, "s.insitu"))) is None
 
 
@@ -102,11 +102,11 @@ class Renderer:
                 self.curves = {key: curve for key, curve in self.curves.items() if key in event.beside}
                 self.curves[event.key] = event.factor, precision
         selected = self.editor.view.selected
-        for key in self.editor.talk.edited_layers:
+        for key in self.editor.controller.edited_layers:
             factor, _ = self.curves.get(key, ("", ""))
             if selected is not None and factor == selected.factor and key in self.shown:
-                self.shown[key][factor] = self.editor.talk.wanted_coefficients(key)[factor]
-        self.editor.talk.rendered(RenderReport(exact=True))
+                self.shown[key][factor] = self.editor.controller.wanted_coefficients(key)[factor]
+        self.editor.controller.rendered(RenderReport(exact=True))
 
 
 def settle(editor: Editor, renderer: Renderer, now: float) -> float:
@@ -155,18 +155,18 @@ def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> 
     editor.end_drag()
     now = settle(editor, renderer, now)
     for key, _ in editor.document.layers():
-        assert same_coefficients(renderer.shown[key], editor.talk.wanted_coefficients(key)), key
+        assert same_coefficients(renderer.shown[key], editor.controller.wanted_coefficients(key)), key
     selected = editor.view.selected
-    for key in editor.talk.edited_layers:
-        if selected is not None and selected.factor in editor.talk.wanted_coefficients(key):
-            view = decided_view(editor.view, editor.document)
+    for key in editor.controller.edited_layers:
+        if selected is not None and selected.factor in editor.controller.wanted_coefficients(key):
+            view = effective_view(editor.view, editor.document)
             assert renderer.curves[key] == (selected.factor, view.precision)
     (*_, request) = client.sent(ComputeTransport)
-    assert request.decisions == decisions_of(decided_view(editor.view, editor.document), editor.document)
-    for key, n_bands in standing_overrules(editor.document).items():
+    assert request.decisions == effective_settings(effective_view(editor.view, editor.document), editor.document)
+    for key, n_bands in active_overrides(editor.document).items():
         layer, _, factor = key.rpartition(".")
         if layer:
-            assert len(editor.talk.wanted_coefficients(layer)[factor]) == n_bands
+            assert len(editor.controller.wanted_coefficients(layer)[factor]) == n_bands
     for _ in range(6):
         now += 0.3
         renderer.frame(now)

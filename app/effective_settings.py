@@ -1,6 +1,6 @@
 """What of a picture is decided: by a person, line by line in the document, else by the knobs of the view or the plan.
 
-Everybody who computes a picture of a document, be it a mode's talk or a command, goes by `decided_view`.
+Everybody who computes a picture of a document, be it a mode's talk or a command, goes by `effective_view`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from app.commands.plan import Overrule
+from app.commands.plan import OverrideLine
 from app.document import Document
 from app.view_state import SetView, ViewState
 from engine.planner import NEEDED_LINES, RenderSettings
@@ -32,9 +32,9 @@ KNOBS = {
 ZERO_IS_PLANNED = frozenset({"bounces", "rays"})
 
 
-def decided_view(view: ViewState, document: Document) -> ViewState:
+def effective_view(view: ViewState, document: Document) -> ViewState:
     """The view with what the document's overruled lines have in the place of its knobs; the same one without any."""
-    changes: dict[str, Any] = {KNOBS[line]: value for line, value in document.overrules if line in KNOBS}
+    changes: dict[str, Any] = {KNOBS[line]: value for line, value in document.overrides if line in KNOBS}
     return replace(view, **changes) if changes else view
 
 
@@ -43,18 +43,18 @@ def mode_knobs(mode: str, lines: Mapping[str, LineValue]) -> dict[str, int]:
     return {KNOBS[line]: int(lines[line]) for line in MODE_LINES.get(mode, ()) if line in lines}
 
 
-def decisions_of(view: ViewState, document: Document) -> RenderSettings:
-    """What transport is asked for with; view: as `decided_view` has it."""
-    lines = dict(document.overrules)
+def effective_settings(view: ViewState, document: Document) -> RenderSettings:
+    """What transport is asked for with; view: as `effective_view` has it."""
+    lines = dict(document.overrides)
     keeps_sphere, overruled = bool(lines.get("sphere", True)), NEEDED_LINES & lines.keys()
     return RenderSettings(view.n_lights, view.n_patches, view.n_bounces, keeps_sphere, overruled, view.n_fan_rays)
 
 
-def by_lines(command: SetView, document: Document) -> tuple[Overrule | SetView, ...]:
+def override_lines_of(command: SetView, document: Document) -> tuple[OverrideLine | SetView, ...]:
     """What sets some knobs of the view: of those that a line of the plan stands over that line, by which the picture
     goes."""
-    lines = {KNOBS[line]: line for line, _ in document.overrules if line in KNOBS}
+    lines = {KNOBS[line]: line for line, _ in document.overrides if line in KNOBS}
     set_to = [(lines[name], value) for name, value in command.changes if name in lines and value is not None]
-    by_line = [Overrule(line, None if value == 0 and line in ZERO_IS_PLANNED else value) for line, value in set_to]
+    by_line = [OverrideLine(line, None if value == 0 and line in ZERO_IS_PLANNED else value) for line, value in set_to]
     rest = tuple((name, value) for name, value in command.changes if name not in lines)
     return (*by_line, *([SetView(rest)] if rest else []))

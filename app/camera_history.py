@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from app.document import Document
 from app.history import History
-from app.looking import LookTalk
+from app.view_controller import ViewController
 from app.machine.memory import require_memory_for
-from app.view_state import Look, Viewpoint, ViewState
+from app.view_state import SetViewpoint, Viewpoint, ViewState
 from engine.errors import InsituError
 from engine.scene.description import Camera, SceneDescription
 
@@ -26,7 +26,7 @@ Box = NDArray[np.float64]
 FLAT, GROUND_SIZE = 0.05, 2.0
 
 
-class Onlooker(Protocol):
+class CameraHost(Protocol):
     """What the looks need of the editor."""
 
     view: ViewState
@@ -37,14 +37,14 @@ class Onlooker(Protocol):
     def notify(self, text: str, is_error: bool = False) -> None: ...
 
 
-class Looks:
+class CameraHistory:
     """The looks at one scene. `talk` is told when a hand lets go, so that the view need not rest before it is traced.
 
     own_camera, own_resolution: those of the scene's file; history: that of the view, the document's stays.
     """
 
-    def __init__(self, onlooker: Onlooker, talk: LookTalk) -> None:
-        self._onlooker, self._talk = onlooker, talk
+    def __init__(self, onlooker: CameraHost, talk: ViewController) -> None:
+        self._host, self._talk = onlooker, talk
         self.own_camera, self.own_resolution = NO_CAMERA, (0, 0)
         self.history = History(Viewpoint())
         self._boxes: dict[str, Box] = {}
@@ -56,19 +56,19 @@ class Looks:
         named = zip((described.name for described in description.objects), boxes, strict=False)
         self._boxes = {name: box for name, box in named if np.all(np.isfinite(box))}
 
-    def begin_anew(self) -> None:
+    def reset_history(self) -> None:
         """There is no step to go back to from the present look."""
-        self.history = History(self._onlooker.view.look)
+        self.history = History(self._host.view.viewpoint)
 
     @property
     def camera(self) -> Camera:
         """The camera that the scene is looked at from, or is about to be."""
-        return self._onlooker.view.camera or self.own_camera
+        return self._host.view.camera or self.own_camera
 
     @property
     def resolution(self) -> tuple[int, int]:
         """(width, height) of the picture, in pixels."""
-        return self._onlooker.view.resolution or self.own_resolution
+        return self._host.view.resolution or self.own_resolution
 
     @property
     def aspect(self) -> float:
@@ -76,7 +76,7 @@ class Looks:
         width, height = self.resolution
         return width / max(height, 1)
 
-    def look_from(self, look: Viewpoint, label: str, gesture: str | None = None) -> str | None:
+    def set_viewpoint(self, look: Viewpoint, label: str, gesture: str | None = None) -> str | None:
         """See the scene from there: a step of the history, one with those before it of the same gesture.
 
         None, or one line that says why not: so many pixels need more memory than there is.
@@ -84,18 +84,18 @@ class Looks:
         camera = None if look.camera == self.own_camera else look.camera
         resolution = None if look.resolution == self.own_resolution else look.resolution
         try:
-            if resolution not in (None, self._onlooker.view.resolution):
+            if resolution not in (None, self._host.view.resolution):
                 require_memory_for(resolution, "choose fewer")
         except InsituError as error:
-            self._onlooker.notify(str(error), True)
+            self._host.notify(str(error), True)
             return str(error)
-        if self._history_now().do(Look(Viewpoint(camera, resolution), label), gesture):
-            self._show(self.history.document)
+        if self._history_now().do(SetViewpoint(Viewpoint(camera, resolution), label), gesture):
+            self._apply_viewpoint(self.history.document)
         return None
 
     def resize(self, resolution: tuple[int, int] | None) -> str | None:
         """See the scene in so many pixels (None: its own) at once; None, or why not."""
-        refusal = self.look_from(self._onlooker.view.look._replace(resolution=resolution), "the picture's size")
+        refusal = self.set_viewpoint(self._host.view.viewpoint._replace(resolution=resolution), "the picture's size")
         self._talk.hand_released()
         return refusal
 
@@ -103,10 +103,10 @@ class Looks:
         """A hand took hold of the camera: all until ``end_drag`` is one step."""
         self._history_now().begin_drag(label)
 
-    def drag(self, look: Viewpoint) -> None:
+    def drag_to(self, look: Viewpoint) -> None:
         """See the scene from there while a hand holds the camera; one that took hold of another scene's holds none."""
         if self.history.dragging:
-            self.look_from(look, "")
+            self.set_viewpoint(look, "")
 
     def end_drag(self) -> None:
         """The hand let go: the view need not rest any longer to be traced."""
@@ -118,20 +118,20 @@ class Looks:
         """Take back the drag under way."""
         if self.history.dragging:
             self._history_now().cancel_drag()
-            self._show(self.history.document)
+            self._apply_viewpoint(self.history.document)
             self._talk.hand_released()
 
     def undo(self) -> str | None:
         """One step back, the document stays; its label, None when there was nothing."""
-        return self._stepped(self._history_now().undo, "view undone")
+        return self._describe_step(self._history_now().undo, "view undone")
 
     def redo(self) -> str | None:
         """One step forward; its label, None when there was nothing."""
-        return self._stepped(self._history_now().redo, "view redone")
+        return self._describe_step(self._history_now().redo, "view redone")
 
-    def go_back_to(self, seen: Viewpoint) -> None:
+    def restore_viewpoint(self, seen: Viewpoint) -> None:
         """The present look cannot be had: it is the one that was seen before, as if no step had led away."""
-        self._show(seen)
+        self._apply_viewpoint(seen)
         self.history.retract(lambda before: before == seen)
 
     def box_of(self, name: str | None) -> Box:
@@ -139,32 +139,32 @@ class Looks:
         is hidden, lamps, and the grounds and backdrops behind it."""
         if name is not None and name not in self._boxes:
             raise InsituError(f"there is no object {name!r} to be framed; there is: {', '.join(self._boxes)}")
-        left_out = {state.name for state in self._onlooker.document.objects if state.is_lamp or not state.visible}
+        left_out = {state.name for state in self._host.document.objects if state.is_lamp or not state.visible}
         names = [name] if name is not None else [each for each in self._boxes if each not in left_out]
         boxes = np.array([self._boxes[each] for each in names or self._boxes])
         if not len(boxes):
             raise InsituError("there is nothing to be framed")
-        boxes = boxes[~are_grounds(boxes)]
+        boxes = boxes[~find_ground_boxes(boxes)]
         return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
     def _history_now(self) -> History[Viewpoint]:
         """The history, where the view is: a session's, or one set by a script."""
-        self.history.document = self._onlooker.view.look
+        self.history.document = self._host.view.viewpoint
         return self.history
 
-    def _show(self, look: Viewpoint) -> None:
-        self._onlooker.view = replace(self._onlooker.view, **look._asdict())
+    def _apply_viewpoint(self, look: Viewpoint) -> None:
+        self._host.view = replace(self._host.view, **look._asdict())
 
-    def _stepped(self, step: Callable[[], str | None], what: str) -> str | None:
+    def _describe_step(self, step: Callable[[], str | None], what: str) -> str | None:
         label = step()
         if label is not None:
-            self._show(self.history.document)
+            self._apply_viewpoint(self.history.document)
             self._talk.hand_released()
-            self._onlooker.notify(f"{what}: {label}")
+            self._host.notify(f"{what}: {label}")
         return label
 
 
-def are_grounds(boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
+def find_ground_boxes(boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which of the boxes (N, 2, 3) are floors or backdrops (N,): flat, and in their plane around all that is not flat
     and at least `GROUND_SIZE` times as large as that. A tray, a wing or the wall of a room is none."""
     extents = boxes[:, 1] - boxes[:, 0]

@@ -11,36 +11,36 @@ from pathlib import Path
 from typing import Protocol
 
 from app.commands import EditCommand
-from app.commands.light import lit_by
+from app.commands.light import set_environment_file
 from app.document import Document, Selection
 from app.files.session import Session
-from app.files.session_keeper import SessionKeeper
+from app.files.session_keeper import SessionStore
 from app.history import History
-from app.looking import LookTalk, what_is_missing
-from app.looks import Looks
-from app.machine.inputs import inputs_are, note_inputs
-from app.messages import Failed, Request, SceneOpened, SceneSeen, SkyImage
-from app.mode import ModeTalk, OpenedScene
+from app.view_controller import ViewController, describe_empty_frame
+from app.camera_history import CameraHistory
+from app.machine.inputs import set_inputs, add_inputs
+from app.messages import RequestFailed, Request, SceneOpened, ViewTraced, SkyImage
+from app.mode import ModeController, OpenedScene
 from app.named_files import files_of_document
 from app.opening import Opening
-from app.picture import PictureEvent, SceneFrame, SkyChanged
-from app.selecting import first_choice
-from app.status import Gauges
-from app.timeline import shown_poses
+from app.picture_events import PictureEvent, SceneFrame, SkyChanged
+from app.selection import initial_selection
+from app.editor_status import StatusMetrics
+from app.timeline import visible_poses
 from app.view_state import ViewState
 from engine.errors import InsituError
 from engine.scene.builtin import DEFAULT_SCENE
 from engine.scene.description import SceneDescription
 
 
-class Host(Protocol):
+class SceneHost(Protocol):
     """What it needs of the editor."""
 
     view: ViewState
     history: History[Document]
-    gauges: Gauges
-    talk: ModeTalk
-    looks: Looks
+    metrics: StatusMetrics
+    controller: ModeController
+    camera_history: CameraHistory
     resolution: tuple[int, int] | None
 
     @property
@@ -59,17 +59,17 @@ class Host(Protocol):
 
     def document_changed(self) -> None: ...
 
-    def forget_picture(self, notes: tuple[str, ...]) -> None: ...
+    def picture_voided(self, notes: tuple[str, ...]) -> None: ...
 
-    def take_failure(self, response: Failed) -> None: ...
+    def take_failure(self, response: RequestFailed) -> None: ...
 
 
-class SceneTalk:
+class SceneController:
     """`tracing` is the part of the talk about the view; `opened`: the scene as it is open, None before the first."""
 
-    def __init__(self, host: Host, keeper: SessionKeeper) -> None:
+    def __init__(self, host: SceneHost, keeper: SessionStore) -> None:
         self._host, self._keeper = host, keeper
-        self.tracing = LookTalk(host.send)
+        self.tracing = ViewController(host.send)
         self.opened: OpenedScene | None = None
         self._shown: list[PictureEvent] = []
         self._opening: Opening | None = None
@@ -78,11 +78,11 @@ class SceneTalk:
     def open(self, opening: Opening) -> None:
         """Have a scene loaded and traced."""
         host = self._host
-        host.talk.scene_closed()
+        host.controller.scene_closed()
         id = host.send(opening.request())
-        self.tracing.ask(opening.look(host.resolution), id, opening.poses, opening.bumps, host.view.n_edge_rays)
+        self.tracing.request_view(opening.initial_view(host.resolution), id, opening.poses, opening.bumps, host.view.n_edge_rays)
         self._opening = replace(opening, id=id)
-        host.gauges.progress = None
+        host.metrics.progress = None
 
     def open_default(self, why: str) -> None:
         """Where nothing is open, so that the window is of use: the built-in scene, and why it is that one."""
@@ -92,9 +92,9 @@ class SceneTalk:
     def give_up(self) -> None:
         """The work was stopped: what is being opened or traced will not come."""
         self._given_up, self._opening = self._opening, None
-        self._give_up_look(self._given_up)
+        self._give_up_view(self._given_up)
 
-    def open_again(self) -> bool:
+    def reopen(self) -> bool:
         """Open what was given up, where there is no other scene; whether there was one to be opened."""
         if self._given_up is None or self._host.scene_is_open:
             return False
@@ -104,12 +104,12 @@ class SceneTalk:
     def update(self, now: float, view: ViewState) -> None:
         """Once a frame: have the scene traced as it is looked at, once view and poses rest. view: the host's, with what
         was decided for it."""
-        document, talk = self._host.document, self._host.talk
-        sight = view.look, shown_poses(document, self._host.view), document.new_bumps, view.n_edge_rays
+        document, talk = self._host.document, self._host.controller
+        sight = view.viewpoint, visible_poses(document, self._host.view), document.new_bumps, view.n_edge_rays
         if self._opening is None and self.tracing.update(now, *sight):
-            (talk.looked_away if self.tracing.is_away else talk.looked_back)()
+            (talk.view_moved if self.tracing.is_away else talk.view_restored)()
 
-    def tell(self, talk: ModeTalk) -> list[PictureEvent]:
+    def announce_scene(self, talk: ModeController) -> list[PictureEvent]:
         """Tell another mode's talk of the scene as if it had just come; what its picture is to be told."""
         if self.opened is None:
             return []
@@ -117,7 +117,7 @@ class SceneTalk:
         if self._opening is not None:
             talk.scene_closed()
         elif self.tracing.is_away:
-            talk.looked_away()
+            talk.view_moved()
         return list(self._shown)
 
     # -------------------------------------------------------------------------------------------------------- answers
@@ -129,75 +129,75 @@ class SceneTalk:
 
     def take_sky(self, response: SkyImage) -> list[PictureEvent]:
         """What lies behind the scene."""
-        self._host.gauges.note(*response.notes)
+        self._host.metrics.note(*response.notes)
         sky = SkyChanged(response.radiance)
         self._shown = [*self._shown[:1], sky]
-        return self._host.talk.sky_came(sky)
+        return self._host.controller.sky_changed(sky)
 
-    def take_seen(self, response: SceneSeen) -> list[PictureEvent]:
+    def take_traced(self, response: ViewTraced) -> list[PictureEvent]:
         """The scene was traced: one that is being opened is open now."""
-        if not self.tracing.took(response):
+        if not self.tracing.note_traced(response):
             return []
         opening = self._opening
         if opening is not None and opening.opened is not None:
             events = self._take_scene(opening, opening.opened, response)
-            self._tell_flaws(response)
+            self._report_flaws(response)
             return events
         assert self.opened is not None
         host = self._host
-        host.forget_picture(self.opened.notes)
-        host.view = host.view.seen_from(host.view.look)  # which may have moved on
-        host.talk.scene_seen(self._seen(replace(self.opened, document=host.document), response))
+        host.picture_voided(self.opened.notes)
+        host.view = host.view.from_viewpoint(host.view.viewpoint)  # which may have moved on
+        host.controller.view_traced(self._view_traced(replace(self.opened, document=host.document), response))
         host.document_changed()
         if self.tracing.has_resized:
-            width, height = self.tracing.seen.resolution or host.looks.own_resolution
+            width, height = self.tracing.traced.resolution or host.camera_history.own_resolution
             host.notify(f"the picture has {width} x {height} pixels")
-        if missing := what_is_missing(response.frame):
+        if missing := describe_empty_frame(response.frame):
             host.notify(missing)
-        self._tell_flaws(response)
+        self._report_flaws(response)
         return self._shown
 
-    def take_failure(self, response: Failed) -> None:
+    def take_failure(self, response: RequestFailed) -> None:
         """A scene could not be opened, or not be traced."""
         opening = self._opening
-        if opening is not None and response.id == opening.id or self.tracing.awaits(response.id):
+        if opening is not None and response.id == opening.id or self.tracing.is_pending(response.id):
             self._opening = None
-            self._give_up_look(opening)
+            self._give_up_view(opening)
             if opening is not None and opening.source != DEFAULT_SCENE:
                 self.open_default(response.line)
 
-    def _take_scene(self, opening: Opening, opened: SceneOpened, response: SceneSeen) -> list[PictureEvent]:
+    def _take_scene(self, opening: Opening, opened: SceneOpened, response: ViewTraced) -> list[PictureEvent]:
         host = self._host
         description = SceneDescription.model_validate_json(opened.description)
         try:
             described = opening.document(description, opened)
         except InsituError as error:
-            host.take_failure(Failed(str(error), id=opened.id))
+            host.take_failure(RequestFailed(str(error), id=opened.id))
             return []
-        left_unsaved = self._keeper.leave(host.document, host.view)
-        host.forget_picture(opened.notes)
+        left_unsaved = self._keeper.leave_document(host.document, host.view)
+        host.picture_voided(opened.notes)
         self._opening = None
-        host.looks.scene_opened(description, opened.boxes)
-        host.view = host.view.of_scene(description)
+        host.camera_history.scene_opened(description, opened.boxes)
+        host.view = host.view.for_scene(description)
         host.history = History(described)
-        self._keeper.opened(described, host.view)
+        self._keeper.set_document(described, host.view)
         kept = "; the unsaved edits before it can be recovered at the next start" if left_unsaved else ""
-        said = opening.instead_of or f"opened {description.name}{kept}"
-        said = "; ".join(filter(None, (said, *opened.notes, what_is_missing(response.frame))))
-        host.notify(said, bool(opening.instead_of))
-        inputs_are(map(Path, opened.files))
+        said = opening.fallback_reason or f"opened {description.name}{kept}"
+        said = "; ".join(filter(None, (said, *opened.notes, describe_empty_frame(response.frame))))
+        host.notify(said, bool(opening.fallback_reason))
+        set_inputs(map(Path, opened.files))
         if opening.session is not None:
             self._restore(opening, opening.session, opened)
-        note_inputs([] if opening.session_path is None else [opening.session_path])
-        note_inputs(files_of_document(host.document))
-        host.view = host.view.seen_from(self.tracing.adopted(host.looks.own_resolution))
-        host.looks.begin_anew()
+        add_inputs([] if opening.session_path is None else [opening.session_path])
+        add_inputs(files_of_document(host.document))
+        host.view = host.view.from_viewpoint(self.tracing.adopt_resolution(host.camera_history.own_resolution))
+        host.camera_history.reset_history()
         scene = OpenedScene(0, opened.planned, description, described, host.document, opened.notes)
-        host.talk.scene_opened(self._seen(scene, response))
+        host.controller.scene_opened(self._view_traced(scene, response))
         if host.view.selected is None:
-            host.select(first_choice(host.document))
+            host.select(initial_selection(host.document))
         if opening.light is not None:
-            host.do(lit_by(opening.light))
+            host.do(set_environment_file(opening.light))
         return self._shown
 
     def _restore(self, opening: Opening, session: Session, opened: SceneOpened) -> None:
@@ -210,30 +210,30 @@ class SceneTalk:
             return
         host.history = History(document)
         host.view = replace(session.view, panels=host.view.panels)
-        self._keeper.opened(document, host.view, opening.session_path, opening.recovery, opening.digest)
+        self._keeper.set_document(document, host.view, opening.session_path, opening.recovery, opening.digest)
         host.notify("recovered what was not saved" if opening.recovery else f"opened {opening.file}")
 
-    def _seen(self, scene: OpenedScene, seen: SceneSeen) -> OpenedScene:
+    def _view_traced(self, scene: OpenedScene, seen: ViewTraced) -> OpenedScene:
         """A scene as it was traced; the renderer is to be told of it."""
-        described = scene.description.from_camera(self.tracing.seen.camera)
+        described = scene.description.from_camera(self.tracing.traced.camera)
         self._shown = [SceneFrame(self.tracing.scene, scene.document.source, described, seen.frame)]
         self.opened = scene = replace(scene, view_id=seen.id)
         return scene
 
-    def _tell_flaws(self, response: SceneSeen) -> None:
+    def _report_flaws(self, response: ViewTraced) -> None:
         """What bumps are not shown, and why."""
         if response.flaws:
             self._host.notify("; ".join(response.flaws), True)
-            self._host.gauges.note(*response.flaws)
+            self._host.metrics.note(*response.flaws)
 
-    def _give_up_look(self, opening: Opening | None) -> None:
+    def _give_up_view(self, opening: Opening | None) -> None:
         """What was asked to be traced will not come: the view is again the one there is a picture of, where a hand has
         not moved it on."""
         host = self._host
-        asked = self.tracing.gave_up()
+        asked = self.tracing.give_up()
         if asked is None or not host.scene_is_open:
             return
-        stays = opening is None and asked == host.view.look and not host.looks.history.dragging
+        stays = opening is None and asked == host.view.viewpoint and not host.camera_history.history.dragging
         if stays:  # else the hand has moved it on, and it will be traced from there
-            host.looks.go_back_to(self.tracing.seen)
-        (host.talk.looked_back if opening is None else host.talk.scene_stays)()
+            host.camera_history.restore_viewpoint(self.tracing.traced)
+        (host.controller.view_restored if opening is None else host.controller.scene_open_failed)()

@@ -10,11 +10,11 @@ from app.view_state import ViewState
 from engine.safe_files import resolved
 
 
-def written_material(path: Path, document: Document, object_name: str) -> WriteFiles:
+def material_export_request(path: Path, document: Document, object_name: str) -> WriteFiles:
     """An object's material as a MERL file."""
     return WriteFiles(str(resolved(path)), document.object(object_name).layers)
 
 
-def written_scene(folder: Path, document: Document, view: ViewState) -> WriteFiles:
+def scene_export_request(folder: Path, document: Document, view: ViewState) -> WriteFiles:
     """The scene for Mitsuba 3, as it is now and by as many bounces as are seen."""
     return WriteFiles(str(resolved(folder)), (), document, max(view.n_bounces, 1))

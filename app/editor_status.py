@@ -32,7 +32,7 @@ class Status:
     it has nothing to do. ``image_error`` is what is left to the exact picture, relative RMS, None while unknown.
     ``light_note``, ``material_note`` and ``emitter_note`` say what is shown for light, roughness, and what emitters
     throw on the scene, empty when there is nothing to say; ``missing_note`` what a picture that is being refined lacks,
-    ``error_note`` what of its error is known by parts; ``unjudged`` why it will not be known at all.
+    ``error_note`` what of its error is known by parts; ``no_estimate_reason`` why it will not be known at all.
     ``precomputed_mb`` is what the worker keeps for the picture, ``gpu_mb`` what the picture takes there.
     ``shown_by``: which mode's picture is seen, where a mode shows those of two; else empty.
     ``is_away``: whether the view has moved on from the one that was traced last.
@@ -51,7 +51,7 @@ class Status:
     image_error: float | None = None
     estimate: ErrorEstimate | None = None
     error_colours: NDArray[np.uint8] | None = field(default=None, compare=False)
-    unjudged: str = ""
+    no_estimate_reason: str = ""
     frame_ms: float = 0.0
     memory_mb: float = 0.0
     precomputed_mb: float = 0.0
@@ -73,7 +73,7 @@ class Status:
     planned_edges: int = 0
 
     @property
-    def goes_with_hand(self) -> bool:
+    def follows_input(self) -> bool:
         """Whether what is seen is of the view as it is, and not of the one that was traced last."""
         return False
 
@@ -90,11 +90,11 @@ class Status:
     @property
     def is_whole(self) -> bool:
         """Whether it is all that the mode itself shows, though another mode's picture may still follow."""
-        return self.is_finished or self.goes_with_hand and self.picture == "refining"
+        return self.is_finished or self.follows_input and self.picture == "refining"
 
 
 @dataclass
-class Gauges:
+class StatusMetrics:
     """What of a ``Status`` is neither in the document nor the mode's to say. Messages and notes come in by `notify` and
     `note`, which make them plain lines, whatever names and values of somebody's files are in them."""
 

@@ -13,7 +13,7 @@ STEP = 0.25  # what comes within it is one sample
 _PAUSE = 1.0
 
 
-class Record:
+class PerformanceRecord:
     """A ring of samples: when, how long its slowest frame took, ms, and how far off the last one was, relative RMS
     (not a number where that was not known)."""
 
@@ -22,7 +22,7 @@ class Record:
         self._samples[:, 0] = -math.inf
         self._newest = 0
 
-    def note(self, now: float, frame_ms: float, error: float | None) -> None:
+    def add_frame(self, now: float, frame_ms: float, error: float | None) -> None:
         """A frame was drawn. now: seconds of a steady clock."""
         sample = self._samples[self._newest]
         if now - sample[0] >= STEP:
@@ -32,7 +32,7 @@ class Record:
         sample[1] = max(sample[1], frame_ms)
         sample[2] = np.nan if error is None else error
 
-    def at(self, now: float) -> NDArray[np.float64]:
+    def samples_at(self, now: float) -> NDArray[np.float64]:
         """(n, 3) from the oldest on: how long ago, s, what the slowest frame took, ms, and the error; before
         one that comes after a pause a row without a time, and with the error that there was all along."""
         samples = np.roll(self._samples, -self._newest - 1, axis=0)

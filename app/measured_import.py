@@ -13,7 +13,7 @@ from pathlib import Path
 from app.commands.material import AddLayers, SetMaterial
 from app.document import Document
 from app.linked_layers import Layers
-from app.measurements import FILE, measurement_in, unread_files, with_read
+from app.measurements import FILE, measurement_in, unread_files, with_measurements
 from app.messages import MeasurementsRead, ReadMeasured, Request
 from engine.safe_files import resolved
 from engine.material import MODELS
@@ -32,7 +32,7 @@ def import_measured(object_name: str, file: Path, cloth: bool = False) -> SetMat
     return SetMaterial(object_name, measured_layers(file, cloth), file.stem)
 
 
-class Reading:
+class PendingMeasurement:
     """At most one edit that waits; a newer one takes its place. ``send`` hands a request over."""
 
     def __init__(self, send: Callable[[Request], int]) -> None:
@@ -44,7 +44,7 @@ class Reading:
         """Whether an edit waits for its files."""
         return self._waiting is not None
 
-    def postpones(self, command: object, document: Document) -> bool:
+    def defer_command(self, command: object, document: Document) -> bool:
         """Whether a command has to wait; it is then asked for what it waits for. Raises InsituError where it would not
         be carried out."""
         if not isinstance(command, SetMaterial | AddLayers):
@@ -55,14 +55,14 @@ class Reading:
             self._waiting = self._send(ReadMeasured(files, command.layers)), command
         return bool(files)
 
-    def took(self, response: MeasurementsRead) -> SetMaterial | AddLayers | None:
+    def complete_edit(self, response: MeasurementsRead) -> SetMaterial | AddLayers | None:
         """The edit that waited for this answer, complete."""
         if self._waiting is None or self._waiting[0] != response.id:
             return None
         (_, command), self._waiting = self._waiting, None
-        return replace(command, layers=with_read(command.layers, response.found))
+        return replace(command, layers=with_measurements(command.layers, response.found))
 
-    def forget(self, id: int | None = None) -> None:
+    def cancel(self, id: int | None = None) -> None:
         """Give up what waits, or what waits for that request."""
         if self._waiting is not None and id in (None, self._waiting[0]):
             self._waiting = None

@@ -10,7 +10,7 @@ import importlib
 from pathlib import Path
 from typing import Any
 
-_OUTER = __name__.removesuffix("app.naming")
+_OUTER = __name__.removesuffix("app.lazy_import")
 # The folder that the import path must have.
 IMPORT_FOLDER = Path(__file__).resolve().parents[1 + _OUTER.count(".")]
 
@@ -20,7 +20,7 @@ def qualified(module: str) -> str:
     return _OUTER + module
 
 
-def named(name: str) -> Any:
+def import_named(name: str) -> Any:
     """The attribute that "module:attribute" names."""
     module, _, attribute = name.partition(":")
     return getattr(importlib.import_module(qualified(module)), attribute)

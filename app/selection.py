@@ -30,19 +30,19 @@ def selection_of(document: Document, path: str | Selection) -> Selection:
     return Selection(target.object, index, factor)
 
 
-def seen_layer(document: Document, selected: Selection | None) -> Selection | None:
+def layer_shown(document: Document, selected: Selection | None) -> Selection | None:
     """The selection, where it is of a layer: a lamp is seen by its emission."""
     return None if selected is None or document.object(selected.object).is_lamp else selected
 
 
-def first_choice(document: Document) -> str | None:
+def initial_selection(document: Document) -> str | None:
     """What is selected in a scene just opened: the first editable object's topmost layer."""
     with_layers = [state for state in document.objects if state.layers]
     editable = [state for state in with_layers if state.editable]
     return next((state.name for state in editable or with_layers), None)
 
 
-def next_choice(document: Document, selected: Selection) -> str | Selection:
+def selection_after_edit(document: Document, selected: Selection) -> str | Selection:
     """What is selected in the place of a layer or a curve that an edit took away; else what was."""
     state = document.object(selected.object)
     layers = state.layers
@@ -54,7 +54,7 @@ def next_choice(document: Document, selected: Selection) -> str | Selection:
     return selected if selected.factor is None or selected.factor in names else selected.key
 
 
-def next_operator(before: Document, after: Document, selected: Selection | None, index: int | None) -> int | None:
+def operator_after_edit(before: Document, after: Document, selected: Selection | None, index: int | None) -> int | None:
     """Where the selected operator of the selected curve stands after an edit, an undo or a redo; None where it is gone.
 
     Where none is selected, one that came (deleted before, or taken back) is.
@@ -68,12 +68,12 @@ def next_operator(before: Document, after: Document, selected: Selection | None,
     tail = 0
     while tail < min(len(old), len(new)) - same and old[-1 - tail] == new[-1 - tail]:
         tail += 1
-    kept = None if index is None or index >= len(old) else _followed(old, new, same, tail, index)
+    kept = None if index is None or index >= len(old) else _follow_index(old, new, same, tail, index)
     came = new[same : len(new) - tail]
     return same if kept is None and len(old) == same + tail and len(edits_of(came)) == 1 else kept
 
 
-def _followed(old: Operators, new: Operators, same: int, tail: int, index: int) -> int | None:
+def _follow_index(old: Operators, new: Operators, same: int, tail: int, index: int) -> int | None:
     """Of lists that agree in their first `same` and last `tail` places; what lies between was moved or changed."""
     if index < same:
         return index

@@ -53,7 +53,7 @@ class Drawer(Protocol):
 
     ready_at: float
 
-    def make_ready(self, report: Report) -> None:
+    def prepare(self, report: Report) -> None:
         """What is done once for all frames."""
 
     def draw(self, i: int) -> Picture:
@@ -70,7 +70,7 @@ def draw_here(
     if not numbers:
         return
     drawer = drawer_of(project, frames)
-    drawer.make_ready(lambda step: report(replace(step, fraction=drawer.ready_at * step.fraction)))
+    drawer.prepare(lambda step: report(replace(step, fraction=drawer.ready_at * step.fraction)))
     for n, i in enumerate(numbers):
         fraction = drawer.ready_at + (1.0 - drawer.ready_at) * n / len(numbers)
         report(StillProgress(fraction, f"frame {n + 1} of {len(numbers)}"))
@@ -81,11 +81,11 @@ def drawer_of(project: Project, frames: Frames) -> Drawer:
     """Who draws these frames. Raises InsituError where the scene has no animation."""
     if not frames.animated:
         seen = [project.scene.from_camera(camera) for camera in cameras(own_camera(project.scene), frames.count)]
-        return _Orbiting(project, frames, seen) if frames.mode == "orbit" else _Stills(project, frames, seen)
+        return _OrbitFrames(project, frames, seen) if frames.mode == "orbit" else _PlacementFrames(project, frames, seen)
     poses = poses_of(project, frames.count)
     if frames.mode == "deform":
-        return _Bending(project, frames, poses)
-    return _Stills(project, frames, [_in_poses(project, each) for each in poses])
+        return _DeformFrames(project, frames, poses)
+    return _PlacementFrames(project, frames, [_in_poses(project, each) for each in poses])
 
 
 def judge_frame(project: Project, frames: Frames, i: int, picture: Picture) -> str:
@@ -118,7 +118,7 @@ def _in_poses(project: Project, poses: Poses) -> Scene:
     return bumped.from_camera(None, project.scene.resolution)
 
 
-class _Stills:
+class _PlacementFrames:
     """Each frame as a still of its own; where only the camera moves, with the same rays."""
 
     ready_at = 0.0
@@ -128,7 +128,7 @@ class _Stills:
         scene = project.scene
         self._caster = None if frames.animated else RayCaster(scene.vertices, scene.triangles)
 
-    def make_ready(self, report: Report) -> None:
+    def prepare(self, report: Report) -> None:
         """Nothing is done for all."""
 
     def draw(self, i: int) -> Picture:
@@ -139,7 +139,7 @@ class _Stills:
         ).picture  # fmt: skip
 
 
-class _Orbiting:
+class _OrbitFrames:
     """Everything is made ready once; what only some cameras see, when one does."""
 
     ready_at = 0.3
@@ -148,7 +148,7 @@ class _Orbiting:
         self._orbit, self._seen = prepared_orbit(project, frames.n_patches, frames.series), seen
         self._intensity = np.float64(project.document.light.intensity)
 
-    def make_ready(self, report: Report) -> None:
+    def prepare(self, report: Report) -> None:
         for step in self._orbit.work():
             report(step)
 
@@ -162,7 +162,7 @@ class _Orbiting:
         return clamp_radiance(picture * self._intensity, BRIGHTEST)
 
 
-class _Bending:
+class _DeformFrames:
     """Everything is made ready once; frames differ in their poses alone. What bends casts on all else the coarse shadow
     that it has while it moves, see `engine.deform.blockers`, which `judge_frame` says the price of; a still in one pose
     has transfer of its own for that, which takes as long as making ready."""
@@ -174,7 +174,7 @@ class _Bending:
         self._scene, self._poses = project.scene, poses
         self._intensity = np.float64(project.document.light.intensity)
 
-    def make_ready(self, report: Report) -> None:
+    def prepare(self, report: Report) -> None:
         for step in self._deform.work():
             report(step)
 
