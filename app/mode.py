@@ -26,7 +26,7 @@ from engine.material.layer import Layer
 from engine.scene.description import SceneDescription
 
 if TYPE_CHECKING:
-    from app.jobs.bench import Bench
+    from app.jobs.worker_context import WorkerContext
     from app.jobs.schedule import Handlers
 
 
@@ -150,7 +150,7 @@ class ModeController(Protocol):
 class ModeWorker(Protocol):
     """A mode in the worker: who carries out its requests. What is slow to import, its handlers import."""
 
-    def __init__(self, bench: Bench) -> None: ...
+    def __init__(self, bench: WorkerContext) -> None: ...
 
     @property
     def handlers(self) -> Handlers:

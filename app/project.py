@@ -236,15 +236,15 @@ def read_measurements(document: Document, folder: Path | None = None, scene: Pat
     names = unread_files(layers_of_document(document))
     if not names:
         return document
-    from app.jobs.cache import Store
-    from app.jobs.measured import described_paths
+    from app.jobs.cache import ArrayCache
+    from app.jobs.measured_tasks import described_paths
     from engine.measured.tables import read_measurement
     from engine.generators import run_to_end
 
     paths = {name: Path(name) for name in names}
     if folder is not None and scene is not None:
         paths = described_paths(names, folder, scene)
-    store = Store()
+    store = ArrayCache()
     return document_with_measurements(document, {name: run_to_end(read_measurement(path, store)) for name, path in paths.items()})
 
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.effective_settings import mode_knobs
-from app.jobs.cache import Store
-from app.jobs.deform import StoredLobes
+from app.jobs.cache import ArrayCache
+from app.jobs.deform_worker import StoredLobes
 from app.machine.atomic import make_folder_of, require_place, save_file
 from app.machine.memory import orbit_bytes, orbit_slice_bytes
 from app.project import Project
@@ -193,7 +193,7 @@ def prepared_deform(
 ) -> Deform:  # fmt: skip
     """What pictures in Deform's way are drawn of the project's scene, at rest or in a pose; posed: the objects, by
     name, that are to bend out of that; all its work is to be done. knobs: as in `render_project`."""
-    deform = Deform(scene, store=StoredLobes(Store()))
+    deform = Deform(scene, store=StoredLobes(ArrayCache()))
     usual = {"n_rays": DEFORM_RAYS, "n_lobes": N_LOBES}
     deform.set_effort(**{**usual, **mode_knobs("deform", project.overrides), **knobs})
     deform.set_light(project.sky)

@@ -15,4 +15,4 @@ QUICK = replace(ROUGH, name=FINE.name, adaptive=FINE.adaptive)
 
 def light_quickly(patch: pytest.MonkeyPatch) -> None:
     """The worker's finest light is the quick one, in this process."""
-    patch.setattr("app.jobs.indirect.FINE", QUICK)
+    patch.setattr("app.jobs.indirect_tasks.FINE", QUICK)

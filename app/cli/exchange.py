@@ -23,11 +23,11 @@ def import_brdf(
 ) -> int:
     """Turn measured data into an editable material, and say how well its factors alone fit."""
     from app.files.brdf_files import import_file, import_lines
-    from app.jobs.cache import Store
+    from app.jobs.cache import ArrayCache
 
     started = time.monotonic()
     with progress() as report:
-        measurement = import_file(file, output, smooth, cloth, Store(), report)
+        measurement = import_file(file, output, smooth, cloth, ArrayCache(), report)
     for line in import_lines(measurement, cloth):
         print_line(line)
     print_line(f"{output}: {file.name}, {time.monotonic() - started:.1f} s")

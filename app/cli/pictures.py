@@ -218,14 +218,14 @@ def _check_frames(
 def _frames(words: ProjectSpec, output: Path, frames: Frames, view: str | None, scheduler: str | None) -> int:
     """Frames all around a scene or through its animation; those that are there already are kept."""
     from app.cli.turntable import FrameFiles, draw_frames
-    from app.cluster.opened import opened
+    from app.cluster.cluster_project import open_on_cluster
     from app.frame_sequence import draw_here
 
     started, files = time.monotonic(), FrameFiles.of(output, frames.count)
     if view is not None and files.ending == ".exr":
         raise InsituError(f"--view {view}: {output} holds light itself, expected a name that ends in .png")
     require_folder(files.folder)  # before the scene is read and workers are waited for
-    with progress() as report, opened(words, scheduler) as (project, cluster):
+    with progress() as report, open_on_cluster(words, scheduler) as (project, cluster):
         drawn, error = draw_frames(
             project, frames, files, lambda step: report(step.fraction, step.text),
             project.view if view is None else find_view(view), draw_here if cluster is None else cluster.draw,

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
 from app.effective_settings import effective_settings
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.messages import RequestFailed, SetCamera, OpenScene, Progress, Response, SceneOpened, ViewTraced
 from app.placement.curves import Curves
 from app.placement.messages import ErrorEstimated, EstimateError, StageDone
@@ -26,7 +26,7 @@ from engine.render.error_estimate import WHAT
 from engine.render.picture_error import ErrorEstimate
 
 if TYPE_CHECKING:
-    from app.cluster.opened import OnCluster
+    from app.cluster.cluster_project import ClusterProject
 
 Report = Callable[[Progress], None]
 Answer = TypeVar("Answer", bound=Response)
@@ -51,8 +51,8 @@ class FilledCache:
 
 
 def precompute(
-    project: Project, report: Report, n_lights: int | None = None, store: Store | None = None,
-    cluster: OnCluster | None = None,
+    project: Project, report: Report, n_lights: int | None = None, store: ArrayCache | None = None,
+    cluster: ClusterProject | None = None,
 ) -> CacheContents:  # fmt: skip
     """Compute all transport of a project into the cache, and its indirect light.
 
@@ -60,14 +60,14 @@ def precompute(
     None for this process. Raises InsituError when it cannot
     be computed, or not be kept.
     """
-    filled = fill(project, report, n_lights, store or Store(), cluster)
+    filled = fill(project, report, n_lights, store or ArrayCache(), cluster)
     report(Progress(WHAT, 0.0))
     filled.client.send(EstimateError(filled.scene, revision=filled.transport))
     return CacheContents(filled.n_bytes, _poll_until(filled.client, ErrorEstimated, report).estimate)
 
 
 def fill(
-    project: Project, report: Report, n_lights: int | None, store: Store, cluster: OnCluster | None = None
+    project: Project, report: Report, n_lights: int | None, store: ArrayCache, cluster: ClusterProject | None = None
 ) -> FilledCache:
     """The same as far as something is kept: the error is not estimated."""
     decided = project.render_settings
@@ -76,8 +76,8 @@ def fill(
     scene = OpenScene(document.source)
     camera, bumps, n_edge_rays = seen.description.camera, document.new_bumps, decided.n_edge_rays
     view = SetCamera(0, camera, seen.resolution, document.poses, bumps, n_edge_rays)
-    labour = None if cluster is None else cluster.labour(scene, view, document)
-    client = InProcessClient(Tasks(store, fills=True, labour=labour))
+    labour = None if cluster is None else cluster.executor(scene, view, document)
+    client = InProcessClient(RequestDispatcher(store, fills=True, labour=labour))
     curves = Curves()
     talk = TransportTalk(client.send, curves)
     number = client.send(scene)
@@ -91,7 +91,7 @@ def fill(
     talk.update(time.monotonic(), document, None, decisions, False)
     while not (stage := _poll_until(client, StageDone, report)).exact:
         pass
-    store.require_kept()
+    store.require_stored()
     return FilledCache(client, talk.revision, curves.scene_state(document), stage.transport_bytes)
 
 

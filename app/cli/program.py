@@ -34,11 +34,11 @@ def precompute(
 ) -> int:  # fmt: skip
     """Fill the cache, so that the editor opens the scene at once; of a session with as many lights as it has."""
     from app.cli.precompute import precompute as fill
-    from app.cluster.opened import opened
+    from app.cluster.cluster_project import open_on_cluster
 
     started = time.monotonic()
     words = ProjectSpec(scene, resolution, tuple(assignments(set_)), overrides=tuple(lines(overrule).items()))
-    with progress() as report, opened(words, scheduler) as (project, cluster):
+    with progress() as report, open_on_cluster(words, scheduler) as (project, cluster):
         done = fill(project, lambda step: report(step.fraction, f"{step.stage}: {step.text}"), lights, cluster=cluster)
     megabytes, seconds = done.n_bytes / 2**20, time.monotonic() - started
     print_line(f"{scene}: {megabytes:.0f} MiB of transport, {seconds:.1f} s, {done.error.text}")

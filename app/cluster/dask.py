@@ -23,9 +23,9 @@ from typing import Any
 from distributed import Client, Future, KilledWorker
 from distributed.comm import CommClosedError
 
-from app.cluster.parcel import Parcel, parcel_of, pieces_of
-from app.cluster.program import QUESTION, other_program, program_digest
-from app.cluster.shelf import keep_piece, lacking
+from app.cluster.scene_bundle import SceneBundle, bundle_files, pieces_of
+from app.cluster.program import QUESTION, describe_mismatch, program_digest
+from app.cluster.file_cache import store_piece, missing_pieces
 from engine.errors import InsituError
 from engine.safe_files import portable_name
 
@@ -58,7 +58,7 @@ class Cluster:
             ) from error
         self._tasks: dict[int, Future] = {}
         self._workerless_since: float | None = None
-        self._known: set[str] = set()
+        self._checked_workers: set[str] = set()
 
     @property
     def n_workers(self) -> int:
@@ -68,7 +68,7 @@ class Cluster:
     def require_same_program(self) -> None:
         """Raises InsituError where a worker that was not asked before has another Insitu: what it is sent would be more
         than it understands, and it would end without a word of why."""
-        workers = self._workers() - self._known
+        workers = self._workers() - self._checked_workers
         if not workers:
             return
         with self._connected():
@@ -78,24 +78,24 @@ class Cluster:
             if isinstance(answer, OSError):  # it has gone meanwhile
                 continue
             if answer != program_digest():
-                raise InsituError(f"--scheduler {self.address}: {other_program(f'the worker at {where}')}")
-            self._known.add(where)
+                raise InsituError(f"--scheduler {self.address}: {describe_mismatch(f'the worker at {where}')}")
+            self._checked_workers.add(where)
 
-    def send(self, paths: Iterable[Path]) -> Parcel:
+    def send(self, paths: Iterable[Path]) -> SceneBundle:
         """Have the scheduler keep what it lacks of these files. Raises InsituError."""
         self.require_same_program()
         there = {portable_name(path): path for path in paths}
         try:
-            parcel = parcel_of(there.values())
+            parcel = bundle_files(there.values())
         except OSError as error:
             raise InsituError(f"--scheduler {self.address}: the scene cannot be sent, {error}") from error
         try:
             with self._connected():
-                missing = set(self._client.run_on_scheduler(lacking, parcel.pieces))
+                missing = set(self._client.run_on_scheduler(missing_pieces, parcel.pieces))
                 for sent in parcel.files:
                     for digest, piece in zip(sent.pieces, pieces_of(there[sent.name]), strict=False):
                         if digest in missing:
-                            self._client.run_on_scheduler(keep_piece, piece)
+                            self._client.run_on_scheduler(store_piece, piece)
                             missing.remove(digest)
         except (ImportError, AttributeError) as error:
             raise InsituError(

@@ -20,7 +20,7 @@ LIBRARIES = ("numpy", "scipy", "numba", "embreex")
 QUESTION = f"__import__('{__name__}', fromlist=['program']).begin_work()"
 
 
-def begin_work() -> str:
+def prepare_worker() -> str:
     """Have a worker find compiled kernels where they are kept, while nothing of the engine is imported yet; its
     program's digest. No plugin of ours does it: the scheduler would hand that to workers of another version, too, which
     end where they cannot read it."""
@@ -40,7 +40,7 @@ def program_digest() -> str:
     return digest.hexdigest()
 
 
-def other_program(where: str) -> str:
+def describe_mismatch(where: str) -> str:
     """What a person is told of a machine with another one."""
     libraries = ", ".join(LIBRARIES)
     return f"{where} has another Insitu, or other versions of {libraries}, than this computer; install the same on all"

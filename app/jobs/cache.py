@@ -57,7 +57,7 @@ def content_key(*parts: KeyPart) -> str:
     return digest.hexdigest()
 
 
-class Store:
+class ArrayCache:
     """Arrays by key in one folder, at most `bound` bytes of them.
 
     Several processes may use one folder at a time: entries appear and go as wholes.
@@ -67,16 +67,16 @@ class Store:
         self._folder = folder or cache_folder()
         self._bound = bound
         self._notes: list[str] = []
-        self._said: set[str] = set()
+        self._reported: set[str] = set()
         self._failure = ""
-        self._wanted: set[Path] = set()
+        self._accessed_keys: set[Path] = set()
         sweep_temporaries(self._folder)
 
     def take_notes(self) -> tuple[str, ...]:
         """What a person should know about the cache and has not been told yet."""
-        notes = tuple(note for note in dict.fromkeys(self._notes) if note not in self._said)
+        notes = tuple(note for note in dict.fromkeys(self._notes) if note not in self._reported)
         self._notes = []
-        self._said.update(notes)
+        self._reported.update(notes)
         return notes
 
     def require(self) -> None:
@@ -90,11 +90,11 @@ class Store:
             raise InsituError(f"the cache in {self._folder} {_cannot_write(error)}; {_MEND}") from error
         _remove(probe)
 
-    def require_kept(self) -> None:
+    def require_stored(self) -> None:
         """Raises InsituError where something is not there, or no longer, that this process has put or looked for."""
-        missing = [path for path in self._wanted if not path.exists()]
+        missing = [path for path in self._accessed_keys if not path.exists()]
         if missing:
-            lost = f"({len(missing)} of {len(self._wanted)} parts are not kept)"
+            lost = f"({len(missing)} of {len(self._accessed_keys)} parts are not kept)"
             why = f"{self._failure} {lost}; {_MEND}" if self._failure else f"{self._too_small()} {lost}; {_NEED_LESS}"
             raise InsituError(f"the cache in {self._folder} {why}")
 
@@ -117,7 +117,7 @@ class Store:
         except OSError as error:  # no right to read it, a disk that fails: it may be sound
             self._notes.append(f"the cache in {self._folder} cannot be read ({error.strerror}); all is computed again")
             return None
-        self._wanted.add(path)
+        self._accessed_keys.add(path)
         _touch(path)
         return made
 
@@ -125,7 +125,7 @@ class Store:
         """Keep the arrays, or note why not. What is `ArrayInPieces` goes to the disk without being whole in memory."""
         size = record_size(arrays, key)
         path = self._path(key, _ENTRY)
-        self._wanted.add(path)
+        self._accessed_keys.add(path)
         if size > self._bound:
             self._note(self._too_small())
             return False

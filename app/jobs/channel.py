@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from app.jobs.shared_arrays import Block, Method, create_block, name_of_kept, open_kept
+from app.jobs.shared_arrays import Block, Method, create_block, kept_block_name, open_kept_block
 from app.machine.system import has_hung_up, receive_with, send_with
 from app.messages import Message
 
@@ -143,7 +143,7 @@ class Channel:
             return _Frame(_HEADER.pack(_MAGIC, len(payload), 0, 0, 0, 0) + payload, None)
         self._generation += 1
         block, size = create_block(buffers, self._generation, self._method)
-        name = name_of_kept(block) if isinstance(block, Path) else (0, 0)
+        name = kept_block_name(block) if isinstance(block, Path) else (0, 0)
         return _Frame(_HEADER.pack(_MAGIC, len(payload), self._generation, size, *name) + payload, block)
 
     def _send_some(self, frame: _Frame) -> bool:
@@ -228,7 +228,7 @@ class Channel:
 
     def _take_descriptor(self, name: tuple[int, int]) -> int:
         if any(name):
-            return open_kept(*name)
+            return open_kept_block(*name)
         if not self._descriptors:
             raise ChannelError("a message without its block: too many files are open")
         return self._descriptors.popleft()

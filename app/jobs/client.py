@@ -16,7 +16,7 @@ from typing import Self
 from app.jobs.channel import ChannelClosed, ChannelError
 from app.jobs.process import HEARTBEAT_SECONDS, TASKS, StartedWorker, WorkerProcess, start_worker
 from app.jobs.shared_arrays import BlockError, Method, OutOfMemory
-from app.jobs.standing import Standing
+from app.jobs.pending_requests import PendingRequests
 from app.messages import CancelRequests, RequestFailed, Heartbeat, Request, Response, Shutdown, WorkerRestarted, with_numbers
 
 _MAX_CRASHES = 3  # in succession on one request
@@ -24,7 +24,7 @@ _START_TIMEOUT = 30.0  # seconds for the first sign of life: a cold disk, a busy
 _GRACE = 0.5  # seconds for a worker to end by itself
 
 
-class _Blame:
+class _CrashCounter:
     """How often in succession the worker died on the same request (0: before it could take any)."""
 
     def __init__(self) -> None:
@@ -70,14 +70,14 @@ class Client:
         self._command = (handlers, heartbeat, method)
         self._hang_timeout = hang_timeout
         self._ids = itertools.count(1)
-        self._standing = Standing()
-        self._blame = _Blame()
+        self._pending = PendingRequests()
+        self._blame = _CrashCounter()
         self._due: list[Response] = []
         self._dying: list[WorkerProcess] = []
         self._process: WorkerProcess | None = None
         self._closed = False
-        self._hopeless = False  # the worker has said that it cannot start
-        self._spoken = False  # whether this worker has given a sign of life
+        self._gave_up = False  # the worker has said that it cannot start
+        self._has_spoken = False  # whether this worker has given a sign of life
         self._beat = Heartbeat("starting")
         self._polled = self._heard = time.monotonic()
         self._start(started)
@@ -104,13 +104,13 @@ class Client:
         if self._closed:
             raise ValueError("the client is closed")
         request = with_numbers(request, request.id or next(self._ids), request.revision)
-        self._standing.add(request)
+        self._pending.add(request)
         if self._process is None:
             self._start()
             return request.id
         if isinstance(request, CancelRequests):
             self._post(request)
-        self._post_standing()
+        self._post_pending()
         return request.id
 
     def poll(self, budget_s: float = 0.004) -> list[Response]:
@@ -170,7 +170,7 @@ class Client:
         process.channel.flush()
         while (message := process.channel.receive(deadline)) is not None:
             self._heard = self._polled
-            self._spoken = True
+            self._has_spoken = True
             self._take(message, responses)
             if time.monotonic() >= deadline:
                 return
@@ -182,22 +182,22 @@ class Client:
     @property
     def _patience(self) -> float:
         """Seconds of silence after which the worker counts as hung."""
-        return self._hang_timeout if self._spoken else max(self._hang_timeout, _START_TIMEOUT)
+        return self._hang_timeout if self._has_spoken else max(self._hang_timeout, _START_TIMEOUT)
 
     def _take(self, message: object, responses: list[Response]) -> None:
         if isinstance(message, Heartbeat):
             self._beat = message
             self._blame.note(message)
         elif isinstance(message, RequestFailed) and message.id == 0:  # it cannot start
-            self._hopeless = True
+            self._gave_up = True
             responses.append(message)
         elif isinstance(message, Response):
-            self._standing.heard(message)
-            if self._standing.is_current(message):
-                self._standing.settle(message)
+            self._pending.note_response(message)
+            if self._pending.is_current(message):
+                self._pending.settle(message)
                 responses.append(message)
             if isinstance(message, RequestFailed):
-                self._post_standing()  # the scene that stands again may be one that this worker has not opened
+                self._post_pending()  # the scene that stands again may be one that this worker has not opened
 
     def _replace(self, reason: str, responses: list[Response]) -> None:
         """Put a new worker in the place of one that died or hangs, unless that would never end."""
@@ -206,12 +206,12 @@ class Client:
         self._dying.append(self._process)
         self._process = None
         beat, n_crashes = self._beat, self._blame.crashed(self._beat)
-        if self._hopeless:
+        if self._gave_up:
             return
         if n_crashes >= _MAX_CRASHES:
             line = f"computing failed {n_crashes} times in succession ({reason}); not tried again"
             responses.append(RequestFailed(line, id=beat.id, revision=beat.revision))
-            self._standing.drop(beat.id)
+            self._pending.drop(beat.id)
             if beat.state == "starting":
                 return
         self._start()
@@ -219,19 +219,19 @@ class Client:
 
     def _start(self, started: StartedWorker | None = None) -> None:
         self._beat = Heartbeat("starting")
-        self._hopeless = self._spoken = False
+        self._gave_up = self._has_spoken = False
         self._heard = self._polled = time.monotonic()
         try:
             self._process = WorkerProcess(started or start_worker(*self._command))
         except OSError as error:
             self._due.append(RequestFailed(f"computing could not be started: {error.strerror}"))
             return
-        self._standing.new_worker()
-        self._post_standing()
+        self._pending.worker_restarted()
+        self._post_pending()
 
-    def _post_standing(self) -> None:
+    def _post_pending(self) -> None:
         """Send the standing requests that this worker has not been sent."""
-        for request in self._standing.to_send():
+        for request in self._pending.unsent():
             self._post(request)
 
     def _post(self, request: Request) -> None:
@@ -240,7 +240,7 @@ class Client:
             self._process.channel.post(request)
             self._process.channel.flush()
         except OutOfMemory as error:
-            self._standing.drop(request.id)
+            self._pending.drop(request.id)
             self._due.append(RequestFailed(str(error), id=request.id, revision=request.revision))
         except ChannelClosed:  # the next poll finds out why and sends the request again
             pass

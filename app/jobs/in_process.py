@@ -6,7 +6,7 @@ import itertools
 import time
 
 from app.jobs.schedule import RequestHandler, Schedule
-from app.jobs.standing import Standing
+from app.jobs.pending_requests import PendingRequests
 from app.messages import Request, Response, with_numbers
 
 
@@ -18,12 +18,12 @@ class InProcessClient:
 
     def __init__(self, handler: RequestHandler) -> None:
         self._schedule = Schedule(handler)
-        self._standing = Standing()
+        self._pending = PendingRequests()
         self._ids = itertools.count(1)
 
     def send(self, request: Request) -> int:
         request = with_numbers(request, request.id or next(self._ids), request.revision)
-        self._standing.add(request)
+        self._pending.add(request)
         self._schedule.accept(request)
         return request.id
 
@@ -33,7 +33,7 @@ class InProcessClient:
         while self._schedule.choose() is not None:
             response = self._schedule.step()
             if response is not None:
-                self._standing.settle(response)
+                self._pending.settle(response)
                 responses.append(response)
             if time.monotonic() >= deadline:
                 break

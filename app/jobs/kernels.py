@@ -3,7 +3,7 @@
     worker:  opens the scene ─► waits ─► coarse picture ─► ... indirect light ─► estimate ─► other light, cameras
       a thread of it:  waits ─► reads what is compiled
       two processes:   compile, a part each, where nothing is compiled yet
-      then another:    compiles what is wanted later (`app.jobs.rehearsal`)
+      then another:    compiles what is wanted later (`app.jobs.kernel_warm_up`)
 
 Numba compiles under one lock and mostly in Python, so that threads would take turns; processes share what they have
 compiled through the folder of `app.machine.kernel_cache`, which begins with what the installation has
@@ -36,7 +36,7 @@ from app.machine.system import end_with_parent
 from app.lazy_import import qualified
 
 if TYPE_CHECKING:
-    from app.jobs.tasks import Tasks
+    from app.jobs.dispatcher import RequestDispatcher
 
 # Compiling allocates many objects that stay; looking through them again and again takes a tenth of the time.
 GC_THRESHOLD = 100_000
@@ -74,7 +74,7 @@ class Kernels:
 
     def prepare(self) -> None:
         """Begin to make all ready, in a thread; import the engine before."""
-        threading.Thread(target=self.prepare_here, name="kernels", daemon=True).start()
+        threading.Thread(target=self.prepare_and_wait, name="kernels", daemon=True).start()
 
     @property
     def fraction(self) -> float:
@@ -118,13 +118,13 @@ class Kernels:
             self._later.wait()
             self._later = None
 
-    def prepare_here(self, patience_s: float | None = _COMPILER_SECONDS) -> None:
+    def prepare_and_wait(self, patience_s: float | None = _COMPILER_SECONDS) -> None:
         """Make all ready, and wait for it; for each of the other processes so long, None for as long as it takes."""
         try:
             for compiler in self._compilers:
                 compiler.wait(patience_s)
             for part in PARTS:
-                rehearse(part)
+                warm_up(part)
             note_compiled()
             if not all(map(are_compiled, LATER)):
                 self._later = _start_compiler(LATER_PART)
@@ -134,15 +134,15 @@ class Kernels:
             self._ready.set()
 
 
-def prepared_tasks() -> Tasks:
+def prepared_tasks() -> RequestDispatcher:
     """The worker's tasks, their kernels on the way."""
     gc.set_threshold(GC_THRESHOLD)
     kernels = Kernels()
     load_compiler()
-    from app.jobs.tasks import Tasks
+    from app.jobs.dispatcher import RequestDispatcher
 
     kernels.prepare()
-    return Tasks(kernels=kernels)
+    return RequestDispatcher(kernels=kernels)
 
 
 def load_compiler() -> None:
@@ -159,19 +159,19 @@ def load_compiler() -> None:
 
 def are_compiled(what: str = "") -> bool:
     """Whether the kernels of the first picture, or one of `LATER`, were compiled before; also where none are kept."""
-    mark = _mark(what)
+    mark = _marker_file(what)
     return mark is None or mark.exists()
 
 
 def note_compiled(what: str = "") -> None:
     """They are compiled now."""
-    mark = _mark(what)
+    mark = _marker_file(what)
     if mark is not None:
         with contextlib.suppress(OSError):
             mark.touch()
 
 
-def _mark(what: str) -> Path | None:
+def _marker_file(what: str) -> Path | None:
     """The file that says so: by these sources, these compilers, this machine."""
     if NUMBA_VARIABLE not in os.environ:
         return None
@@ -189,7 +189,7 @@ def compile_all() -> None:
     if are_compiled() and all(map(are_compiled, LATER)):
         return
     kernels = Kernels()
-    kernels.prepare_here(patience_s=None)
+    kernels.prepare_and_wait(patience_s=None)
     for what in LATER:
         for _ in kernels.until_ready(what):
             pass
@@ -205,12 +205,12 @@ def _start_compiler(part: str, first: str = "") -> subprocess.Popen[bytes] | Non
         return None
 
 
-def rehearse(part: str, first: str = "") -> None:
+def warm_up(part: str, first: str = "") -> None:
     """Compile or read one of `PARTS`, or all of `LATER`, of which Orbit or Deform may be the first."""
     from engine.transport import kernel_calls
 
     if part == LATER_PART:
-        _rehearse_later(first)
+        _warm_up_later(first)
     elif part == "projection":
         kernel_calls.warm_up_contraction()
         kernel_calls.warm_up_footprint()
@@ -221,11 +221,11 @@ def rehearse(part: str, first: str = "") -> None:
         kernel_calls.warm_up_light()
 
 
-def _rehearse_later(first: str) -> None:
+def _warm_up_later(first: str) -> None:
     if not all(map(are_compiled, LATER)):
-        from app.jobs.rehearsal import rehearse_later
+        from app.jobs.kernel_warm_up import warm_up_later
 
-        for what in rehearse_later(first):
+        for what in warm_up_later(first):
             note_compiled(what)
             if what == INDIRECT:
                 step_behind(LAST)  # up to here a person may wait, for light between surfaces
@@ -243,12 +243,12 @@ def main() -> None:
     end_with_parent(int(sys.argv[2]))
     gc.set_threshold(GC_THRESHOLD if sys.argv[1] == LATER_PART else 0)  # the parts end before it would be worth while
     load_compiler()
-    with alone(sys.argv[1]):
-        rehearse(sys.argv[1], *sys.argv[3:])
+    with compile_lock(sys.argv[1]):
+        warm_up(sys.argv[1], *sys.argv[3:])
 
 
 @contextlib.contextmanager
-def alone(part: str) -> Iterator[None]:
+def compile_lock(part: str) -> Iterator[None]:
     """While one process compiles a part, others wait and then read it: an editor that is started while `make setup`
     still compiles would do all of it a second time, beside that. Where no lock can be had, it does."""
     from filelock import FileLock  # late: the worker has no use for it

@@ -33,16 +33,16 @@ Part = dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
-class LitBy:
+class LightingState:
     """What light a layer's transport was asked for: equal ones light equally in the same stage.
 
     decided: how much of it the last stage has, where that need not be all that was asked for.
     """
 
     light: LightState
-    decisions: RenderSettings
+    settings: RenderSettings
     emission: tuple[tuple[str, tuple[float, float, float]], ...] = ()
-    decided: RenderSettings | None = field(default=None, compare=False)
+    planned_settings: RenderSettings | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +53,11 @@ class LayerData:
     """
 
     work: LayerState
-    lit_by: LitBy
+    lit_by: LightingState
     stage: str
     store: BandStore | FixedPicture
     unit: float
-    bent: LayerState | None = None
+    edited: LayerState | None = None
 
     @property
     def is_fixed(self) -> bool:
@@ -70,9 +70,9 @@ class LayerData:
 
     @property
     def _curves_of(self) -> LayerState:
-        return self.bent or self.work
+        return self.edited or self.work
 
-    def is_picture_of(self, work: LayerState, lit_by: LitBy) -> bool:
+    def is_picture_of(self, work: LayerState, lit_by: LightingState) -> bool:
         """Whether the picture of this work in this light can be had from it, in the stage it has."""
         if (self.work.quotient, self.lit_by) != (work.quotient, lit_by):
             return False
@@ -80,27 +80,27 @@ class LayerData:
             return all(map(np.array_equal, self.work.coefficients, work.coefficients))
         return self.work.bands == work.bands
 
-    def spares(self, work: LayerState, stage: str, is_last: bool) -> bool:
+    def makes_needless(self, work: LayerState, stage: str, is_last: bool) -> bool:
         """Whether that stage of the work, whose picture this is, need not be made."""
         as_fine = _RANK[self.stage] >= _RANK[stage]
         return as_fine and (work.fixed or not (is_last and self.is_fixed))
 
     def taken_over_by(self, work: LayerState) -> LayerData:
         """The same for the work that asks for its picture; without bands where that is fixed."""
-        data = replace(self, work=work, bent=None)
+        data = replace(self, work=work, edited=None)
         if work.fixed and not self.is_fixed:
             return replace(data, store=FixedPicture(self.store.radiance(*both_curves(work))))
         return data
 
-    def takes(self, layer: LayerState) -> bool:
+    def fits_curves(self, layer: LayerState) -> bool:
         """Whether it can be contracted with the curves of this one."""
         return not self.is_fixed and (self.work.factors, self.work.bands) == (layer.factors, layer.bands)
 
-    def under(self, layer: LayerState) -> LayerData:
+    def with_curves(self, layer: LayerState) -> LayerData:
         """The same transport under other curves."""
-        return replace(self, bent=layer)
+        return replace(self, edited=layer)
 
-    def answers(self, factor: str | None, precision: Precision, picture: bool = True) -> Iterator[Response]:
+    def responses(self, factor: str | None, precision: Precision, picture: bool = True) -> Iterator[Response]:
         """The layer's picture, if that is wanted, and its transport along a curve where one is named.
 
         Both come from one contraction.
@@ -128,7 +128,7 @@ def shape_of(work: LayerState) -> LayerShape:
     return LayerShape(work.model, work.quotient_parameters, bands)
 
 
-def kept_of_tile(work: LayerState, tile: BandTile) -> Part:
+def tile_content(work: LayerState, tile: BandTile) -> Part:
     """What of a tile is kept: its bands, or of a fixed layer its picture."""
     if work.fixed:
         return {"picture": picture_of_tile(tile, shape_of(work).bands, both_curves(work))}
@@ -142,7 +142,7 @@ def picture_of_part(work: LayerState, part: Part) -> np.ndarray:
     )
 
 
-def joined(work: LayerState, parts: Mapping[int, Arrays]) -> BandStore | FixedPicture:
+def join_tile_contents(work: LayerState, parts: Mapping[int, Arrays]) -> BandStore | FixedPicture:
     """The whole of what is kept of the tiles, by their first point."""
     if work.fixed:
         return join_pictures({begin: np.asarray(part["picture"]) for begin, part in parts.items()})

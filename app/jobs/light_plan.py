@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.document import document_from_description
-from app.jobs.bench import Bench
+from app.jobs.worker_context import WorkerContext
 from app.jobs.cache import content_key
 from app.jobs.layer_data import shape_of
 from app.placement.messages import ComputeTransport
@@ -31,48 +31,48 @@ from engine.transport.pipeline import SkyState
 LINES = tuple(LEAST)
 
 
-class LightPlans:
+class LightBudgets:
     """What is known of the view that is open on the bench."""
 
-    def __init__(self, bench: Bench) -> None:
-        self._bench = bench
-        self._known: dict[str, LightBudget] = {}
+    def __init__(self, bench: WorkerContext) -> None:
+        self._context = bench
+        self._budgets: dict[str, LightBudget] = {}
 
-    def known(self, request: ComputeTransport, sky: SkyState) -> LightBudget | None:
+    def cached_budget(self, request: ComputeTransport, sky: SkyState) -> LightBudget | None:
         """What the picture of a request needs, None where that was not tried yet."""
         decisions = request.decisions
-        if not is_worthwhile(self._bench.open_placement) or decisions.overridden >= set(LINES):
+        if not is_worthwhile(self._context.open_placement) or decisions.overridden >= set(LINES):
             return LightBudget(decisions.n_lights, decisions.n_patches)
         key = self._key(request, sky)
-        need = self._known.get(key) or self._bench.store.get(key, _need_of)
+        need = self._budgets.get(key) or self._context.store.get(key, _budget_of)
         if need is not None:
-            self._known[key] = need
+            self._budgets[key] = need
         return need
 
-    def found(self, request: ComputeTransport, sky: SkyState) -> Generator[None, None, LightBudget]:
+    def find_budget(self, request: ComputeTransport, sky: SkyState) -> Generator[None, None, LightBudget]:
         """The same; tried where it is not known."""
-        need = self.known(request, sky)
+        need = self.cached_budget(request, sky)
         if need is None:
-            placement = self._bench.open_placement
+            placement = self._context.open_placement
             layers = [
                 StillLayer(placement.scene.object_index(each.object), layer, shape_of(each).bands, not each.fixed)
                 for each, layer in zip(request.scene.visible, self._unedited(request), strict=True)
             ]
             need = yield from find_light_budget(placement, layers, self._unturned(sky), request.decisions)
             key = self._key(request, sky)
-            self._known[key] = need
-            self._bench.store.put(key, _arrays_of(need))
+            self._budgets[key] = need
+            self._context.store.put(key, _arrays_of(need))
         return need
 
     def _unedited(self, request: ComputeTransport) -> list[Layer]:
         """The visible layers of a request as the scene's file has them, or as their models begin."""
-        scene = self._bench.open_placement.scene
+        scene = self._context.open_placement.scene
         there = dict(document_from_description(str(scene.file), scene.description).layers())
         return [_of_file(each, there.get(each.key)) for each in request.scene.visible]
 
     def _unturned(self, sky: SkyState) -> SkyState:
         """The sky where the scene's file has turned it."""
-        described = self._bench.open_placement.scene.description.environment
+        described = self._context.open_placement.scene.description.environment
         return replace(sky, rotation=0.0 if described is None else described.rotation)
 
     def _key(self, request: ComputeTransport, sky: SkyState) -> str:
@@ -83,7 +83,7 @@ class LightPlans:
         )
         shining = tuple(name for name, emission in request.scene.emission if any(emission))
         return content_key(
-            "light need, unedited", self._bench.view_key, radiance, sky.scale, self._unturned(sky).rotation, shining,
+            "light need, unedited", self._context.view_key, radiance, sky.scale, self._unturned(sky).rotation, shining,
             layers, decisions.n_lights, decisions.n_patches, decisions.keeps_sphere,
             tuple(sorted(decisions.overridden)),
         )  # fmt: skip
@@ -108,7 +108,7 @@ def _arrays_of(need: LightBudget) -> dict[str, np.ndarray]:
     }
 
 
-def _need_of(arrays: Arrays) -> LightBudget:
+def _budget_of(arrays: Arrays) -> LightBudget:
     reader = ArrayReader(arrays)
     lights, patches = map(int, reader.take("numbers", np.int64, 2))
     off = zip(LINES, reader.take("off", np.float64, 2, 2).tolist(), strict=True)

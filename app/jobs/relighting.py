@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document import LightState
-from app.jobs.layer_data import LayerData, LitBy
+from app.jobs.layer_data import LayerData, LightingState
 from app.machine.memory import available_memory
 from app.messages import Response
 from app.scene_state import LayerState, SceneState
@@ -29,14 +29,14 @@ SHARE_OF_MEMORY = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class _Ready:
+class _LayerRows:
     """A layer's rows, of its material as it was, and what its exact picture (p, 3) had beside them under a light."""
 
     work: LayerState
     maker: RowMaker
     rows: LightRows
     rest: NDArray[np.float32] | None = None
-    lit_by: LitBy | None = None
+    lit_by: LightingState | None = None
 
     def is_of(self, work: LayerState) -> bool:
         """Whether it reflects the same."""
@@ -51,7 +51,7 @@ class Relighting:
     """The rows of the picture that is open."""
 
     def __init__(self) -> None:
-        self._ready: dict[str, _Ready] = {}
+        self._ready: dict[str, _LayerRows] = {}
         self._maker: RowMaker | None = None
         self._made_under: tuple[Environment, float] | None = None
 
@@ -83,9 +83,9 @@ class Relighting:
                 for tile in maker.rows(work.layer, rows_of[work.key]):
                     tiles.append(tile)
                     yield None
-                ready = _Ready(work, maker, joined_rows(tiles))
+                ready = _LayerRows(work, maker, joined_rows(tiles))
             data = pictures[work.key]
-            data = data.under(work) if data.takes(work) else data
+            data = data.with_curves(work) if data.fits_curves(work) else data
             rest = data.radiance - ready.rows.lit(light) if data.lit_by.light == scene.light else None
             self._ready[work.key] = replace(ready, rest=rest, lit_by=data.lit_by)
             yield None
@@ -105,7 +105,7 @@ class Relighting:
 
     # ----------------------------------------------------------------------------------------------- lighting anew
 
-    def takes(self, work: LayerState, lit_by: LitBy) -> bool:
+    def takes(self, work: LayerState, lit_by: LightingState) -> bool:
         """Whether a layer can be lit anew: its material is that of its rows, and emitters are as they were."""
         ready = self._ready.get(work.key)
         if ready is None or not ready.is_of(work) or ready.rest is None or ready.lit_by is None:
@@ -118,7 +118,7 @@ class Relighting:
             return np.zeros((1, 3), np.float32)
         return light_coefficients(sky.environment, sky.rotation, sky.scale)
 
-    def picture(self, work: LayerState, lit_by: LitBy, light: NDArray[np.float32]) -> NDArray[np.float32]:
+    def picture(self, work: LayerState, lit_by: LightingState, light: NDArray[np.float32]) -> NDArray[np.float32]:
         """The radiance (p, 3) of a layer that can be lit anew.
 
         Beside the rows' is what the exact picture had more under the light before: emitters', and while the sky is the

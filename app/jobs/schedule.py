@@ -37,7 +37,7 @@ class _Job:
         self._steps: Steps | None = None
 
     @property
-    def begun(self) -> bool:
+    def is_started(self) -> bool:
         return self._steps is not None
 
     def step(self) -> Response | None:
@@ -64,7 +64,7 @@ class Schedule:
     def __init__(self, handler: RequestHandler, details: str = "") -> None:
         self._handler = handler
         self._details = details
-        self._waiting: dict[type[Request], Request] = {}
+        self._queued: dict[type[Request], Request] = {}
         self._long: _Job | None = None
         self._quick: dict[type[Request], _Job] = {}
 
@@ -72,17 +72,17 @@ class Schedule:
         """Take a request in; it cancels the older of its kind and what was built on that."""
         self._cancel(request)
         if not isinstance(request, CancelRequests):
-            self._waiting[type(request)] = request
+            self._queued[type(request)] = request
 
     def choose(self) -> Request | None:
         """The request that `step` will advance; None when there is nothing to do."""
         if self._long is None:
-            long = [kind for kind in self._waiting if kind.priority is None]
+            long = [kind for kind in self._queued if kind.priority is None]
             kind = min(long, key=lambda kind: kind.depth(), default=None)
-            self._long = None if kind is None else _Job(self._waiting.pop(kind), self._handler.handle)
-        for kind in [kind for kind in self._waiting if kind.priority is not None and kind not in self._quick]:
+            self._long = None if kind is None else _Job(self._queued.pop(kind), self._handler.handle)
+        for kind in [kind for kind in self._queued if kind.priority is not None and kind not in self._quick]:
             if self._serves(kind):
-                self._quick[kind] = _Job(self._waiting.pop(kind), self._handler.handle)
+                self._quick[kind] = _Job(self._queued.pop(kind), self._handler.handle)
         job = self._chosen
         return job.request if job else None
 
@@ -115,7 +115,7 @@ class Schedule:
 
     def _serves(self, kind: type[Request]) -> bool:
         """Whether nothing is under way that a quick kind waits for, such as the opening of a scene."""
-        return self._long is None or (self._long.begun and (kind.served_anytime or not self._long.request.exclusive))
+        return self._long is None or (self._long.is_started and (kind.served_anytime or not self._long.request.exclusive))
 
     def _finish(self, job: _Job) -> None:
         if self._quick.pop(type(job.request), None) is None:
@@ -123,7 +123,7 @@ class Schedule:
 
     def _cancel(self, request: Request) -> None:
         """Drop what is void once this request is there, or has failed."""
-        self._waiting = {kind: each for kind, each in self._waiting.items() if not request.cancels(kind)}
+        self._queued = {kind: each for kind, each in self._queued.items() if not request.cancels(kind)}
         for job in (*self._quick.values(), self._long):
             if job is not None and request.cancels(type(job.request)):
                 job.close()

@@ -67,7 +67,7 @@ def default_method() -> Method:
 
 def create_block(buffers: Sequence[Buffer], generation: int, method: Method | None = None) -> tuple[int | Path, int]:
     """A sealed block with these buffers, and its size in bytes: its descriptor, which the caller closes, or of a `kept`
-    one its file, which `open_kept` opens and removes.
+    one its file, which `open_kept_block` opens and removes.
 
     Raises OutOfMemory, before anything is written, when there is no room.
     """
@@ -91,14 +91,14 @@ def create_block(buffers: Sequence[Buffer], generation: int, method: Method | No
     return file, total
 
 
-def name_of_kept(file: Path) -> tuple[int, int]:
+def kept_block_name(file: Path) -> tuple[int, int]:
     """The two numbers that say which file a `kept` block is in: whose process it is of, and which it is there."""
     match = _NAME.fullmatch(file.name)
     assert match is not None
     return int(match[1]), int(match[2])
 
 
-def open_kept(process: int, serial: int) -> int:
+def open_kept_block(process: int, serial: int) -> int:
     """The descriptor of a `kept` block, whose file goes. Raises BlockError when there is none."""
     try:
         return system.open_last(_file_of(process, serial))

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from app.document import document_from_description
-from app.jobs.indirect import IndirectTasks
+from app.jobs.indirect_tasks import IndirectTasks
 from app.machine.atomic import save_file
 from app.measure.figures import Figure
 from app.measure.subject import at_most, open_subject

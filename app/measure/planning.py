@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from app.cli.planning import plan_project
-from app.jobs.cache import CACHE_VARIABLE, Store
+from app.jobs.cache import CACHE_VARIABLE, ArrayCache
 from app.machine.atomic import save_file
 from app.measure.accuracy import REFERENCES, reference_folder
 from app.lazy_import import qualified
@@ -212,7 +212,7 @@ def main(said: str) -> None:
     words["resolution"] = words["resolution"] and tuple(words["resolution"])
     project = ProjectSpec(**words).open()
     started = time.process_time()
-    fill(project, lambda progress: None, n_lights, Store())
+    fill(project, lambda progress: None, n_lights, ArrayCache())
     print(json.dumps({"seconds": time.process_time() - started}))
 
 

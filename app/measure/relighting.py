@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document import document_from_description
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.measure.accuracy import errors
 from app.measure.figures import Figure, NotMeasured, not_measured
 from app.messages import RequestFailed, SetCamera, OpenScene, Request, Response
@@ -80,7 +80,7 @@ class _Ready:
         )
         if not self.scene.layers:
             raise NotMeasured(f"{source} has no layers")
-        self._tasks, self._n_preview = Tasks(Store(cache)), min(PREVIEW.n_lights, effort.n_final // 4)
+        self._tasks, self._n_preview = RequestDispatcher(ArrayCache(cache)), min(PREVIEW.n_lights, effort.n_final // 4)
         self.ask(OpenScene(source, id=1), SetCamera(1, None, effort.resolution))
         self.ask(self._transport(self.scene, effort.n_final))
 

@@ -37,7 +37,7 @@ Steps = Generator[tuple[float, str], None, Measurement]
 
 
 class ArrayStore(Protocol):
-    """Arrays kept on disk by key, such as `app.jobs.cache.Store`."""
+    """Arrays kept on disk by key, such as `app.jobs.cache.ArrayCache`."""
 
     def get(self, key: str, read: Callable[[Arrays], Made]) -> Made | None: ...
 

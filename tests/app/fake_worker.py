@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document import document_from_description
-from app.jobs.bands import plan_bands
+from app.jobs.band_planning import plan_bands
 from app.measurements import document_with_measurements, unread_files
 from app.messages import CancelRequests, SetCamera, OpenScene, Request, Response, SceneOpened, ViewTraced, with_numbers
 from app.placement.messages import (

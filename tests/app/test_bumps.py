@@ -10,9 +10,9 @@ from app.commands.surfaces import SetBumps
 from app.document import resolve
 from app.editor import Editor
 from app.files.session import load_session, save_session
-from app.jobs.bench import Bench
+from app.jobs.worker_context import WorkerContext
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.view_controller import REST_SECONDS
 from app.messages import SetCamera, OpenScene, ViewTraced
 from app.project import open_project
@@ -71,7 +71,7 @@ def test_what_is_frozen_or_shines_refuses(scene: Path) -> None:
 
 
 def test_the_worker_sees_other_normals_and_says_what_is_wrong(scene: Path) -> None:
-    client = InProcessClient(Tasks())
+    client = InProcessClient(RequestDispatcher())
     id = client.send(OpenScene(str(scene)))
 
     def seen(*bumps: Bumps) -> ViewTraced:
@@ -88,11 +88,11 @@ def test_the_worker_sees_other_normals_and_says_what_is_wrong(scene: Path) -> No
 
 
 def test_transport_is_kept_by_bumps_and_visibility_without_them(scene: Path) -> None:
-    bench = Bench()
+    bench = WorkerContext()
     bench.load(open_project(str(scene)).scene, 1)
     keys = []
     for strength in (1.0, 2.0, 0.0):
-        run_to_end(bench.look(SetCamera(1, bumps=(("card", Bumps(bump_map="ramp.png", bump_strength=strength)),))))
+        run_to_end(bench.set_camera(SetCamera(1, bumps=(("card", Bumps(bump_map="ramp.png", bump_strength=strength)),))))
         keys.append((bench.geometry_key, bench.view_key))
     assert len({geometry for geometry, _ in keys}) == 1 and len({view for _, view in keys}) == 3
     assert keys[2][0] == keys[2][1]  # flat: as without

@@ -15,9 +15,9 @@ from app.deform.events import PoseCame
 from app.deform.messages import DeformKnown, DrawDeform, PathsTraced, PoseTold, PrepareDeform, Traced
 from app.deform.talk import DeformTalk
 from app.document import Document
-from app.jobs.deform import DeformWork
+from app.jobs.deform_worker import DeformWorker
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.messages import RequestFailed, SetCamera, OpenScene, Response
 from app.mode import OpenedScene
 from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, OrbitUnknown, PrepareOrbit
@@ -43,7 +43,7 @@ SIZE = (24, 18)
 
 @pytest.fixture
 def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(DeformWork, "n_rays", 16)
+    monkeypatch.setattr(DeformWorker, "n_rays", 16)
     monkeypatch.setattr("engine.deform.deform_engine.N_POINTS", 60)
     path = tmp_path / "box.toml"
     sky = "[environment]\nradiance = [1, 2, 3]\n"
@@ -57,7 +57,7 @@ def answers(client: InProcessClient) -> list[Response]:
 
 
 def test_a_scene_is_made_ready_once_and_drawn_in_any_pose(file: Path) -> None:
-    client = InProcessClient(Tasks())
+    client = InProcessClient(RequestDispatcher())
     client.send(SetCamera(client.send(OpenScene(str(file)))))
     answers(client)
     project = open_project(str(file))
@@ -91,7 +91,7 @@ def test_where_the_window_draws_it_is_told_what_moves_and_the_rest_once(
     file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(heights.PATTERNS, "bumps", partial(heights.bumps, 8))
-    client = InProcessClient(Tasks())
+    client = InProcessClient(RequestDispatcher())
     client.send(SetCamera(client.send(OpenScene(str(file)))))
     answers(client)
     project = open_project(str(file))
@@ -147,7 +147,7 @@ def test_a_moving_picture_is_the_windows_where_it_draws_and_one_at_rest_the_work
 
 def test_a_split_picture_is_traced_pass_by_pass(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("engine.deform.path_reference.N_PASSES", 2)
-    client = InProcessClient(Tasks())
+    client = InProcessClient(RequestDispatcher())
     client.send(SetCamera(client.send(OpenScene(str(file)))))
     answers(client)
     project = open_project(str(file))
@@ -296,7 +296,7 @@ def test_an_image_that_cannot_be_read_leaves_the_document_and_the_picture_as_the
 
 
 def test_a_scene_goes_on_as_it_was_where_an_image_is_broken(file: Path, tmp_path: Path) -> None:
-    client = InProcessClient(Tasks())
+    client = InProcessClient(RequestDispatcher())
     client.send(SetCamera(client.send(OpenScene(str(file)))))
     answers(client)
     scene = scene_state(open_project(str(file)).document)
@@ -311,7 +311,7 @@ def test_a_scene_goes_on_as_it_was_where_an_image_is_broken(file: Path, tmp_path
 
 
 def test_the_error_of_the_fit_is_a_picture_of_its_own_and_a_membrane_has_none(file: Path) -> None:
-    client = InProcessClient(Tasks())
+    client = InProcessClient(RequestDispatcher())
     client.send(SetCamera(client.send(OpenScene(str(file)))))
     answers(client)
     project = open_project(str(file))

@@ -17,9 +17,9 @@ from app.commands.layers import SetParameter
 from app.editor import Editor
 from app.export.materials import LEAST_COSINE, grid, tabulated
 from app.export.mitsuba import export_scene
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.measure.peer import VARIABLE
 from app.project import open_project
 from app.stills import render_picture
@@ -90,7 +90,7 @@ def test_images_count_by_their_means(tmp_path: Path) -> None:
 
 
 def test_the_worker_writes_what_the_window_asks_for(tmp_path: Path) -> None:
-    client = InProcessClient(Tasks(Store(tmp_path / "cache")))
+    client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
     editor = Editor(client, str(write_small_scene(tmp_path)), resolution=(6, 4))
     editor.do(SetView.of(n_lights=20))
     _tick_until(editor, lambda: editor.scene_is_open)

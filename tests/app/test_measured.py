@@ -12,9 +12,9 @@ from app.document import Document, document_from_description
 from app.editor import Editor
 from app.files.material_file import Material, dump_material, load_material, parse_material
 from app.files.session import load_session
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.measurements import layers_of_document, measured_files, measurement_in, unread_files, with_measurements
 from app.messages import (
     RequestFailed,
@@ -77,8 +77,8 @@ def compute(document: Document) -> ComputeTransport:
 
 def test_a_worker_reads_what_a_scene_names(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tables, "_tables", {})
-    store = Store(tmp_path / "cache")
-    tasks = Tasks(store)
+    store = ArrayCache(tmp_path / "cache")
+    tasks = RequestDispatcher(store)
     opened = next(a for a in open_in_process(tasks, str(scene)) if isinstance(a, SceneOpened))
     assert opened.measurements["gloss.binary"].is_read
     document = document_of(opened, scene)
@@ -137,7 +137,7 @@ def test_an_import_is_one_step(client: FakeClient, tmp_path: Path) -> None:
 
 def test_the_worker_plans_a_session_with_an_import(scene: Path, merl_file: Path, tmp_path: Path) -> None:
     # Of its layers those that the scene does not have; with the curves that its files have.
-    tasks = Tasks(Store(tmp_path / "cache"))
+    tasks = RequestDispatcher(ArrayCache(tmp_path / "cache"))
     *_, plain = run_in_process(tasks, OpenScene(str(scene)))
     assert isinstance(plain, SceneOpened)
     own = layers_of_document(document_of(plain, scene))
@@ -202,7 +202,7 @@ def test_an_import_that_fails_or_is_cancelled_changes_nothing(client: FakeClient
 
 
 def test_the_worker_answers_an_import_between_other_work(merl_file: Path, tmp_path: Path) -> None:
-    client = InProcessClient(Tasks(Store(tmp_path / "cache")))
+    client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
     layers = measured_layers(merl_file)
     client.send(ReadMeasured((str(merl_file),), layers))
     answer = client.poll(float("inf"))[-1]
@@ -213,13 +213,13 @@ def test_the_worker_answers_an_import_between_other_work(merl_file: Path, tmp_pa
 
 def test_the_worker_hands_a_table_out(merl_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tables, "_tables", {})
-    tasks = Tasks(Store(tmp_path / "cache"))
+    tasks = RequestDispatcher(ArrayCache(tmp_path / "cache"))
     *_, given = run_in_process(tasks, FetchTable(str(merl_file)))
     assert isinstance(given, TableFetched) and given.measurement.is_read
     number = given.measurement.number
     assert np.array_equal(given.samples, tables.table_of(number).samples) and given.samples.dtype == np.float32
     # By its number at once; a copy of the file is the same table, by its own name; another number is another file.
-    monkeypatch.delattr("app.jobs.measured.read_measurement")
+    monkeypatch.delattr("app.jobs.measured_tasks.read_measurement")
     (again,) = run_in_process(tasks, FetchTable("copy.binary", number))
     assert isinstance(again, TableFetched) and again.measurement == replace(given.measurement, file="copy.binary")
     monkeypatch.undo()
@@ -263,7 +263,7 @@ def test_a_material_is_exported_by_the_worker(client: FakeClient, tmp_path: Path
     assert editor.export_measured(tmp_path / "pot.binary") is None
     (asked,) = client.sent(WriteFiles)
     assert asked.layers == editor.document.object("pot").layers
-    answers = run_in_process(Tasks(Store(tmp_path / "cache")), asked)
+    answers = run_in_process(RequestDispatcher(ArrayCache(tmp_path / "cache")), asked)
     samples = merl_samples(read_merl(tmp_path / "pot.binary"), tmp_path / "pot.binary")
     assert samples.max() > 0.2 and {type(answer) for answer in answers} == {Progress, FilesWritten}
     client.answer(asked, answers[-1])

@@ -15,7 +15,7 @@ from app.placement.messages import ComputeTransport, Contract, Freeze, PlanBands
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.parametrize("file", ["app/editor.py", "app/editor_status.py", "ui/shell.py", "app/jobs/tasks.py"])
+@pytest.mark.parametrize("file", ["app/editor.py", "app/editor_status.py", "ui/shell.py", "app/jobs/dispatcher.py"])
 def test_what_every_mode_shares_has_no_word_of_placement_s(file: str) -> None:
     found = re.findall(r"\b\w*(?:bands|bounces|transport)\w*\b", (ROOT / file).read_text(), re.IGNORECASE)
     assert found == []

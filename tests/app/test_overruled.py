@@ -14,7 +14,7 @@ from app.effective_settings import effective_view, effective_settings
 from app.document import Document
 from app.editor import Editor
 from app.files.session import load_session, save_session
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.messages import SetCamera
 from app.placement.messages import BouncesPlanned
 from app.project import open_project, with_overrides
@@ -143,7 +143,7 @@ def test_a_command_line_changes_what_is_computed(tmp_path: Path) -> None:
     session = save_session(tmp_path / "work", by_hand.document, ViewState())
     kept = {}
     for name, each in {"plain": replace(project, n_lights=480), "hand": by_hand, "session": None}.items():
-        fill(each or open_project(str(session)), lambda progress: None, None, Store(tmp_path / name))
+        fill(each or open_project(str(session)), lambda progress: None, None, ArrayCache(tmp_path / name))
         kept[name] = {file.name: file.stat().st_size for file in (tmp_path / name).iterdir()}
     assert kept["hand"] == kept["session"]
     assert sum(kept["hand"].values()) < 0.6 * sum(kept["plain"].values())  # fewer bands, and no sphere

@@ -11,10 +11,10 @@ import pytest
 from app.cli.precompute import precompute
 from app.editor import Editor
 from app.files.session import save_session
-from app.jobs import indirect
-from app.jobs.cache import Store
+from app.jobs import indirect_tasks
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.project import open_project
 from app.view_state import ViewState
 from engine.indirect.sampling_settings import ROUGH
@@ -41,7 +41,7 @@ layer = [{ model = "rough_conductor", alpha = 0.3 }]
 """
 
 
-class CountingStore(Store):
+class CountingStore(ArrayCache):
     """Counts what is kept in it, which is all that takes long."""
 
     kept = 0
@@ -53,7 +53,7 @@ class CountingStore(Store):
 
 @pytest.fixture
 def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(indirect, "FINE", replace(ROUGH, name="fine"))  # quicker, and as good for this
+    monkeypatch.setattr(indirect_tasks, "FINE", replace(ROUGH, name="fine"))  # quicker, and as good for this
     monkeypatch.setenv("INSITU_STATE", str(tmp_path / "state"))
     file = tmp_path / "scene.toml"
     file.write_text(SCENE)
@@ -77,7 +77,7 @@ def test_it_leaves_the_editor_nothing_to_do(
     precompute(open_project(file), lambda progress: None, store=store)
     assert store.kept == 5  # visibility, two layers' transport and its unit, their indirect light
     monkeypatch.setattr(Solver, "solve", lambda *arguments: pytest.fail("indirect light is found once more"))
-    client = InProcessClient(Tasks(store))
+    client = InProcessClient(RequestDispatcher(store))
     editor = Editor(client, file)
     for _ in range(10_000):
         editor.tick(time.monotonic())

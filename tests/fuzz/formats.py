@@ -355,16 +355,16 @@ def entries(folder: Path) -> list[bytes]:
 
 
 def _kept(folder: Path, arrays: dict[str, np.ndarray]) -> bytes:
-    from app.jobs.cache import Store
+    from app.jobs.cache import ArrayCache
 
-    Store(folder).put("k", arrays)
+    ArrayCache(folder).put("k", arrays)
     return (folder / "k.arrays").read_bytes()
 
 
 def read_entry(path: Path) -> None:
     """By all who take such; none of them raises."""
-    from app.jobs.cache import Store
-    from app.jobs.deform import stored_lobes
+    from app.jobs.cache import ArrayCache
+    from app.jobs.deform_worker import stored_lobes
     from engine.orbit.stored_visibility import inflate_bits
     from engine.stored_arrays import ArrayReader
     from engine.transport.bandstore import arrays_of_file, store_from_arrays
@@ -377,24 +377,24 @@ def read_entry(path: Path) -> None:
         ),
         lambda arrays: stored_lobes(arrays, 5).harmonics(),
     ):
-        Store(path.parent).get(path.stem, read)
+        ArrayCache(path.parent).get(path.stem, read)
         if not path.exists():  # one that is damaged is taken away
             path.write_bytes(data)
 
 
 def tiles(folder: Path) -> list[bytes]:
-    from app.jobs.cache import Store
+    from app.jobs.cache import ArrayCache
 
-    with Store(folder / "tiles").open_tiles("k", 3) as kept:
+    with ArrayCache(folder / "tiles").open_tiles("k", 3) as kept:
         for i in range(3):
             kept.append_tile(i, {"a": np.full((4, 3), i, np.float32), "b": np.arange(5)})
     return [(folder / "tiles" / "k.tiles").read_bytes()]
 
 
 def read_tiles(path: Path) -> None:
-    from app.jobs.cache import Store
+    from app.jobs.cache import ArrayCache
 
-    with Store(path.parent).open_tiles(path.stem, 3) as kept:
+    with ArrayCache(path.parent).open_tiles(path.stem, 3) as kept:
         for i in kept.complete_tiles:
             kept.tile(i, dict)
 

@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING
 from app.jobs.kernels import prepared_tasks
 
 if TYPE_CHECKING:
-    from app.jobs.tasks import Tasks
+    from app.jobs.dispatcher import RequestDispatcher
 
 HANDLERS = "tests.ui.quick_worker:quick_tasks"
 
 
-def quick_tasks() -> Tasks:
+def quick_tasks() -> RequestDispatcher:
     """The worker's own, but for these."""
     tasks = prepared_tasks()
-    from app.jobs import indirect
-    from app.jobs.orbit import OrbitWork
+    from app.jobs import indirect_tasks
+    from app.jobs.orbit_worker import OrbitWorker
     from engine.render import error_estimate
     from tests.fineness import QUICK
 
-    indirect.FINE = QUICK
+    indirect_tasks.FINE = QUICK
     error_estimate.FINER_PATCHES = 1
-    OrbitWork.n_points = 1000
+    OrbitWorker.n_points = 1000
     return tasks

@@ -11,7 +11,7 @@ import numpy as np
 
 from app.editor import Editor, WorkerClient
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.messages import Request
 from app.view_state import SetView
 from tests.pictures import write_exr
@@ -65,7 +65,7 @@ def coloured_sky(height: int = 16) -> np.ndarray:
 class CountingClient(InProcessClient):
     """Notes what was asked of the worker."""
 
-    def __init__(self, tasks: Tasks) -> None:
+    def __init__(self, tasks: RequestDispatcher) -> None:
         super().__init__(tasks)
         self.requests: list[Request] = []
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.document import document_from_description
-from app.jobs.bands import plan_bands
+from app.jobs.band_planning import plan_bands
 from app.messages import (
     SetCamera,
     MeasurementsRead,

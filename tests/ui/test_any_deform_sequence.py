@@ -18,7 +18,7 @@ from app.commands.light import SetRotation
 from app.effective_settings import effective_view
 from app.deform.talk import DeformTalk
 from app.editor import Editor
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.orbit.wishes import OrbitWish
 from app.view_state import SetView
 from engine.deform.deform_engine import Deform
@@ -154,7 +154,7 @@ COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
 def test_the_last_picture_is_of_the_last_document(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
     monkeypatch.setattr("engine.deform.deform_engine.Deform", NamedDeform)
     random = np.random.default_rng(seed)
-    walk = OrbitWalk(str(write_bar(tmp_path)), LateClient(random, Store(tmp_path / "cache")), None, mode="deform")
+    walk = OrbitWalk(str(write_bar(tmp_path)), LateClient(random, ArrayCache(tmp_path / "cache")), None, mode="deform")
     done = []
     try:
         walk.open()

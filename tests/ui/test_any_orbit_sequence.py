@@ -19,7 +19,7 @@ from app.commands.plan import override_from_value
 from app.effective_settings import effective_view
 from app.document import Document
 from app.editor import Editor
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.modes import MODES
 from app.orbit.events import OrbitPicture
 from app.orbit.talk import OrbitTalk
@@ -266,7 +266,7 @@ def is_whole(editor: Editor) -> bool:
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(s, marks=pytest.mark.sweep) for s in range(2, 100))])
 def test_the_last_picture_is_of_the_last_document_and_camera(source: str, tmp_path: Path, seed: int) -> None:
     random = np.random.default_rng(seed)
-    walk = OrbitWalk(source, LateClient(random, Store(tmp_path / "cache")), None, mode="orbit")
+    walk = OrbitWalk(source, LateClient(random, ArrayCache(tmp_path / "cache")), None, mode="orbit")
     try:
         walk.open()
         done = stroll(walk, random, 25)
@@ -284,7 +284,7 @@ def test_what_is_seen_at_rest_is_placement_s_picture_of_a_fresh_start(
     context: moderngl.Context, source: str, tmp_path: Path, seed: int
 ) -> None:
     random = np.random.default_rng(seed)
-    walk = OrbitWalk(source, LateClient(random, Store(tmp_path / "cache")), context, mode="orbit")
+    walk = OrbitWalk(source, LateClient(random, ArrayCache(tmp_path / "cache")), context, mode="orbit")
     try:
         walk.open()
         done = stroll(walk, random, 12)
@@ -293,7 +293,7 @@ def test_what_is_seen_at_rest_is_placement_s_picture_of_a_fresh_start(
         assert walk.editor.save(session) is None
     finally:
         walk.close()
-    fresh = OrbitWalk(str(session), LateClient(random, Store(tmp_path / "empty")), context)
+    fresh = OrbitWalk(str(session), LateClient(random, ArrayCache(tmp_path / "empty")), context)
     try:
         fresh.open()
         fresh.editor.do(SetView.of(mode="placement", n_lights=40))

@@ -19,10 +19,10 @@ from app.commands.light import SetEnvironment, SetRotation
 from app.commands.material import AddLayers, RemoveLayer, SetMaterial, new_layer
 from app.editor import Editor
 from app.files.library import Library
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.schedule import Schedule
-from app.jobs.standing import Standing
-from app.jobs.tasks import Tasks
+from app.jobs.pending_requests import PendingRequests
+from app.jobs.dispatcher import RequestDispatcher
 from app.messages import CancelRequests, RequestFailed, Request, Response, WorkerRestarted, with_numbers
 from app.view_state import SetView
 from engine.curve.operators import Operator
@@ -44,9 +44,9 @@ class LateClient:
 
     alive, pid, arriving = True, None, False
 
-    def __init__(self, random: np.random.Generator, store: Store) -> None:
+    def __init__(self, random: np.random.Generator, store: ArrayCache) -> None:
         self._random, self._store = random, store
-        self._schedule, self._standing = Schedule(Tasks(store)), Standing()
+        self._schedule, self._standing = Schedule(RequestDispatcher(store)), PendingRequests()
         self._late: list[Response] = []
         self._n_sent = 0
         self.hurries = False
@@ -73,8 +73,8 @@ class LateClient:
     def kill(self) -> None:
         """The process dies: of what it has sent a part is still read, and another one is given what stands."""
         self._late = [*self._late[: int(self._random.integers(0, len(self._late) + 1))], WorkerRestarted("killed")]
-        self._schedule = Schedule(Tasks(self._store))
-        self._standing.new_worker()
+        self._schedule = Schedule(RequestDispatcher(self._store))
+        self._standing.worker_restarted()
         self._post_standing()
 
     def close(self) -> None:
@@ -83,7 +83,7 @@ class LateClient:
     def _counts(self, response: Response) -> bool:
         if isinstance(response, WorkerRestarted):
             return True
-        self._standing.heard(response)
+        self._standing.note_response(response)
         if not self._standing.is_current(response):
             return False
         self._standing.settle(response)
@@ -92,7 +92,7 @@ class LateClient:
         return True
 
     def _post_standing(self) -> None:
-        for request in self._standing.to_send():
+        for request in self._standing.unsent():
             self._schedule.accept(request)
 
 
@@ -201,7 +201,7 @@ def test_a_hand_that_never_rests_while_the_stages_come(
     context: moderngl.Context, source: str, tmp_path: Path, restless: str
 ) -> None:
     # Pictures of one stage are asked for while another is computed, in each of its steps.
-    here = Walk(context, source, LateClient(np.random.default_rng(1), Store(tmp_path / "cache")), n_bounces=1)
+    here = Walk(context, source, LateClient(np.random.default_rng(1), ArrayCache(tmp_path / "cache")), n_bounces=1)
     try:
         here.until(lambda: here.editor.scene_is_open)
         here.editor.do(SetModel("ball.1", "cook_torrance"))
@@ -224,7 +224,7 @@ def test_a_hand_that_never_rests_while_the_stages_come(
 
 def walk(context: moderngl.Context, source: str, tmp_path: Path, seed: int, n_commands: int, bounces: int) -> None:
     random = np.random.default_rng(seed)
-    store = Store(tmp_path / "cache")
+    store = ArrayCache(tmp_path / "cache")
     here = Walk(context, source, LateClient(random, store), n_bounces=bounces)
     done: list[str] = []
     try:
@@ -251,7 +251,7 @@ def fresh(context: moderngl.Context, before: Walk, tmp_path: Path) -> np.ndarray
     """The picture of a new editor and a new worker, with nothing in the cache, on the document as it was saved."""
     session = tmp_path / "walk.insitu"
     assert before.editor.save(session) is None
-    other = Walk(context, str(session), LateClient(np.random.default_rng(0), Store(tmp_path / "empty")))
+    other = Walk(context, str(session), LateClient(np.random.default_rng(0), ArrayCache(tmp_path / "empty")))
     try:
         other.client.hurries = True
         other.until(lambda: other.editor.scene_is_open)

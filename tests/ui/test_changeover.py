@@ -16,7 +16,7 @@ from app.commands.curves import AddOperator
 from app.commands.layers import SetParameter
 from app.commands.light import SetEmission, SetEnvironment, SetRotation
 from app.commands.material import SetMaterial
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.view_state import SetView
 from tests.ui.small_scene import SCENE, write_small_scene
 from tests.ui.test_any_sequence import LIBRARY, LIFT, LateClient, Walk, relative_error
@@ -59,7 +59,7 @@ def walk(context: moderngl.Context, tmp_path: Path, request: pytest.FixtureReque
     """The small scene, its last picture there; the parameter is how often light bounces."""
     bounces = getattr(request, "param", 1)
     text = SCENE.replace("bounces = 1", f"bounces = {bounces}")
-    client = LateClient(np.random.default_rng(3), Store(tmp_path / "cache"))
+    client = LateClient(np.random.default_rng(3), ArrayCache(tmp_path / "cache"))
     made = Walk(context, str(write_small_scene(tmp_path, text)), client, n_bounces=bounces)
     made.client.hurries = True
     made.until(lambda: made.editor.scene_is_open)
@@ -149,7 +149,7 @@ def test_the_sky_behind_turns_with_the_light_on_the_objects(walk: Walk) -> None:
 
 
 def test_the_first_picture_has_all_its_layers(context: moderngl.Context, tmp_path: Path) -> None:
-    client = LateClient(np.random.default_rng(4), Store(tmp_path / "cache"))
+    client = LateClient(np.random.default_rng(4), ArrayCache(tmp_path / "cache"))
     here = Walk(context, str(write_small_scene(tmp_path)), client, n_bounces=1)
     try:
         here.until(lambda: here.editor.scene_is_open)

@@ -13,9 +13,9 @@ from imgui_bundle import imgui
 from app.commands.curves import AddOperator
 from app.commands.layers import SetParameter, SetVisible
 from app.commands.light import SetIntensity
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.view_state import SetView
 from engine.curve.operators import Operator
 from tests.ui.small_scene import linear_picture, opened_window, wait_until_exact, write_small_scene
@@ -30,7 +30,7 @@ LIFT = Operator("translate", "y", 0.1, 0.2, 0.5, 0.7, magnitude=0.8)
 @pytest.fixture
 def window(context: moderngl.Context, tmp_path: Path) -> Iterator[HeadlessWindow]:
     """A window whose first, coarse picture has just come."""
-    client = InProcessClient(Tasks(Store(tmp_path / "cache")))
+    client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
     with opened_window(context, write_small_scene(tmp_path), client, n_lights=800) as opened:
         assert opened.run_until(lambda: opened.shell.editor.status.picture != "waiting", 600.0)
         opened.shell.editor.select(None)  # no outline in the picture

@@ -13,10 +13,10 @@ import pytest
 from imgui_bundle import imgui
 
 from app.commands import AddDeformer, SetDeformer
-from app.jobs.cache import Store
-from app.jobs.deform import DeformWork
+from app.jobs.cache import ArrayCache
+from app.jobs.deform_worker import DeformWorker
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from engine.deform.gpu_parts import PictureExport
 from engine.deform.pose import Deformation
 from tests.engine.deform.test_moments import write_bar
@@ -36,9 +36,9 @@ Opened = Callable[[Path], HeadlessWindow]
 @pytest.fixture
 def opened(context: moderngl.Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Opened]:
     """A scene in Deform, by few rays and points."""
-    monkeypatch.setattr(DeformWork, "n_rays", 16)
+    monkeypatch.setattr(DeformWorker, "n_rays", 16)
     monkeypatch.setattr("engine.deform.deform_engine.N_POINTS", 60)
-    client = InProcessClient(Tasks(Store(tmp_path / "cache")))
+    client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
     with ExitStack() as stack:
         way = {"resolution": (48, 32), "mode": "deform", "n_lights": 40, "n_bounces": 1}
         yield lambda scene: stack.enter_context(opened_window(context, scene, client, **way))

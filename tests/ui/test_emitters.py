@@ -11,8 +11,8 @@ import pytest
 
 from app.commands.layers import SetParameter
 from app.commands.light import SetEmission
-from app.jobs.cache import Store
-from app.jobs.tasks import Tasks
+from app.jobs.cache import ArrayCache
+from app.jobs.dispatcher import RequestDispatcher
 from app.placement.messages import ComputeTransport
 from app.project import open_project
 from app.stills import render_picture
@@ -38,7 +38,7 @@ SCENE_OF_BLUE = SCENE.replace("emission = [9, 7, 5]", "emission = [1, 3, 9]")
 def opened(context: moderngl.Context, folder: Path, text: str) -> Iterator[tuple[HeadlessWindow, CountingClient]]:
     """A window on a scene, its picture exact, the lamp selected."""
     folder.mkdir(exist_ok=True)
-    client = CountingClient(Tasks(Store(folder / "cache")))
+    client = CountingClient(RequestDispatcher(ArrayCache(folder / "cache")))
     with opened_window(context, write_small_scene(folder, text), client, n_lights=400) as window:
         wait_until_exact(window)
         window.shell.editor.select("lamp")

@@ -25,9 +25,9 @@ from imgui_bundle import imgui
 from PIL import Image
 
 from app.commands.light import SetRotation
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.view_state import OpenPanel, SetView
 from tests.ui.small_scene import opened_window, wait_until_exact, write_small_scene
 from ui.headless import HeadlessWindow
@@ -60,7 +60,7 @@ def window(context: moderngl.Context, tmp_path: Path, monkeypatch: pytest.Monkey
         pytest.skip("the golden picture is that of Mesa's llvmpipe")
     monkeypatch.setattr("app.editor_status.resident_megabytes", lambda *pids: 512.0)
     monkeypatch.setattr(Shell, "note_frame_time", lambda shell, milliseconds: setattr(shell, "_frame_ms", 12.5))
-    client = InProcessClient(Tasks(Store(tmp_path / "cache")))
+    client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
     with opened_window(context, write_small_scene(tmp_path), client, n_lights=400) as opened:
         editor = opened.shell.editor
         editor.do(SetView.of(regions=(0.1, 0.3, 0.6, 0.9)))

@@ -10,9 +10,9 @@ import pytest
 from app.commands.curves import AddOperator
 from app.commands.layers import SetParameter, SetVisible
 from app.commands.series import SetFirstBands
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.view_state import SetView
 from engine.curve.operators import Operator
 from tests.ui.small_scene import SCENE, linear_picture, opened_window, wait_until_exact, write_small_scene
@@ -41,7 +41,7 @@ def window(context: moderngl.Context, file: Path, kept: Path) -> Iterator[Headle
 
 
 def client(folder: Path) -> InProcessClient:
-    return InProcessClient(Tasks(Store(folder / "cache")))
+    return InProcessClient(RequestDispatcher(ArrayCache(folder / "cache")))
 
 
 def on_object(window: HeadlessWindow, picture: np.ndarray, name: str) -> np.ndarray:

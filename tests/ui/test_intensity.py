@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from app.commands.light import SetIntensity
-from app.jobs.cache import Store
-from app.jobs.tasks import Tasks
+from app.jobs.cache import ArrayCache
+from app.jobs.dispatcher import RequestDispatcher
 from app.placement.messages import ComputeTransport, Contract
 from app.view_state import SetView
 from tests.ui.small_scene import SCENE, CountingClient, opened_window, wait_until_exact, write_small_scene
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.gl
 
 @pytest.fixture
 def client(tmp_path: Path) -> CountingClient:
-    return CountingClient(Tasks(Store(tmp_path / "cache")))
+    return CountingClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
 
 
 @pytest.fixture

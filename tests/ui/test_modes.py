@@ -15,10 +15,10 @@ from app.commands.layers import SetParameter
 from app.document import Document
 from app.editor import Editor
 from app.files.session import load_session
-from app.jobs.bench import Bench
-from app.jobs.cache import Store
+from app.jobs.worker_context import WorkerContext
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.messages import SetCamera, Request, Response
 from app.mode import EditorServices, Mode, ModeController, ModeWorker
 from app.modes import PLACEMENT
@@ -64,7 +64,7 @@ class FlatTalk(ModeController):
 
 
 class FlatWork(ModeWorker):
-    def __init__(self, bench: Bench) -> None:
+    def __init__(self, bench: WorkerContext) -> None:
         self.bench = bench
 
     @property
@@ -99,7 +99,7 @@ FLAT = Mode("flat", "Flat", FlatTalk, f"{__name__}:FlatWork", f"{__name__}:FlatS
 def window(context: moderngl.Context, tmp_path: Path) -> Iterator[HeadlessWindow]:
     """The small scene in a program of two modes, its picture exact in the first."""
     modes = (PLACEMENT, FLAT)
-    client = InProcessClient(Tasks(Store(tmp_path / "cache"), modes=modes))
+    client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache"), modes=modes))
     editor = Editor(client, str(write_small_scene(tmp_path)), resolution=(24, 16), modes=modes)
     editor.do(SetView.of(n_lights=40))
     window = HeadlessWindow(editor, context=context)

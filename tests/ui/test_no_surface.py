@@ -8,10 +8,10 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
-from app.jobs.orbit import OrbitWork
-from app.jobs.tasks import Tasks
+from app.jobs.orbit_worker import OrbitWorker
+from app.jobs.dispatcher import RequestDispatcher
 from app.modes import MODES
 from app.view_state import Viewpoint
 from engine.light.environment import load_environment
@@ -31,7 +31,7 @@ AWAY = SCENE.replace("position = [0.4, 1.2, 2.6]", "position = [0, 3, 0]").repla
 
 @pytest.fixture(autouse=True)
 def few_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(OrbitWork, "n_points", 1000)
+    monkeypatch.setattr(OrbitWorker, "n_points", 1000)
 
 
 def shown_radiance(window: HeadlessWindow) -> np.ndarray:
@@ -49,7 +49,7 @@ def test_a_camera_that_sees_no_surface_shows_the_background(
     context: moderngl.Context, tmp_path: Path, mode: str, turned: bool
 ) -> None:
     scene = write_small_scene(tmp_path, SCENE if turned else AWAY)
-    client = InProcessClient(Tasks(Store(tmp_path / "cache")))
+    client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
     with opened_window(context, scene, client, resolution=SIZE, mode=mode, n_lights=40, n_bounces=1) as window:
         wait_until_exact(window)
         editor, before = window.shell.editor, shown_radiance(window)

@@ -9,10 +9,10 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
-from app.jobs.orbit import OrbitWork
-from app.jobs.tasks import Tasks
+from app.jobs.orbit_worker import OrbitWorker
+from app.jobs.dispatcher import RequestDispatcher
 from app.orbit.messages import DrawOrbit
 from app.view_state import Bookmark, SetView, Viewpoint
 from engine.scene.description import Camera
@@ -32,8 +32,8 @@ ASIDE = Camera(position=(1.6, 1.0, 2.0), target=(0.0, 0.45, 0.0), fov_y=42.0)
 @pytest.fixture
 def window(context: moderngl.Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[HeadlessWindow]:
     """The small scene in Orbit, on fewer points than there would be."""
-    monkeypatch.setattr(OrbitWork, "n_points", 1000)
-    client = InProcessClient(Tasks(Store(tmp_path / "cache")))
+    monkeypatch.setattr(OrbitWorker, "n_points", 1000)
+    client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
     scene = write_small_scene(tmp_path)
     with opened_window(context, scene, client, resolution=(48, 32), mode="orbit", n_lights=40, n_bounces=1) as window:
         yield window
@@ -44,9 +44,9 @@ def drawing_window(
     context: moderngl.Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[HeadlessWindow]:
     """One that draws moving pictures itself, as with a graphics card."""
-    monkeypatch.setattr(OrbitWork, "n_points", 200)
+    monkeypatch.setattr(OrbitWorker, "n_points", 200)
     monkeypatch.setenv(VARIABLE, "shader")
-    client = CountingClient(Tasks(Store(tmp_path / "cache")))
+    client = CountingClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
     scene = write_small_scene(tmp_path)
     with opened_window(context, scene, client, resolution=(48, 32), mode="orbit", n_lights=40, n_bounces=1) as window:
         yield window

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from app.commands.poses import AddDeformer, SetDeformer
-from app.jobs.cache import Store
-from app.jobs.deform import DeformWork
-from app.jobs.orbit import OrbitWork
+from app.jobs.cache import ArrayCache
+from app.jobs.deform_worker import DeformWorker
+from app.jobs.orbit_worker import OrbitWorker
 from app.sky import sky_of
 from app.view_state import SetView
 from engine.deform.posed_scene import pose_scene
@@ -34,8 +34,8 @@ def never_ready(self: object, request: object) -> Iterator[None]:
 
 @pytest.fixture
 def source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(OrbitWork, "_prepare", never_ready)
-    monkeypatch.setattr(DeformWork, "_prepare", never_ready)
+    monkeypatch.setattr(OrbitWorker, "_prepare", never_ready)
+    monkeypatch.setattr(DeformWorker, "_prepare", never_ready)
     return write_small_scene(tmp_path)
 
 
@@ -52,7 +52,7 @@ def expected(walk: Walk, scene: Scene) -> np.ndarray:
 def test_the_camera_moves_before_anything_is_ready(
     context: moderngl.Context, source: Path, tmp_path: Path, mode: str
 ) -> None:
-    here = Walk(context, str(source), LateClient(np.random.default_rng(5), Store(tmp_path / "cache")), mode=mode)
+    here = Walk(context, str(source), LateClient(np.random.default_rng(5), ArrayCache(tmp_path / "cache")), mode=mode)
     editor = here.editor
     try:
         here.until(lambda: editor.scene_is_open)
@@ -74,7 +74,7 @@ def test_the_camera_moves_before_anything_is_ready(
 
 
 def test_poses_move_before_anything_is_ready(context: moderngl.Context, source: Path, tmp_path: Path) -> None:
-    here = Walk(context, str(source), LateClient(np.random.default_rng(6), Store(tmp_path / "cache")), mode="deform")
+    here = Walk(context, str(source), LateClient(np.random.default_rng(6), ArrayCache(tmp_path / "cache")), mode="deform")
     editor = here.editor
     try:
         here.until(lambda: editor.scene_is_open)

@@ -12,9 +12,9 @@ from imgui_bundle import imgui
 
 from app.commands.layers import SetParameter
 from app.files.session import load_session
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.machine.memory import memory_bytes
 from app.messages import SetCamera
 from app.project import open_project
@@ -30,7 +30,7 @@ pytestmark = pytest.mark.gl
 
 @pytest.fixture
 def small(context: moderngl.Context, tmp_path: Path) -> Iterator[HeadlessWindow]:
-    client = InProcessClient(Tasks(Store(tmp_path / "cache")))
+    client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
     with opened_window(context, write_small_scene(tmp_path), client, n_lights=100) as opened:
         opened.shell.editor.select("ball.1.theta_h")
         wait_until_exact(opened)

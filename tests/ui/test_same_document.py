@@ -16,7 +16,7 @@ import pytest
 from app.commands.layers import SetParameter
 from app.commands.light import SetRotation
 from app.commands.plan import override_from_value
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from tests.ui.small_scene import write_small_scene
 from tests.ui.test_any_sequence import LateClient, Walk, fresh, relative_error
 
@@ -35,7 +35,7 @@ def source(tmp_path: Path) -> str:
 
 def begun(context: moderngl.Context, source: str, tmp_path: Path, seed: int) -> Walk:
     """With few lights, whose shadows alone are traced."""
-    store = Store(tmp_path / "cache")
+    store = ArrayCache(tmp_path / "cache")
     here = Walk(context, source, LateClient(np.random.default_rng(seed), store), n_bounces=1)
     here.client.hurries = True
     here.until(lambda: here.editor.scene_is_open)

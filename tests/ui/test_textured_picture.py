@@ -10,9 +10,9 @@ import pytest
 from PIL import Image
 
 from app.commands.maps import SetMap
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.project import open_project
 from app.stills import render_picture
 from engine.indirect.series import BounceSeries
@@ -63,7 +63,7 @@ def error(found: np.ndarray, expected: np.ndarray) -> float:
 def test_the_window_shows_what_a_still_has(context: moderngl.Context, file: Path, tmp_path: Path) -> None:
     project = open_project(str(file), None, [("ground.0.texture_strength", 0.5)])
     expected = render_picture(project, lambda step: None, n_lights=200, series=BounceSeries(1))
-    client = InProcessClient(Tasks(Store(tmp_path / "cache")))
+    client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
     with opened_window(context, file, client, n_lights=200) as window:
         wait_until_exact(window)
         whole = linear_picture(window)

@@ -12,7 +12,7 @@ from PIL import Image
 
 from app.editor import Editor
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from engine.scene.scene_loader import load_scene
 from tests.app.cli.command_line import SCENE, run
 from tests.pictures import write_exr
@@ -116,7 +116,7 @@ def test_any_name_is_printed(tmp_path: Path, language: dict[str, str]) -> None:
 
 def test_the_editor_replaces_nothing_that_it_has_read(lit: Path, merl_file: Path) -> None:
     """Also not what an undone edit has read."""
-    editor = Editor(InProcessClient(Tasks()), str(lit), resolution=(8, 6))
+    editor = Editor(InProcessClient(RequestDispatcher()), str(lit), resolution=(8, 6))
     while not editor.scene_is_open:
         editor.tick()
     other = lit.parent / "meshes" / "00_ground.ply"

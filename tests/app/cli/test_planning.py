@@ -20,7 +20,7 @@ from app.cli.precompute import precompute
 from app.editor import Editor
 from app.files.session import save_session
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.measure import planning
 from app.measure.planning import carried_out
 from app.messages import Progress
@@ -63,7 +63,7 @@ def planned_bounces_of(source: str, resolution: tuple[int, int] | None = None) -
 
 def edited(source: str, resolution: tuple[int, int] | None = None) -> int:
     """How many bounces the editor takes."""
-    editor = Editor(InProcessClient(Tasks()), source, resolution=resolution)
+    editor = Editor(InProcessClient(RequestDispatcher()), source, resolution=resolution)
     end = time.monotonic() + 300.0
     while not (editor.scene_is_open and editor.view.n_bounces):
         assert time.monotonic() < end and not editor.status.is_error, editor.status

@@ -9,8 +9,8 @@ import pytest
 import app.cli.precompute as filling
 from app.cli.precompute import precompute
 from app.commands.layers import SetVisible
-from app.jobs.cache import Store
-from app.jobs.tasks import Tasks
+from app.jobs.cache import ArrayCache
+from app.jobs.dispatcher import RequestDispatcher
 from app.messages import Progress
 from app.project import open_project
 from engine.render.error_estimate import WHAT
@@ -33,9 +33,9 @@ def entries(folder: Path) -> dict[str, bytes]:
 
 
 def test_it_keeps_what_the_editor_keeps_bit_by_bit(scene: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    precompute(open_project(scene, (40, 30)), lambda progress: None, N_LIGHTS, Store(tmp_path / "filled"))
-    monkeypatch.setattr(filling, "Tasks", lambda store, fills, labour: Tasks(store))
-    precompute(open_project(scene, (40, 30)), lambda progress: None, N_LIGHTS, Store(tmp_path / "worker"))
+    precompute(open_project(scene, (40, 30)), lambda progress: None, N_LIGHTS, ArrayCache(tmp_path / "filled"))
+    monkeypatch.setattr(filling, "RequestDispatcher", lambda store, fills, labour: RequestDispatcher(store))
+    precompute(open_project(scene, (40, 30)), lambda progress: None, N_LIGHTS, ArrayCache(tmp_path / "worker"))
     assert len(entries(tmp_path / "worker")) == 4  # visibility, two layers, and the unit they are in
     assert entries(tmp_path / "filled") == entries(tmp_path / "worker")
 
@@ -55,7 +55,7 @@ def test_what_is_on_disk_is_not_held(scene: str, tmp_path: Path) -> None:
     project = open_project(scene)
     tracemalloc.start()
     try:
-        done = precompute(project, watch, N_LIGHTS, Store(tmp_path / "cache"))
+        done = precompute(project, watch, N_LIGHTS, ArrayCache(tmp_path / "cache"))
     finally:
         tracemalloc.stop()
     assert done.n_bytes > 12e6
@@ -66,5 +66,5 @@ def test_what_is_hidden_leaves_an_empty_picture(scene: str, tmp_path: Path) -> N
     project = open_project(scene, (8, 6))
     for key, _ in project.document.layers():
         project = replace(project, document=SetVisible(key, False).apply(project.document))
-    done = precompute(project, lambda progress: None, N_LIGHTS, Store(tmp_path / "cache"))
+    done = precompute(project, lambda progress: None, N_LIGHTS, ArrayCache(tmp_path / "cache"))
     assert done.error.is_negligible

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.cli.precompute import precompute as fill_cache
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.project import open_project
 from engine.errors import InsituError
 from engine.light.radiance_files import read_radiance_image
@@ -148,8 +148,8 @@ def test_precompute_without_a_folder_to_write_fails(
 
 
 def test_precompute_into_a_cache_that_is_too_small_fails(scene: Path, tmp_path: Path) -> None:
-    def fill(name: str, bound: int) -> Store:
-        store = Store(tmp_path / name, bound)
+    def fill(name: str, bound: int) -> ArrayCache:
+        store = ArrayCache(tmp_path / name, bound)
         fill_cache(open_project(str(scene)), lambda progress: None, 4000, store)
         return store
 

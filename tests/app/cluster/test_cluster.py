@@ -26,11 +26,11 @@ pytest.importorskip("distributed", reason="dask.distributed is not installed: pi
 from app.cli.precompute import precompute
 from app.cluster import dask as cluster_module
 from app.cluster.dask import Cluster
-from app.cluster.errands import FrameErrand, draw_frame
-from app.cluster.labour import OnWorkers
-from app.cluster.opened import OnCluster, opened
+from app.cluster.cluster_jobs import FrameJob, draw_frame
+from app.cluster.cluster_executor import ClusterExecutor
+from app.cluster.cluster_project import ClusterProject, open_on_cluster
 from app.frame_sequence import Frames, draw_here
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.project import ProjectSpec
 from engine.errors import InsituError
 from engine.indirect.series import BounceSeries
@@ -123,7 +123,7 @@ def test_frames_are_the_same_though_a_worker_is_killed(machines: Machines, words
     frames = replace(FRAMES, mode=mode)
     project = words.open()
     here = dict(draw_here(project, frames, range(1, 4), silent))
-    with opened(words, machines.address) as (project, cluster):
+    with open_on_cluster(words, machines.address) as (project, cluster):
         assert cluster is not None
         for file in ("room.toml", "sky.exr"):  # what lies there by now is nothing to the workers
             Path(project.scene.folder, file).write_text("something else")
@@ -143,9 +143,9 @@ def test_frames_are_the_same_though_a_worker_is_killed(machines: Machines, words
 def test_a_cache_is_filled_with_the_same_though_the_worker_with_the_light_is_killed(
     machines: Machines, words: ProjectSpec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    seeing = OnWorkers.light
+    seeing = ClusterExecutor.compute_light
 
-    def losing(self: OnWorkers, *arguments: object) -> Iterator[float]:
+    def losing(self: ClusterExecutor, *arguments: object) -> Iterator[float]:
         light = yield from seeing(self, *arguments)  # type: ignore[arg-type]
         (task,) = self._lights.values()
         ((address,),) = self._cluster._client.who_has([task]).values()
@@ -153,17 +153,17 @@ def test_a_cache_is_filled_with_the_same_though_the_worker_with_the_light_is_kil
         return light
 
     words = replace(words, resolution=(48, 36))
-    done = precompute(words.open(), silent, 500, Store(tmp_path / "here"))
-    monkeypatch.setattr(OnWorkers, "light", losing)
-    with opened(words, machines.address) as (project, cluster):
-        assert precompute(project, silent, 500, Store(tmp_path / "there"), cluster) == done
+    done = precompute(words.open(), silent, 500, ArrayCache(tmp_path / "here"))
+    monkeypatch.setattr(ClusterExecutor, "compute_light", losing)
+    with open_on_cluster(words, machines.address) as (project, cluster):
+        assert precompute(project, silent, 500, ArrayCache(tmp_path / "there"), cluster) == done
     here, there = ({file.name: file.read_bytes() for file in (tmp_path / name).iterdir()} for name in ("here", "there"))
     assert len(here) >= 5 and here == there  # visibility, unit, two layers, indirect light
 
 
 def test_a_scene_is_sent_once(machines: Machines, words: ProjectSpec) -> None:
     def kept() -> dict[str, int]:
-        with opened(words, machines.address):
+        with open_on_cluster(words, machines.address):
             return {file.name: file.stat().st_ino for file in (machines.folder / "scheduler" / "sent").iterdir()}
 
     first = kept()
@@ -173,7 +173,7 @@ def test_a_scene_is_sent_once(machines: Machines, words: ProjectSpec) -> None:
 
 
 def test_what_is_stopped_leaves_nothing_to_do(machines: Machines, words: ProjectSpec) -> None:
-    with pytest.raises(KeyboardInterrupt), opened(words, machines.address) as (project, cluster):
+    with pytest.raises(KeyboardInterrupt), open_on_cluster(words, machines.address) as (project, cluster):
         assert cluster is not None
         next(cluster.draw(project, FRAMES, range(4), silent))
         raise KeyboardInterrupt
@@ -204,10 +204,10 @@ def test_workers_are_counted_while_dask_updates_what_it_knows(machines: Machines
 
 
 def test_a_worker_with_another_insitu_says_so(machines: Machines, words: ProjectSpec) -> None:
-    with opened(words, machines.address) as (_, cluster):
-        assert isinstance(cluster, OnCluster)
+    with open_on_cluster(words, machines.address) as (_, cluster):
+        assert isinstance(cluster, ClusterProject)
         name, parcel, _ = cluster.named
-        task = cluster.cluster.submit(draw_frame, FrameErrand(name, parcel, "another", words, FRAMES), 0)
+        task = cluster.cluster.submit(draw_frame, FrameJob(name, parcel, "another", words, FRAMES), 0)
         with pytest.raises(InsituError, match="has another Insitu"):
             list(cluster.cluster.results({0: task}))
 
@@ -327,7 +327,7 @@ def test_a_cluster_without_workers_and_one_that_has_gone_are_told(
     machines: Machines, words: ProjectSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cluster_module, "WORKERLESS_SECONDS", 0.5)
-    with opened(words, machines.address) as (project, cluster):
+    with open_on_cluster(words, machines.address) as (project, cluster):
         assert cluster is not None
         for worker in machines.workers:
             worker.kill()

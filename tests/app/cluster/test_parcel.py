@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from app.cluster import parcel as parcels
-from app.cluster.parcel import digest_of, parcel_of, pieces_of
-from app.cluster.shelf import Shelf
+from app.cluster import scene_bundle as parcels
+from app.cluster.scene_bundle import digest_of, bundle_files, pieces_of
+from app.cluster.file_cache import FileCache
 from app.project import open_project
 from engine.errors import LoadError
 from engine.safe_files import redirect_files, record_files, exists, portable_name, read_regular_file
@@ -25,24 +25,24 @@ def test_a_parcel_is_what_its_files_hold(tmp_path: Path) -> None:
     one, other = tmp_path / "a.ply", tmp_path / "b"
     one.write_bytes(b"123456789")
     other.write_bytes(b"")
-    sent = parcel_of([other, one])
+    sent = bundle_files([other, one])
     assert [(Path(file.name), len(file.pieces)) for file in sent.files] == [(one, 3), (other, 0)]
-    assert sent == parcel_of([one, other, one])
+    assert sent == bundle_files([one, other, one])
     one.write_bytes(b"123456780")
-    changed = parcel_of([one, other])
+    changed = bundle_files([one, other])
     assert changed.digest != sent.digest and changed.pieces[:2] == sent.pieces[:2]
 
 
 def test_a_shelf_has_the_files_of_a_parcel_and_fetches_what_it_lacks(tmp_path: Path) -> None:
     one = tmp_path / "a.ply"
     one.write_bytes(b"123456789")
-    sent, pieces, asked = parcel_of([one]), list(pieces_of(one)), []
+    sent, pieces, asked = bundle_files([one]), list(pieces_of(one)), []
 
     def fetch(digest: str) -> bytes:
         asked.append(digest)
         return next(piece for piece in pieces if digest_of(piece) == digest)
 
-    shelf = Shelf(tmp_path / "shelf")
+    shelf = FileCache(tmp_path / "shelf")
     place = shelf.places(sent, fetch)[str(one)]
     assert place.read_bytes() == b"123456789" and place.suffix == ".ply" and len(asked) == 3
     assert shelf.places(sent, fetch)[str(one)] == place and len(asked) == 3
@@ -51,7 +51,7 @@ def test_a_shelf_has_the_files_of_a_parcel_and_fetches_what_it_lacks(tmp_path: P
 
 
 def test_a_shelf_hands_out_no_piece_that_was_changed_and_keeps_its_bound(tmp_path: Path) -> None:
-    shelf = Shelf(tmp_path, bound=8)
+    shelf = FileCache(tmp_path, bound=8)
     for content in (b"1111", b"2222"):
         shelf.put(content)
     for file in tmp_path.iterdir():
@@ -75,7 +75,7 @@ def test_all_that_a_project_reads_is_noted_and_nothing_else_is_read_elsewhere(tm
         here = open_project(str(file), values=(("light.environment", "studio"),))
         assert here.sky.environment is not None
     assert file in noted and any(path.suffix == ".exr" for path in noted)
-    shelf, sent = Shelf(tmp_path / "shelf"), parcel_of(noted)
+    shelf, sent = FileCache(tmp_path / "shelf"), bundle_files(noted)
     places = shelf.places(sent, {digest_of(piece): piece for path in noted for piece in pieces_of(path)}.__getitem__)
     file.write_text("what it is by now does not matter")
     with redirect_files(places):

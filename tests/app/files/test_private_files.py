@@ -11,7 +11,7 @@ from app.barrier import Barrier
 from app.cli.console import run_guarded
 from app.files.journal import Journal
 from app.files.library import Library
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.worker import log_to_file
 from app.machine.paths import journal_directory, layout_file, material_directory, state_problem
 from app.view_state import ViewState
@@ -58,7 +58,7 @@ def test_files_of_ours_are_nobody_elses(
         assert "worker.log" in log_to_file()
     finally:
         os.dup2(stderr, 2)
-    store = Store(tmp_path / "new" / "cache")
+    store = ArrayCache(tmp_path / "new" / "cache")
     store.put("a", {"a": np.ones(3)})
     with store.open_tiles("b", 2) as tiles:
         tiles.append_tile(0, {"a": np.ones(3)})
@@ -72,7 +72,7 @@ def test_files_of_ours_are_nobody_elses(
 def test_a_file_that_others_could_read_is_closed_to_them(document, tmp_path: Path, open_umask: None) -> None:
     """Written by a version that left it open."""
     (tmp_path / "a.arrays").touch()
-    Store(tmp_path).put("a", {"a": np.ones(3)})
+    ArrayCache(tmp_path).put("a", {"a": np.ones(3)})
     assert modes(tmp_path) == {"a.arrays": 0o600}
 
 

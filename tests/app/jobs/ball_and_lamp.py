@@ -6,8 +6,8 @@ from dataclasses import fields, replace
 import numpy as np
 
 from app.document import LightState
-from app.jobs.cache import Store
-from app.jobs.tasks import Tasks
+from app.jobs.cache import ArrayCache
+from app.jobs.dispatcher import RequestDispatcher
 from app.messages import RequestFailed, Progress, Response, ViewTraced
 from app.placement.messages import (
     ComputeTransport,
@@ -80,8 +80,8 @@ def twice(state: LayerState, *factors: str) -> LayerState:
     return state
 
 
-def opened(source: str, store: Store) -> Tasks:
-    tasks = Tasks(store)
+def opened(source: str, store: ArrayCache) -> RequestDispatcher:
+    tasks = RequestDispatcher(store)
     assert any(isinstance(answer, ViewTraced) for answer in open_in_process(tasks, source))
     return tasks
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.client import Client
 from tests.app.jobs.ball_and_lamp import SCENE
 from tests.app.jobs.faulty_tasks import HANDLERS
@@ -33,5 +33,5 @@ def source(tmp_path: Path) -> str:
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Store:
-    return Store(tmp_path / "cache")
+def store(tmp_path: Path) -> ArrayCache:
+    return ArrayCache(tmp_path / "cache")

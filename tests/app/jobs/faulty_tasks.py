@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from app.jobs import channel
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.messages import SetCamera, OpenScene, Progress, Request, Response, SceneOpened, ViewTraced
 from app.placement.messages import ComputeTransport, Contract, LayerPicture, LayerTransport, StageDone
 from engine.errors import LoadError
@@ -84,7 +84,7 @@ class FaultyTasks:
 
     def tiles(self, argument: str) -> Iterator[Response | None]:
         """Eight tiles that are kept; tells of each one that it had to compute, slowly after the third."""
-        with Store().open_tiles(argument, 8) as tiles:
+        with ArrayCache().open_tiles(argument, 8) as tiles:
             for index in sorted(set(range(8)) - tiles.complete_tiles):
                 tiles.append_tile(index, {"v": np.full(100, index)})
                 yield Progress("tiles", index / 8)

@@ -10,11 +10,11 @@ import numpy as np
 
 from app.deform.messages import DrawDeform, PrepareDeform
 from app.document import document_from_description
-from app.jobs.cache import Store
-from app.jobs.deform import DeformWork
+from app.jobs.cache import ArrayCache
+from app.jobs.deform_worker import DeformWorker
 from app.jobs.in_process import InProcessClient
-from app.jobs.orbit import OrbitWork
-from app.jobs.tasks import Tasks
+from app.jobs.orbit_worker import OrbitWorker
+from app.jobs.dispatcher import RequestDispatcher
 from app.messages import Request, Response
 from app.modes import DEFORM, ORBIT, PLACEMENT
 from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, PrepareOrbit
@@ -33,13 +33,13 @@ SIZE = (24, 18)
 POSES = (("ball", (Deformation("bend", 40.0),)),)
 
 
-class SmallOrbitWork(OrbitWork):
+class SmallOrbitWork(OrbitWorker):
     """Orbit's, with few points."""
 
     n_points = 300
 
 
-class SmallDeformWork(DeformWork):
+class SmallDeformWork(DeformWorker):
     """Deform's, with few points and rays."""
 
     n_points, n_rays = 60, 16
@@ -52,9 +52,9 @@ SMALL_MODES = (
 )
 
 
-def small_tasks(store: Store | None = None) -> Tasks:
+def small_tasks(store: ArrayCache | None = None) -> RequestDispatcher:
     """The worker's, with fewer points and rays than it takes for pictures that are looked at."""
-    return Tasks(store, modes=SMALL_MODES)
+    return RequestDispatcher(store, modes=SMALL_MODES)
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def shown_by(mode: str, source: str) -> Shown:
     return Shown(prepare, lambda answer: isinstance(answer, OrbitAdvanced) and answer.is_done, draw)
 
 
-def in_process(mode: str, source: str, store: Store) -> np.ndarray:
+def in_process(mode: str, source: str, store: ArrayCache) -> np.ndarray:
     """The picture, computed here."""
     client, shown = InProcessClient(small_tasks(store)), shown_by(mode, source)
     ask_for_scene(client, source, resolution=SIZE)

@@ -8,8 +8,8 @@ import pytest
 
 from app.deform.messages import PrepareDeform
 from app.document import document_from_description
-from app.jobs.cache import Store
-from app.jobs.tasks import Tasks
+from app.jobs.cache import ArrayCache
+from app.jobs.dispatcher import RequestDispatcher
 from app.orbit.messages import PrepareOrbit
 from app.scene_state import scene_state
 from engine.scene.scene_loader import load_scene
@@ -32,7 +32,7 @@ def test_a_number_of_bounces_that_is_undone_leaves_nothing(
     scene = load_scene(source, SIZE)
     state = scene_state(document_from_description(str(source), scene.description))
     prepare = PrepareOrbit if mode == "orbit" else PrepareDeform
-    tasks = Tasks(Store(tmp_path / "cache"))
+    tasks = RequestDispatcher(ArrayCache(tmp_path / "cache"))
     open_in_process(tasks, str(source))
     for n_bounces in (2, 0):
         run_in_process(tasks, prepare(state, n_bounces))

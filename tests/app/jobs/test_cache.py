@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.jobs.cache import Store, cache_folder, content_key
+from app.jobs.cache import ArrayCache, cache_folder, content_key
 from tests.app.limits import largest_file, small_disk
 
 
@@ -23,10 +23,10 @@ def only_file(folder: Path) -> Path:
 
 
 def test_what_was_put_comes_back_read_only_and_for_good(tmp_path: Path) -> None:
-    store = Store(tmp_path)
+    store = ArrayCache(tmp_path)
     assert store.get("k", dict) is None
     assert store.put("k", arrays(2.0))
-    found = Store(tmp_path).get("k", dict)
+    found = ArrayCache(tmp_path).get("k", dict)
     assert found is not None
     assert not found["transport"].flags.writeable
     np.testing.assert_array_equal(found["transport"], arrays(2.0)["transport"])
@@ -42,7 +42,7 @@ def test_what_was_put_comes_back_read_only_and_for_good(tmp_path: Path) -> None:
 
 
 def test_second_put_replaces_the_first(tmp_path: Path) -> None:
-    store = Store(tmp_path)
+    store = ArrayCache(tmp_path)
     store.put("k", arrays(1.0))
     store.put("k", arrays(2.0))
     found = store.get("k", dict)
@@ -87,7 +87,7 @@ def flip(path: Path, place: int) -> None:
 
 @pytest.mark.parametrize("damage", [truncate, empty, flip_in_header, flip_in_data, other_version, append, junk])
 def test_damaged_entry_is_a_miss_a_note_and_gone(tmp_path: Path, damage: Callable[[Path], None]) -> None:
-    store = Store(tmp_path)
+    store = ArrayCache(tmp_path)
     store.put("k", arrays(2.0))
     damage(only_file(tmp_path))
     assert store.get("k", dict) is None
@@ -99,7 +99,7 @@ def test_damaged_entry_is_a_miss_a_note_and_gone(tmp_path: Path, damage: Callabl
 
 
 def test_entry_under_a_wrong_hash_is_a_miss(tmp_path: Path) -> None:
-    store = Store(tmp_path)
+    store = ArrayCache(tmp_path)
     store.put("k", arrays(2.0))
     only_file(tmp_path).rename(tmp_path / "other.arrays")
     assert store.get("other", dict) is None
@@ -107,7 +107,7 @@ def test_entry_under_a_wrong_hash_is_a_miss(tmp_path: Path) -> None:
 
 
 def test_entry_that_cannot_be_read_now_is_a_miss_and_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    store = Store(tmp_path)
+    store = ArrayCache(tmp_path)
     store.put("k", arrays(2.0))
 
     def failing(*_: object, **__: object) -> None:
@@ -122,7 +122,7 @@ def test_entry_that_cannot_be_read_now_is_a_miss_and_stays(tmp_path: Path, monke
 
 def test_full_disk_is_a_note_and_the_old_entry_stays(tmp_path: Path) -> None:
     with small_disk(tmp_path / "disk", 1 << 20) as folder:
-        store = Store(folder)
+        store = ArrayCache(folder)
         assert store.put("a", arrays(1.0))
         assert not store.put("a", arrays(2.0, n=200_000))
         assert not store.put("b", arrays(2.0, n=200_000))
@@ -134,7 +134,7 @@ def test_full_disk_is_a_note_and_the_old_entry_stays(tmp_path: Path) -> None:
 
 
 def test_limit_on_file_size_is_a_note(tmp_path: Path) -> None:
-    store = Store(tmp_path)
+    store = ArrayCache(tmp_path)
     with largest_file(1 << 15):
         assert not store.put("a", arrays(1.0))
     (note,) = store.take_notes()
@@ -144,7 +144,7 @@ def test_limit_on_file_size_is_a_note(tmp_path: Path) -> None:
 
 def test_folder_that_cannot_be_made_is_a_note(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    store = Store(tmp_path / "file" / "cache")
+    store = ArrayCache(tmp_path / "file" / "cache")
     assert store.get("a", dict) is None
     assert not store.put("a", arrays(1.0))
     assert "cannot be written (Not a directory)" in store.take_notes()[-1]
@@ -154,7 +154,7 @@ def test_folder_that_cannot_be_made_is_a_note(tmp_path: Path) -> None:
 
 
 def test_least_recently_used_entries_go(tmp_path: Path) -> None:
-    store = Store(tmp_path, bound=170_000)  # a, b, c take about 50,000 bytes each, d 100,000
+    store = ArrayCache(tmp_path, bound=170_000)  # a, b, c take about 50,000 bytes each, d 100,000
     for age, key in enumerate("abc"):
         store.put(key, arrays(1.0))
         os.utime(tmp_path / f"{key}.arrays", (1000 + age, 1000 + age))
@@ -165,7 +165,7 @@ def test_least_recently_used_entries_go(tmp_path: Path) -> None:
 
 
 def test_entry_larger_than_the_bound_is_not_kept(tmp_path: Path) -> None:
-    store = Store(tmp_path, bound=10_000)
+    store = ArrayCache(tmp_path, bound=10_000)
     assert not store.put("a", arrays(1.0))
     assert "may hold 0 MiB, too few for all of this" in store.take_notes()[0]
     assert list(tmp_path.iterdir()) == []
@@ -174,7 +174,7 @@ def test_entry_larger_than_the_bound_is_not_kept(tmp_path: Path) -> None:
 @pytest.mark.parametrize("key", ["", "../a", "a/b", "a.b", "x" * 121])
 def test_keys_stay_in_the_folder(tmp_path: Path, key: str) -> None:
     with pytest.raises(ValueError, match="expected 1 to 120"):
-        Store(tmp_path).get(key, dict)
+        ArrayCache(tmp_path).get(key, dict)
 
 
 # Killed while it puts entry after entry; each value of `v` is one number throughout, so half an entry would show.

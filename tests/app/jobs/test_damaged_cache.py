@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from app.document import document_from_description
-from app.jobs import indirect as indirect_module
-from app.jobs.cache import Store
+from app.jobs import indirect_tasks as indirect_module
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.messages import RequestFailed, Response
 from app.placement.curves import Curves
 from app.placement.messages import ComputeTransport, Contract, Freeze, Frozen, LayerPicture
@@ -47,7 +47,7 @@ class Cached:
         return np.asarray(picture.radiance)
 
     def client(self, folder: Path) -> InProcessClient:
-        client = InProcessClient(Tasks(Store(folder)))
+        client = InProcessClient(RequestDispatcher(ArrayCache(folder)))
         ask_for_scene(client, self.source, resolution=RESOLUTION)
         client.poll(float("inf"))
         client.send(self.request)

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from app.jobs.cache import Store
-from app.jobs.tasks import Tasks
+from app.jobs.cache import ArrayCache
+from app.jobs.dispatcher import RequestDispatcher
 from app.messages import Progress, Response
 from app.orbit.messages import DrawPlainly, OrbitDrawn, OrbitUnknown, PrepareOrbit
 from engine.light.environment import constant_environment
@@ -20,7 +20,7 @@ def forget_skies() -> None:
     sky_map._map_and_peaks.cache_clear()
 
 
-def drawn(tasks: Tasks) -> Response:
+def drawn(tasks: RequestDispatcher) -> Response:
     (answer,) = [each for each in tasks.handle(DrawPlainly(CAMERA, (8, 6), compute().scene)) if each is not None]
     return answer
 
@@ -42,7 +42,7 @@ def test_the_sky_is_prepared_step_by_step_and_made_of_what_the_steps_remember() 
 def test_plain_pictures_are_drawn_before_orbit_has_made_its_sky(tmp_path: Path) -> None:
     forget_skies()
     (tmp_path / "scene.toml").write_text(SCENE)
-    tasks = Tasks(Store(tmp_path / "cache"))
+    tasks = RequestDispatcher(ArrayCache(tmp_path / "cache"))
     open_in_process(tasks, str(tmp_path / "scene.toml"), resolution=(8, 6))
     steps = (each for each in tasks.handle(PrepareOrbit(compute().scene)) if isinstance(each, Progress))
     for n_steps in range(8):
@@ -51,4 +51,4 @@ def test_plain_pictures_are_drawn_before_orbit_has_made_its_sky(tmp_path: Path) 
 
 
 def test_without_a_scene_it_is_said_that_there_is_nothing_to_draw() -> None:
-    assert isinstance(drawn(Tasks()), OrbitUnknown)
+    assert isinstance(drawn(RequestDispatcher()), OrbitUnknown)

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from app.document import document_from_description
-from app.jobs import indirect as indirect_module
-from app.jobs.cache import Store
-from app.jobs.indirect import IndirectTasks
+from app.jobs import indirect_tasks as indirect_module
+from app.jobs.cache import ArrayCache
+from app.jobs.indirect_tasks import IndirectTasks
 from app.messages import Response
 from app.placement.curves import Curves
 from app.placement.messages import Freeze, Frozen, IndirectFound
@@ -53,7 +53,7 @@ def found_by(
 def test_light_found_before_is_there_with_the_first_picture(
     scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    store = Store(tmp_path / "cache")
+    store = ArrayCache(tmp_path / "cache")
     where, frozen = found_by(IndirectTasks(Placement(scene), store, "scene"), scene)
     calls: list[Any] = []
     monkeypatch.setattr(Solver, "solve", lambda *arguments: calls.append(arguments) or iter(()))
@@ -72,7 +72,7 @@ def test_as_many_rays_are_taken_as_are_needed_or_asked_for(
     scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(indirect_module, "FINE", QUICK)
-    tasks = IndirectTasks(Placement(scene), Store(tmp_path / "cache"), "scene")
+    tasks = IndirectTasks(Placement(scene), ArrayCache(tmp_path / "cache"), "scene")
     where, _ = found_by(tasks, scene)
     assert where.n_rays in (32, 64, 128) and where.reason.startswith(("within", "64 would be"))
     numbers = {where.number}
@@ -91,7 +91,7 @@ def test_as_many_rays_are_taken_as_are_needed_or_asked_for(
 def test_other_scenes_and_lights_are_found_anew(
     scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: dict[str, str]
 ) -> None:
-    store = Store(tmp_path / "cache")
+    store = ArrayCache(tmp_path / "cache")
     found_by(IndirectTasks(Placement(scene), store, "scene"), scene)
 
     def refuse(*arguments: object) -> None:
@@ -144,7 +144,7 @@ def test_a_search_that_was_killed_goes_on(scene: Scene, tmp_path: Path, monkeypa
         return gather(*given, **named)
 
     monkeypatch.setattr(solver_module, "gather", counted)
-    store = Store(tmp_path / "cache")
+    store = ArrayCache(tmp_path / "cache")
     where, frozen = found_by(IndirectTasks(Placement(scene), store, "scene"), scene)
     n_resumed = sum(gathered)
     where_at_once, at_once = found_by(IndirectTasks(Placement(scene)), scene)

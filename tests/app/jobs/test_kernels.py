@@ -12,7 +12,7 @@ import pytest
 
 from app.deform.messages import PrepareDeform
 from app.jobs import kernels
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
 from app.jobs.kernels import PARTS, Kernels
 from app.machine.kernel_cache import kernel_folders
@@ -52,7 +52,7 @@ def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What happened, in order, around kernels that nobody compiles."""
     happened: list[str] = []
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(kernels, "rehearse", lambda part: happened.append(f"{part} read"))
+    monkeypatch.setattr(kernels, "warm_up", lambda part: happened.append(f"{part} read"))
     return happened
 
 
@@ -101,7 +101,7 @@ def test_a_failure_holds_nobody_up_and_is_tried_again(
     def fail(part: str) -> None:
         raise RuntimeError("no compiler today")
 
-    monkeypatch.setattr(kernels, "rehearse", fail)
+    monkeypatch.setattr(kernels, "warm_up", fail)
     made = Kernels()
     for compiler in compilers:
         compiler.done.set()
@@ -121,11 +121,11 @@ def test_a_part_is_compiled_by_one_process_at_a_time(log: list[str]) -> None:
     """Who comes second waits for the first: what that has compiled, it reads."""
 
     def second() -> None:
-        with kernels.alone("the rest"):
+        with kernels.compile_lock("the rest"):
             log.append("second")
 
     waiting = threading.Thread(target=second)
-    with kernels.alone("the rest"), kernels.alone("projection"):
+    with kernels.compile_lock("the rest"), kernels.compile_lock("projection"):
         waiting.start()
         waiting.join(0.2)
         log.append("first")
@@ -136,7 +136,7 @@ def test_a_part_is_compiled_by_one_process_at_a_time(log: list[str]) -> None:
 def test_where_no_lock_can_be_had_it_is_compiled_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").touch()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
-    with kernels.alone("the rest"):
+    with kernels.compile_lock("the rest"):
         pass
 
 
@@ -180,9 +180,9 @@ class Waiting(Kernels):
 
 
 @pytest.mark.parametrize("first_time", [True, False])
-def test_transport_waits_for_them_and_says_so_the_first_time(source: str, store: Store, first_time: bool) -> None:
+def test_transport_waits_for_them_and_says_so_the_first_time(source: str, store: ArrayCache, first_time: bool) -> None:
     tasks = opened(source, store)
-    tasks.bench.kernels = waiting = Waiting(first_time)
+    tasks.context.kernels = waiting = Waiting(first_time)
     client = InProcessClient(tasks)
     client.send(compute())
     answers: list[Response] = []
@@ -199,10 +199,10 @@ def test_transport_waits_for_them_and_says_so_the_first_time(source: str, store:
 
 @pytest.mark.parametrize("has_compiled", [True, False], ids=["compiled", "failed"])
 def test_indirect_light_waits_for_its_kernels_and_quick_requests_do_not(
-    source: str, store: Store, log: list[str], has_compiled: bool
+    source: str, store: ArrayCache, log: list[str], has_compiled: bool
 ) -> None:
     tasks, later = opened(source, store), Later()
-    tasks.bench.kernels = waiting = Waiting(first_time=True)
+    tasks.context.kernels = waiting = Waiting(first_time=True)
     waiting.wait_for(later)
     client = InProcessClient(tasks)
     client.send(compute(n_bounces=2))
@@ -225,13 +225,13 @@ def test_indirect_light_waits_for_its_kernels_and_quick_requests_do_not(
 
 @pytest.mark.parametrize("mode", [kernels.ORBIT, kernels.DEFORM])
 def test_a_mode_waits_for_its_kernels_and_plain_pictures_do_not(
-    source: str, store: Store, log: list[str], monkeypatch: pytest.MonkeyPatch, mode: str
+    source: str, store: ArrayCache, log: list[str], monkeypatch: pytest.MonkeyPatch, mode: str
 ) -> None:
     """The process that compiles begins anew with what is waited for, once."""
     started: list[Later] = []
     monkeypatch.setattr(kernels, "_start_compiler", lambda part, first: started.append(Later(first)) or started[-1])
     tasks = opened(source, store)
-    tasks.bench.kernels = waiting = Waiting(first_time=True)
+    tasks.context.kernels = waiting = Waiting(first_time=True)
     waiting.wait_for(before := Later())
     client, state = InProcessClient(tasks), compute().scene
     prepare = PrepareDeform(state, 1, n_rays=16) if mode == kernels.DEFORM else PrepareOrbit(state, 1, n_points=50)
@@ -240,7 +240,7 @@ def test_a_mode_waits_for_its_kernels_and_plain_pictures_do_not(
     said = [answer for answer in answers if isinstance(answer, Progress)]
     assert said and all((each.stage, each.text) == (kernels.COMPILING, kernels.FIRST_TIME) for each in said)
     assert before.has_ended and [later.first for later in started] == [mode]
-    client.send(DrawPlainly(tasks.bench.open_placement.scene.description.camera, (16, 12), state))
+    client.send(DrawPlainly(tasks.context.open_placement.scene.description.camera, (16, 12), state))
     answers = [answer for _ in range(40) for answer in client.poll(budget_s=0.0)]
     assert any(isinstance(answer, OrbitDrawn) and answer.radiance.any() for answer in answers)
     assert not any(isinstance(answer, OrbitAdvanced) for answer in answers)
@@ -273,9 +273,9 @@ def test_what_is_wanted_later_waits_for_the_process_that_compiles_it(compilers: 
     assert list(steps) == []
 
 
-def test_a_dab_waits_for_its_kernels_and_a_plan_of_bands_does_not(source: str, store: Store, log: list[str]) -> None:
+def test_a_dab_waits_for_its_kernels_and_a_plan_of_bands_does_not(source: str, store: ArrayCache, log: list[str]) -> None:
     tasks = opened(source, store)
-    tasks.bench.kernels = waiting = Waiting(first_time=True)
+    tasks.context.kernels = waiting = Waiting(first_time=True)
     waiting.wait_for(Later())
     client = InProcessClient(tasks)
     stroke = Stroke(0.2, dabs=pack_dabs([[0.0, 0.5, 0.0]], [[0.0, 1.0, 0.0]]))
@@ -292,14 +292,14 @@ def test_what_is_wanted_later_is_compiled_after_the_rest_and_once(compilers: lis
     first = Kernels()
     for compiler in compilers:
         compiler.done.set()
-    first.prepare_here()
+    first.prepare_and_wait()
     assert [compiler.part for compiler in compilers] == [*PARTS, kernels.LATER_PART]
     assert not first.is_ready(kernels.PAINTING)
     for what in kernels.LATER:
         kernels.note_compiled(what)
     assert first.is_ready(kernels.PAINTING)
     compilers.clear()
-    Kernels().prepare_here()
+    Kernels().prepare_and_wait()
     assert compilers == []
 
 
@@ -309,10 +309,10 @@ def test_a_person_may_wait_for_indirect_light_and_for_nothing_after_it(
     def behind(niceness: int) -> None:
         log.append(f"behind by {niceness}, compiled: {[what for what in kernels.LATER if kernels.are_compiled(what)]}")
 
-    monkeypatch.setattr("app.jobs.rehearsal.rehearse_later", lambda first: iter(kernels.LATER))
+    monkeypatch.setattr("app.jobs.kernel_warm_up.warm_up_later", lambda first: iter(kernels.LATER))
     monkeypatch.setattr(kernels, "step_behind", behind)
     monkeypatch.setattr(kernels, "yield_to_window", lambda last: log.append(f"last: {last}"))
-    monkeypatch.setattr(kernels, "rehearse", lambda part: kernels._rehearse_later(""))
+    monkeypatch.setattr(kernels, "warm_up", lambda part: kernels._warm_up_later(""))
     monkeypatch.setattr(kernels, "end_with_parent", lambda parent: None)
     monkeypatch.setattr(kernels.gc, "set_threshold", lambda threshold: None)
     monkeypatch.setattr(sys, "argv", ["kernels", kernels.LATER_PART, "1"])
@@ -322,8 +322,8 @@ def test_a_person_may_wait_for_indirect_light_and_for_nothing_after_it(
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Store:
-    return Store(tmp_path / "cache")
+def store(tmp_path: Path) -> ArrayCache:
+    return ArrayCache(tmp_path / "cache")
 
 
 def test_the_compiler_is_loaded_without_scipy_which_stays_usable() -> None:

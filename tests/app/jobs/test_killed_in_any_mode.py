@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.client import Client
-from app.jobs.deform import DeformWork
-from app.jobs.orbit import OrbitWork
+from app.jobs.deform_worker import DeformWorker
+from app.jobs.orbit_worker import OrbitWorker
 from app.messages import RequestFailed, Response, WorkerRestarted
 from app.orbit.messages import OrbitDrawn
 from tests.app.jobs.answers import collect, kill, of, seen
@@ -40,7 +40,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture(scope="module")
 def pictures(scene: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
     """Those of an undisturbed worker, by mode."""
-    found = {mode: in_process(mode, scene, Store(tmp_path_factory.mktemp("cache"))) for mode in MODES}
+    found = {mode: in_process(mode, scene, ArrayCache(tmp_path_factory.mktemp("cache"))) for mode in MODES}
     assert all(picture.max() > 0.0 for picture in found.values())
     return found
 
@@ -111,7 +111,7 @@ def check(mode: str, scene: str, expected: np.ndarray, folder: Path, n_kills: in
 def test_small_tasks_leave_the_points_of_other_tasks_as_they_are() -> None:
     """What they set for all of this process, walks through Orbit in later tests would be drawn of."""
     small_tasks()
-    assert (OrbitWork.n_points, DeformWork.n_points, DeformWork.n_rays) == (None, None, None)
+    assert (OrbitWorker.n_points, DeformWorker.n_points, DeformWorker.n_rays) == (None, None, None)
 
 
 @in_other_modes
@@ -133,7 +133,7 @@ def test_on_a_full_disk_the_picture_is_the_same(
 ) -> None:
     with small_disk(tmp_path / "disk", 1 << 16) as folder:
         (folder / "filling").write_bytes(bytes(os.statvfs(folder).f_bavail * 4096))
-        store = Store(folder)
+        store = ArrayCache(folder)
         assert_same(in_process(mode, scene, store), pictures[mode])
         assert not any(path.stat().st_size for path in folder.iterdir() if path.name != "filling")
 
@@ -144,10 +144,10 @@ def test_a_damaged_cache_shows_the_same_picture(
     mode: str, seed: int, scene: str, pictures: dict[str, np.ndarray], tmp_path: Path
 ) -> None:
     random, folder = np.random.default_rng(seed), tmp_path / "cache"
-    assert_same(in_process(mode, scene, Store(folder)), pictures[mode])
+    assert_same(in_process(mode, scene, ArrayCache(folder)), pictures[mode])
     done = [damage(folder, random) for _ in range(2)]
     assert "nothing there" not in done
-    assert_same(in_process(mode, scene, Store(folder)), pictures[mode])
+    assert_same(in_process(mode, scene, ArrayCache(folder)), pictures[mode])
 
 
 @in_other_modes
@@ -157,9 +157,9 @@ def test_a_forged_cache_shows_the_same_picture(
 ) -> None:
     """Under checksums that are right: other points than the scene has, or no arrays at all."""
     folder = tmp_path / "cache"
-    in_process(mode, scene, Store(folder))
+    in_process(mode, scene, ArrayCache(folder))
     assert rewritten(folder, FORGERIES[forgery]) > 0
-    store = Store(folder)
+    store = ArrayCache(folder)
     assert_same(in_process(mode, scene, store), pictures[mode])
     assert rewritten(folder, dict) > 0  # what was computed again is kept again
-    assert_same(in_process(mode, scene, Store(folder)), pictures[mode])
+    assert_same(in_process(mode, scene, ArrayCache(folder)), pictures[mode])

@@ -10,9 +10,9 @@ import pytest
 
 from app.document import LightState
 from app.jobs import light_plan
-from app.jobs.cache import Store
-from app.jobs.labour import Here
-from app.jobs.tasks import Tasks
+from app.jobs.cache import ArrayCache
+from app.jobs.executor import LocalExecutor
+from app.jobs.dispatcher import RequestDispatcher
 from app.messages import Response
 from app.placement.messages import ComputeTransport, LayerPicture, LightPlanned
 from app.scene_state import SceneState
@@ -28,15 +28,15 @@ from tests.scene_text import ground
 MOST = RenderSettings(4000, keeps_sphere=True)
 
 
-class Noting(Here):
+class Noting(LocalExecutor):
     """Notes how finely light is seen."""
 
     def __init__(self) -> None:
         self.seen: list[Quality] = []
 
-    def light(self, placement: Placement, sky: SkyState, quality: Quality):  # type: ignore[no-untyped-def]
+    def compute_light(self, placement: Placement, sky: SkyState, quality: Quality):  # type: ignore[no-untyped-def]
         self.seen.append(quality)
-        return super().light(placement, sky, quality)
+        return super().compute_light(placement, sky, quality)
 
 
 @pytest.fixture(autouse=True)
@@ -50,9 +50,9 @@ def scene(tmp_path: Path) -> str:
     return str(tmp_path / "scene.toml")
 
 
-def opened(scene: str, store: Store) -> tuple[Tasks, Noting]:
+def opened(scene: str, store: ArrayCache) -> tuple[RequestDispatcher, Noting]:
     labour = Noting()
-    tasks = Tasks(store, labour=labour)
+    tasks = RequestDispatcher(store, labour=labour)
     open_in_process(tasks, scene)
     return tasks, labour
 
@@ -68,14 +68,14 @@ def last_picture(answers: list[Response]) -> np.ndarray:
 
 
 def test_the_last_stage_has_as_many_lights_as_are_needed(scene: str, tmp_path: Path) -> None:
-    store = Store(tmp_path / "cache")
+    store = ArrayCache(tmp_path / "cache")
     tasks, labour = opened(scene, store)
     answers = run_in_process(tasks, compute())
     (planned,) = (answer for answer in answers if isinstance(answer, LightPlanned))
     assert planned.n_lights == 500 and dict(planned.reasons)["lights"].endswith("of what 4,000 show")
     assert [(each.name, each.n_lights) for each in labour.seen][-1] == ("final", 500)
     # What a person sets is computed, and differs by next to nothing.
-    tasks, labour = opened(scene, Store(tmp_path / "other"))
+    tasks, labour = opened(scene, ArrayCache(tmp_path / "other"))
     exact = run_in_process(tasks, compute(overruled=frozenset({"lights", "patches"})))
     assert labour.seen[-1].n_lights == 4000 and not [each for each in exact if isinstance(each, LightPlanned)]
     truth, found = last_picture(exact), last_picture(answers)
@@ -84,7 +84,7 @@ def test_the_last_stage_has_as_many_lights_as_are_needed(scene: str, tmp_path: P
 
 def test_what_was_found_is_found_again(scene: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By the same worker after an edit, by another one on disk, and so is the transport that was made by it."""
-    store = Store(tmp_path / "cache")
+    store = ArrayCache(tmp_path / "cache")
     tasks, _ = opened(scene, store)
     first = run_in_process(tasks, compute())
 
@@ -119,7 +119,7 @@ def test_it_is_tried_with_what_the_file_has_whatever_was_edited_by_then(
         replace(compute(), scene=SceneState(LightState(rotation=70.0), (each,))) for each in (bright, shiny)
     )
     for i, request in enumerate((compute(), edited, other)):
-        tasks, _ = opened(scene, Store(tmp_path / str(i)))
+        tasks, _ = opened(scene, ArrayCache(tmp_path / str(i)))
         run_in_process(tasks, request)
     assert len(tried) == 3 and tried[0] == tried[1]
     # The file has no such layer: as its model begins.

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.jobs import indirect, labour
-from app.jobs.cache import Store
+from app.jobs import indirect_tasks, executor
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.messages import RequestFailed, SetCamera, ViewTraced
 from app.placement.messages import IndirectFound, LayerPicture, StageDone
 from engine.scene.description import Camera
@@ -47,7 +47,7 @@ def test_it_sees_what_a_scene_with_that_camera_shows(tmp_path: Path) -> None:
     moved = written(tmp_path / "moved.toml", SCENE.replace(OWN, OTHER))
     frames, found = [], []
     for source, camera in ((moved, None), (plain, ASIDE)):
-        client = InProcessClient(Tasks(Store(tmp_path / Path(source).stem)))
+        client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / Path(source).stem)))
         scene = ask_for_scene(client, source, resolution=RESOLUTION) - 1
         client.poll(float("inf"))
         if camera is not None:
@@ -55,7 +55,7 @@ def test_it_sees_what_a_scene_with_that_camera_shows(tmp_path: Path) -> None:
             client.send(SetCamera(scene, camera, RESOLUTION))
             (seen,) = (a for a in client.poll(float("inf")) if isinstance(a, ViewTraced))
         else:
-            seen = open_in_process(Tasks(), source, resolution=RESOLUTION)[-1]
+            seen = open_in_process(RequestDispatcher(), source, resolution=RESOLUTION)[-1]
         frames.append(seen.frame)
         found.append(computed(client))
     for field in fields(frames[0]):
@@ -66,7 +66,7 @@ def test_it_sees_what_a_scene_with_that_camera_shows(tmp_path: Path) -> None:
 
 def test_going_back_finds_what_was_computed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     source = written(tmp_path / "scene.toml", SCENE)
-    client = InProcessClient(Tasks(Store(tmp_path / "cache")))
+    client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
     scene = ask_for_scene(client, source, resolution=RESOLUTION) - 1
     client.poll(float("inf"))
     expected = computed(client)
@@ -74,7 +74,7 @@ def test_going_back_finds_what_was_computed(tmp_path: Path, monkeypatch: pytest.
     computed(client)
     client.send(SetCamera(scene, None, RESOLUTION))
     client.poll(float("inf"))
-    monkeypatch.delattr(labour, "project_layer")
+    monkeypatch.delattr(executor, "project_layer")
     monkeypatch.delattr(Placement, "light")
     # Nothing is seen or projected again, and there is no coarse picture before the final one.
     client.send(compute())
@@ -86,9 +86,9 @@ def test_going_back_finds_what_was_computed(tmp_path: Path, monkeypatch: pytest.
 def test_a_kept_picture_waits_for_the_first_light_between_surfaces_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(indirect, "FINE", QUICK)
+    monkeypatch.setattr(indirect_tasks, "FINE", QUICK)
     source = written(tmp_path / "scene.toml", SCENE)
-    client = InProcessClient(Tasks(Store(tmp_path / "cache")))
+    client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
     scene = ask_for_scene(client, source, resolution=RESOLUTION) - 1
     client.poll(float("inf"))
     computed(client)  # its direct light is kept, of light between surfaces nothing is known yet
@@ -104,7 +104,7 @@ def test_a_kept_picture_waits_for_the_first_light_between_surfaces_alone(
 
 def test_a_camera_that_sees_nothing_is_looked_away_from_again(tmp_path: Path) -> None:
     source = written(tmp_path / "scene.toml", SCENE)
-    client = InProcessClient(Tasks(Store(tmp_path / "cache")))
+    client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
     scene = ask_for_scene(client, source, resolution=RESOLUTION) - 1
     client.poll(float("inf"))
     expected = computed(client)
@@ -118,7 +118,7 @@ def test_a_camera_that_sees_nothing_is_looked_away_from_again(tmp_path: Path) ->
 
 def test_a_look_at_a_scene_that_is_gone_is_refused(tmp_path: Path) -> None:
     source = written(tmp_path / "scene.toml", SCENE)
-    client = InProcessClient(Tasks(Store(tmp_path / "cache")))
+    client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
     ask_for_scene(client, source, resolution=RESOLUTION)
     client.poll(float("inf"))
     client.send(SetCamera(99, ASIDE, RESOLUTION))

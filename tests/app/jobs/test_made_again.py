@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from app.document import LightState
-from app.jobs import labour
-from app.jobs.cache import Store
+from app.jobs import executor
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
 from app.messages import Response, SkyImage
 from app.placement.messages import (
@@ -39,9 +39,9 @@ FIXED = with_layer(compute(selected="ground.0", factor="theta_i"), GLOSS, fixed=
 FREE = compute(selected="ground.0", factor="theta_i")
 
 
-def test_a_fixed_layer_looks_the_same_and_keeps_no_bands(source: str, store: Store, tmp_path: Path) -> None:
+def test_a_fixed_layer_looks_the_same_and_keeps_no_bands(source: str, store: ArrayCache, tmp_path: Path) -> None:
     free = run_in_process(opened(source, store), FREE)
-    fixed = run_in_process(opened(source, Store(tmp_path / "another")), FIXED)
+    fixed = run_in_process(opened(source, ArrayCache(tmp_path / "another")), FIXED)
     for stage in ("coarse", "preview", "final"):
         for key, picture in pictures(free, stage).items():
             np.testing.assert_array_equal(pictures(fixed, stage)[key], picture)
@@ -52,7 +52,7 @@ def test_a_fixed_layer_looks_the_same_and_keeps_no_bands(source: str, store: Sto
     assert done(fixed)["final"] > done(free)["final"] + n_points * (12 - 4 - 8 - 2 * 16 - 4 * n_bands)
 
 
-def test_a_fixed_layer_has_no_transport_to_hand_out(source: str, store: Store) -> None:
+def test_a_fixed_layer_has_no_transport_to_hand_out(source: str, store: ArrayCache) -> None:
     tasks = opened(source, store)
     answers = run_in_process(tasks, with_layer(compute(), GLOSS, fixed=True))
     assert not [a for a in answers if isinstance(a, LayerTransport)]
@@ -60,12 +60,12 @@ def test_a_fixed_layer_has_no_transport_to_hand_out(source: str, store: Store) -
 
 
 def test_a_layer_that_becomes_editable_is_made_alone_and_in_one_stage(
-    source: str, store: Store, monkeypatch: pytest.MonkeyPatch
+    source: str, store: ArrayCache, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tasks = opened(source, store)
     before = pictures(run_in_process(tasks, FIXED))
     recorder = Recorder()
-    monkeypatch.setattr(labour, "project_layer", recorder)
+    monkeypatch.setattr(executor, "project_layer", recorder)
     answers = without_progress(run_in_process(tasks, replace(FREE, selected=GLOSS, factor="theta_h")))
     assert recorder.n_tiles == tiles_of(before[GLOSS])
     # What is there is told at once, so that the picture stays; then come the bands, which give the same picture.
@@ -78,19 +78,19 @@ def test_a_layer_that_becomes_editable_is_made_alone_and_in_one_stage(
 
 
 def test_a_layer_that_becomes_fixed_is_not_made_again(
-    source: str, store: Store, monkeypatch: pytest.MonkeyPatch
+    source: str, store: ArrayCache, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tasks = opened(source, store)
     first = run_in_process(tasks, FREE)
     recorder = Recorder()
-    monkeypatch.setattr(labour, "project_layer", recorder)
+    monkeypatch.setattr(executor, "project_layer", recorder)
     second = run_in_process(tasks, FIXED)
     assert recorder.n_tiles == 0
     assert_same_pictures(pictures(second), pictures(first))
     assert done(second)["final"] < done(first)["final"]
 
 
-def test_another_curve_of_a_fixed_layer_is_another_picture(source: str, store: Store) -> None:
+def test_another_curve_of_a_fixed_layer_is_another_picture(source: str, store: ArrayCache) -> None:
     tasks = opened(source, store)
     before = pictures(run_in_process(tasks, FIXED))
     brighter = twice(work(GLOSS, "rough_conductor", alpha=0.3), "theta_h").layer
@@ -101,13 +101,13 @@ def test_another_curve_of_a_fixed_layer_is_another_picture(source: str, store: S
 
 
 def test_a_quotient_is_made_again_coarse_to_fine_and_for_its_layer_alone(
-    source: str, store: Store, monkeypatch: pytest.MonkeyPatch
+    source: str, store: ArrayCache, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tasks = opened(source, store)
     run_in_process(tasks, FREE)
     rough = work(GLOSS, "rough_conductor", alpha=0.5).layer
     recorder = Recorder()
-    monkeypatch.setattr(labour, "project_layer", recorder)
+    monkeypatch.setattr(executor, "project_layer", recorder)
     answers = run_in_process(tasks, with_layer(FREE, GLOSS, layer=rough))
     shown = [pictures(answers, stage) for stage in ("coarse", "preview", "final")]
     assert [set(stage) for stage in shown] == [{GLOSS}, {GLOSS}, {GLOSS, "ball.0", "ground.0"}]
@@ -117,7 +117,7 @@ def test_a_quotient_is_made_again_coarse_to_fine_and_for_its_layer_alone(
         np.testing.assert_allclose(shown[-1][key], picture, rtol=1e-6)
 
 
-def test_each_picture_that_is_told_comes_with_its_footprint(source: str, store: Store) -> None:
+def test_each_picture_that_is_told_comes_with_its_footprint(source: str, store: ArrayCache) -> None:
     client = InProcessClient(opened(source, store))
     client.send(FREE)
     answers: list[Response] = []
@@ -130,7 +130,7 @@ def test_each_picture_that_is_told_comes_with_its_footprint(source: str, store: 
     assert list(done([a for a in again if a.revision == 1])) == ["preview", "final"]
 
 
-def test_what_belongs_to_the_view_outlives_the_request_that_brought_it(source: str, store: Store) -> None:
+def test_what_belongs_to_the_view_outlives_the_request_that_brought_it(source: str, store: ArrayCache) -> None:
     client = InProcessClient(opened(source, store))
     view = ask_for_scene(client, source)
     first = client.send(FREE)
@@ -140,7 +140,7 @@ def test_what_belongs_to_the_view_outlives_the_request_that_brought_it(source: s
     assert {a.id for a in answers if isinstance(a, LayerPicture)} == {first}
 
 
-def test_only_what_was_made_under_the_newest_light_is_handed_out(source: str, store: Store) -> None:
+def test_only_what_was_made_under_the_newest_light_is_handed_out(source: str, store: ArrayCache) -> None:
     client = InProcessClient(opened(source, store))
     client.send(FREE)
     client.poll(float("inf"))
@@ -154,7 +154,7 @@ def test_only_what_was_made_under_the_newest_light_is_handed_out(source: str, st
     assert names.index("StageFootprint") < names.index("LayerPicture")
 
 
-def test_another_light_makes_all_of_it_again(source: str, store: Store) -> None:
+def test_another_light_makes_all_of_it_again(source: str, store: ArrayCache) -> None:
     tasks = opened(source, store)
     run_in_process(tasks, FREE)
     turned = run_in_process(tasks, lit(FREE, LightState(rotation=90.0)))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.jobs.cache import Store
-from app.jobs.maps import thumbnail
-from app.jobs.tasks import Tasks
+from app.jobs.cache import ArrayCache
+from app.jobs.map_tasks import thumbnail
+from app.jobs.dispatcher import RequestDispatcher
 from app.messages import ViewTraced
 from app.placement.messages import MapsRefused, MapsSampled, SampleMaps
 from engine.material.layer_maps import Images
@@ -23,17 +23,17 @@ SCENE += '[[object]]\nname = "bare"\nmesh = "bare.obj"\n' + MATT
 
 
 @pytest.fixture
-def tasks(tmp_path: Path) -> Tasks:
+def tasks(tmp_path: Path) -> RequestDispatcher:
     (tmp_path / "scene.toml").write_text(SCENE)
     (tmp_path / "bare.obj").write_text("v -0.1 -0.1 1\nv 0.1 -0.1 1\nv 0 0.1 1\nf 1 2 3\n")
     Image.fromarray(np.full((4, 4, 3), (255, 188, 0), np.uint8)).save(tmp_path / "tan.png")
     Image.fromarray(np.full((4, 4), 51, np.uint8)).save(tmp_path / "fifth.png")
-    tasks = Tasks(Store(tmp_path / "cache"))
+    tasks = RequestDispatcher(ArrayCache(tmp_path / "cache"))
     assert isinstance(open_in_process(tasks, str(tmp_path / "scene.toml"))[-1], ViewTraced)
     return tasks
 
 
-def test_each_layer_is_answered_on_its_own(tasks: Tasks) -> None:
+def test_each_layer_is_answered_on_its_own(tasks: RequestDispatcher) -> None:
     images, missing = Images("tan.png", weight="fifth.png"), Images("gone.png")
     request = SampleMaps((("card.0", images), ("card.1", missing), ("bare.0", images)))
     sampled, refused, without = run_in_process(tasks, request)
@@ -59,7 +59,7 @@ def test_thumbnails_are_small_and_keep_their_aspect() -> None:
     assert (small[:, 1:30] == 0).all() and (small[:, 34:-1] == 255).all()
 
 
-def test_strokes_are_painted_where_the_eye_sees_them_also_without_texture_coordinates(tasks: Tasks) -> None:
+def test_strokes_are_painted_where_the_eye_sees_them_also_without_texture_coordinates(tasks: RequestDispatcher) -> None:
     far = Stroke(0.05, dabs=pack_dabs([0.0, 0.0, 1.0], [0.0, 0.0, 1.0]), hardness=1.0)
     images = Images(weight_start=0.0, strokes=Strokes((far,)))
     (found,) = run_in_process(tasks, SampleMaps((("bare.0", images),)))

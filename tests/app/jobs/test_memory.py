@@ -16,7 +16,7 @@ import pytest
 from PIL import Image
 
 from app.jobs import worker
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.schedule import Schedule
 from app.messages import Shutdown
 from engine.material.bumps import Bumps
@@ -32,7 +32,7 @@ from dataclasses import replace
 from pathlib import Path
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import Tasks
 from app.machine.system import release_memory
 from app.placement.messages import Freeze
 from tests.app.jobs.ball_and_lamp import GLOSS, compute, with_layer, work
@@ -127,8 +127,8 @@ def test_nor_do_flawed_bumps(source: str) -> None:
 
 
 def test_a_scene_goes_when_another_is_looked_at(source: str, tmp_path: Path) -> None:
-    tasks = opened(source, Store(tmp_path / "store"))
-    first = weakref.ref(tasks.bench.resting_scene)
+    tasks = opened(source, ArrayCache(tmp_path / "store"))
+    first = weakref.ref(tasks.context.rest_scene)
     gc.disable()
     try:
         open_in_process(tasks, source)

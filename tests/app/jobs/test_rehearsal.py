@@ -13,7 +13,7 @@ from app.machine.kernel_cache import use_kernel_cache
 
 use_kernel_cache()
 from app.jobs.kernels import LATER
-from app.jobs.rehearsal import rehearse_later
+from app.jobs.kernel_warm_up import rehearse_later
 
 called = {}
 for part in rehearse_later():
@@ -54,7 +54,7 @@ from numba.core.dispatcher import Dispatcher
 from app.deform.messages import DrawDeform, PrepareDeform
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
-from app.jobs.rehearsal import rehearse_deform
+from app.jobs.kernel_warm_up import rehearse_deform
 from app.messages import Failed
 from engine.deform.gpu_parts import NOTHING
 from engine.scene.surface_kinds import DeformSurface, Membrane, Subsurface

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from app.document import LightState
-from app.jobs.cache import Store
-from app.jobs.tasks import Tasks
+from app.jobs.cache import ArrayCache
+from app.jobs.dispatcher import RequestDispatcher
 from app.measure.accuracy import errors
 from app.messages import Response
 from app.placement.messages import ComputeTransport, LayerPicture, PrepareRelighting, RelightingPrepared, StageDone
@@ -42,10 +42,10 @@ def skylight(shift: int = 0) -> np.ndarray:
     return radiance
 
 
-def opened(folder: Path, text: str = SCENE) -> Tasks:
+def opened(folder: Path, text: str = SCENE) -> RequestDispatcher:
     write_exr(folder / "sky.exr", skylight())
     (folder / "scene.toml").write_text(text)
-    tasks = Tasks(Store(folder / "cache"))
+    tasks = RequestDispatcher(ArrayCache(folder / "cache"))
     open_in_process(tasks, str(folder / "scene.toml"))
     return tasks
 
@@ -63,7 +63,7 @@ def pictures(answers: list[Response], stage: str) -> dict[str, np.ndarray]:
     return {a.key: np.array(a.radiance) for a in answers if isinstance(a, LayerPicture) and a.stage == stage}
 
 
-def ready(tasks: Tasks, **changes: object) -> dict[str, np.ndarray]:
+def ready(tasks: RequestDispatcher, **changes: object) -> dict[str, np.ndarray]:
     """Make the picture at no rotation, and be ready for others; the picture."""
     request = asked(LightState(), **changes)  # type: ignore[arg-type]
     final = pictures(run_in_process(tasks, request), "final")

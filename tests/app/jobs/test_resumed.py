@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.jobs import labour
+from app.jobs import executor
 from app.jobs.array_record import read_record, write_record
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.client import Client
 from app.messages import RequestFailed, Response, SceneOpened, WorkerRestarted
 from app.placement.messages import (
@@ -31,10 +31,10 @@ from tests.app.jobs.ball_and_lamp import (
 from tests.opened import ask_for_scene, run_in_process
 
 
-def test_what_was_computed_before_comes_from_the_cache(source: str, store: Store, monkeypatch) -> None:
+def test_what_was_computed_before_comes_from_the_cache(source: str, store: ArrayCache, monkeypatch) -> None:
     expected = pictures(run_in_process(opened(source, store), compute()))
     recorder = Recorder()
-    monkeypatch.setattr(labour, "project_layer", recorder)
+    monkeypatch.setattr(executor, "project_layer", recorder)
     assert_same_pictures(pictures(run_in_process(opened(source, store), compute())), expected)
     assert recorder.n_tiles == 0
 
@@ -44,27 +44,27 @@ def test_what_was_computed_before_comes_from_the_cache(source: str, store: Store
 )
 def test_it_resumes_after_the_last_complete_tile(source: str, tmp_path: Path, monkeypatch, n_kept: int) -> None:
     whole = Recorder()
-    monkeypatch.setattr(labour, "project_layer", whole)
-    answers = run_in_process(opened(source, Store(tmp_path / "fresh")), compute())
+    monkeypatch.setattr(executor, "project_layer", whole)
+    answers = run_in_process(opened(source, ArrayCache(tmp_path / "fresh")), compute())
     expected, coarse = pictures(answers), pictures(answers, "coarse")
     broken = Recorder(whole.n_tiles - tiles_of(*expected.values()) + n_kept)
-    monkeypatch.setattr(labour, "project_layer", broken)
-    assert "a defect" in failure(run_in_process(opened(source, Store(tmp_path / "cache")), compute()))
+    monkeypatch.setattr(executor, "project_layer", broken)
+    assert "a defect" in failure(run_in_process(opened(source, ArrayCache(tmp_path / "cache")), compute()))
     again = Recorder()
-    monkeypatch.setattr(labour, "project_layer", again)
-    assert_same_pictures(pictures(run_in_process(opened(source, Store(tmp_path / "cache")), compute())), expected)
+    monkeypatch.setattr(executor, "project_layer", again)
+    assert_same_pictures(pictures(run_in_process(opened(source, ArrayCache(tmp_path / "cache")), compute())), expected)
     # A layer that is whole is shown at once, without the coarse picture and the preview of it.
     spared = tiles_of(coarse[GLOSS], expected[GLOSS]) if n_kept >= tiles_of(expected[GLOSS]) else 0
     assert again.n_tiles == whole.n_tiles - n_kept - spared
 
 
-def test_a_cancelled_transport_keeps_what_is_whole(source: str, store: Store, monkeypatch) -> None:
+def test_a_cancelled_transport_keeps_what_is_whole(source: str, store: ArrayCache, monkeypatch) -> None:
     steps = opened(source, store).handle(compute())
     final_pictures = (a for a in steps if isinstance(a, LayerPicture) and a.stage == "final")
     assert next(final_pictures).key == GLOSS
     steps.close()
     recorder = Recorder()
-    monkeypatch.setattr(labour, "project_layer", recorder)
+    monkeypatch.setattr(executor, "project_layer", recorder)
     answers = run_in_process(opened(source, store), compute())
     coarse, final = pictures(answers, "coarse"), pictures(answers)
     # The selected layer's final transport was there already; all else is computed, in three stages.
@@ -73,7 +73,7 @@ def test_a_cancelled_transport_keeps_what_is_whole(source: str, store: Store, mo
     assert recorder.n_tiles == tiles_of(*coarse.values()) + 2 * tiles_of(*others)
 
 
-def test_a_damaged_cache_is_computed_again(source: str, store: Store, tmp_path: Path) -> None:
+def test_a_damaged_cache_is_computed_again(source: str, store: ArrayCache, tmp_path: Path) -> None:
     expected = pictures(run_in_process(opened(source, store), compute()))
     for path in (tmp_path / "cache").iterdir():
         data = bytearray(path.read_bytes())
@@ -83,7 +83,7 @@ def test_a_damaged_cache_is_computed_again(source: str, store: Store, tmp_path: 
 
 
 def test_a_killed_worker_goes_on_to_the_same_pictures(source: str, tmp_path: Path, monkeypatch) -> None:
-    expected = pictures(run_in_process(opened(source, Store(tmp_path / "fresh")), compute()))
+    expected = pictures(run_in_process(opened(source, ArrayCache(tmp_path / "fresh")), compute()))
     monkeypatch.setenv("INSITU_CACHE", str(tmp_path / "cache"))
     monkeypatch.setenv("INSITU_STATE", str(tmp_path / "state"))
     answers: list[Response] = []
@@ -141,7 +141,7 @@ def some_of(*forgeries: str) -> pytest.MarkDecorator:
 
 
 @some_of("nothing", "beyond")
-def test_a_forged_cache_is_computed_again(source: str, store: Store, tmp_path: Path, forgery: str) -> None:
+def test_a_forged_cache_is_computed_again(source: str, store: ArrayCache, tmp_path: Path, forgery: str) -> None:
     expected = pictures(run_in_process(opened(source, store), compute()))
     assert rewritten(tmp_path / "cache", FORGERIES[forgery]) == 5  # visibility, three layers, and the unit they are in
     assert_same_pictures(pictures(run_in_process(opened(source, store), compute())), expected)
@@ -152,12 +152,12 @@ def test_a_forged_cache_is_computed_again(source: str, store: Store, tmp_path: P
 
 @some_of("too short")
 def test_forged_tiles_are_computed_again(
-    source: str, store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forgery: str
+    source: str, store: ArrayCache, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forgery: str
 ) -> None:
-    expected = pictures(run_in_process(opened(source, Store(tmp_path / "fresh")), compute()))
+    expected = pictures(run_in_process(opened(source, ArrayCache(tmp_path / "fresh")), compute()))
     n_coarse = tiles_of(*pictures(run_in_process(opened(source, store), compute(n_lights=80)), "coarse").values())
     broken = Recorder(n_coarse + tiles_of(*expected.values()) + 2)  # two tiles of the final stage
-    monkeypatch.setattr(labour, "project_layer", broken)
+    monkeypatch.setattr(executor, "project_layer", broken)
     run_in_process(opened(source, store), compute())
     monkeypatch.undo()
     assert [path.suffix for path in (tmp_path / "cache").iterdir()].count(".tiles") == 1

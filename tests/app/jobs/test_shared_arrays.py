@@ -17,8 +17,8 @@ from app.jobs.shared_arrays import (
     Method,
     OutOfMemory,
     create_block,
-    name_of_kept,
-    open_kept,
+    kept_block_name,
+    open_kept_block,
     sweep_dead_blocks,
 )
 from app.machine import system
@@ -35,7 +35,7 @@ def block_of(data: bytes, generation: int = 3, method: Method = "named") -> tupl
 def _opened(made: tuple[int | Path, int]) -> tuple[int, int]:
     """As the receiver has it: by its descriptor."""
     block, size = made
-    return (block, size) if isinstance(block, int) else (open_kept(*name_of_kept(block)), size)
+    return (block, size) if isinstance(block, int) else (open_kept_block(*kept_block_name(block)), size)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -168,8 +168,8 @@ def test_a_kept_block_lies_in_its_file_until_it_is_opened(tmp_path: Path, monkey
     monkeypatch.setattr(system, "memory_folder", lambda: tmp_path)
     file, size = create_block([b"x" * 5000], 3, "kept")
     assert isinstance(file, Path) and os.listdir(tmp_path) == [file.name]
-    block = Block(open_kept(*name_of_kept(file)), 3, size)
+    block = Block(open_kept_block(*kept_block_name(file)), 3, size)
     assert os.listdir(tmp_path) == []
     assert block.verify(LATER) and bytes(block.buffers()[0]) == b"x" * 5000
     with pytest.raises(BlockError, match="cannot be opened: No such file"):
-        open_kept(*name_of_kept(file))
+        open_kept_block(*kept_block_name(file))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.jobs.standing import Standing
+from app.jobs.pending_requests import PendingRequests
 from app.messages import (
     CancelRequests,
     RequestFailed,
@@ -23,12 +23,12 @@ def contract(id: int) -> Contract:
     return Contract(None, "A", id=id)
 
 
-def ids(standing: Standing) -> list[int]:
+def ids(standing: PendingRequests) -> list[int]:
     return [request.id for request in standing.requests()]
 
 
-def standing_at(*requests: object) -> Standing:
-    standing = Standing()
+def standing_at(*requests: object) -> PendingRequests:
+    standing = PendingRequests()
     for request in requests:
         standing.add(request)  # type: ignore[arg-type]
     return standing
@@ -37,10 +37,10 @@ def standing_at(*requests: object) -> Standing:
 SCENE, LOOK, LIGHT = OpenScene("open", id=1), SetCamera(1, id=2), compute("pictures 1", id=3)
 
 
-def look_of(standing: Standing) -> None:
+def look_of(standing: PendingRequests) -> None:
     """The scene and the look at it are answered."""
     for answer in (SceneOpened("{}", id=1), ViewTraced(None, id=2)):  # type: ignore[arg-type]
-        standing.heard(answer)
+        standing.note_response(answer)
         standing.settle(answer)
 
 
@@ -121,8 +121,8 @@ def test_opened_scene_that_is_given_up_does_not_come_back() -> None:
     assert ids(standing) == []
 
 
-def sent(standing: Standing) -> list[int]:
-    return [request.id for request in standing.to_send()]
+def sent(standing: PendingRequests) -> list[int]:
+    return [request.id for request in standing.unsent()]
 
 
 def test_each_worker_is_sent_each_request_once() -> None:
@@ -130,7 +130,7 @@ def test_each_worker_is_sent_each_request_once() -> None:
     assert sent(standing) == [1] and sent(standing) == []
     standing.add(LIGHT)
     assert sent(standing) == [3]
-    standing.new_worker()
+    standing.worker_restarted()
     assert sent(standing) == [1, 3]
 
 
@@ -139,7 +139,7 @@ def test_a_scene_that_stands_again_is_sent_to_a_worker_that_gave_it_up() -> None
     for end in (RequestFailed("no such file", id=4), CancelRequests(id=4)):
         standing = standing_at(SCENE, LOOK)
         look_of(standing)
-        standing.new_worker()
+        standing.worker_restarted()
         assert sent(standing) == [1, 2]
         if isinstance(end, RequestFailed):
             standing.add(OpenScene("nowhere", id=4))

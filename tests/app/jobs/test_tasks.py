@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from app.document import LightState
-from app.jobs import placement as placement_module
-from app.jobs.cache import Store
+from app.jobs import placement_worker as placement_module
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
 from app.jobs.kernels import Kernels
-from app.jobs.placement import _stages
-from app.jobs.tasks import Tasks
+from app.jobs.placement_worker import _stages
+from app.jobs.dispatcher import RequestDispatcher
 from app.view_controller import describe_empty_frame
 from app.messages import Progress, Response, SceneOpened, ViewTraced, SkyImage
 from app.placement.messages import (
@@ -53,8 +53,8 @@ from tests.pictures import write_exr
 # ----------------------------------------------------------------------------------------------------------- messages
 
 
-def test_an_opened_scene_tells_what_the_window_needs(source: str, store: Store) -> None:
-    answers = open_in_process(Tasks(store), source)
+def test_an_opened_scene_tells_what_the_window_needs(source: str, store: ArrayCache) -> None:
+    answers = open_in_process(RequestDispatcher(store), source)
     assert [type(answer) for answer in answers] == [Progress, SceneOpened, Progress, ViewTraced]
     frame = answers[-1].frame
     n_points = frame.n_points
@@ -71,12 +71,12 @@ def test_an_opened_scene_tells_what_the_window_needs(source: str, store: Store) 
     np.testing.assert_allclose(-np.einsum("pk,pk->p", normal, rays), np.cos(frame.theta_o), atol=2e-3)
 
 
-def test_the_resolution_can_be_another(source: str, store: Store) -> None:
-    answers = open_in_process(Tasks(store), source, resolution=(20, 12))
+def test_the_resolution_can_be_another(source: str, store: ArrayCache) -> None:
+    answers = open_in_process(RequestDispatcher(store), source, resolution=(20, 12))
     assert answers[-1].frame.object_image.shape == (12, 20)
 
 
-def test_stages_come_coarse_to_fine_with_the_selected_layer_first(source: str, store: Store) -> None:
+def test_stages_come_coarse_to_fine_with_the_selected_layer_first(source: str, store: ArrayCache) -> None:
     tasks = opened(source, store)
     answers = without_progress(run_in_process(tasks, compute()))
     one_stage = [LayerPicture, LayerTransport, LayerPicture, LayerPicture, StageDone]
@@ -110,9 +110,9 @@ class StillCompiling:
         return iter(())
 
 
-def test_light_bounces_as_soon_as_that_is_compiled(source: str, store: Store) -> None:
+def test_light_bounces_as_soon_as_that_is_compiled(source: str, store: ArrayCache) -> None:
     kernels = StillCompiling()
-    tasks = Tasks(store, kernels=cast(Kernels, kernels))
+    tasks = RequestDispatcher(store, kernels=cast(Kernels, kernels))
     open_in_process(tasks, source)
     request = compute()
     answers = run_in_process(tasks, replace(request, decisions=replace(request.decisions, n_bounces=2)))
@@ -120,7 +120,7 @@ def test_light_bounces_as_soon_as_that_is_compiled(source: str, store: Store) ->
     assert told == ["coarse", "rough", "preview", "fine", "final"]
 
 
-def test_a_file_is_read_by_the_mapping_of_the_light(source: str, store: Store, tmp_path: Path) -> None:
+def test_a_file_is_read_by_the_mapping_of_the_light(source: str, store: ArrayCache, tmp_path: Path) -> None:
     tasks = opened(source, store)
     probe = tmp_path / "probe.exr"
     write_exr(probe, np.random.default_rng(3).uniform(0.0, 2.0, (32, 32, 3)).astype(np.float32))
@@ -134,8 +134,8 @@ def test_a_file_is_read_by_the_mapping_of_the_light(source: str, store: Store, t
     assert np.abs(found["latlong"] - found["angular"]).max() > 0.05 * found["latlong"].max()
 
 
-def test_a_coarse_stage_says_which_samples_stand_for_each_pixel(source: str, store: Store) -> None:
-    tasks = Tasks(store)
+def test_a_coarse_stage_says_which_samples_stand_for_each_pixel(source: str, store: ArrayCache) -> None:
+    tasks = RequestDispatcher(store)
     frame = open_in_process(tasks, source)[-1].frame
     answers = run_in_process(tasks, compute(selected=None, factor=None))
     assert not any(isinstance(answer, LayerTransport) for answer in answers)
@@ -147,7 +147,7 @@ def test_a_coarse_stage_says_which_samples_stand_for_each_pixel(source: str, sto
     assert 0 < n_samples < (end - begin) / 8 and coarse.rows[begin:end].max() == n_samples - 1
 
 
-def test_progress_only_grows_within_a_stage(source: str, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_progress_only_grows_within_a_stage(source: str, store: ArrayCache, monkeypatch: pytest.MonkeyPatch) -> None:
     tasks = opened(source, store)
     monkeypatch.setattr(placement_module.time, "monotonic", iter(np.arange(0.0, 1e4, 0.1)).__next__)
     told = [a for a in run_in_process(tasks, compute()) if isinstance(a, Progress)]
@@ -157,7 +157,7 @@ def test_progress_only_grows_within_a_stage(source: str, store: Store, monkeypat
         assert 0.8 < fractions[-1] <= 1.0  # the end is near where it is said to be
 
 
-def test_a_light_on_the_move_gets_one_quick_stage(source: str, store: Store) -> None:
+def test_a_light_on_the_move_gets_one_quick_stage(source: str, store: ArrayCache) -> None:
     tasks = opened(source, store)
     answers = without_progress(run_in_process(tasks, compute(is_drag=True)))
     assert [(a.stage, a.exact) for a in answers if isinstance(a, StageDone)] == [("drag", True)]
@@ -169,13 +169,13 @@ def test_emitters_are_cut_at_last_as_asked() -> None:
         assert [quality.n_patches for quality, _ in stages] == [COARSE.n_patches, PREVIEW.n_patches, n_patches]
 
 
-def test_a_preview_alone_is_exact_when_no_more_lights_are_asked_for(source: str, store: Store) -> None:
+def test_a_preview_alone_is_exact_when_no_more_lights_are_asked_for(source: str, store: ArrayCache) -> None:
     tasks = opened(source, store)
     answers = run_in_process(tasks, compute(n_lights=PREVIEW_LIGHTS))
     assert [(a.stage, a.exact) for a in answers if isinstance(a, StageDone)] == [("coarse", False), ("preview", True)]
 
 
-def test_transport_times_the_curve_is_the_picture(source: str, store: Store) -> None:
+def test_transport_times_the_curve_is_the_picture(source: str, store: ArrayCache) -> None:
     answers = run_in_process(opened(source, store), compute())
     transport = [a for a in answers if isinstance(a, LayerTransport)][-1]
     curve = wavelet.forward(work(GLOSS, "rough_conductor", alpha=0.3).coefficients[0])
@@ -191,7 +191,7 @@ def test_transport_times_the_curve_is_the_picture(source: str, store: Store) -> 
 # ------------------------------------------------------------------------------------------------------- contractions
 
 
-def test_a_curve_is_switched_after_the_transport(source: str, store: Store) -> None:
+def test_a_curve_is_switched_after_the_transport(source: str, store: ArrayCache) -> None:
     tasks = opened(source, store)
     before = pictures(run_in_process(tasks, compute()))[GLOSS]
     picture, transport = run_in_process(tasks, contraction("theta_d", brighter=True))
@@ -200,7 +200,7 @@ def test_a_curve_is_switched_after_the_transport(source: str, store: Store) -> N
     assert (transport.factor, len(transport.coefficients_first)) == ("theta_d", 4)
 
 
-def test_the_same_transport_comes_in_either_precision(source: str, store: Store) -> None:
+def test_the_same_transport_comes_in_either_precision(source: str, store: ArrayCache) -> None:
     tasks = opened(source, store)
     half = [a for a in run_in_process(tasks, compute()) if isinstance(a, LayerTransport)][-1]
     picture, full = run_in_process(tasks, replace(contraction("theta_h"), precision="float"))
@@ -215,7 +215,7 @@ def test_the_same_transport_comes_in_either_precision(source: str, store: Store)
     assert {a.precision for a in later if isinstance(a, LayerTransport)} == {"float"}
 
 
-def test_a_picture_alone_leaves_the_selection(source: str, store: Store) -> None:
+def test_a_picture_alone_leaves_the_selection(source: str, store: ArrayCache) -> None:
     tasks = opened(source, store)
     before = pictures(run_in_process(tasks, compute(selected="ground.0", factor="theta_i")))[GLOSS]
     (picture,) = run_in_process(tasks, contraction(None, brighter=True))
@@ -224,7 +224,7 @@ def test_a_picture_alone_leaves_the_selection(source: str, store: Store) -> None
     assert {a.key for a in later if isinstance(a, LayerTransport)} == {"ground.0"}
 
 
-def test_a_curve_of_the_model_before_is_selected_no_longer(source: str, store: Store) -> None:
+def test_a_curve_of_the_model_before_is_selected_no_longer(source: str, store: ArrayCache) -> None:
     tasks = opened(source, store)
     run_in_process(tasks, compute(n_lights=PREVIEW_LIGHTS))
     other = with_layer(compute(), GLOSS, layer=make_layer(MODELS["lambert"]), bands=BANDS["lambert"]).scene
@@ -232,7 +232,7 @@ def test_a_curve_of_the_model_before_is_selected_no_longer(source: str, store: S
     assert isinstance(answers[-1], StageDone) and not any(isinstance(a, LayerTransport) for a in answers)
 
 
-def test_layers_that_share_a_curve_get_their_transport_as_well(source: str, store: Store) -> None:
+def test_layers_that_share_a_curve_get_their_transport_as_well(source: str, store: ArrayCache) -> None:
     tasks = opened(source, store)
     quickly = {"n_lights": PREVIEW_LIGHTS, "selected": "ball.0", "factor": "theta_i"}
     answers = run_in_process(tasks, compute(**quickly, followers=("ground.0",)))
@@ -249,14 +249,14 @@ def test_layers_that_share_a_curve_get_their_transport_as_well(source: str, stor
     assert coming() == {(GLOSS, "theta_h"), ("ground.0", "theta_i")}
 
 
-def test_a_transport_alone_comes_without_the_picture(source: str, store: Store) -> None:
+def test_a_transport_alone_comes_without_the_picture(source: str, store: ArrayCache) -> None:
     tasks = opened(source, store)
     run_in_process(tasks, compute())
     (transport,) = run_in_process(tasks, replace(contraction("theta_d"), picture=False))
     assert isinstance(transport, LayerTransport) and transport.factor == "theta_d"
 
 
-def test_a_contraction_is_served_while_the_transport_is_computed(source: str, store: Store) -> None:
+def test_a_contraction_is_served_while_the_transport_is_computed(source: str, store: ArrayCache) -> None:
     client = InProcessClient(opened(source, store))
     client.send(compute())
     answers: list[Response] = []
@@ -274,7 +274,7 @@ def test_a_contraction_is_served_while_the_transport_is_computed(source: str, st
     np.testing.assert_array_equal([a for a in rest if isinstance(a, LayerPicture)][-3].coefficients[0], expected)
 
 
-def test_a_contraction_before_its_transport_is_answered_by_it(source: str, store: Store) -> None:
+def test_a_contraction_before_its_transport_is_answered_by_it(source: str, store: ArrayCache) -> None:
     client = InProcessClient(opened(source, store))
     client.send(compute(selected="ground.0", factor="theta_i"))
     while not any(isinstance(a, Progress | SkyImage) for a in client.poll(0.0)):
@@ -288,7 +288,7 @@ def test_a_contraction_before_its_transport_is_answered_by_it(source: str, store
 # ----------------------------------------------------------------------------------------------------- what goes wrong
 
 
-def test_a_missing_environment_is_named(source: str, store: Store) -> None:
+def test_a_missing_environment_is_named(source: str, store: ArrayCache) -> None:
     tasks = opened(source, store)
     line = failure(run_in_process(tasks, lit(compute(), LightState("/nowhere/sky.exr"))))
     assert "/nowhere/sky.exr" in line and "internal" not in line
@@ -296,15 +296,15 @@ def test_a_missing_environment_is_named(source: str, store: Store) -> None:
     assert isinstance(run_in_process(tasks, compute(is_drag=True))[-1], StageDone)
 
 
-def test_a_broken_environment_is_named(source: str, store: Store, tmp_path: Path) -> None:
+def test_a_broken_environment_is_named(source: str, store: ArrayCache, tmp_path: Path) -> None:
     path = tmp_path / "sky.exr"
     path.write_bytes(b"not a picture")
     line = failure(run_in_process(opened(source, store), lit(compute(), LightState(str(path)))))
     assert "sky.exr" in line and "nothing was changed" in line
 
 
-def test_a_scene_that_is_not_there_is_named(store: Store) -> None:
-    line = failure(open_in_process(Tasks(store), "/nowhere/scene.toml"))
+def test_a_scene_that_is_not_there_is_named(store: ArrayCache) -> None:
+    line = failure(open_in_process(RequestDispatcher(store), "/nowhere/scene.toml"))
     assert "/nowhere/scene.toml" in line
 
 
@@ -313,12 +313,12 @@ NOTHING, LAMPS = "no surface, the background alone", "lamps alone"
 
 @pytest.mark.parametrize(("target", "sees"), [("[0.4, 9, 2.7]", NOTHING), ("[-1.2, 2.4, 0]", LAMPS)])
 def test_a_camera_that_sees_nothing_to_edit_has_a_picture_of_that(
-    tmp_path: Path, store: Store, target: str, sees: str
+    tmp_path: Path, store: ArrayCache, target: str, sees: str
 ) -> None:
     path = tmp_path / "scene.toml"
     text = SCENE.replace("target = [0, 0.3, 0]", f"target = {target}").replace("fov_y = 45", "fov_y = 8")
     path.write_text(text.replace("0,0,5,0, 0,-5,0,0", "0,0,0.1,0, 0,-0.1,0,0"))
-    tasks = Tasks(store)
+    tasks = RequestDispatcher(store)
     seen = next(a for a in open_in_process(tasks, str(path)) if isinstance(a, ViewTraced))
     assert seen.frame.n_points == 0 and describe_empty_frame(seen.frame) == f"the camera sees {sees}"
     answers = run_in_process(tasks, compute(n_bounces=2))
@@ -328,7 +328,7 @@ def test_a_camera_that_sees_nothing_to_edit_has_a_picture_of_that(
     assert [type(a) for a in run_in_process(tasks, EstimateError(scene))][-1] is ErrorEstimated
 
 
-def test_a_picture_that_is_not_there_is_not_judged_in_silence(source: str, store: Store) -> None:
+def test_a_picture_that_is_not_there_is_not_judged_in_silence(source: str, store: ArrayCache) -> None:
     tasks = opened(source, store)
     nothing_yet = failure(run_in_process(tasks, EstimateError(compute().scene)))
     assert nothing_yet.startswith("the error is estimated of a whole picture")
@@ -336,11 +336,11 @@ def test_a_picture_that_is_not_there_is_not_judged_in_silence(source: str, store
     assert failure(run_in_process(tasks, EstimateError(compute().scene))) == nothing_yet
 
 
-def test_transport_without_a_scene_is_refused(store: Store) -> None:
-    assert failure(run_in_process(Tasks(store), compute())) == "no scene is open"
+def test_transport_without_a_scene_is_refused(store: ArrayCache) -> None:
+    assert failure(run_in_process(RequestDispatcher(store), compute())) == "no scene is open"
 
 
-def test_a_constant_sky_of_the_document_replaces_the_scenes(source: str, store: Store) -> None:
+def test_a_constant_sky_of_the_document_replaces_the_scenes(source: str, store: ArrayCache) -> None:
     tasks = opened(source, store)
     dark, bright = (
         pictures(run_in_process(tasks, lit(compute(), LightState("constant", radiance=(v, v, v)))))["ground.0"]

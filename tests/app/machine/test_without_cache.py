@@ -8,9 +8,9 @@ import pytest
 
 from app.commands.layers import SetParameter
 from app.editor import Editor
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.view_state import SetView
 from tests.app.limits import small_disk
 from tests.ui.small_scene import write_small_scene
@@ -51,7 +51,7 @@ def messages(editor: Editor, client: InProcessClient) -> list[str]:
 
 def test_the_editor_works_without_a_cache_and_says_so_once(folder: Path, tmp_path: Path) -> None:
     scene = str(write_small_scene(tmp_path))
-    client = InProcessClient(Tasks(Store(folder)))
+    client = InProcessClient(RequestDispatcher(ArrayCache(folder)))
     editor = Editor(client, scene, resolution=(12, 8))
     editor.do(SetView.of(n_lights=500, n_bounces=1))
     said = messages(editor, client)

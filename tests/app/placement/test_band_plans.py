@@ -10,7 +10,7 @@ from app.commands.material import AddLayers, SetMaterial, new_layer
 from app.document import Document
 from app.editor import Editor
 from app.files.library import Library
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.messages import RequestFailed
 from app.placement.messages import BandsPlanned, ComputeTransport, PlanBands
 from app.placement.status import RenderReport
@@ -119,7 +119,7 @@ def test_what_cannot_be_planned_has_the_usual_bands(editor: Editor, client: Fake
 
 def test_the_worker_plans_layers() -> None:
     layers = (GLOSS, *Library().entry("Car paint, blue").material.layers)
-    *_, planned = run_in_process(Tasks(), PlanBands(layers))
+    *_, planned = run_in_process(RequestDispatcher(), PlanBands(layers))
     assert planned.bands == tuple(band_counts(layer) for layer in layers)
     assert planned.bands[-1]["theta_h"] == 128  # a clear coat: the usual 64 would not do
 

@@ -11,11 +11,11 @@ from app.commands.curves import AddOperator
 from app.commands.layers import SetVisible
 from app.commands.light import SetIntensity, SetRotation
 from app.editor import Editor
-from app.jobs import indirect
-from app.jobs.cache import Store
+from app.jobs import indirect_tasks
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
-from app.jobs.indirect import IndirectTasks
-from app.jobs.tasks import Tasks
+from app.jobs.indirect_tasks import IndirectTasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.messages import CancelRequests, Request, Response
 from app.placement.indirect_talk import FINE_STAGE
 from app.placement.messages import ComputeTransport, ErrorEstimated, EstimateError
@@ -44,7 +44,7 @@ class WatchedClient(InProcessClient):
     """A worker in this process, and what it was asked."""
 
     def __init__(self, folder: Path) -> None:
-        super().__init__(Tasks(Store(folder)))
+        super().__init__(RequestDispatcher(ArrayCache(folder)))
         self.requests: list[Request] = []
 
     def send(self, request: Request) -> int:
@@ -125,7 +125,7 @@ def test_a_picture_is_judged_under_the_curves_that_it_shows(desk: Desk) -> None:
 
 
 def test_light_between_surfaces_is_judged_as_it_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(indirect, "FINE", replace(ROUGH, name=FINE_STAGE))  # quicker, and as good for this
+    monkeypatch.setattr(indirect_tasks, "FINE", replace(ROUGH, name=FINE_STAGE))  # quicker, and as good for this
     desk = Desk(tmp_path, 2)
     desk.until_judged()
     whole = desk.editor.status.estimate

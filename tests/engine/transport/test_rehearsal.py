@@ -19,7 +19,7 @@ from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from tests.opened import ask_for_scene
 from app.placement.messages import StageDone
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import Tasks
 from engine.transport import rehearsal
 from tests.app.jobs.ball_and_lamp import SCENE, compute
 

@@ -20,14 +20,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.jobs.bands import plan_bands
-from app.jobs.bench import CACHE_VERSION, Bench
+from app.jobs.band_planning import plan_bands
+from app.jobs.worker_context import CACHE_VERSION, WorkerContext
 from app.jobs.cache import content_key
 from app.jobs.kernels import COMPILING, ESTIMATE, FIRST_TIME, INDIRECT, PAINTING, RELIGHTING
-from app.jobs.layer_data import RELIT, STAGES, LayerData, LitBy, both_curves, joined, kept_of_tile, shape_of, store_of
-from app.jobs.layer_parts import LayerParts
-from app.jobs.light_plan import LightPlans
-from app.jobs.measured import ensure_tables
+from app.jobs.layer_data import RELIT, STAGES, LayerData, LightingState, both_curves, join_tile_contents, tile_content, shape_of, store_of
+from app.jobs.layer_tiles import LayerTiles
+from app.jobs.light_plan import LightBudgets
+from app.jobs.measured_tasks import ensure_tables
 from app.jobs.relighting import Relighting
 from app.jobs.schedule import Handlers, Steps
 from app.messages import Progress, Response
@@ -59,19 +59,19 @@ from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, Q
 from engine.transport.projection import TILE, VisibleLight
 
 if TYPE_CHECKING:
-    from app.jobs.indirect import IndirectTasks
-    from app.jobs.maps import MapTasks
+    from app.jobs.indirect_tasks import IndirectTasks
+    from app.jobs.map_tasks import MapTasks
 
 DRAG_ENVIRONMENT_HEIGHT = 128
 KERNEL_SECONDS = 0.05
 
 
-class PlacementWork(ModeWorker):
+class PlacementWorker(ModeWorker):
     """The newest transport of the view that is open."""
 
-    def __init__(self, bench: Bench) -> None:
-        self._bench, self._cache = bench, bench.store
-        self._filled: dict[str, int] = {}
+    def __init__(self, bench: WorkerContext) -> None:
+        self._context, self._cache = bench, bench.store
+        self._parts_are_dropped: dict[str, int] = {}
         self._layers: dict[str, LayerData] = {}
         self._light: tuple[str, VisibleLight] | None = None
         self._indirect: IndirectTasks | None = None
@@ -79,10 +79,10 @@ class PlacementWork(ModeWorker):
         self._selected: dict[str, str] = {}
         self._precision: Precision = "half"
         self._current: dict[str, LayerData] = {}
-        self._told: set[str] = set()
+        self._sent: set[str] = set()
         self._maps: MapTasks | None = None
         self._relighting = Relighting()
-        self._light_plans = LightPlans(bench)
+        self._light_plans = LightBudgets(bench)
 
     @property
     def handlers(self) -> Handlers:
@@ -99,9 +99,9 @@ class PlacementWork(ModeWorker):
     def view_traced(self) -> None:
         self._layers, self._current, self._light = {}, {}, None
         self._indirect, self._maps, self._relighting = None, None, Relighting()
-        self._light_plans = LightPlans(self._bench)
+        self._light_plans = LightBudgets(self._context)
         self._selected = {}
-        self._recall_visibility(self._bench.open_placement)
+        self._recall_visibility(self._context.open_placement)
 
     def plan(self, layers: Iterable[Layer]) -> tuple[tuple[Layer, dict[str, int]], ...]:
         return tuple((layer, band_counts(layer)) for layer in layers)
@@ -117,7 +117,7 @@ class PlacementWork(ModeWorker):
             self._selected, self._precision = {**others, request.layer.key: request.factor}, request.precision
         self._contracted[request.layer.key] = request.layer
         data = self._current.get(request.layer.key)
-        if data is not None and data.takes(request.layer):
+        if data is not None and data.fits_curves(request.layer):
             yield from self._answers(self._hold(data), request.factor, request.precision, request.picture)
 
     def _freeze(self, request: Freeze) -> Steps:
@@ -127,23 +127,23 @@ class PlacementWork(ModeWorker):
         if any(images.strokes for _, images in request.layers):
             yield from self._until_compiled(PAINTING)
         if self._maps is None:
-            from app.jobs.maps import MapTasks
+            from app.jobs.map_tasks import MapTasks
 
-            self._maps = MapTasks(self._bench.open_placement)
+            self._maps = MapTasks(self._context.open_placement)
         yield from self._maps.answers(request)
 
     # ---------------------------------------------------------------------------------------------- at the very last
 
     def _estimate_error(self, request: EstimateError) -> Steps:
         yield from self._until_compiled(ESTIMATE)
-        from app.jobs.error_estimate import estimated
+        from app.jobs.error_tasks import estimate_error
 
         found = None if self._indirect is None else self._indirect.light
-        yield from estimated(request, self._bench, self._current, found)
+        yield from estimate_error(request, self._context, self._current, found)
 
     def _prepare_relighting(self, request: PrepareRelighting) -> Steps:
         yield from self._until_compiled(RELIGHTING)
-        bench, scene = self._bench, request.scene
+        bench, scene = self._context, request.scene
         yield from self._relighting.prepare(bench.open_placement, scene, bench.sky(scene.light), self._current)
         yield RelightingPrepared(self._n_bytes)
 
@@ -155,48 +155,48 @@ class PlacementWork(ModeWorker):
         def bits_of(arrays: Arrays) -> np.ndarray:
             return ArrayReader(arrays).take("bits", mine.dtype, *mine.shape)
 
-        kept = self._cache.get(content_key("visibility", self._bench.geometry_key), bits_of)
+        kept = self._cache.get(content_key("visibility", self._context.geometry_key), bits_of)
         if kept is not None:
             mine[:] = kept
             placement.sphere.done[:] = True
 
     def _compute(self, request: ComputeTransport) -> Steps:
-        placement, scene, decisions = self._bench.open_placement, request.scene, request.decisions
+        placement, scene, decisions = self._context.open_placement, request.scene, request.decisions
         yield from ensure_tables((work.layer for work in scene.layers), self._cache)
-        self._contracted, self._current, self._told = {}, {}, set()
+        self._contracted, self._current, self._sent = {}, {}, set()
         self._layers = {work.key: self._layers[work.key] for work in scene.layers if work.key in self._layers}
         if request.selected and request.factor:
             self._selected = dict.fromkeys((request.selected, *request.followers), request.factor)
         self._precision = request.precision
         placement.set_emission(dict(scene.emission))
-        sky = self._bench.sky(scene.light)
+        sky = self._context.sky(scene.light)
         if self._indirect is not None:
-            self._indirect.asked_anew(_lit_key(sky, placement.scene), decisions.n_bounces)
-        if (image := self._bench.sky_image(sky, scene.light)) is not None:
+            self._indirect.transport_requested(_lit_key(sky, placement.scene), decisions.n_bounces)
+        if (image := self._context.sky_image(sky, scene.light)) is not None:
             yield image
-        lit_by = LitBy(scene.light, request.lit, scene.emission)
-        yield from self._tell_held(placement, request, lit_by)
+        lit_by = LightingState(scene.light, request.lit, scene.emission)
+        yield from self._send_held(placement, request, lit_by)
         yield from self._kernels_ready()
-        need = self._light_plans.known(request, sky)
+        need = self._light_plans.cached_budget(request, sky)
         if need is not None:
-            yield from _told_need(need, decisions)
-            yield from self._tell_kept(placement, request, sky, replace(lit_by, decided=need.limit_settings(decisions)))
-        yield from self._tell_relit(request, sky, lit_by)
+            yield from _light_plan_message(need, decisions)
+            yield from self._send_cached(placement, request, sky, replace(lit_by, planned_settings=need.limit_settings(decisions)))
+        yield from self._send_relit(request, sky, lit_by)
         n_bounces, bounces_told, bounces_found = decisions.n_bounces, decisions.n_bounces == 1, False
         begun = time.process_time()
-        for quality, exact in _stages(request)[-1 if self._bench.fills else 0 :]:
+        for quality, exact in _stages(request)[-1 if self._context.fills else 0 :]:
             started = time.monotonic()
             works = self._selected_first(request)
-            due = [work for work in works if not self._is_spared(work, lit_by, quality.name, exact)]
+            due = [work for work in works if not self._is_needless(work, lit_by, quality.name, exact)]
             if due and quality.name == FINAL.name:
                 if need is None:
-                    need = yield from self._light_plans.found(request, sky)
-                    yield from _told_need(need, decisions)
-                lit_by, quality = _decided(lit_by, need.limit_settings(decisions))
+                    need = yield from self._light_plans.find_budget(request, sky)
+                    yield from _light_plan_message(need, decisions)
+                lit_by, quality = _with_planned_light(lit_by, need.limit_settings(decisions))
             if due:
                 yield from self._stage(placement, due, sky, lit_by, quality)
             if not bounces_told and quality is not DRAG:
-                planned = self._indirect_tasks().planned(scene.visible, n_bounces)
+                planned = self._indirect_tasks().plan_bounces(scene.visible, n_bounces)
                 n_bounces, bounces_told = planned.n_bounces, True
                 yield planned
             # Roughly as soon as it is compiled: until then the direct light goes first.
@@ -212,29 +212,29 @@ class PlacementWork(ModeWorker):
             if due or exact or quality.name == COARSE.name and n_bounces > 1:
                 spent = time.process_time() - begun
                 yield StageDone(quality.name, exact, time.monotonic() - started, self._n_bytes, spent)
-            yield from self._bench.noted()
+            yield from self._context.new_warnings()
 
     @property
     def _n_bytes(self) -> int:
         """Memory of all that was computed."""
-        n_bytes = sum(data.store.n_bytes for data in self._layers.values()) + sum(self._filled.values())
+        n_bytes = sum(data.store.n_bytes for data in self._layers.values()) + sum(self._parts_are_dropped.values())
         return n_bytes + self._relighting.n_bytes + (0 if self._indirect is None else self._indirect.n_bytes)
 
     def _indirect_tasks(self) -> IndirectTasks:
         """Made, and its kernels read, when a scene first wants more than direct light."""
         if self._indirect is None:
-            from app.jobs.indirect import IndirectTasks
+            from app.jobs.indirect_tasks import IndirectTasks
 
-            bench = self._bench
+            bench = self._context
             self._indirect = IndirectTasks(
-                bench.open_placement, self._cache, bench.view_key, bench.view_id, bench.labour.indirect
+                bench.open_placement, self._cache, bench.view_key, bench.view_id, bench.executor.find_indirect
             )
         return self._indirect
 
     def _selected_first(self, request: ComputeTransport) -> list[LayerState]:
         return sorted(request.scene.layers, key=lambda work: self._selected_factor(work.key) is None)
 
-    def _tell_held(self, placement: Placement, request: ComputeTransport, lit_by: LitBy) -> Steps:
+    def _send_held(self, placement: Placement, request: ComputeTransport, lit_by: LightingState) -> Steps:
         """Answer with what is there already, as far as the window does not have it."""
         for work in self._selected_first(request):
             data = self._layers.get(work.key)
@@ -244,17 +244,17 @@ class PlacementWork(ModeWorker):
                 if not is_told or factor is not None and work.key not in request.told_curves:
                     yield from self._answers(data, factor, self._precision, picture=not is_told)
 
-    def _tell_kept(self, placement: Placement, request: ComputeTransport, sky: SkyState, lit_by: LitBy) -> Steps:
+    def _send_cached(self, placement: Placement, request: ComputeTransport, sky: SkyState, lit_by: LightingState) -> Steps:
         """Answer with what the disk has of the last stage: a view that was computed before is there at once."""
         quality, _ = _stages(request)[-1]
-        if quality.name == FINAL.name and lit_by.decided is not None:
-            quality = final_quality(lit_by.decided)
+        if quality.name == FINAL.name and lit_by.planned_settings is not None:
+            quality = final_quality(lit_by.planned_settings)
         light_key = self._light_key(sky, placement.scene, quality)
-        unit = None if quality.name != FINAL.name or self._bench.fills else self._cache.get(_unit_key(light_key), _unit)
+        unit = None if quality.name != FINAL.name or self._context.fills else self._cache.get(_unit_key(light_key), _unit)
         if unit is None:
             return
         for work in self._selected_first(request):
-            if self._is_spared(work, lit_by, quality.name, True):
+            if self._is_needless(work, lit_by, quality.name, True):
                 continue
             rows = _rows_of(placement, work, quality)
             kept = self._cache.get(_transport_key(light_key, work), partial(store_of, work, len(rows)))
@@ -262,25 +262,25 @@ class PlacementWork(ModeWorker):
                 data = self._hold(LayerData(work, lit_by, quality.name, kept, unit))
                 yield from self._answers(data, self._selected_factor(work.key), self._precision)
 
-    def _tell_relit(self, request: ComputeTransport, sky: SkyState, lit_by: LitBy) -> Steps:
+    def _send_relit(self, request: ComputeTransport, sky: SkyState, lit_by: LightingState) -> Steps:
         """Answer with what is lit anew, where nothing better is there."""
         light = None
         for work in self._selected_first(request):
-            if self._is_spared(work, lit_by, RELIT.name, False) or not self._relighting.takes(work, lit_by):
+            if self._is_needless(work, lit_by, RELIT.name, False) or not self._relighting.takes(work, lit_by):
                 continue
             light = self._relighting.light_of(sky) if light is None else light
             picture = FixedPicture(self._relighting.picture(work, lit_by, light))
             yield from self._answers(self._hold(LayerData(work, lit_by, RELIT.name, picture, 1.0)), None, "half")
 
-    def _is_spared(self, work: LayerState, lit_by: LitBy, stage: str, is_last: bool) -> bool:
+    def _is_needless(self, work: LayerState, lit_by: LightingState, stage: str, is_last: bool) -> bool:
         data = self._layers.get(work.key)
         if stage == DRAG.name and data is not None and data.stage == RELIT.name:
             is_last = False  # nobody asks for bands while the light is on the move
-        return data is not None and data.is_picture_of(work, lit_by) and data.spares(work, stage, is_last)
+        return data is not None and data.is_picture_of(work, lit_by) and data.makes_needless(work, stage, is_last)
 
     def _kernels_ready(self) -> Steps:
         """Until the kernels are there; the first time on a machine that is worth a word."""
-        kernels = self._bench.kernels
+        kernels = self._context.kernels
         if kernels is None:
             return
         clock = _Clock(COMPILING)
@@ -288,17 +288,17 @@ class PlacementWork(ModeWorker):
             yield clock.progress(kernels.fraction, FIRST_TIME) if kernels.first_time else None
 
     def _is_compiled(self, what: str) -> bool:
-        return self._bench.kernels is None or self._bench.kernels.is_ready(what)
+        return self._context.kernels is None or self._context.kernels.is_ready(what)
 
     def _until_compiled(self, what: str, stage: str = "") -> Steps:
         """Until the kernels of one of `LATER` are there, so that other requests are answered meanwhile; stage: of what
         a person waits for."""
-        if self._bench.kernels is not None:
-            for _ in self._bench.kernels.until_ready(what):
+        if self._context.kernels is not None:
+            for _ in self._context.kernels.until_ready(what):
                 yield Progress(stage, 0.0, text=FIRST_TIME) if stage else None
 
     def _stage(
-        self, placement: Placement, works: list[LayerState], sky: SkyState, lit_by: LitBy, quality: Quality
+        self, placement: Placement, works: list[LayerState], sky: SkyState, lit_by: LightingState, quality: Quality
     ) -> Steps:
         clock = _Clock(quality.name)
         if quality is DRAG and sky.environment is not None:
@@ -315,7 +315,7 @@ class PlacementWork(ModeWorker):
             store = yield from self._project(placement, rows, work, light, key, clock, done, total)
             done += len(rows)
             data = LayerData(work, lit_by, quality.name, store, light.lighting.unit)
-            if self._bench.fills:
+            if self._context.fills:
                 self._current[work.key] = data
                 continue
             data = self._hold(data)
@@ -328,22 +328,22 @@ class PlacementWork(ModeWorker):
         if key and self._light is not None and self._light[0] == key:
             return self._light[1]
         self._light = None
-        light = yield from self._see(placement, sky, quality, clock)
+        light = yield from self._trace_visibility(placement, sky, quality, clock)
         if key:
             self._light = key, light
             self._cache.put(_unit_key(key), {"unit": np.array([light.lighting.unit], np.float64)})
         return light
 
-    def _see(
+    def _trace_visibility(
         self, placement: Placement, sky: SkyState, quality: Quality, clock: _Clock
     ) -> Generator[Response | None, None, VisibleLight]:
         was_done = bool(placement.sphere.done.all())
         light = yield from map_steps(
-            self._bench.labour.light(placement, sky, quality),
+            self._context.executor.compute_light(placement, sky, quality),
             lambda fraction: clock.progress(0.3 * fraction, "shadows"),
         )
         if not was_done and placement.sphere.done.all():
-            self._cache.put(content_key("visibility", self._bench.geometry_key), {"bits": placement.sphere.bits})
+            self._cache.put(content_key("visibility", self._context.geometry_key), {"bits": placement.sphere.bits})
         return light
 
     def _project(
@@ -354,30 +354,30 @@ class PlacementWork(ModeWorker):
         shape = shape_of(work)
         parts: dict[int, dict[str, np.ndarray]] = {}
         if not light_key or not len(rows):
-            for tile in self._bench.labour.project(placement, rows, light, shape):
+            for tile in self._context.executor.project_tiles(placement, rows, light, shape):
                 if tile is not None:
-                    parts[tile.begin] = kept_of_tile(work, tile)
+                    parts[tile.begin] = tile_content(work, tile)
                 yield clock.progress(0.3 + 0.7 * (done + len(parts) * TILE) / total, work.key)
-            return joined(work, parts)
+            return join_tile_contents(work, parts)
         key = _transport_key(light_key, work)
         kept = self._cache.get(key, partial(store_of, work, len(rows)))
         if kept is not None:
-            if not self._bench.fills:
+            if not self._context.fills:
                 return kept
-            self._filled[work.key] = kept.n_bytes
+            self._parts_are_dropped[work.key] = kept.n_bytes
             return FixedPicture(kept.radiance(*both_curves(work)))
         with self._cache.open_tiles(key, -(-len(rows) // TILE)) as file:
-            tiles = LayerParts(work, len(rows), file, held=not self._bench.fills)
-            for tile in self._bench.labour.project(placement, rows, light, shape, tiles.complete):
+            tiles = LayerTiles(work, len(rows), file, held=not self._context.fills)
+            for tile in self._context.executor.project_tiles(placement, rows, light, shape, tiles.complete):
                 if tile is not None:
                     tiles.add(tile)
                 yield clock.progress(0.3 + 0.7 * (done + len(tiles.complete) * TILE) / total, work.key)
             arrays = tiles.arrays()
             if self._cache.put(key, arrays):
                 file.finish()
-            if not self._bench.fills:
+            if not self._context.fills:
                 return tiles.store()
-            self._filled[work.key] = n_bytes_of(arrays)
+            self._parts_are_dropped[work.key] = n_bytes_of(arrays)
             return tiles.picture()
 
     def _selected_factor(self, key: str) -> str | None:
@@ -389,8 +389,8 @@ class PlacementWork(ModeWorker):
 
         A Contract may have come since."""
         given = self._contracted.get(data.work.key)
-        if given is not None and data.takes(given):
-            data = data.under(given)
+        if given is not None and data.fits_curves(given):
+            data = data.with_curves(given)
         self._layers[data.work.key] = self._current[data.work.key] = data
         return data
 
@@ -399,15 +399,15 @@ class PlacementWork(ModeWorker):
     ) -> Iterator[Response]:
         """What a layer answers; before the first one of a coarse stage, which samples stand for each pixel in it."""
         stride = STAGES[data.stage].stride
-        if stride > 1 and data.stage not in self._told:
-            self._told.add(data.stage)
-            yield StageFootprint(*self._bench.open_placement.footprint(stride), data.stage, id=self._bench.view_id)
+        if stride > 1 and data.stage not in self._sent:
+            self._sent.add(data.stage)
+            yield StageFootprint(*self._context.open_placement.footprint(stride), data.stage, id=self._context.view_id)
         # What was selected may be a curve of the model that the layer had before.
-        yield from data.answers(factor if factor in data.work.factors else None, precision, picture)
+        yield from data.responses(factor if factor in data.work.factors else None, precision, picture)
 
     def _light_key(self, sky: SkyState, scene: Scene, quality: Quality) -> str:
         return content_key(
-            CACHE_VERSION, self._bench.view_key, _lit_key(sky, scene),
+            CACHE_VERSION, self._context.view_key, _lit_key(sky, scene),
             quality.n_lights, quality.n_patches, quality.max_level, quality.own_rays,
         )  # fmt: skip
 
@@ -416,15 +416,15 @@ class _Clock:
     """Turns a stage's fraction into Progress with the time left."""
 
     def __init__(self, stage: str) -> None:
-        self._stage, self._started, self._told, self._most = stage, time.monotonic(), 0.0, 0.0
+        self._stage, self._started, self._last_sent, self._most = stage, time.monotonic(), 0.0, 0.0
 
     def progress(self, fraction: float, text: str) -> Progress | None:
         """At most twenty a second, never less than before; the time left is known once two percent are done."""
         self._most = fraction = min(max(self._most, fraction), 1.0)
         now = time.monotonic()
-        if now - self._told < 0.05:
+        if now - self._last_sent < 0.05:
             return None
-        self._told = now
+        self._last_sent = now
         left = (now - self._started) * (1 - fraction) / fraction if fraction > 0.02 else None
         return Progress(self._stage, fraction, left, text)
 
@@ -443,12 +443,12 @@ def _stages(request: ComputeTransport) -> list[tuple[Quality, bool]]:
     return [(coarse, False), (preview, False), (final, True)]
 
 
-def _decided(lit_by: LitBy, decisions: RenderSettings) -> tuple[LitBy, Quality]:
+def _with_planned_light(lit_by: LightingState, decisions: RenderSettings) -> tuple[LightingState, Quality]:
     """The light of a last stage once it is known how much of it is needed."""
-    return replace(lit_by, decided=decisions), final_quality(decisions)
+    return replace(lit_by, planned_settings=decisions), final_quality(decisions)
 
 
-def _told_need(need: LightBudget, most: RenderSettings) -> Iterator[LightPlanned]:
+def _light_plan_message(need: LightBudget, most: RenderSettings) -> Iterator[LightPlanned]:
     if need.errors:
         yield LightPlanned(need.lights, need.patches, tuple(need.reasons(most).items()))
 

@@ -18,16 +18,16 @@ from engine.material.layer_maps import Images
 
 if TYPE_CHECKING:
     from app.cluster.dask import Cluster
-    from app.cluster.labour import OnWorkers
-    from app.cluster.parcel import Parcel
+    from app.cluster.cluster_executor import ClusterExecutor
+    from app.cluster.scene_bundle import SceneBundle
     from app.document import Document
     from app.frame_sequence import Frames, Picture, Report
 
 
-class OnCluster:
+class ClusterProject:
     """A project whose files a cluster has."""
 
-    def __init__(self, cluster: Cluster, words: ProjectSpec, parcel: Parcel) -> None:
+    def __init__(self, cluster: Cluster, words: ProjectSpec, parcel: SceneBundle) -> None:
         from app.cluster.program import program_digest
 
         self.cluster, self.words = cluster, words
@@ -37,9 +37,9 @@ class OnCluster:
         self, project: Project, frames: Frames, numbers: Sequence[int], report: Report
     ) -> Iterator[tuple[int, Picture]]:
         """The frames of these numbers, as they come. Raises InsituError."""
-        from app.cluster.errands import FrameErrand, draw_frame
+        from app.cluster.cluster_jobs import FrameJob, draw_frame
 
-        errand = FrameErrand(*self.named, self.words, frames)
+        errand = FrameJob(*self.named, self.words, frames)
         tasks = {i: self.cluster.submit(draw_frame, errand, i) for i in numbers}
         n_done = 0
         for found in self.cluster.results(tasks):
@@ -49,17 +49,17 @@ class OnCluster:
             if found is not None:
                 yield found
 
-    def labour(self, scene: OpenScene, view: SetCamera, document: Document) -> OnWorkers:
+    def executor(self, scene: OpenScene, view: SetCamera, document: Document) -> ClusterExecutor:
         """Who does the long work on this view of a document's scene; requests without a number yet."""
-        from app.cluster.errands import ViewErrand
-        from app.cluster.labour import OnWorkers
+        from app.cluster.cluster_jobs import ViewJob
+        from app.cluster.cluster_executor import ClusterExecutor
 
         scene, view = replace(scene, id=1), replace(view, scene=1, id=2)
-        return OnWorkers(self.cluster, ViewErrand(*self.named, scene, view, scene_state(document)))
+        return ClusterExecutor(self.cluster, ViewJob(*self.named, scene, view, scene_state(document)))
 
 
 @contextlib.contextmanager
-def opened(words: ProjectSpec, scheduler: str | None) -> Iterator[tuple[Project, OnCluster | None]]:
+def open_on_cluster(words: ProjectSpec, scheduler: str | None) -> Iterator[tuple[Project, ClusterProject | None]]:
     """The project, opened here; and on the cluster of that address, None where none is named. Raises InsituError."""
     if scheduler is None:
         yield words.open(), None
@@ -74,11 +74,11 @@ def opened(words: ProjectSpec, scheduler: str | None) -> Iterator[tuple[Project,
         words = words.with_absolute_paths()
         with record_files() as files:
             project = words.open()
-            _read_all(project)
-        yield project, OnCluster(cluster, words, cluster.send(files))
+            _read_inputs(project)
+        yield project, ClusterProject(cluster, words, cluster.send(files))
 
 
-def _read_all(project: Project) -> None:
+def _read_inputs(project: Project) -> None:
     """Read what else a picture may need, so that it is noted."""
     document = project.document
     images = [layer.maps.images for _, layer in document.layers()]

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from app.jobs.layer_data import Part, joined, kept_of_tile, part_of_file, picture_of_part, shape_of
+from app.jobs.layer_data import Part, join_tile_contents, tile_content, part_of_file, picture_of_part, shape_of
 from app.jobs.tiles import Tiles
 from app.scene_state import LayerState
 from engine.stored_arrays import Writable
@@ -19,7 +19,7 @@ from engine.transport.fixed_picture import FixedPicture, join_pictures
 from engine.transport.projection import TILE
 
 
-class LayerParts:
+class LayerTiles:
     """What is kept of a layer's P points, in tiles of 256; of a run that was interrupted it has what that one kept."""
 
     def __init__(self, work: LayerState, n_points: int, file: Tiles, held: bool) -> None:
@@ -40,7 +40,7 @@ class LayerParts:
 
     def add(self, tile: BandTile) -> None:
         """Keep another one."""
-        i, part = tile.begin // TILE, kept_of_tile(self._work, tile)
+        i, part = tile.begin // TILE, tile_content(self._work, tile)
         self._note(i, part, in_file=self._file.append_tile(i, part))
 
     def arrays(self) -> Writable:
@@ -52,7 +52,7 @@ class LayerParts:
 
     def store(self) -> BandStore | FixedPicture:
         """All of the layer, to ask it for pictures; of parts that are not held it is read."""
-        return joined(self._work, {i * TILE: self._part(i) for i in self._n_values})
+        return join_tile_contents(self._work, {i * TILE: self._part(i) for i in self._n_values})
 
     def picture(self) -> FixedPicture:
         """The layer's picture under its curves as they are; kept only of a layer whose parts are not."""

@@ -13,7 +13,7 @@ PIECE = 16 << 20
 
 
 @dataclass(frozen=True)
-class SentFile:
+class BundledFile:
     """A file by the name that it has everywhere (`portable_name`), and the digests of its pieces."""
 
     name: str
@@ -26,10 +26,10 @@ class SentFile:
 
 
 @dataclass(frozen=True)
-class Parcel:
+class SceneBundle:
     """All files of a scene."""
 
-    files: tuple[SentFile, ...]
+    files: tuple[BundledFile, ...]
 
     @property
     def digest(self) -> str:
@@ -42,10 +42,10 @@ class Parcel:
         return tuple(dict.fromkeys(piece for file in self.files for piece in file.pieces))
 
 
-def parcel_of(paths: Iterable[Path]) -> Parcel:
+def bundle_files(paths: Iterable[Path]) -> SceneBundle:
     """The parcel of these files. Raises OSError where one cannot be read."""
     named = {portable_name(path): path for path in paths}
-    return Parcel(tuple(SentFile(name, tuple(map(digest_of, pieces_of(named[name])))) for name in sorted(named)))
+    return SceneBundle(tuple(BundledFile(name, tuple(map(digest_of, pieces_of(named[name])))) for name in sorted(named)))
 
 
 def pieces_of(path: Path) -> Iterator[bytes]:

@@ -24,7 +24,7 @@ from engine.texture.pyramid import Pyramid
 from engine.transport.pipeline import Placement
 
 THUMBNAIL_SIDE = 64
-MOST_BEGUN = 4
+MAX_PAINTED = 4
 NOTHING = 64  # the grey of what is not the object
 
 
@@ -33,7 +33,7 @@ class MapTasks:
 
     def __init__(self, placement: Placement) -> None:
         self._placement = placement
-        self._begun: dict[tuple[int, Images], _Begun] = {}
+        self._painted_layers: dict[tuple[int, Images], _PaintedLayer] = {}
 
     def answers(self, request: SampleMaps) -> Iterator[Response | None]:
         """Each layer's images at all pixels of its object, or why there are none."""
@@ -61,32 +61,32 @@ class MapTasks:
         note = f"{object_of(key)}: {PROJECTED_NOTE}" if by_box else ""
         return MapsSampled(key, images, samples, seen.means, thumbnails, note)
 
-    def _work(self, sampler: MapSampler, i_object: int, images: Images) -> _Begun:
+    def _work(self, sampler: MapSampler, i_object: int, images: Images) -> _PaintedLayer:
         """What strokes are painted on; made anew where they are those of the last time: files were written since."""
         place = (i_object, images.without_strokes)
-        begun = self._begun.pop(place, None)
+        begun = self._painted_layers.pop(place, None)
         if begun is None or begun.last == images or not images.strokes:
             canvas = sampler.canvas(i_object, images)
             seen = canvas.paint(Strokes())
             samples = np.concatenate([seen.texture, seen.weight[:, None]], axis=1).astype(np.float16)
-            begun = _Begun(images, canvas, samples, SeenThumbnail(self._placement.hits, i_object))
-        self._begun = dict(list(self._begun.items())[1 - MOST_BEGUN :])
-        self._begun[place] = replace(begun, last=images)
+            begun = _PaintedLayer(images, canvas, samples, MapThumbnail(self._placement.hits, i_object))
+        self._painted_layers = dict(list(self._painted_layers.items())[1 - MAX_PAINTED :])
+        self._painted_layers[place] = replace(begun, last=images)
         return begun
 
 
 @dataclass(frozen=True, eq=False)
-class _Begun:
+class _PaintedLayer:
     """A layer's images that a brush is at work on: as they were asked for last, their canvas, their samples (p, 4)
     without strokes (float16: converting them takes longer than painting), and the thumbnail of what is painted."""
 
     last: Images
     canvas: Canvas
     unpainted: NDArray[np.float16]
-    thumbnail: SeenThumbnail
+    thumbnail: MapThumbnail
 
 
-class SeenThumbnail:
+class MapThumbnail:
     """A painted map, which has no texels, as the eye sees it on its object: at most 64 pixels wide and high, grey where
     the object is not."""
 

@@ -13,11 +13,11 @@ from PIL import Image
 
 from app.deform.messages import DrawDeform, PrepareDeform, Traced
 from app.document import Document, document_from_description
-from app.jobs.cache import Store
-from app.jobs.deform import DeformWork
+from app.jobs.cache import ArrayCache
+from app.jobs.deform_worker import DeformWorker
 from app.jobs.in_process import InProcessClient
 from app.jobs.kernels import DEFORM, ESTIMATE, INDIRECT, ORBIT, PAINTING, RELIGHTING
-from app.jobs.tasks import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.messages import RequestFailed, SetCamera, OpenScene, Request
 from app.modes import DEFORM as DEFORM_MODE
 from app.modes import MODES
@@ -91,13 +91,13 @@ _SURFACES = (
 _N_TEXELS = 8  # each way, of the patch
 
 
-class SmallDeform(DeformWork):
+class SmallDeform(DeformWorker):
     """Deform of few points and rays."""
 
     n_points, n_rays = 60, 16
 
 
-def rehearse_later(first: str = "") -> Iterator[str]:
+def warm_up_later(first: str = "") -> Iterator[str]:
     """Go through them, `first` (Orbit or Deform) before the others, of these the quickest first; yields each of
     `kernels.LATER` when it is compiled."""
     if first == DEFORM:
@@ -106,9 +106,9 @@ def rehearse_later(first: str = "") -> Iterator[str]:
     with tempfile.TemporaryDirectory() as folder:
         scene = Path(folder, "scene.toml")
         scene.write_text(_SCENE)
-        client = InProcessClient(Tasks(Store(Path(folder, "cache"))))
+        client = InProcessClient(RequestDispatcher(ArrayCache(Path(folder, "cache"))))
         if first == ORBIT:
-            _rehearse_orbit(client, Path(folder))
+            _warm_up_orbit(client, Path(folder))
             yield ORBIT
         _ask(client, OpenScene(str(scene), id=1))
         _ask(client, SetCamera(1))
@@ -129,14 +129,14 @@ def rehearse_later(first: str = "") -> Iterator[str]:
         _ask(client, ComputeTransport(turned, "ball.1", "theta_h", 50, RenderSettings(100, 64), is_drag=True))
         yield RELIGHTING
         if first != ORBIT:
-            _rehearse_orbit(client, Path(folder))
+            _warm_up_orbit(client, Path(folder))
             yield ORBIT
     if first != DEFORM:
         rehearse_deform()
         yield DEFORM
 
 
-def _rehearse_orbit(client: InProcessClient, folder: Path) -> None:
+def _warm_up_orbit(client: InProcessClient, folder: Path) -> None:
     description, state = _opened(client, folder, _ORBIT_CHANGES)
     _ask(client, PrepareOrbit(state, 3, n_points=_N_POINTS))
     for quality in ("moving", "rest"):
@@ -145,10 +145,10 @@ def _rehearse_orbit(client: InProcessClient, folder: Path) -> None:
 
 def rehearse_deform() -> None:
     """Go through what Deform needs, by a worker's tasks of few points."""
-    modes = [replace(mode, worker="app.jobs.rehearsal:SmallDeform") if mode is DEFORM_MODE else mode for mode in MODES]
+    modes = [replace(mode, worker="app.jobs.kernel_warm_up:SmallDeform") if mode is DEFORM_MODE else mode for mode in MODES]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        _draw_bent(InProcessClient(Tasks(Store(folder / "cache"), modes=modes)), folder)
+        _draw_bent(InProcessClient(RequestDispatcher(ArrayCache(folder / "cache"), modes=modes)), folder)
 
 
 def _draw_bent(client: InProcessClient, folder: Path) -> None:

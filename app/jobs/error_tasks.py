@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.jobs.bench import Bench
+from app.jobs.worker_context import WorkerContext
 from app.jobs.kernels import ESTIMATE
 from app.jobs.layer_data import STAGES, LayerData, shape_of
 from app.messages import Response
@@ -31,11 +31,11 @@ from engine.render.still import StillLayer, view_factors, with_maps
 from engine.generators import map_steps
 from engine.transport.pipeline import FINAL, Placement, Quality, final_quality
 
-Drawing = Generator[object, None, NDArray[np.float32]]
+DrawSteps = Generator[object, None, NDArray[np.float32]]
 
 
-def estimated(
-    request: EstimateError, bench: Bench, held: Mapping[str, LayerData], found: IndirectLight | None
+def estimate_error(
+    request: EstimateError, bench: WorkerContext, held: Mapping[str, LayerData], found: IndirectLight | None
 ) -> Iterator[Response | None]:
     """The answer. held: transport by layer; found: indirect light, None where there is none. Raises InsituError where
     not every pixel has been computed."""
@@ -53,7 +53,7 @@ def estimated(
     radiance = np.zeros((len(placement.hits.pixel), 3))
     for each, state in zip(layers, states, strict=True):
         begin, end = placement.hits.object_ranges[each.i_object]
-        radiance[begin:end] += _as_edited(held[state.key], state).radiance * view_factors(
+        radiance[begin:end] += _with_present_curves(held[state.key], state).radiance * view_factors(
             placement.hits, np.arange(begin, end), each
         )
         yield None
@@ -70,8 +70,8 @@ def estimated(
     yield ErrorEstimated(judged.estimate, (yield from _colours(request.has_map, placement, judged)))
 
 
-def estimated_drawn(
-    request: EstimateDrawn, bench: Bench, n_bounces: int, drawing: Callable[[Any], Drawing]
+def estimate_drawn_error(
+    request: EstimateDrawn, bench: WorkerContext, n_bounces: int, drawing: Callable[[Any], DrawSteps]
 ) -> Iterator[Response | None]:
     """The answer. drawing: makes a picture (h, w, 3) that is asked for. n_bounces: after how many reflections."""
     if bench.kernels is not None:
@@ -104,13 +104,13 @@ def _with_own_bands(state: LayerState, placement: Placement) -> StillLayer:
 
 def _quality(data: LayerData) -> Quality:
     """How finely a layer's light was computed; of few lights the preview is the last stage."""
-    stage, decisions = STAGES[data.stage], data.lit_by.decided or data.lit_by.decisions
+    stage, decisions = STAGES[data.stage], data.lit_by.planned_settings or data.lit_by.settings
     return final_quality(decisions) if stage is FINAL else replace(stage, n_lights=decisions.n_lights)
 
 
-def _as_edited(data: LayerData, state: LayerState) -> LayerData:
+def _with_present_curves(data: LayerData, state: LayerState) -> LayerData:
     """What is held of a layer, under its curves as they are by now: the window edits them without asking anybody."""
-    return data if data.is_fixed else data.under(replace(state, bands=data.work.bands))
+    return data if data.is_fixed else data.with_curves(replace(state, bands=data.work.bands))
 
 
 def _layers(

@@ -1,4 +1,4 @@
-"""Who does the long work on a view of a scene: this process, or others that are asked to (`app.cluster.labour`)."""
+"""Who does the long work on a view of a scene: this process, or others that are asked to (`app.cluster.cluster_executor`)."""
 
 from __future__ import annotations
 
@@ -16,38 +16,38 @@ if TYPE_CHECKING:
     from app.scene_state import LayerState
     from engine.stored_arrays import Arrays
 
-Seeing = Generator[float, None, VisibleLight]
-FindingLight = Generator["Response | None", None, "Arrays"]
+LightSteps = Generator[float, None, VisibleLight]
+IndirectSteps = Generator["Response | None", None, "Arrays"]
 
 
-class Labour(Protocol):
+class Executor(Protocol):
     """What is computed comes out the same, to the last bit, whoever computes it."""
 
-    def light(self, placement: Placement, sky: SkyState, quality: Quality) -> Seeing:
+    def compute_light(self, placement: Placement, sky: SkyState, quality: Quality) -> LightSteps:
         """See all the light of a stage; yields how much of that is done. A final one leaves the sphere's visibility
-        in `placement`."""
+        in `placement_worker`."""
 
-    def project(
+    def project_tiles(
         self, placement: Placement, rows: np.ndarray, light: VisibleLight, layer: LayerShape,
         skip: frozenset[int] = frozenset(),
     ) -> Iterator[BandTile | None]:  # fmt: skip
         """The tiles of a layer's points as they are made, in any order, but those to skip; None while there is none."""
 
-    def indirect(self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> FindingLight | None:
+    def find_indirect(self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> IndirectSteps | None:
         """The fine indirect light, as it is kept on disk; None: it is to be found here."""
 
 
-class Here:
+class LocalExecutor:
     """This process does it all."""
 
-    def light(self, placement: Placement, sky: SkyState, quality: Quality) -> Seeing:
+    def compute_light(self, placement: Placement, sky: SkyState, quality: Quality) -> LightSteps:
         return placement.light(sky, quality)
 
-    def project(
+    def project_tiles(
         self, placement: Placement, rows: np.ndarray, light: VisibleLight, layer: LayerShape,
         skip: frozenset[int] = frozenset(),
     ) -> Iterator[BandTile | None]:  # fmt: skip
         return project_layer(placement.hits, rows, light, layer, skip)
 
-    def indirect(self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> FindingLight | None:
+    def find_indirect(self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> IndirectSteps | None:
         return None

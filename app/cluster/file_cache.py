@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from app.cluster.parcel import Parcel, SentFile, digest_of, pieces_of
+from app.cluster.scene_bundle import SceneBundle, BundledFile, digest_of, pieces_of
 from app.jobs.cache import cache_folder
 from app.machine.atomic import make_private_folder, replacing
 from engine.errors import InsituError
@@ -19,7 +19,7 @@ from engine.errors import InsituError
 BOUND = 16 << 30
 
 
-class Shelf:
+class FileCache:
     """Pieces and files in one folder; several processes may use it at a time."""
 
     def __init__(self, folder: Path | None = None, bound: int = BOUND) -> None:
@@ -41,7 +41,7 @@ class Shelf:
         """Keep a piece. Raises OSError."""
         self._write(self._path(digest_of(content), ".piece"), iter([content]))
 
-    def file(self, sent: SentFile, fetch: Callable[[str], bytes]) -> Path:
+    def file(self, sent: BundledFile, fetch: Callable[[str], bytes]) -> Path:
         """The file, whole, with its own ending; `fetch` brings the pieces of one that is not there. Raises OSError."""
         path = self._path(sent.digest, "".join(Path(sent.name).suffixes[-1:]))
         if path.is_file() and tuple(map(digest_of, pieces_of(path))) == sent.pieces:
@@ -50,7 +50,7 @@ class Shelf:
             self._write(path, map(fetch, sent.pieces))
         return path
 
-    def places(self, parcel: Parcel, fetch: Callable[[str], bytes]) -> dict[str, Path]:
+    def places(self, parcel: SceneBundle, fetch: Callable[[str], bytes]) -> dict[str, Path]:
         """Where the files of a parcel are here, by the names that they have everywhere. Raises OSError."""
         return {sent.name: self.file(sent, fetch) for sent in parcel.files}
 
@@ -77,27 +77,27 @@ class Shelf:
         return self._folder / (digest + ending)
 
 
-def lacking(digests: Sequence[str]) -> list[str]:
+def missing_pieces(digests: Sequence[str]) -> list[str]:
     """On the scheduler: which of these pieces it does not have."""
-    shelf = Shelf()
+    shelf = FileCache()
     return [digest for digest in digests if shelf.piece(digest) is None]
 
 
-def keep_piece(content: bytes) -> None:
+def store_piece(content: bytes) -> None:
     """On the scheduler: keep a piece. Raises OSError."""
-    Shelf().put(content)
+    FileCache().put(content)
 
 
-def hand_out(digest: str) -> bytes | None:
+def read_piece(digest: str) -> bytes | None:
     """On the scheduler: a piece that it keeps."""
-    return Shelf().piece(digest)
+    return FileCache().piece(digest)
 
 
-def fetched(digest: str) -> bytes:
+def fetch_piece(digest: str) -> bytes:
     """On a worker: a piece, from the scheduler. Raises InsituError where it does not have it any more."""
     from distributed import get_client
 
-    content: bytes | None = get_client().run_on_scheduler(hand_out, digest)
+    content: bytes | None = get_client().run_on_scheduler(read_piece, digest)
     if content is None or digest_of(content) != digest:
         raise InsituError("the scheduler does not have the scene any more; give the command again")
     return content

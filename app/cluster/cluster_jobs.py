@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from app.cluster.parcel import Parcel
-from app.cluster.program import other_program, program_digest
-from app.cluster.shelf import Shelf, fetched
-from app.jobs.cache import Store
+from app.cluster.scene_bundle import SceneBundle
+from app.cluster.program import describe_mismatch, program_digest
+from app.cluster.file_cache import FileCache, fetch_piece
+from app.jobs.cache import ArrayCache
 from app.messages import SetCamera, OpenScene
 from app.scene_state import LayerState, SceneState
 from engine.errors import InsituError
@@ -31,27 +31,27 @@ if TYPE_CHECKING:
     import numpy as np
 
     from app.frame_sequence import Drawer, Frames, Picture
-    from app.jobs.bench import Bench
+    from app.jobs.worker_context import WorkerContext
     from app.project import ProjectSpec
 
-_alone = threading.Lock()
-_kept: dict[str, object] = {}
+_one_task_at_a_time = threading.Lock()
+_opened_by_job: dict[str, object] = {}
 _places_of: dict[str, dict[str, Path]] = {}
-Kept = TypeVar("Kept")
+Opened = TypeVar("Opened")
 
 
 @dataclass(frozen=True)
-class Errand:
+class Job:
     """What every task of one command has: a name that no other command has, the files of its scene, and which Insitu it
     is of."""
 
     name: str
-    parcel: Parcel
+    bundle: SceneBundle
     program: str
 
 
 @dataclass(frozen=True)
-class FrameErrand(Errand):
+class FrameJob(Job):
     """Frames of a project."""
 
     words: ProjectSpec
@@ -59,45 +59,45 @@ class FrameErrand(Errand):
 
 
 @dataclass(frozen=True, eq=False)
-class ViewErrand(Errand):
+class ViewJob(Job):
     """One view of a scene, opened as the editor's worker opens it, under the light and the emitters of a document."""
 
     open: OpenScene
-    look: SetCamera
+    camera_request: SetCamera
     scene: SceneState
 
 
-def draw_frame(errand: FrameErrand, i: int) -> Picture:
+def draw_frame(errand: FrameJob, i: int) -> Picture:
     """Frame i: linear radiance (H, W, 3)."""
-    with _at_work(errand):
-        return _opened(errand, lambda: _drawer(errand)).draw(i)
+    with _exclusive_task(errand):
+        return _open_once(errand, lambda: _drawer(errand)).draw(i)
 
 
-def see_light(errand: ViewErrand, quality: Quality) -> VisibleLight:
+def compute_light(errand: ViewJob, quality: Quality) -> VisibleLight:
     """All the light of a view, and from where it is seen."""
     from engine.generators import run_to_end
 
-    with _at_work(errand):
-        bench = _opened(errand, lambda: _bench(errand))
+    with _exclusive_task(errand):
+        bench = _open_once(errand, lambda: _worker_context(errand))
         return run_to_end(bench.open_placement.light(bench.sky(errand.scene.light), quality))
 
 
 def project_tiles(
-    errand: ViewErrand, light: VisibleLight, layer: LayerShape, rows: np.ndarray, begin: int
+    errand: ViewJob, light: VisibleLight, layer: LayerShape, rows: np.ndarray, begin: int
 ) -> list[BandTile]:
     """The tiles of some points of a layer that follow each other; `begin`: which of the layer's the first is."""
-    with _at_work(errand):
-        hits = _opened(errand, lambda: _bench(errand)).open_placement.hits
+    with _exclusive_task(errand):
+        hits = _open_once(errand, lambda: _worker_context(errand)).open_placement.hits
         return [replace(tile, begin=begin + tile.begin) for tile in project_layer(hits, rows, light, layer)]
 
 
-def find_indirect(errand: ViewErrand, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> Arrays:
+def find_indirect(errand: ViewJob, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> Arrays:
     """The fine indirect light of a view, as it is kept on disk."""
-    from app.jobs.indirect import IndirectTasks
+    from app.jobs.indirect_tasks import IndirectTasks
     from engine.indirect.stored_light import arrays_of
 
-    with _at_work(errand):
-        bench = _opened(errand, lambda: _bench(errand))
+    with _exclusive_task(errand):
+        bench = _open_once(errand, lambda: _worker_context(errand))
         tasks = IndirectTasks(bench.open_placement, bench.store, bench.view_key, bench.view_id)
         for _ in tasks.find(layers, bench.sky(errand.scene.light), lit_by, n_bounces, True, n_rays):
             pass
@@ -106,20 +106,20 @@ def find_indirect(errand: ViewErrand, layers: Sequence[LayerState], lit_by: str,
 
 
 @contextlib.contextmanager
-def _at_work(errand: Errand) -> Iterator[None]:
+def _exclusive_task(errand: Job) -> Iterator[None]:
     """One task at a time, with the files of its errand and no others."""
     if errand.program != program_digest():
-        raise InsituError(other_program(f"a worker on {platform.node()}"))
-    with _alone:
-        with redirect_files(_places(errand)):
+        raise InsituError(describe_mismatch(f"a worker on {platform.node()}"))
+    with _one_task_at_a_time:
+        with redirect_files(_local_files(errand)):
             yield
 
 
-def _places(errand: Errand) -> dict[str, Path]:
+def _local_files(errand: Job) -> dict[str, Path]:
     """Where this worker has the errand's files; looked for once."""
     if errand.name not in _places_of:
         try:
-            found = Shelf().places(errand.parcel, fetched)
+            found = FileCache().places(errand.bundle, fetch_piece)
         except OSError as error:
             raise InsituError(f"a worker on {platform.node()} cannot keep the scene: {error.strerror}") from error
         _places_of.clear()
@@ -127,15 +127,15 @@ def _places(errand: Errand) -> dict[str, Path]:
     return _places_of[errand.name]
 
 
-def _opened(errand: Errand, make: Callable[[], Kept]) -> Kept:
+def _open_once(errand: Job, make: Callable[[], Opened]) -> Opened:
     """What the newest errand has opened; that of another one is let go first."""
-    if errand.name not in _kept:
-        _kept.clear()
-        _kept[errand.name] = make()
-    return _kept[errand.name]  # type: ignore[return-value]
+    if errand.name not in _opened_by_job:
+        _opened_by_job.clear()
+        _opened_by_job[errand.name] = make()
+    return _opened_by_job[errand.name]  # type: ignore[return-value]
 
 
-def _drawer(errand: FrameErrand) -> Drawer:
+def _drawer(errand: FrameJob) -> Drawer:
     from app.frame_sequence import drawer_of
 
     drawer = drawer_of(errand.words.open(), errand.frames)
@@ -143,16 +143,16 @@ def _drawer(errand: FrameErrand) -> Drawer:
     return drawer
 
 
-def _bench(errand: ViewErrand) -> Bench:
+def _worker_context(errand: ViewJob) -> WorkerContext:
     """A worker's bench with the view open on it, and the tables of its measured layers read."""
-    from app.jobs.measured import ensure_tables
-    from app.jobs.tasks import Tasks
+    from app.jobs.measured_tasks import ensure_tables
+    from app.jobs.dispatcher import RequestDispatcher
 
-    tasks = Tasks(Store(), fills=True)
-    for request in (errand.open, errand.look):
+    tasks = RequestDispatcher(ArrayCache(), fills=True)
+    for request in (errand.open, errand.camera_request):
         for _ in tasks.handle(request):
             pass
-    for _ in ensure_tables((state.layer for state in errand.scene.layers), tasks.bench.store):
+    for _ in ensure_tables((state.layer for state in errand.scene.layers), tasks.context.store):
         pass
-    tasks.bench.open_placement.set_emission(dict(errand.scene.emission))
-    return tasks.bench
+    tasks.context.open_placement.set_emission(dict(errand.scene.emission))
+    return tasks.context

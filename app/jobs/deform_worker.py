@@ -21,11 +21,11 @@ from app.deform.messages import (
     PrepareDeform,
     Traced,
 )
-from app.jobs.bench import Bench
-from app.jobs.cache import Store, content_key
+from app.jobs.worker_context import WorkerContext
+from app.jobs.cache import ArrayCache, content_key
 from app.jobs.kernels import DEFORM, FIRST_TIME, are_compiled, note_compiled
-from app.jobs.measured import ensure_tables
-from app.jobs.orbit import layers_by_object, until_compiled
+from app.jobs.measured_tasks import ensure_tables
+from app.jobs.orbit_worker import layers_by_object, until_compiled
 from app.jobs.schedule import Handlers, Steps
 from app.messages import Progress
 from app.mode import ModeWorker
@@ -46,17 +46,17 @@ _NO_PICTURE = np.zeros((0, 0, 3), np.float32)
 _ROUNDING = 1e-5  # of axes in single precision
 
 
-class DeformWork(ModeWorker):
+class DeformWorker(ModeWorker):
     """What pictures of the open scene are drawn of, and by which request that is to be changed last."""
 
     n_points: int | None = None
     n_rays: int | None = None
 
-    def __init__(self, bench: Bench) -> None:
-        self._bench = bench
+    def __init__(self, bench: WorkerContext) -> None:
+        self._context = bench
         self._deform: Deform | None = None
         self._scene: Scene | None = None
-        self._truth: tuple[tuple[Traced, SceneState, int], PathReference] | None = None
+        self._reference: tuple[tuple[Traced, SceneState, int], PathReference] | None = None
         self._prepared = 0
 
     @property
@@ -64,21 +64,21 @@ class DeformWork(ModeWorker):
         return {PrepareDeform: self._prepare, DrawDeform: self._draw, EstimateDeform: self._estimate}
 
     def view_traced(self) -> None:
-        scene = self._bench.resting_scene
+        scene = self._context.rest_scene
         if scene is not self._scene:  # another one, not the same from elsewhere or in another pose
-            self._deform, self._scene, self._truth = None, scene, None
+            self._deform, self._scene, self._reference = None, scene, None
 
     def _prepare(self, request: PrepareDeform) -> Steps:
         scene = request.scene
-        yield from ensure_tables((state.layer for state in scene.layers), self._bench.store)
-        sky = self._bench.sky(scene.light)
-        if (image := self._bench.sky_image(sky, scene.light)) is not None:
+        yield from ensure_tables((state.layer for state in scene.layers), self._context.store)
+        sky = self._context.sky(scene.light)
+        if (image := self._context.sky_image(sky, scene.light)) is not None:
             yield image
-        yield from until_compiled(self._bench, DEFORM)
+        yield from until_compiled(self._context, DEFORM)
         first_time, told = not are_compiled(DEFORM), None  # still, where nobody else compiles
         if first_time:
             yield Progress(STAGE, 0.0, text=FIRST_TIME)
-        deform = self._made()
+        deform = self._open_deform()
         deform.set_emission(dict(scene.emission))
         deform.set_light(sky)
         deform.set_layers(layers_by_object(deform.scene, scene.layers))
@@ -108,10 +108,10 @@ class DeformWork(ModeWorker):
 
         layers, n_bounces = layers_by_object(deform.scene, request.scene.layers), request.n_bounces or 1
         made_of = wanted, request.scene, n_bounces
-        if self._truth is None or self._truth[0] != made_of:
+        if self._reference is None or self._reference[0] != made_of:
             scene = deform.scene.from_camera(wanted.camera, wanted.resolution)
-            self._truth = made_of, PathReference(scene, wanted.poses)
-        truth = self._truth[1]
+            self._reference = made_of, PathReference(scene, wanted.poses)
+        truth = self._reference[1]
         yield PathsTraced(truth.n_passes, N_PASSES)
         while truth.n_passes < N_PASSES:
             for _ in truth.trace(layers, sky, n_bounces):
@@ -135,13 +135,13 @@ class DeformWork(ModeWorker):
         else:
             picture = deform.draw(camera, request.resolution, request.poses, request.quality)
         if request.split is not None:
-            picture = self._beside(picture, deform, camera, request, request.split)
+            picture = self._split_picture(picture, deform, camera, request, request.split)
         seconds, carried = time.monotonic() - started, tuple(deform.carried(request.poses).items())
         drawn = picture, self._prepared, deform.version, deform.is_done, seconds, carried
         yield OrbitDrawn(*drawn) if told is None else PoseTold(*drawn, told=told)
 
     def _estimate(self, request: EstimateDeform) -> Steps:
-        from app.jobs.error_estimate import estimated_drawn
+        from app.jobs.error_tasks import estimate_drawn_error
 
         deform = self._deform
         if deform is None or not deform.is_ready:
@@ -153,9 +153,9 @@ class DeformWork(ModeWorker):
             yield
             return deform.draw(camera, wanted.resolution, wanted.poses, wanted.quality)
 
-        yield from estimated_drawn(request, self._bench, request.n_bounces or 1, drawing)
+        yield from estimate_drawn_error(request, self._context, request.n_bounces or 1, drawing)
 
-    def _beside(
+    def _split_picture(
         self, picture: NDArray[np.float32], deform: Deform, camera: CameraDescription, request: DrawDeform,
         split: tuple[float, float],
     ) -> NDArray[np.float32]:  # fmt: skip
@@ -164,17 +164,17 @@ class DeformWork(ModeWorker):
 
         stays = deform.draw(camera, request.resolution, request.poses, request.quality, turned=False)
         traced = None
-        if self._truth is not None:
-            wanted, *_ = self._truth[0]
+        if self._reference is not None:
+            wanted, *_ = self._reference[0]
             is_same = (dict(wanted.camera), wanted.poses) == (dict(request.camera), request.poses)
-            traced = self._truth[1].picture if is_same else None
+            traced = self._reference[1].picture if is_same else None
         return compose_split(traced, stays, picture, split)
 
-    def _made(self) -> Deform:
+    def _open_deform(self) -> Deform:
         if self._deform is None:
             from engine.deform.deform_engine import N_POINTS, Deform
 
-            scene, shelf = self._bench.resting_scene, StoredLobes(self._bench.store)
+            scene, shelf = self._context.rest_scene, StoredLobes(self._context.store)
             self._deform = Deform(scene, self.n_points or N_POINTS, store=shelf)
         return self._deform
 
@@ -182,7 +182,7 @@ class DeformWork(ModeWorker):
 class StoredLobes:
     """Fitted transfer in the cache on disk."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: ArrayCache) -> None:
         self._store = store
 
     def get(self, made_of: tuple[object, ...], n_places: int) -> Zonal | None:

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document import RGB
-from app.jobs.bench import Bench
+from app.jobs.worker_context import WorkerContext
 from app.jobs.cache import content_key
 from app.jobs.kernels import COMPILING, FIRST_TIME, ORBIT, are_compiled, note_compiled
-from app.jobs.measured import ensure_tables
+from app.jobs.measured_tasks import ensure_tables
 from app.jobs.schedule import Handlers, Steps
 from app.machine.memory import orbit_bytes, orbit_slice_bytes
 from app.messages import WorkerWarnings, Progress
@@ -51,17 +51,17 @@ if TYPE_CHECKING:
 STAGE = "orbit"
 
 
-class OrbitWork(ModeWorker):
+class OrbitWorker(ModeWorker):
     """What pictures of the open scene are drawn of, and by which request that is to be changed last."""
 
     n_points: int | None = None
 
-    def __init__(self, bench: Bench) -> None:
-        self._bench = bench
+    def __init__(self, bench: WorkerContext) -> None:
+        self._context = bench
         self._orbit: Orbit | None = None
         self._caster: RayCaster | None = None
         self._prepared = 0
-        self._telling: tuple[int, PointExporter] | None = None
+        self._exporter: tuple[int, PointExporter] | None = None
         self._posed: tuple[tuple[Scene, Poses], Scene, RayCaster] | None = None
         self._emission: tuple[tuple[str, RGB], ...] = ()
         self._effort: tuple[int, ...] = ()
@@ -72,32 +72,32 @@ class OrbitWork(ModeWorker):
         return {
             PrepareOrbit: self._prepare,
             DrawOrbit: self._draw,
-            DrawPlainly: self._draw_plainly,
-            LookOrbit: self._look,
+            DrawPlainly: self._draw_headlight,
+            LookOrbit: self._prioritize_view,
             EstimateOrbit: self._estimate,
         }
 
     def view_traced(self) -> None:
-        caster = self._bench.open_placement.caster
+        caster = self._context.open_placement.caster
         if caster is not self._caster:  # another scene, not the same from another camera
             self._orbit, self._caster, self._emission, self._posed = None, caster, (), None
 
     def _prepare(self, request: PrepareOrbit) -> Steps:
         scene = request.scene
-        yield from ensure_tables((state.layer for state in scene.layers), self._bench.store)
-        sky = self._bench.sky(scene.light)
-        if (image := self._bench.sky_image(sky, scene.light)) is not None:
+        yield from ensure_tables((state.layer for state in scene.layers), self._context.store)
+        sky = self._context.sky(scene.light)
+        if (image := self._context.sky_image(sky, scene.light)) is not None:
             yield image
-        yield from until_compiled(self._bench, ORBIT)
+        yield from until_compiled(self._context, ORBIT)
         first_time, told = not are_compiled(ORBIT), None  # still, where nobody else compiles
         yield from _prepared_sky(sky, FIRST_TIME if first_time else "light")
-        orbit = self._made(self.n_points or request.n_points, request.n_coefficients)
+        orbit = self._open_orbit(self.n_points or request.n_points, request.n_coefficients)
         if not orbit.n_bytes:  # nothing is placed yet
-            self._bench.store.get(_key(orbit), orbit.restore)
+            self._context.store.get(_key(orbit), orbit.restore)
         if scene.emission != self._emission:
             orbit.set_emission(dict(scene.emission))
             self._emission = scene.emission
-        orbit.set_bumps(_bumps(self._bench.open_placement.scene))
+        orbit.set_bumps(_bumps(self._context.open_placement.scene))
         orbit.set_light(sky)
         orbit.set_layers(layers_by_object(orbit.scene, scene.layers))
         orbit.set_bounces(request.n_bounces)
@@ -105,9 +105,9 @@ class OrbitWork(ModeWorker):
         for step in orbit.work():
             if orbit.is_ready and orbit.version != told:
                 if told is None and first_time:
-                    yield from _rehearsed(orbit)
+                    yield from _warm_up(orbit)
                 told = orbit.version
-                yield from self._tell(orbit, request)
+                yield from self._export_parts(orbit, request)
                 yield OrbitAdvanced(orbit.version, orbit.is_done, orbit.n_bytes)
             yield Progress(STAGE, step.fraction, text=FIRST_TIME if first_time else step.text)
         if first_time:
@@ -116,24 +116,24 @@ class OrbitWork(ModeWorker):
             self._noted = orbit.notes
             if orbit.notes:
                 yield WorkerWarnings(orbit.notes)
-        yield from self._tell(orbit, request)
+        yield from self._export_parts(orbit, request)
         yield OrbitAdvanced(orbit.version, orbit.is_done, orbit.n_bytes)
         if orbit.has_traced:
-            self._bench.store.put(_key(orbit), orbit.stored_visibility())
+            self._context.store.put(_key(orbit), orbit.stored_visibility())
 
-    def _tell(self, orbit: Orbit, request: PrepareOrbit) -> Steps:
+    def _export_parts(self, orbit: Orbit, request: PrepareOrbit) -> Steps:
         """What the listener does not know yet."""
         from engine.orbit.gpu_export import PointExporter
 
         if not request.listener:
-            self._telling = None
+            self._exporter = None
             return
-        if self._telling is None or self._telling[0] != request.listener:
-            self._telling = request.listener, PointExporter(request.most_bytes)
-        for part in self._telling[1].parts(orbit):
+        if self._exporter is None or self._exporter[0] != request.listener:
+            self._exporter = request.listener, PointExporter(request.most_bytes)
+        for part in self._exporter[1].parts(orbit):
             yield OrbitTold(part)
 
-    def _look(self, request: LookOrbit) -> Steps:
+    def _prioritize_view(self, request: LookOrbit) -> Steps:
         orbit = self._orbit
         if orbit is not None:
             was_done = orbit.is_done
@@ -147,18 +147,18 @@ class OrbitWork(ModeWorker):
             yield OrbitUnknown()
             return
         started, prepared, version, was_done = time.monotonic(), self._prepared, orbit.version, orbit.is_done
-        picture = yield from map_steps(_drawing(orbit, request), lambda step: None)
+        picture = yield from map_steps(_draw_steps(orbit, request), lambda step: None)
         is_done = was_done and orbit.is_done  # it may have seen what nothing was made ready for, such as backs
         yield OrbitDrawn(picture, prepared, version, is_done, time.monotonic() - started)
 
-    def _draw_plainly(self, request: DrawPlainly) -> Steps:
+    def _draw_headlight(self, request: DrawPlainly) -> Steps:
         from engine.render.headlight_picture import headlight_picture
 
-        if not self._bench.has_placement:
+        if not self._context.has_placement:
             yield OrbitUnknown()
             return
-        started, sky = time.monotonic(), self._bench.sky(request.scene.light)
-        scene, caster = self._standing(request.poses)
+        started, sky = time.monotonic(), self._context.sky(request.scene.light)
+        scene, caster = self._posed_scene(request.poses)
         seen, layers = (
             scene.from_camera(request.camera, request.resolution),
             layers_by_object(scene, request.scene.layers),
@@ -167,41 +167,41 @@ class OrbitWork(ModeWorker):
         yield OrbitDrawn(picture, 0, 0, False, time.monotonic() - started)
 
     def _estimate(self, request: EstimateOrbit) -> Steps:
-        from app.jobs.error_estimate import estimated_drawn
+        from app.jobs.error_tasks import estimate_drawn_error
 
         orbit = self._orbit
         if orbit is None or not orbit.is_ready:
             yield OrbitUnknown()
             return
-        yield from estimated_drawn(request, self._bench, orbit.n_bounces, lambda wanted: _drawing(orbit, wanted))
+        yield from estimate_drawn_error(request, self._context, orbit.n_bounces, lambda wanted: _draw_steps(orbit, wanted))
 
-    def _standing(self, poses: Poses | None) -> tuple[Scene, RayCaster]:
+    def _posed_scene(self, poses: Poses | None) -> tuple[Scene, RayCaster]:
         """The scene in these poses, None: as it is open, and its rays."""
         if poses is None:
-            return self._bench.open_placement.scene, self._bench.open_placement.caster
-        made_of = self._bench.resting_scene, poses
+            return self._context.open_placement.scene, self._context.open_placement.caster
+        made_of = self._context.rest_scene, poses
         if self._posed is None or self._posed[0][0] is not made_of[0] or self._posed[0][1] != poses:
             scene = pose_scene(*made_of)
             self._posed = made_of, scene, RayCaster(scene.vertices, scene.triangles)
         return self._posed[1:]
 
-    def _made(self, n_points: int, n_coefficients: int) -> Orbit:
+    def _open_orbit(self, n_points: int, n_coefficients: int) -> Orbit:
         """That of the scene which is open; another one where it is to have other points, or coefficients at each."""
         effort = n_points, n_coefficients
         if self._orbit is None or effort != self._effort:
             from engine.orbit.orbit_engine import Orbit
 
-            scene = self._bench.open_placement.scene
+            scene = self._context.open_placement.scene
             self._orbit = Orbit(
                 scene, self._caster, n_points, n_coefficients, most_bytes=orbit_bytes(),
                 most_slice_bytes=orbit_slice_bytes(),
             )  # fmt: skip
-            self._telling, self._noted = None, ()
+            self._exporter, self._noted = None, ()
             self._effort, self._emission = effort, ()
         return self._orbit
 
 
-def until_compiled(bench: Bench, what: str) -> Steps:
+def until_compiled(bench: WorkerContext, what: str) -> Steps:
     """Until another process has compiled what Orbit or Deform needs, before all else that comes later; between the
     steps other requests are answered."""
     if bench.kernels is not None and not are_compiled(what):
@@ -218,7 +218,7 @@ def _prepared_sky(sky: SkyState, text: str) -> Steps:
         yield Progress(STAGE, 0.0, text=text)
 
 
-def _drawing(orbit: Orbit, wanted: DrawOrbit) -> Generator[StillProgress, None, NDArray[np.float32]]:
+def _draw_steps(orbit: Orbit, wanted: DrawOrbit) -> Generator[StillProgress, None, NDArray[np.float32]]:
     """The picture that is asked for, piece by piece."""
     camera = orbit.scene.from_camera(wanted.camera).description.camera
     return orbit.draw_steps(camera, wanted.resolution, wanted.quality, wanted.n_coefficients, has_soft_edges=True)
@@ -234,7 +234,7 @@ def _bumps(scene: Scene) -> dict[str, Bumps]:
     return {described.name: described.bumps for described in scene.description.objects}
 
 
-def _rehearsed(orbit: Orbit) -> Steps:
+def _warm_up(orbit: Orbit) -> Steps:
     """Compile what pictures are drawn with before the first is asked for, which is a quick request."""
     camera = orbit.scene.description.camera
     for quality in ("moving", "rest"):

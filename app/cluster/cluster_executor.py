@@ -1,6 +1,6 @@
 """The long work on a view, done by a cluster: its light by one worker, the tiles of its layers by all of them.
 
-    worker A   see_light ──► project_tiles ...        find_indirect
+    worker A   compute_light ──► project_tiles ...        find_indirect
     worker B        └──────► project_tiles ...
     here       visibility    tiles, into their file   indirect light: into the cache as if they were made here
 
@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from app.cluster.dask import Cluster
-from app.cluster.errands import ViewErrand, find_indirect, project_tiles, see_light
-from app.jobs.labour import FindingLight, Seeing
+from app.cluster.cluster_jobs import ViewJob, find_indirect, project_tiles, compute_light
+from app.jobs.executor import IndirectSteps, LightSteps
 from app.messages import Progress
 from app.scene_state import LayerState
 from engine.transport.bandstore import BandTile
@@ -28,40 +28,40 @@ if TYPE_CHECKING:
 
 TILES_OF_A_TASK = 16
 Result = TypeVar("Result")
-Told = TypeVar("Told")
+StepValue = TypeVar("StepValue")
 
 
-class OnWorkers:
+class ClusterExecutor:
     """The labour of a cluster on the view of an errand."""
 
-    def __init__(self, cluster: Cluster, errand: ViewErrand) -> None:
-        self._cluster, self._errand = cluster, errand
+    def __init__(self, cluster: Cluster, errand: ViewJob) -> None:
+        self._cluster, self._job = cluster, errand
         self._lights: dict[int, Future] = {}
 
-    def light(self, placement: Placement, sky: SkyState, quality: Quality) -> Seeing:
-        task = self._cluster.submit(see_light, self._errand, quality)
-        light: VisibleLight = yield from self._only(task, 0.0)
+    def compute_light(self, placement: Placement, sky: SkyState, quality: Quality) -> LightSteps:
+        task = self._cluster.submit(compute_light, self._job, quality)
+        light: VisibleLight = yield from self._wait_for_result(task, 0.0)
         placement.sphere.bits[:], placement.sphere.done[:] = light.sphere.bits, light.sphere.done
         self._lights = {id(light): task}
         return light
 
-    def project(
+    def project_tiles(
         self, placement: Placement, rows: np.ndarray, light: VisibleLight, layer: LayerShape,
         skip: frozenset[int] = frozenset(),
     ) -> Iterator[BandTile | None]:  # fmt: skip
         seen = self._lights[id(light)]
         tasks = {}
-        for begin, end in _runs(-(-len(rows) // TILE), skip):
+        for begin, end in _tile_ranges(-(-len(rows) // TILE), skip):
             part = rows[begin * TILE : end * TILE]
-            tasks[begin] = self._cluster.submit(project_tiles, self._errand, seen, layer, part, begin * TILE)
+            tasks[begin] = self._cluster.submit(project_tiles, self._job, seen, layer, part, begin * TILE)
         for found in self._cluster.results(tasks):
             yield from [None] if found is None else found[1]
 
-    def indirect(self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> FindingLight | None:
-        task = self._cluster.submit(find_indirect, self._errand, tuple(layers), lit_by, n_bounces, n_rays)
-        return self._only(task, Progress("indirect light", 0.0, text="on one worker"))
+    def find_indirect(self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> IndirectSteps | None:
+        task = self._cluster.submit(find_indirect, self._job, tuple(layers), lit_by, n_bounces, n_rays)
+        return self._wait_for_result(task, Progress("indirect light", 0.0, text="on one worker"))
 
-    def _only(self, task: Future, meanwhile: Told) -> Generator[Told, None, Result]:
+    def _wait_for_result(self, task: Future, meanwhile: StepValue) -> Generator[StepValue, None, Result]:
         """The result of one task."""
         for found in self._cluster.results({0: task}):
             if found is not None:
@@ -70,7 +70,7 @@ class OnWorkers:
         raise AssertionError("a task ends with a result or an error")
 
 
-def _runs(n_tiles: int, skip: frozenset[int]) -> Iterator[tuple[int, int]]:
+def _tile_ranges(n_tiles: int, skip: frozenset[int]) -> Iterator[tuple[int, int]]:
     """First and last (excluded) of tiles that follow each other, so many as a task has, without those to skip."""
     begin = 0
     while begin < n_tiles:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from app.document import Document
 from app.export.mitsuba import export_steps
-from app.jobs.measured import ensure_tables
+from app.jobs.measured_tasks import ensure_tables
 from app.machine.inputs import set_inputs
 from app.measurements import layers_of_document
 from app.messages import FilesWritten, Progress, Response, WriteFiles

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from app.document import LightState
-from app.jobs.cache import Store, content_key
+from app.jobs.cache import ArrayCache, content_key
 from app.jobs.kernels import Kernels
-from app.jobs.labour import Here, Labour
+from app.jobs.executor import LocalExecutor, Executor
 from app.messages import SetCamera, WorkerWarnings, SkyImage
 from app.sky import sky_of
 from engine.deform.pose import Poses
@@ -34,7 +34,7 @@ CACHE_VERSION = 6
 BACKGROUND_HEIGHT = 1024
 
 
-class Bench:
+class WorkerContext:
     """The shared state of the worker.
 
     kernels: what is to be ready before the first picture; None where nobody prepares them. fills: only fill the cache;
@@ -42,19 +42,19 @@ class Bench:
     """
 
     def __init__(
-        self, store: Store | None = None, kernels: Kernels | None = None, fills: bool = False,
-        labour: Labour | None = None,
+        self, store: ArrayCache | None = None, kernels: Kernels | None = None, fills: bool = False,
+        labour: Executor | None = None,
     ) -> None:  # fmt: skip
-        self.store = store or Store()
+        self.store = store or ArrayCache()
         self.kernels = kernels
         self.fills = fills
-        self.labour = labour or Here()
+        self.executor = labour or LocalExecutor()
         self.geometry_key = self.view_key = ""
         self.view_id = 0
         self._placement: Placement | None = None
-        self._scene = self._loaded = _Loaded()
+        self._scene = self._loaded = _LoadedScene()
         self._environments: dict[tuple[str, str], Environment] = {}
-        self._sky_shown: object = None
+        self._sent_sky: object = None
 
     @property
     def open_placement(self) -> Placement:
@@ -69,7 +69,7 @@ class Bench:
         return self._placement is not None
 
     @property
-    def resting_scene(self) -> Scene:
+    def rest_scene(self) -> Scene:
         """The scene that is open as its file has it, whatever pose it is in; InsituError where none is."""
         if self._scene.scene is None:
             raise InsituError("no scene is open")
@@ -77,26 +77,26 @@ class Bench:
 
     def load(self, scene: Scene, id: int) -> None:
         """This scene is there to be looked at, by the request of that number."""
-        self._loaded = _Loaded(id, scene)
+        self._loaded = _LoadedScene(id, scene)
 
-    def look(self, request: SetCamera) -> Generator[None, None, None]:
+    def set_camera(self, request: SetCamera) -> Generator[None, None, None]:
         """A scene that is there is open as this camera sees it, after some steps; what it sees may be the background
         alone."""
-        seen = next((each for each in (self._loaded, self._scene) if each.id == request.scene), _Loaded())
+        seen = next((each for each in (self._loaded, self._scene) if each.id == request.scene), _LoadedScene())
         if seen.scene is None:
             raise InsituError("no scene is open")
-        scene, caster = seen.posed(request.poses)
+        scene, caster = seen.in_poses(request.poses)
         n_edge_rays = planned_edge_rays(scene.description) if request.n_edge_rays is None else request.n_edge_rays
         scene = scene.with_bumps(dict(request.bumps)).from_camera(request.camera, request.resolution)
         hits = yield from trace_primary_steps(scene, caster, n_edge_rays=n_edge_rays)
         placement = Placement(scene, caster, hits=hits)
-        self._scene, self._loaded = seen, _Loaded()
+        self._scene, self._loaded = seen, _LoadedScene()
         self._placement, self.view_id = placement, request.id
         self.geometry_key = _geometry_key(placement.scene, n_edge_rays)
         self.view_key = _view_key(placement, self.geometry_key)
-        self._sky_shown = None
+        self._sent_sky = None
 
-    def noted(self) -> Iterator[WorkerWarnings]:
+    def new_warnings(self) -> Iterator[WorkerWarnings]:
         """What is wrong with the cache, and which images are shown smaller, as soon as there is something new."""
         lines = self.store.take_notes()
         if self._placement is not None:
@@ -111,9 +111,9 @@ class Bench:
     def sky_image(self, sky: SkyState, light: LightState) -> SkyImage | None:
         """The background, when it is not the one that was sent last."""
         shown = (light.environment, light.mapping, light.radiance)
-        if shown == self._sky_shown:
+        if shown == self._sent_sky:
             return None
-        self._sky_shown = shown
+        self._sent_sky = shown
         if sky.environment is None:
             return SkyImage(np.zeros((1, 2, 3), np.float32), id=self.view_id)
         environment = sky.environment
@@ -129,14 +129,14 @@ class Bench:
 
 
 @dataclass
-class _Loaded:
+class _LoadedScene:
     """A scene as its file has it, the number of the request for it, and the pose it is in with the rays of that."""
 
     id: int = -1
     scene: Scene | None = None
     pose: tuple[Poses, Scene, RayCaster] | None = None
 
-    def posed(self, poses: Poses) -> tuple[Scene, RayCaster]:
+    def in_poses(self, poses: Poses) -> tuple[Scene, RayCaster]:
         """The scene in these poses, and its rays: the same ones as long as the poses are."""
         assert self.scene is not None
         if self.pose is None or self.pose[0] != poses:

@@ -18,8 +18,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from app.jobs.cache import Store, content_key
-from app.jobs.labour import FindingLight
+from app.jobs.cache import ArrayCache, content_key
+from app.jobs.executor import IndirectSteps
 from app.jobs.tiles import Tiles
 from app.messages import Progress, Response
 from app.placement.messages import BouncesPlanned, Freeze, Frozen, IndirectFound, IndirectNoise
@@ -40,7 +40,7 @@ from engine.stored_arrays import Arrays
 from engine.transport.pipeline import Placement, SkyState
 
 Steps = Iterator[Response | None]
-Elsewhere = Callable[[Sequence[LayerState], str, int, int], FindingLight | None]
+RemoteSolve = Callable[[Sequence[LayerState], str, int, int], IndirectSteps | None]
 Value = TypeVar("Value")
 # Raised when anything changes the numbers in what is kept on disk.
 STORED_VERSION = 10
@@ -50,11 +50,11 @@ FOUND_AT = 0.9
 
 
 @dataclass(frozen=True, eq=False)
-class _Found:
+class _FoundLight:
     """Indirect light, what its rays and what its irradiance were found for; n_rays: 0 for as many as it needs."""
 
     light: IndirectLight
-    fineness: SamplingSettings
+    settings: SamplingSettings
     n_rays: int
     models: tuple[tuple[str, str], ...]
     lit_by: str
@@ -62,7 +62,7 @@ class _Found:
     number: int = 0
 
 
-class _KeptParts:
+class _Checkpoints:
     """The finished parts of light that is being found, as the solver keeps them."""
 
     def __init__(self, tiles: Tiles) -> None:
@@ -80,38 +80,38 @@ class IndirectTasks:
     """Indirect light of the scene that is open, and the freezing that was asked for last."""
 
     def __init__(
-        self, placement: Placement, store: Store | None = None, scene_key: str = "", scene_id: int = 0,
-        elsewhere: Elsewhere | None = None,
+        self, placement: Placement, store: ArrayCache | None = None, scene_key: str = "", scene_id: int = 0,
+        elsewhere: RemoteSolve | None = None,
     ) -> None:  # fmt: skip
         """store: where fine light is kept for the next time, under keys of the scene, None for nowhere; scene_id: the
-        number of the request that opened it; elsewhere: who may find fine light for this process, see `Labour`."""
+        number of the request that opened it; elsewhere: who may find fine light for this process, see `Executor`."""
         self._placement, self._store, self._scene_key, self._elsewhere = placement, store, scene_key, elsewhere
-        self._found: _Found | None = None
-        self._wish: Freeze | None = None
+        self._found: _FoundLight | None = None
+        self._freeze_request: Freeze | None = None
         self._scene_id = scene_id
-        self._asked: tuple[str, int] | None = None
-        self._told = 0
-        self._noise_found: tuple[_Found, Freeze, tuple[float, float]] | None = None
-        self._kept: GatherPolynomial | None = None
+        self._requested: tuple[str, int] | None = None
+        self._sent = 0
+        self._noise_found: tuple[_FoundLight, Freeze, tuple[float, float]] | None = None
+        self._representations: GatherPolynomial | None = None
         self._numbers = itertools.count(time.time_ns())  # none that a worker before this one gave
 
     @property
     def n_bytes(self) -> int:
         """Memory of what was found, and of what freezings keep."""
-        kept = 0 if self._kept is None else self._kept.n_bytes
+        kept = 0 if self._representations is None else self._representations.n_bytes
         return kept + (0 if self._found is None else self._found.light.n_bytes)
 
     @property
     def light(self) -> IndirectLight | None:
         """The light that was found for the transport asked for last; None while there is none."""
-        return self._found.light if self._found is not None and self._is_as_asked(self._found) else None
+        return self._found.light if self._found is not None and self._is_requested_light(self._found) else None
 
-    def asked_anew(self, lit_by: str, n_bounces: int) -> None:
+    def transport_requested(self, lit_by: str, n_bounces: int) -> None:
         """Another transport was asked for, under the light of that key: its freezing comes after it. No bounces: as
         many as will be planned."""
-        self._wish, self._asked, self._told = None, (lit_by, n_bounces), 0
+        self._freeze_request, self._requested, self._sent = None, (lit_by, n_bounces), 0
 
-    def planned(self, layers: Sequence[LayerState], n_bounces: int = 0) -> BouncesPlanned:
+    def plan_bounces(self, layers: Sequence[LayerState], n_bounces: int = 0) -> BouncesPlanned:
         """How many bounces the scene requires with these layers; or what of the light `n_bounces` leave out."""
         indexed = [(self._object(each), each.layer) for each in layers]
         plan = planned_bounces(self._placement, indexed, n_bounces or None)
@@ -125,19 +125,19 @@ class IndirectTasks:
         lit_by: a key of the light; n_rays: a fan of fine light, 0 for as many as are needed.
         """
         fine = FINE.with_rays(n_rays)
-        self._asked = lit_by, n_bounces
+        self._requested = lit_by, n_bounces
         models = tuple((each.key, each.model) for each in layers)
         found = self._found
         same_rays = found is not None and found.models == models and found.depth >= n_bounces
-        asked_so = found is not None and (found.fineness, found.n_rays) == (fine, n_rays)
+        asked_so = found is not None and (found.settings, found.n_rays) == (fine, n_rays)
         finest = found is not None and asked_so and found.light.points.glossy
         if found is not None and same_rays and (finest or not is_last):
             if (found.lit_by, found.light.n_bounces) == (lit_by, n_bounces):
-                yield self._where(found)
+                yield self._found_message(found)
                 return
             yield Progress("indirect light", 0.0, text="light on surfaces")
-            light = relit(found.light, self._placement, sky, found.fineness, n_bounces)
-            yield from self._hold(replace(found, light=light, lit_by=lit_by))
+            light = relit(found.light, self._placement, sky, found.settings, n_bounces)
+            yield from self._cache_light(replace(found, light=light, lit_by=lit_by))
             return
         by_object: dict[int, list[Layer]] = {}
         for each in layers:
@@ -148,72 +148,72 @@ class IndirectTasks:
         key = content_key(
             "indirect", STORED_VERSION, NAMES, self._scene_key, models, lit_by, n_bounces, repr(fine), n_rays
         )
-        as_asked = partial(_Found, fineness=fine, n_rays=n_rays, models=models, lit_by=lit_by, depth=n_bounces)
+        as_asked = partial(_FoundLight, settings=fine, n_rays=n_rays, models=models, lit_by=lit_by, depth=n_bounces)
         kept = None if self._store is None else self._store.get(key, lambda arrays: solver(fine).restored(arrays))
         if kept is not None:
-            yield from self._hold(as_asked(kept))
+            yield from self._cache_light(as_asked(kept))
             return
         reflecting = [self._reflecting(each) for each in layers]
         if not is_last:
-            light = yield from _told(solver(ROUGH).solve(reflecting))
-            yield from self._hold(replace(as_asked(light), fineness=ROUGH))
+            light = yield from _as_progress(solver(ROUGH).solve(reflecting))
+            yield from self._cache_light(replace(as_asked(light), settings=ROUGH))
             return
         finding = self._elsewhere(layers, lit_by, n_bounces, n_rays) if self._elsewhere else None
         if self._store is not None and finding is not None:
             arrays = yield from finding
             self._store.put(key, arrays)
-            yield from self._hold(as_asked(solver(fine).restored(arrays)))
+            yield from self._cache_light(as_asked(solver(fine).restored(arrays)))
             return
-        other_light = None if n_rays else (yield from _silently(direct_mean(self._placement, by_object, sky)))
+        other_light = None if n_rays else (yield from _drop_progress(direct_mean(self._placement, by_object, sky)))
         finder = solver(fine, other_light=other_light)
         if self._store is None:
-            yield from self._hold(as_asked((yield from _told(finder.solve(reflecting)))))
+            yield from self._cache_light(as_asked((yield from _as_progress(finder.solve(reflecting)))))
             return
         with self._store.open_tiles(key, MOST_PARTS) as tiles:
-            light = yield from _told(finder.solve(reflecting, _KeptParts(tiles)))
-            yield from self._hold(as_asked(light))
+            light = yield from _as_progress(finder.solve(reflecting, _Checkpoints(tiles)))
+            yield from self._cache_light(as_asked(light))
             if self._store.put(key, arrays_of(light)):
                 tiles.finish()
 
     def freeze(self, request: Freeze) -> Steps:
         """The answer, if there is anything to answer with; it is given again when there is something finer."""
-        self._wish = request
-        if self._found is not None and self._is_as_asked(self._found):
-            if self._found.number != self._told:
-                yield self._where(self._found)
+        self._freeze_request = request
+        if self._found is not None and self._is_requested_light(self._found):
+            if self._found.number != self._sent:
+                yield self._found_message(self._found)
             yield from self._frozen(self._found, request)
             yield from self._noise(self._found, request)
 
-    def _is_as_asked(self, found: _Found) -> bool:
+    def _is_requested_light(self, found: _FoundLight) -> bool:
         """Whether it is the light of the transport asked for last."""
-        lit_by, n_bounces = self._asked or (found.lit_by, found.light.n_bounces)
+        lit_by, n_bounces = self._requested or (found.lit_by, found.light.n_bounces)
         return found.lit_by == lit_by and n_bounces in (0, found.light.n_bounces)
 
-    def _hold(self, found: _Found) -> Steps:
-        self._kept = self._kept.with_light(found.light) if self._kept is not None else GatherPolynomial(found.light)
+    def _cache_light(self, found: _FoundLight) -> Steps:
+        self._representations = self._representations.with_light(found.light) if self._representations is not None else GatherPolynomial(found.light)
         self._found = found = replace(found, number=next(self._numbers))
-        yield self._where(found)
-        if self._wish is not None:
+        yield self._found_message(found)
+        if self._freeze_request is not None:
             yield Progress("indirect light", FOUND_AT, text="reflecting it to the eye")
-            yield from self._frozen(found, self._wish)
-            yield from self._noise(found, self._wish)
+            yield from self._frozen(found, self._freeze_request)
+            yield from self._noise(found, self._freeze_request)
 
-    def _where(self, found: _Found) -> IndirectFound:
+    def _found_message(self, found: _FoundLight) -> IndirectFound:
         rows, weights = found.light.footprint_by_object()
-        self._told = found.number
+        self._sent = found.number
         need = found.light.ray_budget
         told = (need.n_rays, need.reason) if need.noise is not None else (0, "")
-        return IndirectFound(found.number, found.fineness.name, rows, weights, *told, id=self._scene_id)
+        return IndirectFound(found.number, found.settings.name, rows, weights, *told, id=self._scene_id)
 
-    def _frozen(self, found: _Found, wish: Freeze) -> Steps:
+    def _frozen(self, found: _FoundLight, wish: Freeze) -> Steps:
         layers = {each.key: self._reflecting(each, wish.second_bands) for each in wish.scene.visible}
         edited = NO_OBJECT if wish.key is None else self._placement.scene.object_index(object_of(wish.key))
-        seen = _seen_by(found, wish)
-        self._kept = GatherPolynomial(seen) if self._kept is None else self._kept.with_light(seen)
+        seen = _layer_visibility(found, wish)
+        self._representations = GatherPolynomial(seen) if self._representations is None else self._representations.with_light(seen)
         selected = None
         if wish.key in layers and wish.factor is not None:
             selected = SelectedCurve(list(layers).index(wish.key), wish.factor)
-        frozen = yield from self._kept.freeze(list(layers.values()), edited, selected)
+        frozen = yield from self._representations.freeze(list(layers.values()), edited, selected)
         keys = list(layers)
         reflected = {keys[i]: np.ascontiguousarray(part.transpose(1, 0, 2)) for i, part in frozen.reflected.items()}
         albedos = {
@@ -223,12 +223,12 @@ class IndirectTasks:
         unit = found.light.unit
         yield Frozen(found.number, wish.serial, wish.key, wish.factor, reflected, frozen.bands, albedos, unit)
 
-    def _noise(self, found: _Found, wish: Freeze) -> Steps:
+    def _noise(self, found: _FoundLight, wish: Freeze) -> Steps:
         """Of the light as its layers look: a curve that is lifted may show what was lost in the rest."""
         known = self._noise_found
-        if known is None or known[0] is not found or not _look_alike(known[1], wish):
+        if known is None or known[0] is not found or not _same_appearance(known[1], wish):
             layers = [self._reflecting(each, wish.second_bands) for each in wish.scene.visible]
-            noise = yield from _seen_by(found, wish).noise(layers)
+            noise = yield from _layer_visibility(found, wish).noise(layers)
             self._noise_found = known = found, wish, noise
         yield IndirectNoise(found.number, wish.serial, *known[2], id=self._scene_id)
 
@@ -240,20 +240,20 @@ class IndirectTasks:
         return self._placement.scene.object_index(state.object)
 
 
-def _seen_by(found: _Found, wish: Freeze) -> IndirectLight:
+def _layer_visibility(found: _FoundLight, wish: Freeze) -> IndirectLight:
     return found.light.without_glossy_hits() if wish.second_bands == 1 else found.light
 
 
-def _look_alike(one: Freeze, two: Freeze) -> bool:
+def _same_appearance(one: Freeze, two: Freeze) -> bool:
     """Whether all layers look the same in both."""
     return (one.second_bands, one.scene.visible) == (two.second_bands, two.scene.visible)
 
 
-def _silently(steps: Generator[object, None, Value]) -> Generator[None, None, Value]:
+def _drop_progress(steps: Generator[object, None, Value]) -> Generator[None, None, Value]:
     return map_steps(steps, lambda step: None)
 
 
-def _told(steps: Generator[tuple[float, str], None, IndirectLight]) -> Generator[Response | None, None, IndirectLight]:
+def _as_progress(steps: Generator[tuple[float, str], None, IndirectLight]) -> Generator[Response | None, None, IndirectLight]:
     """The steps of a solver as progress, which goes on where it begins anew."""
     most = 0.0
 

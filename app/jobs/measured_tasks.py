@@ -30,10 +30,10 @@ from engine.generators import map_steps
 
 STAGE = "measured BRDF"
 
-Reading = Generator[Response | None, None, dict[str, Measurement]]
+ReadSteps = Generator[Response | None, None, dict[str, Measurement]]
 
 
-def read_files(files: Mapping[str, Path], store: ArrayStore | None) -> Reading:
+def read_files(files: Mapping[str, Path], store: ArrayStore | None) -> ReadSteps:
     """The measurements of files, by the names they are asked for by. Raises LoadError."""
     found: dict[str, Measurement] = {}
     for name, path in files.items():
@@ -68,7 +68,7 @@ def ensure_tables(layers: Iterable[Layer], store: ArrayStore | None) -> Generato
         _check_unchanged(file, number, found[file])
 
 
-def hand_out(request: FetchTable, store: ArrayStore | None) -> Generator[Response | None, None, None]:
+def fetch_table(request: FetchTable, store: ArrayStore | None) -> Generator[Response | None, None, None]:
     """The table of a file. Raises InsituError, as for one that is not the file that was asked for any more."""
     if is_table_loaded(request.number):
         measurement = replace(table_of(request.number).measurement, file=request.file)
