@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from app.deform.talk import DeformTalk
+from app.deform.deform_controller import DeformController
 from app.mode import Mode
-from app.orbit.talk import OrbitTalk
-from app.placement.talk import PlacementTalk
+from app.orbit.orbit_controller import OrbitController
+from app.placement.placement_controller import PlacementController
 
 PLACEMENT = Mode(
     "placement",
     "Placement",
-    PlacementTalk,
+    PlacementController,
     worker="app.jobs.placement_worker:PlacementWorker",
     picture="ui.placement_feed:PlacementFeed",
     tooltip="Exact light and shadows from this camera; edits follow the hand.",
@@ -19,7 +19,7 @@ PLACEMENT = Mode(
 ORBIT = Mode(
     "orbit",
     "Orbit",
-    OrbitTalk,
+    OrbitController,
     worker="app.jobs.orbit_worker:OrbitWorker",
     picture="ui.orbit_feed:OrbitFeed",
     tooltip="Move the camera under the full light; Placement takes over when it rests.",
@@ -28,7 +28,7 @@ ORBIT = Mode(
 DEFORM = Mode(
     "deform",
     "Deform",
-    DeformTalk,
+    DeformController,
     worker="app.jobs.deform_worker:DeformWorker",
     picture="ui.deform_feed:DeformFeed",
     tooltip="Bend and animate objects under soft light and shadows.",

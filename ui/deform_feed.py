@@ -1,14 +1,14 @@
 """Deform's picture: Orbit's feed, whose moving pictures the graphics card draws of poses that the worker tells.
 
-take: PoseTold ─► PosedPicture ─► canvas
+take: PoseExported ─► PosedPicture ─► canvas
 """
 
 from __future__ import annotations
 
 import moderngl
 
-from app.deform.events import PoseCame
-from app.deform.talk import DeformTalk
+from app.deform.deform_events import PoseArrived
+from app.deform.deform_controller import DeformController
 from app.editor import Editor
 from app.picture_events import PictureEvent
 from ui.gl.context import GraphicsError
@@ -20,7 +20,7 @@ class DeformFeed(OrbitFeed):
     """Feeds a canvas, and Placement's renderer beside it."""
 
     def take(self, editor: Editor, event: PictureEvent) -> None:
-        if isinstance(event, PoseCame):
+        if isinstance(event, PoseArrived):
             self._take_pose(editor, event)
         else:
             super().take(editor, event)
@@ -28,15 +28,15 @@ class DeformFeed(OrbitFeed):
     def _new_shaded(self) -> Shaded:
         return PosedPicture(self._context)
 
-    def _take_pose(self, editor: Editor, event: PoseCame) -> None:
+    def _take_pose(self, editor: Editor, event: PoseArrived) -> None:
         shaded, talk = self.shaded, editor.controller
-        if not isinstance(shaded, PosedPicture) or not isinstance(talk, DeformTalk):
+        if not isinstance(shaded, PosedPicture) or not isinstance(talk, DeformController):
             return  # given up since
-        if event.told.is_missing_parts(shaded.known):  # what it went out from was void before it was drawn
-            talk.tell_again(shaded.known)
+        if event.export.is_missing_parts(shaded.known):  # what it went out from was void before it was drawn
+            talk.resend_parts(shaded.known)
             return
         try:
-            self.canvas.show(shaded.draw(event.told, event.camera, event.resolution))
+            self.canvas.show(shaded.draw(event.export, event.camera, event.resolution))
         except (GraphicsError, moderngl.Error) as error:
             self._give_shaders_up(editor, error)
         self._drawn, self._is_measure = None, False

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import moderngl
 
-from app.placement.events import LayerMapsChanged
+from app.placement.placement_events import LayerMapsChanged
 from engine.material.layer_maps import LayerMaps
 from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.textures import small_texture

@@ -27,7 +27,7 @@ from app.editor import Editor
 from app.jobs.client import Client
 from app.modes import PLACEMENT
 from app.placement.curves import Curves
-from app.placement.talk import PlacementTalk
+from app.placement.placement_controller import PlacementController
 from app.view_state import SetView
 from engine.curve.operators import HALF_PI, Operator
 from engine.curve.wavelet import forward
@@ -59,7 +59,7 @@ class EditorRig:
     ) -> None:  # fmt: skip
         """wait: until the picture is exact."""
         self.context = create_headless_context()
-        mode = replace(PLACEMENT, controller=partial(PlacementTalk, curves=curves))
+        mode = replace(PLACEMENT, controller=partial(PlacementController, curves=curves))
         self.client = Client()
         self.editor = Editor(self.client, source, resolution=resolution, modes=(mode,))
         if n_lights is not None:
@@ -71,9 +71,9 @@ class EditorRig:
             self.wait_until_exact()
 
     @property
-    def talk(self) -> PlacementTalk:
+    def talk(self) -> PlacementController:
         """The editor's."""
-        assert isinstance(self.editor.controller, PlacementTalk)
+        assert isinstance(self.editor.controller, PlacementController)
         return self.editor.controller
 
     def wait_until_exact(self) -> None:

@@ -18,8 +18,8 @@ import moderngl
 import numpy as np
 
 from app.editor import Editor
-from app.orbit.events import OrbitPartCame, OrbitPicture
-from app.orbit.talk import OrbitTalk
+from app.orbit.orbit_events import OrbitPartArrived, OrbitPicture
+from app.orbit.orbit_controller import OrbitController
 from app.picture_events import PictureEvent, SceneFrame
 from ui.gl.context import GraphicsError
 from ui.gl.moving import shader_bytes
@@ -76,7 +76,7 @@ class OrbitFeed(PictureSource):
         return self.placement.rehearse()
 
     def take(self, editor: Editor, event: PictureEvent) -> None:
-        if isinstance(event, OrbitPartCame):
+        if isinstance(event, OrbitPartArrived):
             self._take_part(editor, event)
             return
         if isinstance(event, OrbitPicture):
@@ -105,7 +105,7 @@ class OrbitFeed(PictureSource):
         self._draw_shaded(editor, talk)
         # Before there is a first picture, Placement's feed shows objects lit from the eye.
         is_first = self.canvas.is_empty
-        busy |= (talk.hands_over or is_first) and self.placement.draw(editor, last_frame_ms, all_taken)
+        busy |= (talk.is_placement_active or is_first) and self.placement.draw(editor, last_frame_ms, all_taken)
         share = 1.0 if is_first else self._share_of_placement(talk)
         self._follow_comparison(editor, share)
         if share == 1.0:
@@ -115,7 +115,7 @@ class OrbitFeed(PictureSource):
             self._draw_canvas(editor, talk, share)
         return busy or 0.0 < share < 1.0 or self._view.waits
 
-    def _prepare_shaders(self, editor: Editor, talk: OrbitTalk) -> bool:
+    def _prepare_shaders(self, editor: Editor, talk: OrbitController) -> bool:
         """Where moving pictures are to be drawn here: compile a shader, and tell the talk after the last; whether there
         are more."""
         if self._is_chosen:
@@ -137,7 +137,7 @@ class OrbitFeed(PictureSource):
     def _new_shaded(self) -> Shaded:
         return ShadedPicture(self._context)
 
-    def _take_part(self, editor: Editor, event: OrbitPartCame) -> None:
+    def _take_part(self, editor: Editor, event: OrbitPartArrived) -> None:
         if isinstance(self.shaded, ShadedPicture):
             self._n_parts += 1
             try:
@@ -145,7 +145,7 @@ class OrbitFeed(PictureSource):
             except (GraphicsError, moderngl.Error) as error:
                 self._give_shaders_up(editor, error)
 
-    def _draw_shaded(self, editor: Editor, talk: OrbitTalk) -> None:
+    def _draw_shaded(self, editor: Editor, talk: OrbitController) -> None:
         """The moving picture, where it is drawn here and would be another one."""
         wanted, shaded = talk.drawn_in_window, self.shaded
         if not isinstance(shaded, ShadedPicture) or wanted is None or not shaded.buffers.is_ready:
@@ -154,7 +154,7 @@ class OrbitFeed(PictureSource):
             return
         try:
             self.canvas.show(shaded.draw(*wanted))
-            talk.drew(shaded.seconds)
+            talk.record_draw_seconds(shaded.seconds)
         except (GraphicsError, moderngl.Error) as error:
             self._give_shaders_up(editor, error)
         self._shaded_of, self._drawn, self._is_measure = (wanted, self._n_parts), None, False
@@ -168,7 +168,7 @@ class OrbitFeed(PictureSource):
         _talk(editor).draw_in_window(0)
         editor.notify(f"{_talk(editor).title} is drawn by the processor: {error}", True)
 
-    def _share_of_placement(self, talk: OrbitTalk) -> float:
+    def _share_of_placement(self, talk: OrbitController) -> float:
         """How much of Placement's picture is seen, 0 to 1."""
         now = time.monotonic()
         if not talk.shows_placement:
@@ -177,7 +177,7 @@ class OrbitFeed(PictureSource):
         self._placement_since = min(self._placement_since, now)
         return min((now - self._placement_since) / FADE_SECONDS, 1.0)
 
-    def _draw_canvas(self, editor: Editor, talk: OrbitTalk, share: float) -> None:
+    def _draw_canvas(self, editor: Editor, talk: OrbitController, share: float) -> None:
         """Draw, where it would be another picture than was drawn last."""
         view = self._display_view(editor, talk)
         if (view, share) != self._drawn:
@@ -195,11 +195,11 @@ class OrbitFeed(PictureSource):
             self.canvas.take_snapshot(self.placement.renderer.linear_texture if share > 0.0 else None)
         self._compared, self._drawn = compared, None
 
-    def _display_view(self, editor: Editor, talk: OrbitTalk) -> DisplayView:
+    def _display_view(self, editor: Editor, talk: OrbitController) -> DisplayView:
         """Outlines and the divider belong to the view that was traced last; over a picture from elsewhere, which is
         seen until the next has been drawn, they would lie beside their objects."""
         view, compared = editor.view, editor.view.compare
-        rests = not talk.is_away and talk.shows_look
+        rests = not talk.is_away and talk.shows_viewpoint
         tone_mapping = self._view.follow(view.tone_mapping)
         return DisplayView(
             exposure=0.0 if self._is_measure else view.exposure + stops(editor.document.light),
@@ -237,7 +237,7 @@ class OrbitFeed(PictureSource):
             self.shaded.release()
 
 
-def _talk(editor: Editor) -> OrbitTalk:
+def _talk(editor: Editor) -> OrbitController:
     """Whose picture it is."""
-    assert isinstance(editor.controller, OrbitTalk)
+    assert isinstance(editor.controller, OrbitController)
     return editor.controller

@@ -1,9 +1,9 @@
 """Placement's picture: the worker's answers to the renderer, the document's curves after them.
 
     take: picture events ─► renderer (frame, footprint, layers, transport)
-    draw: the document drawn (`app.placement.changeover`) ─► gains, view curves, visibility, curve coefficients
+    draw: the document drawn (`app.placement.picture_transition`) ─► gains, view curves, visibility, curve coefficients
           ─► renderer.update ─► display texture
-          renderer's report ─► PlacementTalk.rendered
+          renderer's report ─► PlacementController.rendered
 
 An upload under way takes part of the frame's time, coefficients what is left.
 """
@@ -22,17 +22,17 @@ from app.commands.light import emission_of
 from app.document import RGB, Document, LightState, ObjectState, layer_key
 from app.editor import Editor
 from app.picture_events import PictureEvent, SceneFrame, SkyChanged
-from app.placement.events import (
-    ComparedRefined,
+from app.placement.placement_events import (
+    ComparisonRefined,
     Footprint,
     IndirectRadiance,
-    LayerLook,
+    LayerAppearance,
     LayerMapsChanged,
     LayerRadiance,
     TransportReady,
 )
-from app.placement.status import RenderReport
-from app.placement.talk import PlacementTalk
+from app.placement.placement_status import RenderReport
+from app.placement.placement_controller import PlacementController
 from app.solo import is_layer_visible
 from engine.curve.wavelet import forward
 from engine.material.layer import object_of
@@ -121,9 +121,9 @@ class PlacementFeed(PictureSource):
                 self._take_indirect(event.key)
             case LayerMapsChanged():
                 self._maps.take(event)
-            case ComparedRefined():
+            case ComparisonRefined():
                 if self._compared is not None:
-                    self.renderer.snapshot_compare({key: _look(look) for key, look in event.looks.items()})
+                    self.renderer.snapshot_compare({key: _look(look) for key, look in event.appearances.items()})
             case TransportReady():
                 numbers, curve = event.coefficients_first, event.factor
                 self.renderer.set_footprint(*_both(event.footprint))
@@ -287,7 +287,7 @@ class PlacementFeed(PictureSource):
 
     def _is_drawn(self, editor: Editor, key: str) -> bool:
         """Whether the picture of a layer is its own, and not that of the one that it took the place of."""
-        return self._drawn_as.get(key) == _talk(editor).drawn_as(key)
+        return self._drawn_as.get(key) == _talk(editor).picture_identity(key)
 
     def _follow_curve(self, editor: Editor) -> None:
         """The selected curve, in all layers that follow it and have a picture of their own."""
@@ -331,10 +331,10 @@ class PlacementFeed(PictureSource):
         return self._names.index(name) if name in self._names else None
 
 
-def _talk(editor: Editor) -> PlacementTalk:
+def _talk(editor: Editor) -> PlacementController:
     """Whose picture it is: the mode's own talk, or the part of it that is Placement's."""
     talk = getattr(editor.controller, "placement", editor.controller)
-    assert isinstance(talk, PlacementTalk)
+    assert isinstance(talk, PlacementController)
     return talk
 
 
@@ -347,6 +347,6 @@ def stops(light: LightState) -> float:
     return math.log2(max(light.intensity, LEAST_INTENSITY))
 
 
-def _look(look: LayerLook) -> ComparedLook:
+def _look(look: LayerAppearance) -> ComparedLook:
     red, green, blue = (float(value) for value in look.gain)
     return ComparedLook((red, green, blue), look.view_curve, look.visible, look.radiance, look.maps)

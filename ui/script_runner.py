@@ -23,7 +23,7 @@ from app.files.bookmarks import find_bookmark
 from app.pareto_front import load_front
 from app.jobs.client import Client
 from app.machine.atomic import make_folder_of, require_place
-from app.placement.status import PlacementStatus
+from app.placement.placement_status import PlacementStatus
 from app.script import (
     AssertErrorBelow,
     AwaitedPicture,

@@ -1,6 +1,6 @@
 """Filling the cache: the worker's own computation in this process, for the transport that the editor will ask for.
 
-The talk is the editor's (`app.placement.transport_talk`), so that what is computed is what the editor looks up.
+The talk is the editor's (`app.placement.transport_controller`), so that what is computed is what the editor looks up.
 Stopped half-way, it goes on from the last complete tile.
 """
 
@@ -17,8 +17,8 @@ from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
 from app.messages import RequestFailed, SetCamera, OpenScene, Progress, Response, SceneOpened, ViewTraced
 from app.placement.curves import Curves
-from app.placement.messages import ErrorEstimated, EstimateError, StageDone
-from app.placement.transport_talk import TransportTalk
+from app.placement.placement_messages import ErrorEstimated, EstimateError, StageDone
+from app.placement.transport_controller import TransportController
 from app.project import Project
 from app.scene_state import SceneState
 from engine.errors import InsituError
@@ -79,7 +79,7 @@ def fill(
     labour = None if cluster is None else cluster.executor(scene, view, document)
     client = InProcessClient(RequestDispatcher(store, fills=True, labour=labour))
     curves = Curves()
-    talk = TransportTalk(client.send, curves)
+    talk = TransportController(client.send, curves)
     number = client.send(scene)
     _poll_until(client, SceneOpened, report)
     client.send(replace(view, scene=number))

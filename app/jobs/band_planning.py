@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from app.messages import Response
-from app.placement.messages import BandsPlanned, PlanBands
+from app.placement.placement_messages import BandsPlanned, PlanBands
 from engine.planner import band_counts
 
 

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from app.deform.messages import (
-    DeformKnown,
+from app.deform.deform_messages import (
+    DeformLoss,
     DrawDeform,
     EstimateDeform,
     PathsTraced,
-    PoseTold,
+    PoseExported,
     PrepareDeform,
-    Traced,
+    PathPreview,
 )
 from app.jobs.worker_context import WorkerContext
 from app.jobs.cache import ArrayCache, content_key
@@ -29,7 +29,7 @@ from app.jobs.orbit_worker import layers_by_object, until_compiled
 from app.jobs.schedule import Handlers, Steps
 from app.messages import Progress
 from app.mode import ModeWorker
-from app.orbit.messages import OrbitAdvanced, OrbitDrawn, OrbitUnknown
+from app.orbit.orbit_messages import OrbitProgress, OrbitPictureDrawn, OrbitNotReady
 from engine.scene.description import CameraDescription
 from engine.scene.scene_loader import Scene
 from engine.stored_arrays import ArrayReader, Arrays, UnsoundArrays
@@ -56,7 +56,7 @@ class DeformWorker(ModeWorker):
         self._context = bench
         self._deform: Deform | None = None
         self._scene: Scene | None = None
-        self._reference: tuple[tuple[Traced, SceneState, int], PathReference] | None = None
+        self._reference: tuple[tuple[PathPreview, SceneState, int], PathReference] | None = None
         self._prepared = 0
 
     @property
@@ -92,17 +92,17 @@ class DeformWorker(ModeWorker):
                 if told is None and first_time:  # compile what pictures are drawn with before a quick request does
                     deform.draw(deform.scene.description.camera, (8, 8))
                 told = deform.version
-                yield OrbitAdvanced(deform.version, deform.is_done, deform.n_bytes)
+                yield OrbitProgress(deform.version, deform.is_done, deform.n_bytes)
             yield Progress(STAGE, step.fraction, text=FIRST_TIME if first_time else step.text)
         if first_time:
             note_compiled(DEFORM)
         names = deform.scene.object_names
-        yield DeformKnown(tuple((names[i], share) for i, share in deform.lost_shares.items()))
-        yield OrbitAdvanced(deform.version, deform.is_done, deform.n_bytes)
+        yield DeformLoss(tuple((names[i], share) for i, share in deform.lost_shares.items()))
+        yield OrbitProgress(deform.version, deform.is_done, deform.n_bytes)
         if request.traced is not None:
             yield from self._trace(deform, request, sky, request.traced)
 
-    def _trace(self, deform: Deform, request: PrepareDeform, sky: SkyState, wanted: Traced) -> Steps:
+    def _trace(self, deform: Deform, request: PrepareDeform, sky: SkyState, wanted: PathPreview) -> Steps:
         """By paths, pass by pass; goes on where it was left off."""
         from engine.deform.path_reference import N_PASSES, PathReference
 
@@ -118,16 +118,16 @@ class DeformWorker(ModeWorker):
                 yield Progress(STAGE, truth.n_passes / N_PASSES, text="paths")
             deform.version += 1
             yield PathsTraced(truth.n_passes, N_PASSES)
-            yield OrbitAdvanced(deform.version, deform.is_done, deform.n_bytes)
+            yield OrbitProgress(deform.version, deform.is_done, deform.n_bytes)
 
     def _draw(self, request: DrawDeform) -> Steps:
         deform = self._deform
         if deform is None or not deform.is_ready:
-            yield OrbitUnknown()
+            yield OrbitNotReady()
             return
         started = time.monotonic()
         camera = deform.scene.from_camera(request.camera).description.camera
-        told = None if request.known is None else deform.export_picture(camera, request.poses, request.known)
+        told = None if request.sent_parts is None else deform.export_picture(camera, request.poses, request.sent_parts)
         if told is not None:
             picture = _NO_PICTURE
         elif request.fit_error:
@@ -138,14 +138,14 @@ class DeformWorker(ModeWorker):
             picture = self._split_picture(picture, deform, camera, request, request.split)
         seconds, carried = time.monotonic() - started, tuple(deform.carried(request.poses).items())
         drawn = picture, self._prepared, deform.version, deform.is_done, seconds, carried
-        yield OrbitDrawn(*drawn) if told is None else PoseTold(*drawn, told=told)
+        yield OrbitPictureDrawn(*drawn) if told is None else PoseExported(*drawn, export=told)
 
     def _estimate(self, request: EstimateDeform) -> Steps:
         from app.jobs.error_tasks import estimate_drawn_error
 
         deform = self._deform
         if deform is None or not deform.is_ready:
-            yield OrbitUnknown()
+            yield OrbitNotReady()
             return
 
         def drawing(wanted: DrawDeform) -> Generator[None, None, NDArray[np.float32]]:

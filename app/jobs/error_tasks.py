@@ -17,8 +17,8 @@ from app.jobs.worker_context import WorkerContext
 from app.jobs.kernels import ESTIMATE
 from app.jobs.layer_data import STAGES, LayerData, shape_of
 from app.messages import Response
-from app.orbit.messages import DrawnEstimated, EstimateDrawn
-from app.placement.messages import ErrorEstimated, EstimateError
+from app.orbit.orbit_messages import DrawnErrorEstimated, EstimateDrawn
+from app.placement.placement_messages import ErrorEstimated, EstimateError
 from app.scene_state import LayerState
 from engine.errors import InsituError
 from engine.indirect.indirect_light import IndirectLight
@@ -88,7 +88,7 @@ def estimate_drawn_error(
     judging = estimate_drawn_errors(placement, layers, bench.sky(scene.light), n_bounces, pictures, n_points=n_points)
     at_rest, moving = yield from map_steps(judging, lambda step: None)
     colours = yield from _colours(request.has_map, placement, at_rest)
-    yield DrawnEstimated(at_rest.estimate, moving.estimate, colours)
+    yield DrawnErrorEstimated(at_rest.estimate, moving.estimate, colours)
 
 
 def _colours(is_wanted: bool, placement: Placement, judged: PointErrors) -> Generator[None, None, Colours | None]:

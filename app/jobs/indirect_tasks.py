@@ -22,7 +22,7 @@ from app.jobs.cache import ArrayCache, content_key
 from app.jobs.executor import IndirectSteps
 from app.jobs.tiles import Tiles
 from app.messages import Progress, Response
-from app.placement.messages import BouncesPlanned, Freeze, Frozen, IndirectFound, IndirectNoise
+from app.placement.placement_messages import BouncesPlanned, FreezeIndirect, IndirectFrozen, IndirectFound, IndirectNoise
 from app.scene_state import LayerState
 from engine.indirect.albedo import albedo_bands
 from engine.indirect.sampling_settings import FINE, ROUGH, SamplingSettings
@@ -87,11 +87,11 @@ class IndirectTasks:
         number of the request that opened it; elsewhere: who may find fine light for this process, see `Executor`."""
         self._placement, self._store, self._scene_key, self._elsewhere = placement, store, scene_key, elsewhere
         self._found: _FoundLight | None = None
-        self._freeze_request: Freeze | None = None
+        self._freeze_request: FreezeIndirect | None = None
         self._scene_id = scene_id
         self._requested: tuple[str, int] | None = None
         self._sent = 0
-        self._noise_found: tuple[_FoundLight, Freeze, tuple[float, float]] | None = None
+        self._noise_found: tuple[_FoundLight, FreezeIndirect, tuple[float, float]] | None = None
         self._representations: GatherPolynomial | None = None
         self._numbers = itertools.count(time.time_ns())  # none that a worker before this one gave
 
@@ -175,7 +175,7 @@ class IndirectTasks:
             if self._store.put(key, arrays_of(light)):
                 tiles.finish()
 
-    def freeze(self, request: Freeze) -> Steps:
+    def freeze(self, request: FreezeIndirect) -> Steps:
         """The answer, if there is anything to answer with; it is given again when there is something finer."""
         self._freeze_request = request
         if self._found is not None and self._is_requested_light(self._found):
@@ -205,7 +205,7 @@ class IndirectTasks:
         told = (need.n_rays, need.reason) if need.noise is not None else (0, "")
         return IndirectFound(found.number, found.settings.name, rows, weights, *told, id=self._scene_id)
 
-    def _frozen(self, found: _FoundLight, wish: Freeze) -> Steps:
+    def _frozen(self, found: _FoundLight, wish: FreezeIndirect) -> Steps:
         layers = {each.key: self._reflecting(each, wish.second_bands) for each in wish.scene.visible}
         edited = NO_OBJECT if wish.key is None else self._placement.scene.object_index(object_of(wish.key))
         seen = _layer_visibility(found, wish)
@@ -221,9 +221,9 @@ class IndirectTasks:
             for each in wish.scene.visible if self._object(each) == edited
         }  # fmt: skip
         unit = found.light.unit
-        yield Frozen(found.number, wish.serial, wish.key, wish.factor, reflected, frozen.bands, albedos, unit)
+        yield IndirectFrozen(found.number, wish.serial, wish.key, wish.factor, reflected, frozen.bands, albedos, unit)
 
-    def _noise(self, found: _FoundLight, wish: Freeze) -> Steps:
+    def _noise(self, found: _FoundLight, wish: FreezeIndirect) -> Steps:
         """Of the light as its layers look: a curve that is lifted may show what was lost in the rest."""
         known = self._noise_found
         if known is None or known[0] is not found or not _same_appearance(known[1], wish):
@@ -240,11 +240,11 @@ class IndirectTasks:
         return self._placement.scene.object_index(state.object)
 
 
-def _layer_visibility(found: _FoundLight, wish: Freeze) -> IndirectLight:
+def _layer_visibility(found: _FoundLight, wish: FreezeIndirect) -> IndirectLight:
     return found.light.without_glossy_hits() if wish.second_bands == 1 else found.light
 
 
-def _same_appearance(one: Freeze, two: Freeze) -> bool:
+def _same_appearance(one: FreezeIndirect, two: FreezeIndirect) -> bool:
     """Whether all layers look the same in both."""
     return (one.second_bands, one.scene.visible) == (two.second_bands, two.scene.visible)
 

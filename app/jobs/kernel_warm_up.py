@@ -11,7 +11,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from app.deform.messages import DrawDeform, PrepareDeform, Traced
+from app.deform.deform_messages import DrawDeform, PrepareDeform, PathPreview
 from app.document import Document, document_from_description
 from app.jobs.cache import ArrayCache
 from app.jobs.deform_worker import DeformWorker
@@ -21,8 +21,8 @@ from app.jobs.dispatcher import RequestDispatcher
 from app.messages import RequestFailed, SetCamera, OpenScene, Request
 from app.modes import DEFORM as DEFORM_MODE
 from app.modes import MODES
-from app.orbit.messages import DrawOrbit, PrepareOrbit
-from app.placement.messages import ComputeTransport, EstimateError, Freeze, PrepareRelighting, SampleMaps
+from app.orbit.orbit_messages import DrawOrbit, PrepareOrbit
+from app.placement.placement_messages import ComputeTransport, EstimateError, FreezeIndirect, PrepareRelighting, SampleMaps
 from app.scene_state import LayerState, SceneState, layer_state, scene_state
 from engine.deform.gpu_parts import NO_PARTS
 from engine.deform.pose import Deformation, Moment
@@ -119,8 +119,8 @@ def warm_up_later(first: str = "") -> Iterator[str]:
         state = scene_state(document_from_description(str(scene), description), _with_bands)
         # A preview, and a final picture that sees the whole sphere, without which there is nothing to light anew.
         _ask(client, ComputeTransport(state, "ball.1", "theta_h", 50, RenderSettings(100, 64, 3)))
-        _ask(client, Freeze(state, "ball.1", 0))
-        _ask(client, Freeze(state))
+        _ask(client, FreezeIndirect(state, "ball.1", 0))
+        _ask(client, FreezeIndirect(state))
         yield INDIRECT
         _ask(client, EstimateError(state))
         yield ESTIMATE
@@ -160,10 +160,10 @@ def _draw_bent(client: InProcessClient, folder: Path) -> None:
     for surface in _SURFACES:
         _ask(client, PrepareDeform(state, 3, posed, (("ground", surface),)))
         _ask(client, DrawDeform(camera, size, "moving", _POSES))
-        _ask(client, DrawDeform(camera, size, "moving", _POSES, known=NO_PARTS))
+        _ask(client, DrawDeform(camera, size, "moving", _POSES, sent_parts=NO_PARTS))
         _ask(client, DrawDeform(camera, size, "rest", _POSES))
     _ask(client, DrawDeform(camera, size, "moving", _POSES, fit_error=True))
-    _ask(client, PrepareDeform(state, 3, posed, traced=Traced(camera, (4, 4), _POSES)))
+    _ask(client, PrepareDeform(state, 3, posed, traced=PathPreview(camera, (4, 4), _POSES)))
     _ask(client, DrawDeform(camera, size, "moving", _POSES, split=(0.3, 0.6)))
     run_to_end(wrinkles(side=2))  # a scene's are fitted for half a minute
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from app.document import LightState
 from app.messages import Response
-from app.placement.messages import LayerPicture, LayerTransport
+from app.placement.placement_messages import LayerPicture, LayerTransport
 from app.scene_state import LayerState
 from engine.planner import RenderSettings, Precision
 from engine.stored_arrays import Arrays

@@ -18,7 +18,7 @@ from app.document import document_from_description
 from app.jobs.worker_context import WorkerContext
 from app.jobs.cache import content_key
 from app.jobs.layer_data import shape_of
-from app.placement.messages import ComputeTransport
+from app.placement.placement_messages import ComputeTransport
 from app.scene_state import LayerState
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
@@ -40,7 +40,7 @@ class LightBudgets:
 
     def cached_budget(self, request: ComputeTransport, sky: SkyState) -> LightBudget | None:
         """What the picture of a request needs, None where that was not tried yet."""
-        decisions = request.decisions
+        decisions = request.settings
         if not is_worthwhile(self._context.open_placement) or decisions.overridden >= set(LINES):
             return LightBudget(decisions.n_lights, decisions.n_patches)
         key = self._key(request, sky)
@@ -58,7 +58,7 @@ class LightBudgets:
                 StillLayer(placement.scene.object_index(each.object), layer, shape_of(each).bands, not each.fixed)
                 for each, layer in zip(request.scene.visible, self._unedited(request), strict=True)
             ]
-            need = yield from find_light_budget(placement, layers, self._unturned(sky), request.decisions)
+            need = yield from find_light_budget(placement, layers, self._unturned(sky), request.settings)
             key = self._key(request, sky)
             self._budgets[key] = need
             self._context.store.put(key, _arrays_of(need))
@@ -76,7 +76,7 @@ class LightBudgets:
         return replace(sky, rotation=0.0 if described is None else described.rotation)
 
     def _key(self, request: ComputeTransport, sky: SkyState) -> str:
-        decisions, radiance = request.decisions, None if sky.environment is None else sky.environment.radiance
+        decisions, radiance = request.settings, None if sky.environment is None else sky.environment.radiance
         layers = tuple(
             (each.key, each.model, each.bands, each.fixed, repr(layer.parameters))
             for each, layer in zip(request.scene.visible, self._unedited(request), strict=True)

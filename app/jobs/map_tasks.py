@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.messages import Response
-from app.placement.messages import MapsRefused, MapsSampled, SampleMaps
+from app.placement.placement_messages import MapsRefused, MapsSampled, SampleMaps
 from engine.colour import encode_srgb
 from engine.errors import LoadError
 from engine.material.layer import object_of

@@ -22,15 +22,15 @@ from app.jobs.schedule import Handlers, Steps
 from app.machine.memory import orbit_bytes, orbit_slice_bytes
 from app.messages import WorkerWarnings, Progress
 from app.mode import ModeWorker
-from app.orbit.messages import (
+from app.orbit.orbit_messages import (
     DrawOrbit,
-    DrawPlainly,
+    DrawHeadlight,
     EstimateOrbit,
-    LookOrbit,
-    OrbitAdvanced,
-    OrbitDrawn,
-    OrbitTold,
-    OrbitUnknown,
+    PrioritizeView,
+    OrbitProgress,
+    OrbitPictureDrawn,
+    OrbitPartExported,
+    OrbitNotReady,
     PrepareOrbit,
 )
 from app.scene_state import LayerState
@@ -72,8 +72,8 @@ class OrbitWorker(ModeWorker):
         return {
             PrepareOrbit: self._prepare,
             DrawOrbit: self._draw,
-            DrawPlainly: self._draw_headlight,
-            LookOrbit: self._prioritize_view,
+            DrawHeadlight: self._draw_headlight,
+            PrioritizeView: self._prioritize_view,
             EstimateOrbit: self._estimate,
         }
 
@@ -108,7 +108,7 @@ class OrbitWorker(ModeWorker):
                     yield from _warm_up(orbit)
                 told = orbit.version
                 yield from self._export_parts(orbit, request)
-                yield OrbitAdvanced(orbit.version, orbit.is_done, orbit.n_bytes)
+                yield OrbitProgress(orbit.version, orbit.is_done, orbit.n_bytes)
             yield Progress(STAGE, step.fraction, text=FIRST_TIME if first_time else step.text)
         if first_time:
             note_compiled(ORBIT)
@@ -117,7 +117,7 @@ class OrbitWorker(ModeWorker):
             if orbit.notes:
                 yield WorkerWarnings(orbit.notes)
         yield from self._export_parts(orbit, request)
-        yield OrbitAdvanced(orbit.version, orbit.is_done, orbit.n_bytes)
+        yield OrbitProgress(orbit.version, orbit.is_done, orbit.n_bytes)
         if orbit.has_traced:
             self._context.store.put(_key(orbit), orbit.stored_visibility())
 
@@ -131,31 +131,31 @@ class OrbitWorker(ModeWorker):
         if self._exporter is None or self._exporter[0] != request.listener:
             self._exporter = request.listener, PointExporter(request.most_bytes)
         for part in self._exporter[1].parts(orbit):
-            yield OrbitTold(part)
+            yield OrbitPartExported(part)
 
-    def _prioritize_view(self, request: LookOrbit) -> Steps:
+    def _prioritize_view(self, request: PrioritizeView) -> Steps:
         orbit = self._orbit
         if orbit is not None:
             was_done = orbit.is_done
             orbit.prioritize_view(orbit.scene.from_camera(request.camera).description.camera)
             if was_done and not orbit.is_done:
-                yield OrbitAdvanced(orbit.version, False, orbit.n_bytes, id=self._prepared)
+                yield OrbitProgress(orbit.version, False, orbit.n_bytes, id=self._prepared)
 
     def _draw(self, request: DrawOrbit) -> Steps:
         orbit = self._orbit
         if orbit is None or not orbit.is_ready:
-            yield OrbitUnknown()
+            yield OrbitNotReady()
             return
         started, prepared, version, was_done = time.monotonic(), self._prepared, orbit.version, orbit.is_done
         picture = yield from map_steps(_draw_steps(orbit, request), lambda step: None)
         is_done = was_done and orbit.is_done  # it may have seen what nothing was made ready for, such as backs
-        yield OrbitDrawn(picture, prepared, version, is_done, time.monotonic() - started)
+        yield OrbitPictureDrawn(picture, prepared, version, is_done, time.monotonic() - started)
 
-    def _draw_headlight(self, request: DrawPlainly) -> Steps:
+    def _draw_headlight(self, request: DrawHeadlight) -> Steps:
         from engine.render.headlight_picture import headlight_picture
 
         if not self._context.has_placement:
-            yield OrbitUnknown()
+            yield OrbitNotReady()
             return
         started, sky = time.monotonic(), self._context.sky(request.scene.light)
         scene, caster = self._posed_scene(request.poses)
@@ -164,14 +164,14 @@ class OrbitWorker(ModeWorker):
             layers_by_object(scene, request.scene.layers),
         )
         picture = yield from map_steps(headlight_picture(seen, caster, layers, sky, request.resolution), lambda step: None)
-        yield OrbitDrawn(picture, 0, 0, False, time.monotonic() - started)
+        yield OrbitPictureDrawn(picture, 0, 0, False, time.monotonic() - started)
 
     def _estimate(self, request: EstimateOrbit) -> Steps:
         from app.jobs.error_tasks import estimate_drawn_error
 
         orbit = self._orbit
         if orbit is None or not orbit.is_ready:
-            yield OrbitUnknown()
+            yield OrbitNotReady()
             return
         yield from estimate_drawn_error(request, self._context, orbit.n_bounces, lambda wanted: _draw_steps(orbit, wanted))
 

@@ -32,11 +32,11 @@ from app.jobs.relighting import Relighting
 from app.jobs.schedule import Handlers, Steps
 from app.messages import Progress, Response
 from app.mode import ModeWorker
-from app.placement.messages import (
+from app.placement.placement_messages import (
     ComputeTransport,
-    Contract,
+    ContractTransport,
     EstimateError,
-    Freeze,
+    FreezeIndirect,
     LightPlanned,
     PlanBands,
     PrepareRelighting,
@@ -90,8 +90,8 @@ class PlacementWorker(ModeWorker):
             PlanBands: plan_bands,
             SampleMaps: self._sample_maps,
             ComputeTransport: self._compute,
-            Contract: self._contract,
-            Freeze: self._freeze,
+            ContractTransport: self._contract,
+            FreezeIndirect: self._freeze,
             EstimateError: self._estimate_error,
             PrepareRelighting: self._prepare_relighting,
         }
@@ -108,7 +108,7 @@ class PlacementWorker(ModeWorker):
 
     # ------------------------------------------------------------------------------------------------- quick requests
 
-    def _contract(self, request: Contract) -> Steps:
+    def _contract(self, request: ContractTransport) -> Steps:
         """One layer's picture, and its transport along one curve ("curve switching", [BenArtzi07, eq. 4.16]).
 
         While a transport is under way that is not far enough yet, the wish is noted, and it answers later."""
@@ -120,7 +120,7 @@ class PlacementWorker(ModeWorker):
         if data is not None and data.fits_curves(request.layer):
             yield from self._answers(self._hold(data), request.factor, request.precision, request.picture)
 
-    def _freeze(self, request: Freeze) -> Steps:
+    def _freeze(self, request: FreezeIndirect) -> Steps:
         yield from self._indirect_tasks().freeze(request)
 
     def _sample_maps(self, request: SampleMaps) -> Steps:
@@ -161,7 +161,7 @@ class PlacementWorker(ModeWorker):
             placement.sphere.done[:] = True
 
     def _compute(self, request: ComputeTransport) -> Steps:
-        placement, scene, decisions = self._context.open_placement, request.scene, request.decisions
+        placement, scene, decisions = self._context.open_placement, request.scene, request.settings
         yield from ensure_tables((work.layer for work in scene.layers), self._cache)
         self._contracted, self._current, self._sent = {}, {}, set()
         self._layers = {work.key: self._layers[work.key] for work in scene.layers if work.key in self._layers}
@@ -240,8 +240,8 @@ class PlacementWorker(ModeWorker):
             data = self._layers.get(work.key)
             if data is not None and data.is_picture_of(work, lit_by):
                 data, factor = self._hold(data.taken_over_by(work)), self._selected_factor(work.key)
-                is_told = work.key in request.told
-                if not is_told or factor is not None and work.key not in request.told_curves:
+                is_told = work.key in request.held_layers
+                if not is_told or factor is not None and work.key not in request.held_curves:
                     yield from self._answers(data, factor, self._precision, picture=not is_told)
 
     def _send_cached(self, placement: Placement, request: ComputeTransport, sky: SkyState, lit_by: LightingState) -> Steps:
@@ -435,11 +435,11 @@ def _stages(request: ComputeTransport) -> list[tuple[Quality, bool]]:
         return [(DRAG, True)]
     coarse = replace(COARSE, n_lights=request.n_lights_preview)
     if request.is_fine:
-        return [(coarse, False), (final_quality(request.decisions), True)]
+        return [(coarse, False), (final_quality(request.settings), True)]
     preview = replace(PREVIEW, n_lights=request.n_lights_preview)
-    if request.decisions.n_lights <= request.n_lights_preview:
+    if request.settings.n_lights <= request.n_lights_preview:
         return [(coarse, False), (replace(preview, stays=True), True)]
-    final = final_quality(request.decisions)
+    final = final_quality(request.settings)
     return [(coarse, False), (preview, False), (final, True)]
 
 

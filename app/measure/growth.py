@@ -20,7 +20,7 @@ from app.machine.atomic import save_file
 from app.measure.figures import Figure
 from app.measure.subject import at_most, open_subject
 from app.placement.curves import Curves
-from app.placement.messages import Freeze, Frozen
+from app.placement.placement_messages import FreezeIndirect, IndirectFrozen
 from app.sky import sky_of
 from engine.scene.scene_loader import Scene
 from engine.transport.pipeline import Placement
@@ -78,7 +78,7 @@ def memory_of(scene: Scene, n_objects: int) -> GrowthRow:
     for _ in tasks.find(wanted.visible, sky_of(scene, document.light), "its own light", N_BOUNCES, is_last=True):
         pass
     frozen = next(
-        answer for answer in tasks.freeze(Freeze(wanted, wanted.visible[0].key, 0)) if isinstance(answer, Frozen)
+        answer for answer in tasks.freeze(FreezeIndirect(wanted, wanted.visible[0].key, 0)) if isinstance(answer, IndirectFrozen)
     )
     handed_out = frozen.bands.nbytes + sum(array.nbytes for array in frozen.reflected.values())
     return GrowthRow(n_objects, tasks.n_bytes / 1e6, handed_out / 1e6)

@@ -22,7 +22,7 @@ from app.jobs.dispatcher import RequestDispatcher
 from app.measure.accuracy import errors
 from app.measure.figures import Figure, NotMeasured, not_measured
 from app.messages import RequestFailed, SetCamera, OpenScene, Request, Response
-from app.placement.messages import ComputeTransport, LayerPicture, PrepareRelighting, RelightingPrepared
+from app.placement.placement_messages import ComputeTransport, LayerPicture, PrepareRelighting, RelightingPrepared
 from app.project import open_project
 from app.scene_state import SceneState, layer_state, scene_state
 from engine.planner import RenderSettings, band_counts

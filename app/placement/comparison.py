@@ -28,10 +28,10 @@ from app.document import Document
 from app.messages import Request
 from app.picture_events import PictureEvent
 from app.placement.curves import Float64Array, Coefficients, Curves, view_curve_of
-from app.placement.events import ComparedRefined, LayerLook
-from app.placement.messages import Contract, LayerPicture
-from app.placement.transport_talk import CONTRACT_PATIENCE, TransportTalk
-from app.placement.wishes import same_coefficients
+from app.placement.placement_events import ComparisonRefined, LayerAppearance
+from app.placement.placement_messages import ContractTransport, LayerPicture
+from app.placement.transport_controller import CONTRACT_PATIENCE, TransportController
+from app.placement.desired_state import same_coefficients
 from app.scene_state import LayerState, layer_state
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
@@ -41,7 +41,7 @@ Samples = Callable[[str, LayerMaps], NDArray[np.float16] | None]
 
 
 @dataclass(frozen=True)
-class Awaited:
+class PendingRadiance:
     """A layer's radiance under way."""
 
     id: int
@@ -64,8 +64,8 @@ class Comparison:
         self._serves = False
         self._coefficients: dict[str, Coefficients] = {}
         self._pictures: dict[str, NDArray[np.floating]] = {}
-        self._asked: Awaited | None = None
-        self._stage_came = self._failed = False
+        self._requested: PendingRadiance | None = None
+        self._stage_finished = self._failed = False
 
     def begin(self, document: Document | None, is_exact: bool) -> None:
         """A is (or is no longer) compared with; ``is_exact``: the picture that the renderer keeps of it is."""
@@ -82,31 +82,31 @@ class Comparison:
         """Whether A's picture is exact; also while nothing is compared."""
         return self._document is None or self._exact
 
-    def stage_came(self) -> None:
+    def stage_finished(self) -> None:
         """A stage of the picture on screen is complete."""
-        self._stage_came = True
+        self._stage_finished = True
 
-    def took(self, response: LayerPicture) -> bool:
+    def receive(self, response: LayerPicture) -> bool:
         """Whether this is the answer to a request for A, and no part of side B."""
-        if self._asked is not None and response.id == self._asked.id:
-            self._pictures[self._asked.key] = response.radiance
-            self._asked = None
+        if self._requested is not None and response.id == self._requested.id:
+            self._pictures[self._requested.key] = response.radiance
+            self._requested = None
         return response.id in self._ids
 
     def worker_restarted(self) -> None:
         """A new worker would answer with its first, coarse stage: what was asked for is asked for again later."""
-        self._asked = None
+        self._requested = None
 
     def took_failure(self, id: int) -> None:
         """Leave A as it is when the worker cannot draw it."""
-        if self._asked is not None and self._asked.id == id:
-            self._asked, self._failed = None, True
+        if self._requested is not None and self._requested.id == id:
+            self._requested, self._failed = None, True
 
     def update(
         self,
         now: float,
         document: Document,
-        talk: TransportTalk,
+        talk: TransportController,
         decisions: RenderSettings,
         exact: bool,
         has_indirect: bool = False,
@@ -134,36 +134,36 @@ class Comparison:
 
     def _follow(self, exact: bool) -> list[PictureEvent]:
         """B looks like A: what is on screen is A's picture as well."""
-        if not exact and not self._stage_came:
+        if not exact and not self._stage_finished:
             return []
-        self._stage_came, self._exact = False, exact
-        return [ComparedRefined({})]
+        self._stage_finished, self._exact = False, exact
+        return [ComparisonRefined({})]
 
     def _draw_apart(
-        self, now: float, compared: Document, document: Document, talk: TransportTalk
+        self, now: float, compared: Document, document: Document, talk: TransportController
     ) -> list[PictureEvent]:
         """B has other curves by now: ask for the layers that differ, one after the other, then draw A with them."""
         differing = self._differing(compared, document, talk)
         missing = [key for key in differing if key not in self._pictures]
         if missing:
-            if self._asked is None or now - self._asked.at > CONTRACT_PATIENCE:
-                bands = talk.asked_bands(missing[0]) or {}
-                self._ask(layer_state(compared, missing[0], tuple(bands.values())), talk.revision, now)
+            if self._requested is None or now - self._requested.at > CONTRACT_PATIENCE:
+                bands = talk.requested_bands(missing[0]) or {}
+                self._request(layer_state(compared, missing[0], tuple(bands.values())), talk.revision, now)
             return []
         if any(self._lacks_images(key, layer) for key, layer in compared.layers()):
             return []
         self._exact = True
-        return [ComparedRefined(self._looks(compared, differing, talk.light_gain))]
+        return [ComparisonRefined(self._layer_appearances(compared, differing, talk.light_gain))]
 
     def _lacks_images(self, key: str, layer: Layer) -> bool:
         """Whether A has images in this layer that nobody sampled, or not lately."""
         return not layer.maps.is_plain and self._samples(key, layer.maps) is None
 
-    def _differing(self, compared: Document, document: Document, talk: TransportTalk) -> list[str]:
+    def _differing(self, compared: Document, document: Document, talk: TransportController) -> list[str]:
         """Keys of the layers whose curves are not those on screen."""
         found = []
         for key, layer in compared.layers():
-            bands = talk.asked_bands(key)
+            bands = talk.requested_bands(key)
             if bands is None:
                 continue
             if key not in self._coefficients:
@@ -172,13 +172,13 @@ class Comparison:
                 found.append(key)
         return found
 
-    def _ask(self, layer: LayerState, revision: int, now: float) -> None:
-        self._asked = Awaited(self._send(Contract(layer, None, revision=revision)), layer.key, now)
-        self._ids.add(self._asked.id)
+    def _request(self, layer: LayerState, revision: int, now: float) -> None:
+        self._requested = PendingRadiance(self._send(ContractTransport(layer, None, revision=revision)), layer.key, now)
+        self._ids.add(self._requested.id)
 
-    def _looks(self, compared: Document, differing: list[str], light_gain: Float64Array) -> Mapping[str, LayerLook]:
+    def _layer_appearances(self, compared: Document, differing: list[str], light_gain: Float64Array) -> Mapping[str, LayerAppearance]:
         return {
-            key: LayerLook(
+            key: LayerAppearance(
                 layer.scale() * light_gain,
                 view_curve_of(layer),
                 compared.is_visible(key),

@@ -41,10 +41,10 @@ class Curves:
         self.map_means: dict[tuple[str, Images], MapMeans] = {}
         self._cached: dict[tuple[str, str, int], tuple[Layer, Float64Array]] = {}
 
-    def opened(self, scene: object) -> None:
+    def scene_opened(self, scene: object) -> None:
         """This scene is open: of another one bands are planned anew."""
         self._cached = {}
-        self.plans.opened(scene)
+        self.plans.scene_opened(scene)
 
     def bands(self, document: Document, key: str) -> dict[str, int]:
         """J of each of a layer's transport factors: as planned, or as a person chose for the sharpest, or for each."""
@@ -84,14 +84,14 @@ class Curves:
         layer = document.layer(key)
         factor = layer.model.view_factor
         name = "" if factor is None else factor.name
-        known = self._known(key, layer, name, N_VIEW_SAMPLES)
-        return self._keep(key, layer, name, view_curve_of(layer) if known is None else known)
+        known = self._cached_curve(key, layer, name, N_VIEW_SAMPLES)
+        return self._store_curve(key, layer, name, view_curve_of(layer) if known is None else known)
 
     def gain(self, document: Document, key: str) -> Float64Array:
         """f_q of a layer, (3,)."""
         return document.layer(key).scale()
 
-    def sent_gain(self, document: Document, key: str) -> Float64Array:
+    def outgoing_gain(self, document: Document, key: str) -> Float64Array:
         """f_q of a layer for all but the eye, (3,): with the mean of its texture and weight map, once that is known."""
         layer = document.layer(key)
         means = self._means(key, layer)
@@ -101,24 +101,24 @@ class Curves:
         return None if layer.maps.is_plain else self.map_means.get((object_of(key), layer.maps.images))
 
     def _band_values(self, key: str, layer: Layer, factor: str, n_bands: int) -> Float64Array:
-        known = self._known(key, layer, factor, n_bands)
+        known = self._cached_curve(key, layer, factor, n_bands)
         values = layer.coefficients(factor, n_bands) if known is None else known
-        return self._keep(key, layer, factor, values)
+        return self._store_curve(key, layer, factor, values)
 
-    def _known(self, key: str, layer: Layer, factor: str, n: int) -> Float64Array | None:
+    def _cached_curve(self, key: str, layer: Layer, factor: str, n: int) -> Float64Array | None:
         """The cached curve when it was made from this layer, or from one that does not differ in this curve."""
         before, values = self._cached.get((key, factor, n), (None, None))
         if before is None or values is None or not (before is layer or _same_curve(before, layer, factor)):
             return None
         return values
 
-    def _keep(self, key: str, layer: Layer, factor: str, values: Float64Array) -> Float64Array:
+    def _store_curve(self, key: str, layer: Layer, factor: str, values: Float64Array) -> Float64Array:
         values.setflags(write=False)
         self._cached[key, factor, len(values)] = (layer, values)
         return values
 
 
-def drawn_as(model: str, quotient_parameters: Sequence[float]) -> tuple[object, ...]:
+def picture_identity(model: str, quotient_parameters: Sequence[float]) -> tuple[object, ...]:
     """What f_q and the curves of a layer's picture belong to: its model, and of a measured one the measurement.
 
     Those of another one have another scale: with them the picture of the layer before would be far too bright or dark.

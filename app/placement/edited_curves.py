@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from app.document import Document, Selection
 from app.linked_layers import linked_indices
 from app.placement.curves import Curves
-from app.placement.wishes import CurveShown, CurveWish, LayerShown, same_coefficients
+from app.placement.desired_state import ReadyCurve, DesiredCurve, ReadyLayer, same_coefficients
 from engine.planner import Precision
 
 
@@ -29,16 +29,16 @@ def edited_layers(document: Document, selected: Selection | None) -> tuple[str, 
     return tuple(f"{selected.object}.{i}" for i in (selected.layer, *sharing))
 
 
-def curve_wishes(
+def desired_curves(
     document: Document, selected: Selection | None, curves: Curves, precision: Precision
-) -> tuple[CurveWish, ...]:
+) -> tuple[DesiredCurve, ...]:
     """The transport of the selected curve in the layers that follow it; none of a curve applied in image space."""
     wishes = []
     for key in edited_layers(document, selected):
         coefficients = curves.coefficients(document, key)
         if selected is not None and selected.factor in coefficients:
             others = {name: values for name, values in coefficients.items() if name != selected.factor}
-            wishes.append(CurveWish(key, selected.factor, others, precision))
+            wishes.append(DesiredCurve(key, selected.factor, others, precision))
     return tuple(wishes)
 
 
@@ -46,65 +46,65 @@ class EditedCurves:
     """The books of the talk about them; `layers` are the radiances that came with the transport asked last."""
 
     def __init__(self) -> None:
-        self.wished: tuple[CurveWish, ...] = ()
-        self._asked: dict[str, CurveWish] = {}
-        self._shown: dict[str, CurveShown] = {}
+        self.desired: tuple[DesiredCurve, ...] = ()
+        self._requested: dict[str, DesiredCurve] = {}
+        self._ready: dict[str, ReadyCurve] = {}
 
-    def forget_answers(self, staying: Mapping[str, LayerShown]) -> None:
+    def forget_answers(self, staying: Mapping[str, ReadyLayer]) -> None:
         """Other transport was asked for, and with it what is wanted now; that of layers that stay is there."""
-        self._asked = {wish.key: wish for wish in self.wished}
-        self._shown = {key: shown for key, shown in self._shown.items() if key in staying}
+        self._requested = {wish.key: wish for wish in self.desired}
+        self._ready = {key: shown for key, shown in self._ready.items() if key in staying}
 
-    def forget_asked(self) -> None:
+    def forget_requested(self) -> None:
         """A new worker knows nothing of what was asked."""
-        self._asked = {}
+        self._requested = {}
 
-    def ask(self, wish: CurveWish) -> None:
+    def note_request(self, wish: DesiredCurve) -> None:
         """It is being asked for."""
-        self._asked[wish.key] = wish
+        self._requested[wish.key] = wish
 
     def withdraw(self, key: str) -> None:
         """What was asked for will not come, or was not kept: selected again, it is asked for again."""
-        self._asked.pop(key, None)
+        self._requested.pop(key, None)
 
-    def missing(self, layers: Mapping[str, LayerShown]) -> list[CurveWish]:
+    def missing(self, layers: Mapping[str, ReadyLayer]) -> list[DesiredCurve]:
         """Those that are neither there nor asked for."""
-        due = [wish for wish in self.wished if not self.has(wish, layers)]
-        return [wish for wish in due if not wish.same(self._asked.get(wish.key))]
+        due = [wish for wish in self.desired if not self.has(wish, layers)]
+        return [wish for wish in due if not wish.same(self._requested.get(wish.key))]
 
-    def has_all(self, layers: Mapping[str, LayerShown]) -> bool:
-        return all(self.has(wish, layers) for wish in self.wished)
+    def has_all(self, layers: Mapping[str, ReadyLayer]) -> bool:
+        return all(self.has(wish, layers) for wish in self.desired)
 
-    def has(self, wish: CurveWish, layers: Mapping[str, LayerShown]) -> bool:
+    def has(self, wish: DesiredCurve, layers: Mapping[str, ReadyLayer]) -> bool:
         """Whether it has come, in the stage and with the other curve of its layer's radiance."""
         shown = layers.get(wish.key)
         if shown is None or wish.factor is None:
             return False
-        if self._shown.get(wish.key) != CurveShown(wish.key, wish.factor, shown.stage, wish.precision):
+        if self._ready.get(wish.key) != ReadyCurve(wish.key, wish.factor, shown.stage, wish.precision):
             return False
         # The layer that is shown may be the one before, with other curves than the document's.
         others = {name: values for name, values in shown.coefficients.items() if name != wish.factor}
         return same_coefficients(others, wish.others)
 
-    def took(self, came: CurveShown, edited: tuple[str, ...]) -> bool:
+    def receive(self, came: ReadyCurve, edited: tuple[str, ...]) -> bool:
         """Note one that came; whether its layer is among those that follow the selected curve now."""
         if came.key not in edited:
-            asked = self._asked.get(came.key)
+            asked = self._requested.get(came.key)
             if asked is not None and (asked.factor, asked.precision) == (came.factor, came.precision):
                 self.withdraw(came.key)
             return False
         # The renderer keeps no transport but theirs: of any other layer it is asked for again when it is selected.
-        self._asked = {key: wish for key, wish in self._asked.items() if key in edited}
-        self._shown = {key: shown for key, shown in self._shown.items() if key in edited} | {came.key: came}
+        self._requested = {key: wish for key, wish in self._requested.items() if key in edited}
+        self._ready = {key: shown for key, shown in self._ready.items() if key in edited} | {came.key: came}
         return True
 
-    def took_stage(self, layers: Mapping[str, LayerShown]) -> None:
+    def finish_stage(self, layers: Mapping[str, ReadyLayer]) -> None:
         """A stage is over: what did not come with it is asked for again."""
-        for wish in self.wished:
+        for wish in self.desired:
             if not self.has(wish, layers):
                 self.withdraw(wish.key)
 
     def stage_of(self, key: str, factor: str) -> str | None:
         """The stage of a curve's transport, where it is the one that is there."""
-        shown = self._shown.get(key)
+        shown = self._ready.get(key)
         return None if shown is None or shown.factor != factor else shown.stage

@@ -11,9 +11,9 @@ from app.document import document_from_description
 from app.jobs.band_planning import plan_bands
 from app.measurements import document_with_measurements, unread_files
 from app.messages import CancelRequests, SetCamera, OpenScene, Request, Response, SceneOpened, ViewTraced, with_numbers
-from app.placement.messages import (
+from app.placement.placement_messages import (
     ComputeTransport,
-    Contract,
+    ContractTransport,
     ErrorEstimated,
     EstimateError,
     LayerPicture,
@@ -129,7 +129,7 @@ class FakeClient:
 
     def contract(self, stage: str) -> None:
         """Answer the newest Contract."""
-        request: Contract = self.sent(Contract)[-1]
+        request: ContractTransport = self.sent(ContractTransport)[-1]
         layer = request.layer
         if request.picture:
             self.answer(request, LayerPicture(layer.key, stage, np.zeros((4, 3)), layer.coefficients))
@@ -174,11 +174,11 @@ class ServingClient(FakeClient):
             self._precision = sent.precision
             stages = ["drag"] if sent.is_drag else ["coarse", "final"]
             self._answers = {ComputeTransport: [a for stage in stages for a in self._stage(sent, stage, stages[-1])]}
-        elif isinstance(sent, Contract):
+        elif isinstance(sent, ContractTransport):
             if sent.factor is not None:
                 others = self._selected if sent.beside else {}
                 self._selected, self._precision = {**others, sent.layer.key: sent.factor}, sent.precision
-            self._answers[Contract] = self._contraction(sent)
+            self._answers[ContractTransport] = self._contraction(sent)
         elif isinstance(sent, EstimateError):
             # The error of each request is another one, so that a test can tell which of them was answered.
             self._answers[EstimateError] = [with_numbers(ErrorEstimated(ErrorEstimate(float(id))), id, sent.revision)]
@@ -214,7 +214,7 @@ class ServingClient(FakeClient):
         answers.append(StageDone(stage, stage == last, 0.1))
         return [with_numbers(answer, request.id, request.revision) for answer in answers]
 
-    def _contraction(self, request: Contract) -> list[Response]:
+    def _contraction(self, request: ContractTransport) -> list[Response]:
         layer = request.layer
         if layer.key not in self._made:
             return []

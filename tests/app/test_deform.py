@@ -11,16 +11,16 @@ import pytest
 
 from app import stills
 from app.commands import AddDeformer, SetDeformer, SetSurface, SetTime
-from app.deform.events import PoseCame
-from app.deform.messages import DeformKnown, DrawDeform, PathsTraced, PoseTold, PrepareDeform, Traced
-from app.deform.talk import DeformTalk
+from app.deform.deform_events import PoseArrived
+from app.deform.deform_messages import DeformLoss, DrawDeform, PathsTraced, PoseExported, PrepareDeform, PathPreview
+from app.deform.deform_controller import DeformController
 from app.document import Document
 from app.jobs.deform_worker import DeformWorker
 from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
 from app.messages import RequestFailed, SetCamera, OpenScene, Response
 from app.mode import OpenedScene
-from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, OrbitUnknown, PrepareOrbit
+from app.orbit.orbit_messages import DrawOrbit, OrbitProgress, OrbitPictureDrawn, OrbitNotReady, PrepareOrbit
 from app.project import open_project
 from app.scene_state import scene_state
 from app.editor_status import Status
@@ -63,17 +63,17 @@ def test_a_scene_is_made_ready_once_and_drawn_in_any_pose(file: Path) -> None:
     project = open_project(str(file))
     eye, scene = project.scene.description.camera, scene_state(project.document)
     client.send(DrawDeform(eye, SIZE, "moving"))
-    assert isinstance(answers(client)[0], OrbitUnknown)
+    assert isinstance(answers(client)[0], OrbitNotReady)
     prepared = client.send(PrepareDeform(scene, 1, ("box",)))
     told = answers(client)
-    known = [each for each in told if isinstance(each, OrbitAdvanced)]
+    known = [each for each in told if isinstance(each, OrbitProgress)]
     assert known[-1].is_done and not known[0].is_done and known[-1].n_bytes
-    (lost,) = [each.lost for each in told if isinstance(each, DeformKnown)]
+    (lost,) = [each.lost for each in told if isinstance(each, DeformLoss)]
     assert [name for name, _ in lost] == ["box"] and 0.0 < lost[0][1] < 1.0
     pictures = []
     for poses in ((), POSES):
         client.send(DrawDeform(eye, SIZE, "rest", poses))
-        (drawn,) = [each for each in answers(client) if isinstance(each, OrbitDrawn)]
+        (drawn,) = [each for each in answers(client) if isinstance(each, OrbitPictureDrawn)]
         assert drawn.prepared == prepared and drawn.is_done and drawn.radiance.shape == (*SIZE[::-1], 3)
         pictures.append(drawn.radiance)
     assert np.abs(pictures[0] - pictures[1]).max() > 0.1
@@ -81,9 +81,9 @@ def test_a_scene_is_made_ready_once_and_drawn_in_any_pose(file: Path) -> None:
     client.send(SetCamera(client.send(OpenScene(str(file))), poses=POSES))
     answers(client)
     client.send(PrepareDeform(scene, 1, ("box",)))
-    assert [each.is_done for each in answers(client) if isinstance(each, OrbitAdvanced)][-1]
+    assert [each.is_done for each in answers(client) if isinstance(each, OrbitProgress)][-1]
     client.send(DrawDeform(eye, SIZE, "rest", POSES))
-    (again,) = [each for each in answers(client) if isinstance(each, OrbitDrawn)]
+    (again,) = [each for each in answers(client) if isinstance(each, OrbitPictureDrawn)]
     assert again.radiance == pytest.approx(pictures[1], abs=1e-4)
 
 
@@ -100,10 +100,10 @@ def test_where_the_window_draws_it_is_told_what_moves_and_the_rest_once(
     answers(client)
     known, sent = NO_PARTS, []
     for poses in ((), POSES):
-        client.send(DrawDeform(eye, SIZE, "moving", poses, known=known))
-        (drawn,) = [each for each in answers(client) if isinstance(each, OrbitDrawn)]
-        assert isinstance(drawn, PoseTold) and drawn.is_done and not drawn.radiance.size
-        sent.append(drawn.told)
+        client.send(DrawDeform(eye, SIZE, "moving", poses, sent_parts=known))
+        (drawn,) = [each for each in answers(client) if isinstance(each, OrbitPictureDrawn)]
+        assert isinstance(drawn, PoseExported) and drawn.is_done and not drawn.radiance.size
+        sent.append(drawn.export)
         known = sent[0].numbers
     assert not any((sent[1].shape, sent[1].appearance, sent[1].cover, sent[1].sky))
     assert np.abs(sent[1].posed.places - sent[0].posed.places).max() > 0.1
@@ -111,38 +111,38 @@ def test_where_the_window_draws_it_is_told_what_moves_and_the_rest_once(
     grooves = DeformSurface.model_validate({"patch": {"kind": "bumps"}})
     client.send(PrepareDeform(scene, 1, ("box",), (("box", grooves),)))
     answers(client)
-    client.send(DrawDeform(eye, SIZE, "moving", POSES, known=known))
-    (drawn,) = [each for each in answers(client) if isinstance(each, OrbitDrawn)]
-    assert isinstance(drawn, PoseTold) and drawn.told.cover.lobes.size and len(drawn.told.appearance.terms) == 1
+    client.send(DrawDeform(eye, SIZE, "moving", POSES, sent_parts=known))
+    (drawn,) = [each for each in answers(client) if isinstance(each, OrbitPictureDrawn)]
+    assert isinstance(drawn, PoseExported) and drawn.export.cover.lobes.size and len(drawn.export.appearance.terms) == 1
 
 
 def test_a_moving_picture_is_the_windows_where_it_draws_and_one_at_rest_the_workers() -> None:
     table = Table()
-    talk = DeformTalk(table)
+    talk = DeformController(table)
     table.talk = talk
     talk.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
     talk.draw_in_window(1 << 27)
     table.update()
-    talk.receive(OrbitAdvanced(1, False, id=table.id_of(PrepareDeform)))
+    talk.receive(OrbitProgress(1, False, id=table.id_of(PrepareDeform)))
     (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
-    assert (asked.quality, asked.known) == ("moving", NO_PARTS)
+    assert (asked.quality, asked.sent_parts) == ("moving", NO_PARTS)
     pose = PosedPart(*(np.zeros((0, n), np.float32) for n in (12, 9, 14)), (0.0, 0.0, 0.0))
     told, radiance = PictureExport(pose, (3, 4, 5, 6), None, None, None, None), np.zeros((0, 0, 3), np.float32)
-    (came,) = talk.receive(PoseTold(radiance, 1, 1, False, 0.01, told=told, id=table.id_of(DrawDeform)))
-    assert isinstance(came, PoseCame) and came.told is told and came.resolution == asked.resolution
-    talk.receive(OrbitAdvanced(2, False, id=table.id_of(PrepareDeform)))
+    (came,) = talk.receive(PoseExported(radiance, 1, 1, False, 0.01, export=told, id=table.id_of(DrawDeform)))
+    assert isinstance(came, PoseArrived) and came.export is told and came.resolution == asked.resolution
+    talk.receive(OrbitProgress(2, False, id=table.id_of(PrepareDeform)))
     table.now += 0.1
     (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
-    assert asked.known == (3, 4, 5, 6)  # before the window has drawn them
-    talk.receive(PoseTold(radiance, 1, 2, False, 0.01, told=told, id=table.id_of(DrawDeform)))
-    talk.tell_again((3, 0, 0, 0))  # which it could not
+    assert asked.sent_parts == (3, 4, 5, 6)  # before the window has drawn them
+    talk.receive(PoseExported(radiance, 1, 2, False, 0.01, export=told, id=table.id_of(DrawDeform)))
+    talk.resend_parts((3, 0, 0, 0))  # which it could not
     (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
-    assert asked.known == (3, 0, 0, 0)
-    talk.receive(PoseTold(radiance, 1, 2, False, 0.01, told=told, id=table.id_of(DrawDeform)))
-    talk.receive(OrbitAdvanced(3, True, id=table.id_of(PrepareDeform)))
+    assert asked.sent_parts == (3, 0, 0, 0)
+    talk.receive(PoseExported(radiance, 1, 2, False, 0.01, export=told, id=table.id_of(DrawDeform)))
+    talk.receive(OrbitProgress(3, True, id=table.id_of(PrepareDeform)))
     table.now += 1.0
     (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
-    assert (asked.quality, asked.known) == ("rest", None)
+    assert (asked.quality, asked.sent_parts) == ("rest", None)
 
 
 def test_a_split_picture_is_traced_pass_by_pass(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -152,41 +152,41 @@ def test_a_split_picture_is_traced_pass_by_pass(file: Path, monkeypatch: pytest.
     answers(client)
     project = open_project(str(file))
     eye, scene = project.scene.description.camera, scene_state(project.document)
-    prepare = PrepareDeform(scene, 1, ("box",), traced=Traced(eye, SIZE, POSES))
+    prepare = PrepareDeform(scene, 1, ("box",), traced=PathPreview(eye, SIZE, POSES))
     client.send(prepare)
     told = answers(client)
-    versions = [each.version for each in told if isinstance(each, OrbitAdvanced) and each.is_done]
+    versions = [each.version for each in told if isinstance(each, OrbitProgress) and each.is_done]
     assert len(set(versions)) == 3  # ready, and two passes
     assert [(each.n_passes, each.of) for each in told if isinstance(each, PathsTraced)] == [(0, 2), (1, 2), (2, 2)]
     pictures = []
     for split, poses in ((None, POSES), ((0.5, 0.5), POSES), ((0.5, 0.5), ())):
         client.send(DrawDeform(eye, SIZE, "moving", poses, split))
-        (drawn,) = [each for each in answers(client) if isinstance(each, OrbitDrawn)]
+        (drawn,) = [each for each in answers(client) if isinstance(each, OrbitPictureDrawn)]
         pictures.append(drawn.radiance)
     whole, parted, other = pictures
     assert np.array_equal(parted[:, 12:], whole[:, 12:])
     # The sky is the same on both sides; where another pose than was traced is asked for, it waits in the dark.
     assert parted[0, 0] == pytest.approx(whole[0, 0], rel=1e-3) and other[0, 0] == pytest.approx(0.2 * whole[0, 0])
     client.send(prepare)  # nothing is traced a second time
-    assert len({each.version for each in answers(client) if isinstance(each, OrbitAdvanced)}) == 1
+    assert len({each.version for each in answers(client) if isinstance(each, OrbitProgress)}) == 1
 
 
 def test_what_is_split_and_rests_is_traced_and_not_handed_over() -> None:
     table = Table()
-    talk = DeformTalk(table)
+    talk = DeformController(table)
     table.talk = talk
     talk.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
     table.view = replace(table.view, split=(0.3, 0.6))
     (asked,) = table.update()
     assert isinstance(asked, PrepareDeform) and asked.traced is not None and asked.traced.poses == ()
-    talk.receive(OrbitAdvanced(1, True, id=table.id_of(PrepareDeform)))
+    talk.receive(OrbitProgress(1, True, id=table.id_of(PrepareDeform)))
     (drawn,) = [each for each in table.update() if isinstance(each, DrawDeform)]
     assert drawn.split == (0.3, 0.6)
     take_picture(table)
     for _ in range(3):
         table.now += 1.0
         table.update()
-    assert not talk.hands_over
+    assert not talk.is_placement_active
     for n_passes, picture in ((0, "refining"), (31, "refining"), (32, "finished")):
         talk.receive(PathsTraced(n_passes, 32, id=table.id_of(PrepareDeform)))
         status = talk.status(Status())
@@ -199,7 +199,7 @@ def test_what_is_split_and_rests_is_traced_and_not_handed_over() -> None:
 
 def test_a_hand_that_bends_has_one_picture_a_frame_and_nothing_made_ready_anew() -> None:
     table = Table()
-    talk = DeformTalk(table)
+    talk = DeformController(table)
     table.talk = talk
     talk.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
     (first,) = table.update()
@@ -208,7 +208,7 @@ def test_a_hand_that_bends_has_one_picture_a_frame_and_nothing_made_ready_anew()
     table.history.do(AddDeformer(name, "bend"))
     (second,) = table.update()
     assert isinstance(second, PrepareDeform) and second.posed == (name,)  # it is about to bend: its shadows are its own
-    talk.receive(OrbitAdvanced(1, True, id=table.id_of(PrepareDeform)))
+    talk.receive(OrbitProgress(1, True, id=table.id_of(PrepareDeform)))
     assert [type(each) for each in table.update()] == [DrawDeform]
     take_picture(table)
     table.history.begin_drag()
@@ -216,15 +216,15 @@ def test_a_hand_that_bends_has_one_picture_a_frame_and_nothing_made_ready_anew()
         table.history.do(SetDeformer(name, 0, amount=amount))
         (asked,) = table.update()
         assert isinstance(asked, DrawDeform) and asked.poses == ((name, (Deformation("bend", amount),)),)
-        assert not talk.shows_look  # what is selected has no outline over the pose of before
+        assert not talk.shows_viewpoint  # what is selected has no outline over the pose of before
         take_picture(table)
-        assert talk.shows_look
+        assert talk.shows_viewpoint
     assert not any(isinstance(each, PrepareOrbit | DrawOrbit) for each in table.sent)
 
 
 def test_what_only_has_an_animation_rests_among_the_others_until_it_plays() -> None:
     table = Table()
-    talk = DeformTalk(table)
+    talk = DeformController(table)
     table.talk = talk
     table.history.document = document = animated(table.document)
     talk.scene_opened(OpenedScene(1, (), table.description, document, document))
@@ -248,20 +248,20 @@ def animated(document: Document) -> Document:
 
 def test_a_surface_is_the_documents_and_deforms_alone() -> None:
     table = Table()
-    talk = DeformTalk(table)
+    talk = DeformController(table)
     table.talk = talk
     talk.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
     table.update()
     table.history.do(SetSurface(NAME, "membrane"))
     (asked,) = table.update()
     assert asked.surfaces == ((NAME, DeformSurface.model_validate({"membrane": {"translucency": 0.5}})),)
-    talk.receive(OrbitAdvanced(1, True, id=table.id_of(PrepareDeform)))
+    talk.receive(OrbitProgress(1, True, id=table.id_of(PrepareDeform)))
     table.now += 1.0
     table.update()
     take_picture(table)
     table.update()
     status = talk.status(Status())
-    assert status.alone == (NAME,) and status.picture == "finished" and not talk.hands_over
+    assert status.alone == (NAME,) and status.picture == "finished" and not talk.is_placement_active
     assert NAME in status.no_estimate_reason  # nobody finds out where it is off
     table.view = replace(table.view, split=(0.3, 0.6))
     table.history.do(SetSurface(NAME, ""))
@@ -275,12 +275,12 @@ def test_a_surface_is_the_documents_and_deforms_alone() -> None:
 def test_an_image_that_cannot_be_read_leaves_the_document_and_the_picture_as_they_were() -> None:
     """As if it had never been chosen, where that was the last step; else what was there takes its place."""
     table = Table()
-    talk = DeformTalk(table)
+    talk = DeformController(table)
     table.talk = talk
     talk.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
     table.history.do(SetSurface(NAME, "membrane"))
     table.update()
-    talk.receive(OrbitAdvanced(1, True, id=table.id_of(PrepareDeform)))
+    talk.receive(OrbitProgress(1, True, id=table.id_of(PrepareDeform)))
     table.update()
     before, steps = table.history.document, len(table.history.undo_steps)
     for goes_on in (False, True):
@@ -307,7 +307,7 @@ def test_a_scene_goes_on_as_it_was_where_an_image_is_broken(file: Path, tmp_path
         (failed,) = [each for each in answers(client) if isinstance(each, RequestFailed)]
         assert Path(name).name in failed.line and "\n" not in failed.line and "nothing was changed" in failed.line
     client.send(PrepareDeform(scene, 1))
-    assert [each.is_done for each in answers(client) if isinstance(each, OrbitAdvanced)][-1]
+    assert [each.is_done for each in answers(client) if isinstance(each, OrbitProgress)][-1]
 
 
 def test_the_error_of_the_fit_is_a_picture_of_its_own_and_a_membrane_has_none(file: Path) -> None:
@@ -321,7 +321,7 @@ def test_the_error_of_the_fit_is_a_picture_of_its_own_and_a_membrane_has_none(fi
         client.send(PrepareDeform(scene, 1, (), surfaces))
         answers(client)
         client.send(DrawDeform(eye, SIZE, "moving", fit_error=True))
-        (drawn,) = [each for each in answers(client) if isinstance(each, OrbitDrawn)]
+        (drawn,) = [each for each in answers(client) if isinstance(each, OrbitPictureDrawn)]
         pictures.append(drawn.radiance)
     fitted, exact = pictures
     assert fitted.max() > 0.0 and (fitted[..., 0] == fitted[..., 2]).all() and not exact.any()
@@ -330,7 +330,7 @@ def test_the_error_of_the_fit_is_a_picture_of_its_own_and_a_membrane_has_none(fi
 def take_picture(table: Table) -> None:
     """The worker's answer to the newest picture asked for."""
     radiance, prepared = np.ones((2, 2, 3), np.float32), table.id_of(PrepareDeform)
-    table.talk.receive(OrbitDrawn(radiance, prepared, 1, True, 0.01, id=table.id_of(DrawDeform)))
+    table.talk.receive(OrbitPictureDrawn(radiance, prepared, 1, True, 0.01, id=table.id_of(DrawDeform)))
 
 
 def test_a_still_is_of_the_pose_that_is_set(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,8 +14,8 @@ from app.commands.light import SetEmission
 from app.document import Document, Selection
 from app.editor import Editor
 from app.files.session import fit_session, load_session, save_session
-from app.placement.messages import ComputeTransport
-from app.placement.wishes import brightened
+from app.placement.placement_messages import ComputeTransport
+from app.placement.desired_state import brightening_factors
 from app.project import open_project
 from app.set_path import set_path
 from app.view_state import ViewState
@@ -162,12 +162,12 @@ def test_a_light_that_was_off_is_computed(client: FakeClient) -> None:
 def test_factors_are_those_of_all_emitters_or_none() -> None:
     one = (("a", (1.0, 2.0, 0.0)), ("b", (3.0, 0.0, 0.0)))
     twice = (("a", (2.0, 2.0, 0.0)), ("b", (6.0, 0.0, 0.0)))
-    factors = brightened(twice, one)
+    factors = brightening_factors(twice, one)
     assert factors is not None
     np.testing.assert_allclose(factors, [2.0, 1.0, 0.0])
-    assert brightened((("a", (2.0, 2.0, 0.0)), ("b", (3.0, 0.0, 0.0))), one) is None
-    assert brightened(twice[:1], one) is None
-    assert brightened((), ()) is None
+    assert brightening_factors((("a", (2.0, 2.0, 0.0)), ("b", (3.0, 0.0, 0.0))), one) is None
+    assert brightening_factors(twice[:1], one) is None
+    assert brightening_factors((), ()) is None
 
 
 def test_stills_and_the_reference_shine_as_the_document(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from app.commands.layers import SetFresnelTerm, SetModel, SetParameter
 from app.document import Document, document_from_description
 from app.editor import Editor
 from app.files.session import fit_session, load_session, save_session
-from app.placement.messages import ComputeTransport
+from app.placement.placement_messages import ComputeTransport
 from app.set_path import set_path
 from app.view_state import ViewState
 from engine.curve.operators import Operator

@@ -16,7 +16,7 @@ from app.view_controller import REST_SECONDS
 from app.camera_history import find_ground_boxes
 from app.messages import CancelRequests, RequestFailed, SetCamera, OpenScene
 from app.picture_events import SceneFrame
-from app.placement.messages import ComputeTransport
+from app.placement.placement_messages import ComputeTransport
 from app.project import open_project
 from app.view_state import Bookmark, SetView, Viewpoint
 from engine.errors import InsituError

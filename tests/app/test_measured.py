@@ -29,7 +29,7 @@ from app.messages import (
     WriteFiles,
 )
 from app.placement.curves import Curves
-from app.placement.messages import ComputeTransport, LayerPicture, PlanBands
+from app.placement.placement_messages import ComputeTransport, LayerPicture, PlanBands
 from app.project import open_project
 from app.measured_import import import_measured, measured_layers
 from app.set_path import set_path

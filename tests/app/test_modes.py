@@ -10,7 +10,7 @@ import pytest
 from app.messages import CancelRequests, FetchTable, SetCamera, OpenScene, ReadMeasured, Request
 from app.modes import MODES
 from app.lazy_import import import_named
-from app.placement.messages import ComputeTransport, Contract, Freeze, PlanBands, SampleMaps
+from app.placement.placement_messages import ComputeTransport, ContractTransport, FreezeIndirect, PlanBands, SampleMaps
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -27,24 +27,24 @@ def test_what_a_mode_names_is_there(mode) -> None:
 
 
 def needed_by(kind: type[Request]) -> set[type[Request]]:
-    kinds = {OpenScene, SetCamera, ComputeTransport, Contract, Freeze, PlanBands, ReadMeasured, FetchTable, SampleMaps}
+    kinds = {OpenScene, SetCamera, ComputeTransport, ContractTransport, FreezeIndirect, PlanBands, ReadMeasured, FetchTable, SampleMaps}
     return {each for each in kinds if (kind().cancels(each) if kind is CancelRequests else each.needs(kind))}
 
 
 def test_a_request_is_void_with_what_it_is_built_on() -> None:
     # Contractions are of a transport, which is of a view, which is of a scene; what is read or handed out for the
     # window is of none of them.
-    assert needed_by(ComputeTransport) == {ComputeTransport, Contract, Freeze}
-    assert needed_by(SetCamera) == {SetCamera, ComputeTransport, Contract, Freeze, SampleMaps}
+    assert needed_by(ComputeTransport) == {ComputeTransport, ContractTransport, FreezeIndirect}
+    assert needed_by(SetCamera) == {SetCamera, ComputeTransport, ContractTransport, FreezeIndirect, SampleMaps}
     assert needed_by(OpenScene) == needed_by(SetCamera) | {OpenScene, ReadMeasured}
-    assert needed_by(Contract) == {Contract}
+    assert needed_by(ContractTransport) == {ContractTransport}
 
 
 def test_a_person_who_stops_the_work_means_no_looks_in_passing() -> None:
-    assert needed_by(CancelRequests) == {OpenScene, SetCamera, ComputeTransport, Contract, Freeze, ReadMeasured}
+    assert needed_by(CancelRequests) == {OpenScene, SetCamera, ComputeTransport, ContractTransport, FreezeIndirect, ReadMeasured}
 
 
 def test_a_mode_that_is_left_takes_its_own_requests_alone() -> None:
     gone = CancelRequests(of=(ComputeTransport,))
-    assert gone.cancels(ComputeTransport) and gone.cancels(Freeze)
+    assert gone.cancels(ComputeTransport) and gone.cancels(FreezeIndirect)
     assert not gone.cancels(OpenScene) and not gone.cancels(ReadMeasured) and not gone.cancels(SampleMaps)

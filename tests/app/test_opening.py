@@ -6,9 +6,9 @@ from app.commands.light import SetRotation
 from app.editor import Editor
 from app.messages import RequestFailed, SetCamera, OpenScene
 from app.picture_events import SceneFrame
-from app.placement.messages import BouncesPlanned, ComputeTransport
-from app.placement.status import RenderReport
-from app.placement.transport_talk import N_LIGHTS_PREVIEW
+from app.placement.placement_messages import BouncesPlanned, ComputeTransport
+from app.placement.placement_status import RenderReport
+from app.placement.transport_controller import N_LIGHTS_PREVIEW
 from app.view_state import SetView
 from engine.planner import band_counts
 from tests.app.fake_worker import FakeClient, computed
@@ -27,7 +27,7 @@ def test_opening_asks_for_all_layers_at_once(client: FakeClient) -> None:
     (work,) = computed(client)
     assert [layer.key for layer in work.scene.layers] == ["pot.0", "pot.1", "floor.0"]  # the lamp shines: no layers
     assert (work.selected, work.factor) == ("pot.1", "theta_h")
-    assert (work.n_lights_preview, work.decisions.n_lights) == (N_LIGHTS_PREVIEW, 4000)
+    assert (work.n_lights_preview, work.settings.n_lights) == (N_LIGHTS_PREVIEW, 4000)
     assert work.scene.light.rotation == 30.0
     counts = tuple(band_counts(editor.document.layer("pot.1")).values())
     assert work.scene.layers[1].bands == counts

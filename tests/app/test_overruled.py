@@ -16,7 +16,7 @@ from app.editor import Editor
 from app.files.session import load_session, save_session
 from app.jobs.cache import ArrayCache
 from app.messages import SetCamera
-from app.placement.messages import BouncesPlanned
+from app.placement.placement_messages import BouncesPlanned
 from app.project import open_project, with_overrides
 from app.view_state import AS_PLANNED, SetView, ViewState
 from engine.errors import InsituError, LoadError
@@ -97,7 +97,7 @@ def test_the_editor_asks_for_what_is_set_and_undo_brings_back(settled: Editor, c
     settled.tick(1.5)
     request = computed(client)[-1]
     assert (
-        request.decisions == RenderSettings(1000, 256, 2, False, frozenset({"lights", "patches"}))
+        request.settings == RenderSettings(1000, 256, 2, False, frozenset({"lights", "patches"}))
         and request.precision == "float"
     )
     assert {state.key: state.bands for state in request.scene.layers}["pot.1"][0] == 32
@@ -117,13 +117,13 @@ def test_bounces_set_by_a_person_do_not_hide_how_many_are_planned(client: FakeCl
     client.answer(computed(client)[-1], BouncesPlanned(3, "the last carries 2 %"))  # comes too late
     editor.tick(0.1)
     editor.tick(0.4)
-    assert computed(client)[-1].decisions.n_bounces == 2
+    assert computed(client)[-1].settings.n_bounces == 2
     client.answer(computed(client)[-1], BouncesPlanned(2, ""))
     editor.tick(0.5)
     editor.undo()
     editor.tick(0.6)
     editor.tick(0.9)
-    assert computed(client)[-1].decisions.n_bounces == AS_PLANNED
+    assert computed(client)[-1].settings.n_bounces == AS_PLANNED
 
 
 def test_a_knob_of_the_view_gives_way(settled: Editor, client: FakeClient) -> None:
@@ -131,7 +131,7 @@ def test_a_knob_of_the_view_gives_way(settled: Editor, client: FakeClient) -> No
     settled.do(SetView.of(n_lights=5000))
     settled.tick(1.1)
     settled.tick(1.4)
-    assert [request.decisions.n_lights for request in computed(client)] == [600]
+    assert [request.settings.n_lights for request in computed(client)] == [600]
 
 
 def test_a_command_line_changes_what_is_computed(tmp_path: Path) -> None:

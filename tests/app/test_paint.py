@@ -15,8 +15,8 @@ from app.document import Document
 from app.editor import Editor
 from app.files.session import load_session, save_session
 from app.history import History
-from app.placement.events import LayerMapsChanged
-from app.placement.messages import MapsSampled, SampleMaps
+from app.placement.placement_events import LayerMapsChanged
+from app.placement.placement_messages import MapsSampled, SampleMaps
 from app.view_state import ViewState
 from engine.errors import InsituError
 from engine.material.layer_maps import LayerMaps, MapMeans
@@ -96,7 +96,7 @@ def answer(editor: Editor, client: FakeClient, request: SampleMaps, level: float
 
 def test_a_stroke_is_seen_while_it_goes_on(editor: Editor, client: FakeClient) -> None:
     """Answers that the hand has left behind are shown, and their mean stands for the newest, until that is here."""
-    plain = editor.controller.curves.sent_gain(editor.document, "pot.1")
+    plain = editor.controller.curves.outgoing_gain(editor.document, "pot.1")
     editor.begin_drag()
     editor.do(Paint("pot.1", STROKE))
     editor.tick(0.1)
@@ -106,7 +106,7 @@ def test_a_stroke_is_seen_while_it_goes_on(editor: Editor, client: FakeClient) -
     assert client.sent(SampleMaps) == [first]  # one after the other, or no answer would count
     (event,) = answer(editor, client, first, 0.25)
     assert (event.samples == 0.25).all() and event.has_weight and not editor.controller.maps.is_complete
-    np.testing.assert_allclose(editor.controller.curves.sent_gain(editor.document, "pot.1"), 0.25 * plain)
+    np.testing.assert_allclose(editor.controller.curves.outgoing_gain(editor.document, "pot.1"), 0.25 * plain)
     (event,) = answer(editor, client, client.sent(SampleMaps)[-1], 0.5)
     assert (event.samples == 0.5).all() and editor.controller.maps.is_complete
     editor.end_drag()

@@ -9,7 +9,7 @@ from app.commands.layers import SetModel
 from app.commands.material import SetMaterial
 from app.editor import Editor
 from app.files.library import Library, LibraryEntry
-from app.placement.wishes import same_coefficients
+from app.placement.desired_state import same_coefficients
 from engine.material import MODELS
 from tests.app.fake_worker import ServingClient
 from tests.app.placement.test_transport_talk import Renderer, settle

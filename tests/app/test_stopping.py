@@ -5,8 +5,8 @@ import numpy as np
 from app.commands.light import SetRotation
 from app.editor import Editor
 from app.messages import CancelRequests, OpenScene, Progress
-from app.placement.messages import ComputeTransport, LayerPicture
-from app.placement.status import RenderReport
+from app.placement.placement_messages import ComputeTransport, LayerPicture
+from app.placement.placement_status import RenderReport
 from app.view_state import SetView
 from tests.app.fake_worker import FakeClient, computed
 
@@ -45,7 +45,7 @@ def test_more_bounces_go_on_where_work_was_stopped(editor: Editor, client: FakeC
     editor.do(SetView.of(n_bounces=4))
     editor.tick(1.0)
     editor.tick(2.0)
-    assert not editor.status.stopped and computed(client)[-1].decisions.n_bounces == 4
+    assert not editor.status.stopped and computed(client)[-1].settings.n_bounces == 4
 
 
 def test_stopping_what_the_picture_does_not_need_leaves_nothing_to_resume(settled: Editor, client: FakeClient) -> None:

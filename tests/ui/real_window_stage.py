@@ -260,12 +260,12 @@ class Stage:
 def main() -> int:
     """The window's process."""
     from app.jobs.client import Client
-    from app.placement import relight_talk
+    from app.placement import relight_controller
     from tests.ui.quick_worker import HANDLERS
     from tests.ui.stand_in import StandInClient
     from ui import window
 
-    relight_talk.REST_SECONDS = math.inf  # its rows take as long as the picture; no test of the window waits for them
+    relight_controller.IDLE_SECONDS = math.inf  # its rows take as long as the picture; no test of the window waits for them
     words = json.loads(sys.argv[1])
     client = StandInClient() if words["source"] == "stand-in" else Client(HANDLERS)
     stage = Stage(Connection(words["pipe"]), client, words["size"])

@@ -27,9 +27,9 @@ from app.messages import (
     SkyImage,
     with_numbers,
 )
-from app.placement.messages import (
+from app.placement.placement_messages import (
     ComputeTransport,
-    Contract,
+    ContractTransport,
     LayerPicture,
     LayerTransport,
     PlanBands,
@@ -163,7 +163,7 @@ class StandInClient:
             yield ViewTraced(scene_frame())
         elif isinstance(request, ComputeTransport):
             yield from self._compute(request)
-        elif isinstance(request, Contract):
+        elif isinstance(request, ContractTransport):
             yield from self._contract(request)
         elif isinstance(request, PlanBands):
             yield from (answer for answer in plan_bands(request) if answer is not None)
@@ -189,7 +189,7 @@ class StandInClient:
                 yield self._transport(layer.key, request.factor, made_with, request.precision)
         yield StageDone("final", True, 0.1, 1_000_000, 26.4)
 
-    def _contract(self, request: Contract) -> Iterator[Response]:
+    def _contract(self, request: ContractTransport) -> Iterator[Response]:
         layer, first = request.layer, request.layer.coefficients[0]
         coefficients = dict(zip(layer.factors, layer.coefficients, strict=True))
         radiance = np.einsum("jpc,jc->pc", transport_of(layer.key, len(first)), first).astype(np.float32)

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from app.commands.layers import SetEditable
-from app.placement.messages import ComputeTransport
-from app.placement.status import PlacementStatus, error_note
+from app.placement.placement_messages import ComputeTransport
+from app.placement.placement_status import PlacementStatus, error_note
 from app.editor_status import Status
 from engine.render.picture_error import ErrorEstimate
 from tests.ui.stand_in import StandInClient

@@ -16,10 +16,10 @@ from app.commands import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer,
 from app.commands.layers import SetParameter
 from app.commands.light import SetRotation
 from app.effective_settings import effective_view
-from app.deform.talk import DeformTalk
+from app.deform.deform_controller import DeformController
 from app.editor import Editor
 from app.jobs.cache import ArrayCache
-from app.orbit.wishes import OrbitWish
+from app.orbit.desired_state import DesiredOrbit
 from app.view_state import SetView
 from engine.deform.deform_engine import Deform
 from engine.deform.pose import Poses
@@ -90,7 +90,7 @@ def test_the_stand_in_is_called_as_the_engine_is() -> None:
 def expected_colour(editor: Editor) -> np.ndarray:
     document = editor.document
     view = effective_view(editor.view, document)
-    layers, effort = OrbitWish.of(document, view).scene.layers, (view.n_rays, view.n_lobes)
+    layers, effort = DesiredOrbit.of(document, view).scene.layers, (view.n_rays, view.n_lobes)
     names = [state.name for state in document.objects]
     own = [said_of_layers([each.layer for each in layers if each.object == name]) for name in names]
     posed = tuple(state.name for state in document.objects if state.deformations or state.moment is not None)
@@ -167,7 +167,7 @@ def test_the_last_picture_is_of_the_last_document(tmp_path: Path, monkeypatch: p
         walk.editor.do(SetSurface("dice", ""))
         walk.editor.do(SetView.of(fit_error=False))
         walk.editor.do(SetView.of(mode="deform"))
-        walk.until(lambda: isinstance(walk.editor.controller, DeformTalk) and walk.editor.status.picture == "refining")
+        walk.until(lambda: isinstance(walk.editor.controller, DeformController) and walk.editor.status.picture == "refining")
         told = [
             line for line in walk.told if not any(known in line for known in (*MAY_BE_TOLD, "expected -720 to 720"))
         ]

@@ -21,9 +21,9 @@ from app.document import Document
 from app.editor import Editor
 from app.jobs.cache import ArrayCache
 from app.modes import MODES
-from app.orbit.events import OrbitPicture
-from app.orbit.talk import OrbitTalk
-from app.orbit.wishes import OrbitWish
+from app.orbit.orbit_events import OrbitPicture
+from app.orbit.orbit_controller import OrbitController
+from app.orbit.desired_state import DesiredOrbit
 from app.view_state import SetView, ViewState
 from engine.material.layer import Layer
 from engine.orbit.orbit_engine import Orbit
@@ -141,7 +141,7 @@ def expected_colour(editor: Editor) -> np.ndarray:
     """That of the picture that the document and the view come to."""
     document: Document = editor.document
     view: ViewState = effective_view(editor.view, editor.document)
-    wish = OrbitWish.of(document, view)
+    wish = DesiredOrbit.of(document, view)
     layers, effort = wish.scene.layers, (wish.n_points, wish.n_coefficients)
     names = [state.name for state in document.objects]
     own = [said_of_layers([each.layer for each in layers if each.object == name]) for name in names]
@@ -260,7 +260,7 @@ def stroll(walk: OrbitWalk, random: np.random.Generator, n_commands: int) -> lis
 
 def is_whole(editor: Editor) -> bool:
     """Whether the editor says that Orbit shows all it can of this document and view."""
-    return isinstance(editor.controller, OrbitTalk) and editor.status.picture == "refining"
+    return isinstance(editor.controller, OrbitController) and editor.status.picture == "refining"
 
 
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(s, marks=pytest.mark.sweep) for s in range(2, 100))])

@@ -13,7 +13,7 @@ from app.commands.layers import SetParameter
 from app.commands.light import SetEmission
 from app.jobs.cache import ArrayCache
 from app.jobs.dispatcher import RequestDispatcher
-from app.placement.messages import ComputeTransport
+from app.placement.placement_messages import ComputeTransport
 from app.project import open_project
 from app.stills import render_picture
 from engine.indirect.series import BounceSeries
@@ -132,4 +132,4 @@ def test_a_press_cuts_lamps_more_finely(context: moderngl.Context, tmp_path: Pat
         assert window.shell.editor.view.n_patches == 3000
         wait_until_exact(window)
         assert client.n_asked(ComputeTransport) == asked + 1
-        assert [r.decisions.n_patches for r in client.requests if isinstance(r, ComputeTransport)][-1] == 3000
+        assert [r.settings.n_patches for r in client.requests if isinstance(r, ComputeTransport)][-1] == 3000

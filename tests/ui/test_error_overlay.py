@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.placement.talk import PlacementTalk
+from app.placement.placement_controller import PlacementController
 from app.editor_status import Status
 from ui.headless import HeadlessWindow
 from ui.panels.viewport import ERROR_AWAITED, ERROR_UNKNOWN, error_missing
@@ -26,8 +26,8 @@ def test_a_key_lays_it_over_the_picture_and_takes_it_off(
     assert source is not None and source.picture is not None
     colours = np.full((source.picture.height, source.picture.width, 4), 255, np.uint8)
     colours[:, :, 1:3] = 0
-    status = PlacementTalk.status
-    monkeypatch.setattr(PlacementTalk, "status", lambda talk, told: replace(status(talk, told), error_colours=colours))
+    status = PlacementController.status
+    monkeypatch.setattr(PlacementController, "status", lambda talk, told: replace(status(talk, told), error_colours=colours))
     assert isinstance(editor.status, Status) and not editor.view.shows_error
     window.key(imgui.Key.e)
     window.leave()

@@ -16,7 +16,7 @@ from app.editor import Editor
 from app.files.session import load_session
 from app.machine.inputs import add_inputs
 from app.machine.paths import display_name
-from app.placement.messages import ComputeTransport
+from app.placement.placement_messages import ComputeTransport
 from app.probe_file import likely_mapping, probe_size
 from tests.ui.stand_in import StandInClient
 from ui.actor import Actor, picture_name

@@ -12,7 +12,7 @@ import pytest
 from app.commands.light import SetIntensity
 from app.jobs.cache import ArrayCache
 from app.jobs.dispatcher import RequestDispatcher
-from app.placement.messages import ComputeTransport, Contract
+from app.placement.placement_messages import ComputeTransport, ContractTransport
 from app.view_state import SetView
 from tests.ui.small_scene import SCENE, CountingClient, opened_window, wait_until_exact, write_small_scene
 from ui.headless import HeadlessWindow
@@ -54,7 +54,7 @@ def test_intensity_is_a_factor_on_lamps_and_on_what_they_light(
     window: HeadlessWindow, client: CountingClient, of_the_lamp: bool, exposure: float
 ) -> None:
     editor = window.shell.editor
-    before, asked = shown_radiance(window, exposure), client.n_asked(ComputeTransport, Contract)
+    before, asked = shown_radiance(window, exposure), client.n_asked(ComputeTransport, ContractTransport)
     editor.do(SetIntensity(3.0))
     after = shown_radiance(window, exposure)
     part = pixels_within(window, of_the_lamp)
@@ -63,7 +63,7 @@ def test_intensity_is_a_factor_on_lamps_and_on_what_they_light(
     assert part.sum() > 40
     # Eight bits in sRGB: half a step is 2 % of the darkest values compared.
     np.testing.assert_allclose(after[part].mean(axis=0), 3.0 * before[part].mean(axis=0), rtol=0.02)
-    assert client.n_asked(ComputeTransport, Contract) == asked
+    assert client.n_asked(ComputeTransport, ContractTransport) == asked
     assert editor.status.picture == "exact"
 
 

@@ -13,7 +13,7 @@ from imgui_bundle import ImVec2, imgui
 from app.document import ObjectState
 from app.editor import Editor
 from app.messages import Progress
-from app.placement.indirect_talk import IndirectTalk
+from app.placement.indirect_controller import IndirectController
 from app.view_state import SetView
 from engine.material.layer import Layer
 from tests.ui.conftest import opened
@@ -46,7 +46,7 @@ def rectangles(window: HeadlessWindow) -> dict[str, tuple[float, float, float, f
 def test_no_panel_overlaps_or_is_cut_off(
     context: moderngl.Context, monkeypatch: pytest.MonkeyPatch, size: tuple[int, int], scale: float
 ) -> None:
-    monkeypatch.setattr(IndirectTalk, "noise", 0.123)
+    monkeypatch.setattr(IndirectController, "noise", 0.123)
     for window in opened(context, size, scale):
         client = window.shell.editor._client
         assert isinstance(client, StandInClient)

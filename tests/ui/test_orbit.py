@@ -13,7 +13,7 @@ from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
 from app.jobs.orbit_worker import OrbitWorker
 from app.jobs.dispatcher import RequestDispatcher
-from app.orbit.messages import DrawOrbit
+from app.orbit.orbit_messages import DrawOrbit
 from app.view_state import Bookmark, SetView, Viewpoint
 from engine.scene.description import Camera
 from tests.ui.small_scene import CountingClient, is_drawn, opened_window, wait_until_exact, write_small_scene

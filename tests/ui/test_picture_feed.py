@@ -18,9 +18,9 @@ from app.editor import Editor
 from app.messages import SkyImage
 from app.modes import MODES
 from app.lazy_import import import_named
-from app.placement.events import LayerMapsChanged
-from app.placement.messages import ComputeTransport
-from app.placement.talk import PlacementTalk
+from app.placement.placement_events import LayerMapsChanged
+from app.placement.placement_messages import ComputeTransport
+from app.placement.placement_controller import PlacementController
 from app.view_state import SetView
 from engine.render.headlight_shading import headlight_colour, headlight_radiance
 from tests.app.fake_worker import FakeClient
@@ -373,7 +373,7 @@ def test_metal_stays_plain_until_light_bounces(opening: Opening, monkeypatch: py
     """In direct light alone metal is black where it shows its surroundings."""
     feed_of_all, feed, editor = opening.feed, opening.feed.source, opening.editor
     assert isinstance(feed, PlacementFeed)
-    monkeypatch.setattr(PlacementTalk, "lacks_bounces", True)
+    monkeypatch.setattr(PlacementController, "lacks_bounces", True)
     opening.step()
     for _ in editor.document.objects:  # each draws one of them at least
         opening.draw()
@@ -401,7 +401,7 @@ def test_metal_stays_plain_until_light_bounces(opening: Opening, monkeypatch: py
     opening.draw()
     assert not shows_plain_metal()
     editor.do(SetVisible("tray.0", True))
-    monkeypatch.setattr(PlacementTalk, "lacks_bounces", False)
+    monkeypatch.setattr(PlacementController, "lacks_bounces", False)
     opening.draw()
     assert not shows_plain_metal() and "tray" not in feed.renderer.layer_keys
 

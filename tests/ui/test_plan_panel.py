@@ -7,9 +7,9 @@ import pytest
 from app.commands.layers import SetEditable
 from app.commands.plan import OverrideLine
 from app.effective_settings import effective_view
-from app.placement.messages import ComputeTransport
-from app.placement.sheet import SheetLine, plan_sheet
-from app.placement.status import PlacementStatus
+from app.placement.placement_messages import ComputeTransport
+from app.placement.plan_table import PlanTableRow, plan_table
+from app.placement.placement_status import PlacementStatus
 from app.view_state import SetView, ViewState
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
@@ -18,9 +18,9 @@ from ui.panels.actions import SetPanel
 pytestmark = pytest.mark.gl
 
 
-def sheet(window: HeadlessWindow) -> dict[str, SheetLine]:
+def sheet(window: HeadlessWindow) -> dict[str, PlanTableRow]:
     editor = window.shell.editor
-    return {line.line: line for line in plan_sheet(editor.document, editor.view, editor.status)}
+    return {line.line: line for line in plan_table(editor.document, editor.view, editor.status)}
 
 
 @pytest.fixture
@@ -53,7 +53,7 @@ def test_what_the_worker_found_to_be_enough_is_told() -> None:
     from app.document import Document
 
     status = PlacementStatus(needed_lights=1000, plan_reasons={"lights": "within 0.2 % of what 4,000 show"})
-    (_, lights, *_) = plan_sheet(Document("scene"), ViewState(), status)
+    (_, lights, *_) = plan_table(Document("scene"), ViewState(), status)
     assert (lights.value, lights.reason) == ("1,000", "within 0.2 % of what 4,000 show")
 
 
@@ -65,9 +65,9 @@ def test_rays_of_indirect_light_are_told_once_there_is_any() -> None:
         (PlacementStatus(), ("as needed", "as few as the noise of a first look allows")),
         (found, ("256", "within 0.3 % of what 512 show")),
     ):
-        lines = {line.line: line for line in plan_sheet(Document("scene"), ViewState(n_bounces=3), status)}
+        lines = {line.line: line for line in plan_table(Document("scene"), ViewState(n_bounces=3), status)}
         assert (lines["rays"].value, lines["rays"].reason) == told
-    assert all(line.line != "rays" for line in plan_sheet(Document("scene"), ViewState(n_bounces=1), found))
+    assert all(line.line != "rays" for line in plan_table(Document("scene"), ViewState(n_bounces=1), found))
 
 
 def test_the_first_line_says_what_the_picture_takes(shown: HeadlessWindow) -> None:
@@ -81,7 +81,7 @@ def test_until_it_is_there_the_cost_is_the_time_that_is_left() -> None:
     from app.document import Document
 
     at_work = PlacementStatus(stage="final", fraction=0.3, seconds_left=12.4, memory_mb=683.0, gpu_mb=1240.0)
-    (cost, *_) = plan_sheet(Document("scene"), ViewState(), at_work)
+    (cost, *_) = plan_table(Document("scene"), ViewState(), at_work)
     assert cost.value == "12 s to go"
     assert cost.reason == "so far 683 MB of main memory, 1240 MB on the graphics card"
 
@@ -94,7 +94,7 @@ def test_a_line_is_set_in_its_list_and_given_back(shown: HeadlessWindow) -> None
     assert dict(editor.document.overrides) == {"lights": 1000}
     line = sheet(shown)["lights"]
     assert line.is_set and line.value == "1,000" and line.reason == "set by hand, in the place of 4,000"
-    assert shown.run_until(lambda: client.requests and computed(client)[-1].decisions.n_lights == 1000, 30.0)
+    assert shown.run_until(lambda: client.requests and computed(client)[-1].settings.n_lights == 1000, 30.0)
     shown.click_handle("button.plan.lights.reset")
     shown.frames(2)
     assert editor.document.overrides == () and "button.plan.lights.reset" not in shown.shell.handles.names()

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from app.messages import Request, Response
-from app.placement.messages import ErrorEstimated, EstimateError
+from app.placement.placement_messages import ErrorEstimated, EstimateError
 from app.script import CaptureWindow, load_script
 from engine.curve.operators import Operator
 from engine.errors import InsituError

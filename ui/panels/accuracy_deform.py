@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from app.deform.status import DeformStatus
+from app.deform.deform_status import DeformStatus
 from app.view_state import SetView
 from ui.panels import accuracy_orbit, accuracy_placement, error_legend, widgets
 from ui.panels.actions import Action
@@ -52,5 +52,5 @@ def draw(context: PanelContext) -> list[Action]:
             "a bending mesh. The rest is a soft highlight; Placement has all of it."
         )
         accuracy_placement.figure(context, f"Lost of {name}", f"{share:.0%}", hint)
-    widgets.caption(LEFT_OUT_AND_STAYS.format(", ".join(status.alone)) if status.alone else LEFT_OUT)
+    widgets.caption(LEFT_OUT_AND_STAYS.format(", ".join(status.deform_only)) if status.deform_only else LEFT_OUT)
     return actions

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from app.orbit.status import OrbitStatus
+from app.orbit.orbit_status import OrbitStatus
 from app.editor_status import duration
 from ui.panels import accuracy_placement
 from ui.panels.actions import Action

@@ -9,7 +9,7 @@ from imgui_bundle import ImVec2, imgui
 
 from app.commands.series import SetFirstBands
 from app.effective_settings import override_lines_of, effective_view
-from app.placement.status import PlacementStatus
+from app.placement.placement_status import PlacementStatus
 from app.view_state import SetView
 from engine.planner import N_PATCHES
 from ui import theme as look

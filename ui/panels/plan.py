@@ -8,7 +8,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from app.commands.plan import OverrideLine
-from app.placement.sheet import SheetLine, plan_sheet
+from app.placement.plan_table import PlanTableRow, plan_table
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action
@@ -27,7 +27,7 @@ def draw(context: PanelContext) -> list[Action]:
     """The sheet, a heading above the lines of the picture and of each layer."""
     actions: list[Action] = []
     group: str | None = None
-    for line in plan_sheet(context.document, context.view, context.status):
+    for line in plan_table(context.document, context.view, context.status):
         if line.group != group:
             _heading(context, line.group, is_first=group is None)
             group = line.group
@@ -43,7 +43,7 @@ def _heading(context: PanelContext, key: str, is_first: bool) -> None:
     imgui.pop_style_color()
 
 
-def _line(context: PanelContext, line: SheetLine) -> list[Action]:
+def _line(context: PanelContext, line: PlanTableRow) -> list[Action]:
     """Name and value on one line, why so below."""
     actions: list[Action] = []
     side, gap = imgui.get_frame_height(), imgui.get_style().item_spacing.x
@@ -69,7 +69,7 @@ def _line(context: PanelContext, line: SheetLine) -> list[Action]:
     return actions
 
 
-def _value(context: PanelContext, line: SheetLine, width: float) -> list[Action]:
+def _value(context: PanelContext, line: PlanTableRow, width: float) -> list[Action]:
     """What it has come to, and a list of what else there is."""
     actions: list[Action] = []
     imgui.set_next_item_width(width)

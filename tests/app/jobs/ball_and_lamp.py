@@ -9,9 +9,9 @@ from app.document import LightState
 from app.jobs.cache import ArrayCache
 from app.jobs.dispatcher import RequestDispatcher
 from app.messages import RequestFailed, Progress, Response, ViewTraced
-from app.placement.messages import (
+from app.placement.placement_messages import (
     ComputeTransport,
-    Contract,
+    ContractTransport,
     LayerPicture,
     StageDone,
 )
@@ -101,9 +101,9 @@ def assert_same_pictures(found: dict[str, np.ndarray], expected: dict[str, np.nd
         np.testing.assert_array_equal(found[key], picture)
 
 
-def contraction(factor: str | None, brighter: bool = False) -> Contract:
+def contraction(factor: str | None, brighter: bool = False) -> ContractTransport:
     asked = work(GLOSS, "rough_conductor", alpha=0.3)
-    return Contract(twice(asked, *asked.factors) if brighter else asked, factor)
+    return ContractTransport(twice(asked, *asked.factors) if brighter else asked, factor)
 
 
 def with_layer(request: ComputeTransport, key: str, **changes: object) -> ComputeTransport:

@@ -12,7 +12,7 @@ import numpy as np
 from app.jobs import channel
 from app.jobs.cache import ArrayCache
 from app.messages import SetCamera, OpenScene, Progress, Request, Response, SceneOpened, ViewTraced
-from app.placement.messages import ComputeTransport, Contract, LayerPicture, LayerTransport, StageDone
+from app.placement.placement_messages import ComputeTransport, ContractTransport, LayerPicture, LayerTransport, StageDone
 from engine.errors import LoadError
 from engine.planner import RenderSettings
 
@@ -46,7 +46,7 @@ class FaultyTasks:
     A contraction has an array for a layer."""
 
     def handle(self, request: Request) -> Iterator[Response | None]:
-        if isinstance(request, Contract):
+        if isinstance(request, ContractTransport):
             return self._contract(request)
         if isinstance(request, SetCamera):
             return self._look()
@@ -55,7 +55,7 @@ class FaultyTasks:
         action: Callable[[str], Iterator[Response | None]] = getattr(self, verb)
         return action(argument)
 
-    def _contract(self, request: Contract) -> Iterator[Response | None]:
+    def _contract(self, request: ContractTransport) -> Iterator[Response | None]:
         values = request.layer
         yield LayerTransport("ball.0", request.factor, "exact", values, np.ones((1, 3)), np.float64(values.sum()))
 

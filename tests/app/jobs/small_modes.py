@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from app.deform.messages import DrawDeform, PrepareDeform
+from app.deform.deform_messages import DrawDeform, PrepareDeform
 from app.document import document_from_description
 from app.jobs.cache import ArrayCache
 from app.jobs.deform_worker import DeformWorker
@@ -17,8 +17,8 @@ from app.jobs.orbit_worker import OrbitWorker
 from app.jobs.dispatcher import RequestDispatcher
 from app.messages import Request, Response
 from app.modes import DEFORM, ORBIT, PLACEMENT
-from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, PrepareOrbit
-from app.placement.messages import LayerPicture, StageDone
+from app.orbit.orbit_messages import DrawOrbit, OrbitProgress, OrbitPictureDrawn, PrepareOrbit
+from app.placement.placement_messages import LayerPicture, StageDone
 from app.scene_state import scene_state
 from engine.deform.pose import Deformation
 from engine.scene.scene_loader import load_scene
@@ -77,7 +77,7 @@ def shown_by(mode: str, source: str) -> Shown:
         "orbit": (PrepareOrbit(state, 1), DrawOrbit(eye, SIZE, "rest")),
         "deform": (PrepareDeform(state, 1, ("ball",)), DrawDeform(eye, SIZE, "rest", POSES)),
     }[mode]
-    return Shown(prepare, lambda answer: isinstance(answer, OrbitAdvanced) and answer.is_done, draw)
+    return Shown(prepare, lambda answer: isinstance(answer, OrbitProgress) and answer.is_done, draw)
 
 
 def in_process(mode: str, source: str, store: ArrayCache) -> np.ndarray:
@@ -96,7 +96,7 @@ def in_process(mode: str, source: str, store: ArrayCache) -> np.ndarray:
 
 def picture_in(answers: list[Response]) -> np.ndarray:
     """The last one: of Placement all its layers', one after another."""
-    drawn = [answer.radiance for answer in answers if isinstance(answer, OrbitDrawn)]
+    drawn = [answer.radiance for answer in answers if isinstance(answer, OrbitPictureDrawn)]
     return np.array(drawn[-1]) if drawn else np.concatenate(list(final_layers(answers)))
 
 

@@ -15,8 +15,8 @@ from app.jobs.background import LAST, LITTLE, NICENESS, Background
 from app.jobs.schedule import Schedule
 from app.jobs.worker import Worker
 from app.messages import SetCamera, Request, Response
-from app.orbit.messages import EstimateOrbit
-from app.placement.messages import EstimateError, PrepareRelighting
+from app.orbit.orbit_messages import EstimateOrbit
+from app.placement.placement_messages import EstimateError, PrepareRelighting
 from engine.scene.raycaster import RayCaster
 from engine.threads import on_threads, pool
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from app.deform.messages import PrepareDeform
+from app.deform.deform_messages import PrepareDeform
 from app.document import document_from_description
 from app.jobs.cache import ArrayCache
 from app.jobs.dispatcher import RequestDispatcher
-from app.orbit.messages import PrepareOrbit
+from app.orbit.orbit_messages import PrepareOrbit
 from app.scene_state import scene_state
 from engine.scene.scene_loader import load_scene
 from tests.app.jobs.small_modes import SCENE, SIZE

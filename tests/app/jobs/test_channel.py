@@ -14,7 +14,7 @@ from app.jobs.channel import Channel, ChannelClosed, ChannelError
 from app.jobs.shared_arrays import Method
 from app.machine import system
 from app.messages import Message, Progress, ViewTraced
-from app.placement.messages import LayerPicture
+from app.placement.placement_messages import LayerPicture
 
 LATER = float("inf")
 

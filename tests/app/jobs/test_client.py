@@ -12,7 +12,7 @@ import pytest
 from app.jobs.client import Client
 from app.jobs.shared_arrays import Method
 from app.messages import CancelRequests, RequestFailed, SetCamera, OpenScene, Progress, SceneOpened, ViewTraced
-from app.placement.messages import Contract, LayerPicture, LayerTransport, StageDone
+from app.placement.placement_messages import ContractTransport, LayerPicture, LayerTransport, StageDone
 from tests.app.jobs.answers import collect, of, open_scene, seen, wait_until_idle
 from tests.app.jobs.faulty_tasks import HANDLERS, compute, picture
 
@@ -42,7 +42,7 @@ def test_answers_arrive_with_their_arrays(method: Method) -> None:
 
 def test_arrays_travel_to_the_worker_too(client: Client) -> None:
     coefficients = np.random.default_rng(1).random((512, 3))
-    client.send(Contract(coefficients, "A"))
+    client.send(ContractTransport(coefficients, "A"))
     (answer,) = collect(client, seen(LayerTransport))
     assert isinstance(answer, LayerTransport)
     np.testing.assert_array_equal(answer.coefficients_first, coefficients)
@@ -52,7 +52,7 @@ def test_arrays_travel_to_the_worker_too(client: Client) -> None:
 def test_contraction_is_served_while_a_transport_runs(client: Client) -> None:
     client.send(compute("forever"))
     collect(client, seen(Progress))
-    wish = client.send(Contract(np.ones((4, 3)), "A"))
+    wish = client.send(ContractTransport(np.ones((4, 3)), "A"))
     answers = collect(client, seen(LayerTransport))
     assert of(LayerTransport, answers)[0].id == wish
 

@@ -17,7 +17,7 @@ from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
 from app.messages import RequestFailed, Response
 from app.placement.curves import Curves
-from app.placement.messages import ComputeTransport, Contract, Freeze, Frozen, LayerPicture
+from app.placement.placement_messages import ComputeTransport, ContractTransport, FreezeIndirect, IndirectFrozen, LayerPicture
 from engine.indirect.sampling_settings import ROUGH
 from engine.scene.scene_loader import load_scene
 from tests.app.jobs.ball_and_lamp import GLOSS, SCENE, compute, twice
@@ -34,7 +34,7 @@ class Cached:
 
     source: str
     request: ComputeTransport
-    freeze: Freeze
+    freeze: FreezeIndirect
     folders: list[Path]
     expected: dict[str, np.ndarray]
     bent: np.ndarray
@@ -42,7 +42,7 @@ class Cached:
     def bend(self, client: InProcessClient) -> np.ndarray:
         """The ball's gloss with another curve, from the transport that is there."""
         work = next(layer for layer in self.request.scene.layers if layer.key == GLOSS)
-        client.send(Contract(twice(work, "theta_h"), "theta_h", revision=self.request.revision))
+        client.send(ContractTransport(twice(work, "theta_h"), "theta_h", revision=self.request.revision))
         (picture,) = (a for a in client.poll(float("inf")) if isinstance(a, LayerPicture))
         return np.asarray(picture.radiance)
 
@@ -66,7 +66,7 @@ def cached(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cached]:
     request = compute(n_bounces=3)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(indirect_module, "FINE", ROUGH)  # quicker, and as good for this
-        made = Cached(str(source), request, Freeze(Curves().scene_state(document), GLOSS, 0), [], {}, np.zeros(0))
+        made = Cached(str(source), request, FreezeIndirect(Curves().scene_state(document), GLOSS, 0), [], {}, np.zeros(0))
         whole = made.client(base / "whole")
         n_steps, answers = steps_of(whole)
         made.expected, made.bent = shown(answers), made.bend(whole)
@@ -94,7 +94,7 @@ def shown(answers: list[Response]) -> dict[str, np.ndarray]:
     failed = [answer.line for answer in answers if isinstance(answer, RequestFailed)]
     assert not failed, failed
     pictures = {a.key: np.asarray(a.radiance) for a in answers if isinstance(a, LayerPicture) and a.stage == "final"}
-    frozen = [answer for answer in answers if isinstance(answer, Frozen)][-1]
+    frozen = [answer for answer in answers if isinstance(answer, IndirectFrozen)][-1]
     return pictures | {f"indirect {key}": part for key, part in frozen.reflected.items()} | {"bands": frozen.bands}
 
 

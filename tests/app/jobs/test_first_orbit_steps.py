@@ -5,7 +5,7 @@ from pathlib import Path
 from app.jobs.cache import ArrayCache
 from app.jobs.dispatcher import RequestDispatcher
 from app.messages import Progress, Response
-from app.orbit.messages import DrawPlainly, OrbitDrawn, OrbitUnknown, PrepareOrbit
+from app.orbit.orbit_messages import DrawHeadlight, OrbitPictureDrawn, OrbitNotReady, PrepareOrbit
 from engine.light.environment import constant_environment
 from engine.orbit import sky_map
 from engine.scene.description import Camera
@@ -21,7 +21,7 @@ def forget_skies() -> None:
 
 
 def drawn(tasks: RequestDispatcher) -> Response:
-    (answer,) = [each for each in tasks.handle(DrawPlainly(CAMERA, (8, 6), compute().scene)) if each is not None]
+    (answer,) = [each for each in tasks.handle(DrawHeadlight(CAMERA, (8, 6), compute().scene)) if each is not None]
     return answer
 
 
@@ -47,8 +47,8 @@ def test_plain_pictures_are_drawn_before_orbit_has_made_its_sky(tmp_path: Path) 
     steps = (each for each in tasks.handle(PrepareOrbit(compute().scene)) if isinstance(each, Progress))
     for n_steps in range(8):
         assert isinstance(next(steps), Progress) and sky_map._averaging_matrix.cache_info().misses <= n_steps
-        assert isinstance(drawn(tasks), OrbitDrawn)
+        assert isinstance(drawn(tasks), OrbitPictureDrawn)
 
 
 def test_without_a_scene_it_is_said_that_there_is_nothing_to_draw() -> None:
-    assert isinstance(drawn(RequestDispatcher()), OrbitUnknown)
+    assert isinstance(drawn(RequestDispatcher()), OrbitNotReady)

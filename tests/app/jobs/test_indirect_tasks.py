@@ -16,7 +16,7 @@ from app.jobs.cache import ArrayCache
 from app.jobs.indirect_tasks import IndirectTasks
 from app.messages import Response
 from app.placement.curves import Curves
-from app.placement.messages import Freeze, Frozen, IndirectFound
+from app.placement.placement_messages import FreezeIndirect, IndirectFrozen, IndirectFound
 from app.sky import sky_of
 from engine.indirect import solver as solver_module
 from engine.indirect.sampling_settings import ROUGH
@@ -45,9 +45,9 @@ def found_by(
     """What the worker tells of the scene's light, a freezing for the ball's gloss having been asked for before."""
     document = document_from_description("scene", scene.description)
     wanted = Curves().scene_state(document)
-    list(tasks.freeze(Freeze(wanted, "ball.1", 0)))
+    list(tasks.freeze(FreezeIndirect(wanted, "ball.1", 0)))
     steps = tasks.find(wanted.visible, sky_of(scene, document.light), lit_by, N_BOUNCES, is_last, n_rays)
-    return [answer for answer in steps if isinstance(answer, IndirectFound | Frozen)]
+    return [answer for answer in steps if isinstance(answer, IndirectFound | IndirectFrozen)]
 
 
 def test_light_found_before_is_there_with_the_first_picture(

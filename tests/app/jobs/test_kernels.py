@@ -10,17 +10,17 @@ from pathlib import Path
 
 import pytest
 
-from app.deform.messages import PrepareDeform
+from app.deform.deform_messages import PrepareDeform
 from app.jobs import kernels
 from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
 from app.jobs.kernels import PARTS, Kernels
 from app.machine.kernel_cache import kernel_folders
 from app.messages import CancelRequests, Progress, Response
-from app.orbit.messages import DrawPlainly, OrbitAdvanced, OrbitDrawn, PrepareOrbit
-from app.placement.messages import (
+from app.orbit.orbit_messages import DrawHeadlight, OrbitProgress, OrbitPictureDrawn, PrepareOrbit
+from app.placement.placement_messages import (
     BandsPlanned,
-    Contract,
+    ContractTransport,
     IndirectFound,
     LayerPicture,
     MapsSampled,
@@ -211,7 +211,7 @@ def test_indirect_light_waits_for_its_kernels_and_quick_requests_do_not(
         answers += client.poll(budget_s=0.0)
     # The direct light did not wait; and what a drag asks for meanwhile is answered.
     assert [answer.stage for answer in answers if isinstance(answer, StageDone)] == ["coarse", "preview"]
-    client.send(Contract(compute().scene.layers[0], None))
+    client.send(ContractTransport(compute().scene.layers[0], None))
     answers = [answer for _ in range(8) for answer in client.poll(budget_s=0.0)]
     assert any(isinstance(answer, LayerPicture) for answer in answers)
     assert not any(isinstance(answer, IndirectFound) for answer in answers)
@@ -240,10 +240,10 @@ def test_a_mode_waits_for_its_kernels_and_plain_pictures_do_not(
     said = [answer for answer in answers if isinstance(answer, Progress)]
     assert said and all((each.stage, each.text) == (kernels.COMPILING, kernels.FIRST_TIME) for each in said)
     assert before.has_ended and [later.first for later in started] == [mode]
-    client.send(DrawPlainly(tasks.context.open_placement.scene.description.camera, (16, 12), state))
+    client.send(DrawHeadlight(tasks.context.open_placement.scene.description.camera, (16, 12), state))
     answers = [answer for _ in range(40) for answer in client.poll(budget_s=0.0)]
-    assert any(isinstance(answer, OrbitDrawn) and answer.radiance.any() for answer in answers)
-    assert not any(isinstance(answer, OrbitAdvanced) for answer in answers)
+    assert any(isinstance(answer, OrbitPictureDrawn) and answer.radiance.any() for answer in answers)
+    assert not any(isinstance(answer, OrbitProgress) for answer in answers)
     client.send(CancelRequests())
     client.poll(budget_s=0.0)
     assert not client.wait(0.0) and len(started) == 1

@@ -15,7 +15,7 @@ from app.jobs.client import Client
 from app.jobs.deform_worker import DeformWorker
 from app.jobs.orbit_worker import OrbitWorker
 from app.messages import RequestFailed, Response, WorkerRestarted
-from app.orbit.messages import OrbitDrawn
+from app.orbit.orbit_messages import OrbitPictureDrawn
 from tests.app.jobs.answers import collect, kill, of, seen
 from tests.app.jobs.small_modes import HANDLERS, SCENE, SIZE, in_process, picture_in, shown_by, small_tasks
 from tests.app.jobs.test_client_deaths import left_in_memory
@@ -73,7 +73,7 @@ class Worker:
         answers += collect(self.client, lambda found: any(map(self._shown.is_ready, found)))
         if self._shown.draw is not None:
             self.client.send(self._shown.draw)
-            answers += collect(self.client, lambda found: bool(of(OrbitDrawn, found)) and not self.client.busy)
+            answers += collect(self.client, lambda found: bool(of(OrbitPictureDrawn, found)) and not self.client.busy)
         assert not of(RequestFailed, answers)
         return picture_in(answers)
 

@@ -14,7 +14,7 @@ from app.jobs.cache import ArrayCache
 from app.jobs.executor import LocalExecutor
 from app.jobs.dispatcher import RequestDispatcher
 from app.messages import Response
-from app.placement.messages import ComputeTransport, LayerPicture, LightPlanned
+from app.placement.placement_messages import ComputeTransport, LayerPicture, LightPlanned
 from app.scene_state import SceneState
 from engine.material import MODELS
 from engine.material.layer import make_layer

@@ -13,7 +13,7 @@ from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
 from app.messages import RequestFailed, SetCamera, ViewTraced
-from app.placement.messages import IndirectFound, LayerPicture, StageDone
+from app.placement.placement_messages import IndirectFound, LayerPicture, StageDone
 from engine.scene.description import Camera
 from engine.scene.picture_frame import Lamps
 from engine.transport.pipeline import Placement

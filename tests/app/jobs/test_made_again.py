@@ -11,7 +11,7 @@ from app.jobs import executor
 from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
 from app.messages import Response, SkyImage
-from app.placement.messages import (
+from app.placement.placement_messages import (
     LayerPicture,
     LayerTransport,
     StageDone,

@@ -10,7 +10,7 @@ from app.jobs.cache import ArrayCache
 from app.jobs.map_tasks import thumbnail
 from app.jobs.dispatcher import RequestDispatcher
 from app.messages import ViewTraced
-from app.placement.messages import MapsRefused, MapsSampled, SampleMaps
+from app.placement.placement_messages import MapsRefused, MapsSampled, SampleMaps
 from engine.material.layer_maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.texture.pyramid import make_pyramid

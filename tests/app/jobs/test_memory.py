@@ -34,7 +34,7 @@ from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import Tasks
 from app.machine.system import release_memory
-from app.placement.messages import Freeze
+from app.placement.placement_messages import Freeze
 from tests.app.jobs.ball_and_lamp import GLOSS, compute, with_layer, work
 from tests.opened import ask_for_scene
 

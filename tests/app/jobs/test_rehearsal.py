@@ -51,7 +51,7 @@ from app.machine.kernel_cache import use_kernel_cache
 use_kernel_cache()
 from numba.core.dispatcher import Dispatcher
 
-from app.deform.messages import DrawDeform, PrepareDeform
+from app.deform.deform_messages import DrawDeform, PrepareDeform
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.kernel_warm_up import rehearse_deform

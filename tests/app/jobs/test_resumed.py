@@ -14,7 +14,7 @@ from app.jobs.array_record import read_record, write_record
 from app.jobs.cache import ArrayCache
 from app.jobs.client import Client
 from app.messages import RequestFailed, Response, SceneOpened, WorkerRestarted
-from app.placement.messages import (
+from app.placement.placement_messages import (
     LayerPicture,
     StageDone,
 )

@@ -11,16 +11,16 @@ from app.document import LightState
 from app.jobs.in_process import InProcessClient
 from app.jobs.schedule import Schedule
 from app.messages import CancelRequests, RequestFailed, SetCamera, OpenScene, Progress, Request, Response
-from app.orbit.messages import DrawOrbit, DrawPlainly
-from app.placement.messages import Contract, LayerPicture, LayerTransport, StageDone
+from app.orbit.orbit_messages import DrawOrbit, DrawHeadlight
+from app.placement.placement_messages import ContractTransport, LayerPicture, LayerTransport, StageDone
 from app.scene_state import SceneState
 from engine.scene.description import Camera
 from tests.app.jobs.faulty_tasks import FaultyTasks, compute
 from tests.opened import run_in_process
 
 
-def contract(value: float, **numbers: int) -> Contract:
-    return Contract(np.full((8, 3), value), "A", **numbers)
+def contract(value: float, **numbers: int) -> ContractTransport:
+    return ContractTransport(np.full((8, 3), value), "A", **numbers)
 
 
 def names(responses: list[Response]) -> list[str]:
@@ -70,7 +70,7 @@ class Steps:
     "drawing",
     [
         DrawOrbit(Camera(position=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0)), (4, 3), "moving"),
-        DrawPlainly(Camera(position=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0)), (4, 3), SceneState(LightState(), ())),
+        DrawHeadlight(Camera(position=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0)), (4, 3), SceneState(LightState(), ())),
     ],
     ids=["orbit", "plain"],
 )
@@ -84,7 +84,7 @@ def test_orbit_draws_while_a_camera_is_traced_and_nothing_else_is_done(drawing: 
     schedule.accept(drawing)
     while schedule.choose() is not None:
         schedule.step()
-    assert handler.done == ["SetCamera", *3 * [type(drawing).__name__], *2 * ["SetCamera"], *3 * ["Contract"]]
+    assert handler.done == ["SetCamera", *3 * [type(drawing).__name__], *2 * ["SetCamera"], *3 * ["ContractTransport"]]
 
 
 def test_contraction_is_served_when_nothing_else_runs() -> None:
@@ -162,7 +162,7 @@ def test_failed_contraction_leaves_the_transport_running(caplog: pytest.LogCaptu
     client = InProcessClient(FaultyTasks())
     client.send(compute("pictures 2"))
     client.poll(0)
-    client.send(Contract(None, "A"))  # type: ignore[arg-type]
+    client.send(ContractTransport(None, "A"))  # type: ignore[arg-type]
     assert names(client.poll(10)) == ["RequestFailed", "LayerPicture", "StageDone"]
 
 

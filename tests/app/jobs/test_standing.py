@@ -14,13 +14,13 @@ from app.messages import (
     ViewTraced,
     TableFetched,
 )
-from app.placement.messages import Contract
+from app.placement.placement_messages import ContractTransport
 from engine.measured.measurement import NO_MEASUREMENT
 from tests.app.jobs.faulty_tasks import compute
 
 
-def contract(id: int) -> Contract:
-    return Contract(None, "A", id=id)
+def contract(id: int) -> ContractTransport:
+    return ContractTransport(None, "A", id=id)
 
 
 def ids(standing: PendingRequests) -> list[int]:

@@ -17,8 +17,8 @@ from app.jobs.placement_worker import _stages
 from app.jobs.dispatcher import RequestDispatcher
 from app.view_controller import describe_empty_frame
 from app.messages import Progress, Response, SceneOpened, ViewTraced, SkyImage
-from app.placement.messages import (
-    Contract,
+from app.placement.placement_messages import (
+    ContractTransport,
     ErrorEstimated,
     EstimateError,
     IndirectFound,
@@ -115,7 +115,7 @@ def test_light_bounces_as_soon_as_that_is_compiled(source: str, store: ArrayCach
     tasks = RequestDispatcher(store, kernels=cast(Kernels, kernels))
     open_in_process(tasks, source)
     request = compute()
-    answers = run_in_process(tasks, replace(request, decisions=replace(request.decisions, n_bounces=2)))
+    answers = run_in_process(tasks, replace(request, settings=replace(request.settings, n_bounces=2)))
     told = [a.stage for a in answers if isinstance(a, (IndirectFound, StageDone))]
     assert told == ["coarse", "rough", "preview", "fine", "final"]
 
@@ -245,7 +245,7 @@ def test_layers_that_share_a_curve_get_their_transport_as_well(source: str, stor
 
     run_in_process(tasks, contraction("theta_h"))
     assert coming() == {(GLOSS, "theta_h")}
-    run_in_process(tasks, Contract(work("ground.0", "lambert"), "theta_i", beside=True))
+    run_in_process(tasks, ContractTransport(work("ground.0", "lambert"), "theta_i", beside=True))
     assert coming() == {(GLOSS, "theta_h"), ("ground.0", "theta_i")}
 
 

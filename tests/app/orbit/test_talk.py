@@ -14,21 +14,21 @@ from app.document import document_from_description
 from app.history import History
 from app.messages import CancelRequests, RequestFailed, Request
 from app.mode import OpenedScene
-from app.orbit.events import OrbitPicture
-from app.orbit.messages import (
-    DrawnEstimated,
+from app.orbit.orbit_events import OrbitPicture
+from app.orbit.orbit_messages import (
+    DrawnErrorEstimated,
     DrawOrbit,
-    DrawPlainly,
+    DrawHeadlight,
     EstimateOrbit,
-    LookOrbit,
-    OrbitAdvanced,
-    OrbitDrawn,
-    OrbitUnknown,
+    PrioritizeView,
+    OrbitProgress,
+    OrbitPictureDrawn,
+    OrbitNotReady,
     PrepareOrbit,
 )
-from app.orbit.talk import LOOK_SECONDS, REST_SECONDS, OrbitTalk
-from app.orbit.wishes import MOVING_SECONDS, STEPS, WINDOW_SECONDS, Pace
-from app.placement.messages import ComputeTransport
+from app.orbit.orbit_controller import PRIORITIZE_SECONDS, IDLE_SECONDS, OrbitController
+from app.orbit.desired_state import MOVING_SECONDS, STEPS, WINDOW_SECONDS, QualityPacer
+from app.placement.placement_messages import ComputeTransport
 from app.editor_status import StatusMetrics, Status
 from app.view_state import ViewState
 from engine.planner import band_counts
@@ -49,7 +49,7 @@ class Table:
         self.history = History(self.document)
         self.sent: list[Request] = []
         self._kept: dict[type, object] = {}
-        self.talk = OrbitTalk(self)
+        self.talk = OrbitController(self)
         self.now = 0.0
         planned = tuple((layer, band_counts(layer)) for _, layer in self.document.layers())
         self.talk.scene_opened(OpenedScene(1, planned, self.description, self.document, self.document))
@@ -84,13 +84,13 @@ class Table:
         return max(i + 1 for i, request in enumerate(self.sent) if isinstance(request, kind))
 
     def advance(self, version: int, is_done: bool = True) -> None:
-        self.talk.receive(OrbitAdvanced(version, is_done, id=self.id_of(PrepareOrbit)))
+        self.talk.receive(OrbitProgress(version, is_done, id=self.id_of(PrepareOrbit)))
 
     def drawn(self, version: int, is_done: bool = True, prepared: int = 0) -> list[object]:
         """The answer to the newest picture that was asked for."""
         radiance = np.ones((2, 2, 3), np.float32)
         prepared = prepared or self.id_of(PrepareOrbit)
-        return self.talk.receive(OrbitDrawn(radiance, prepared, version, is_done, 0.01, id=self.id_of(DrawOrbit)))
+        return self.talk.receive(OrbitPictureDrawn(radiance, prepared, version, is_done, 0.01, id=self.id_of(DrawOrbit)))
 
 
 @pytest.fixture
@@ -118,11 +118,11 @@ def test_a_plain_picture_that_a_worker_without_a_scene_was_asked_for_is_not_aske
     table.update()
     table.look(CAMERAS[0])
     (asked,) = table.update()
-    assert isinstance(asked, DrawPlainly)
-    table.talk.receive(OrbitUnknown(id=table.id_of(DrawPlainly)))
+    assert isinstance(asked, DrawHeadlight)
+    table.talk.receive(OrbitNotReady(id=table.id_of(DrawHeadlight)))
     assert table.update() == [] and table.update() == []
     table.look(CAMERAS[1])
-    assert [type(request) for request in table.update()] == [DrawPlainly]
+    assert [type(request) for request in table.update()] == [DrawHeadlight]
 
 
 def test_from_the_first_picture_on_it_goes_with_the_hand(table: Table) -> None:
@@ -145,7 +145,7 @@ def test_a_picture_at_rest_gives_way_to_a_hand(table: Table) -> None:
     table.look(CAMERAS[0])
     table.update()
     table.drawn(1)
-    (at_rest,) = table.update(REST_SECONDS)
+    (at_rest,) = table.update(IDLE_SECONDS)
     assert isinstance(at_rest, DrawOrbit) and (at_rest.quality, at_rest.resolution) == ("rest", (WIDTH, HEIGHT))
     table.look(CAMERAS[1])
     (moving,) = table.update()
@@ -190,14 +190,14 @@ def test_what_a_picture_saw_that_nothing_was_ready_for_is_made_ready(table: Tabl
 def test_a_worker_that_has_nothing_to_draw_of_is_told_again(table: Table) -> None:
     table.look(CAMERAS[0])
     table.update()
-    table.talk.receive(OrbitUnknown(id=table.id_of(DrawOrbit)))
+    table.talk.receive(OrbitNotReady(id=table.id_of(DrawOrbit)))
     assert [type(request) for request in table.update()] == [PrepareOrbit]
 
 
 def test_a_picture_that_failed_is_not_asked_for_again_and_again(table: Table) -> None:
     table.look(CAMERAS[0])
     table.update()
-    table.update(REST_SECONDS)
+    table.update(IDLE_SECONDS)
     table.talk.receive(RequestFailed("no", id=table.id_of(DrawOrbit)))
     table.update()
     table.talk.receive(RequestFailed("no", id=table.id_of(DrawOrbit)))
@@ -205,12 +205,12 @@ def test_a_picture_that_failed_is_not_asked_for_again_and_again(table: Table) ->
 
 
 def test_it_knows_whether_its_picture_is_of_the_view_as_it_looks_now(table: Table) -> None:
-    assert table.talk.shows_look
+    assert table.talk.shows_viewpoint
     table.look(CAMERAS[0])
     table.update()
-    assert not table.talk.shows_look  # what is selected has no outline over the picture of before
+    assert not table.talk.shows_viewpoint  # what is selected has no outline over the picture of before
     table.drawn(1)
-    assert table.talk.shows_look
+    assert table.talk.shows_viewpoint
 
 
 @pytest.fixture
@@ -219,7 +219,7 @@ def drawing(table: Table) -> Table:
     table.talk.draw_in_window(1 << 20)
     prepare, look = table.update()
     assert isinstance(prepare, PrepareOrbit) and prepare.listener > 0 and prepare.most_bytes == 1 << 20
-    assert look == LookOrbit(table.description.camera)
+    assert look == PrioritizeView(table.description.camera)
     table.advance(1)
     (asked,) = table.update()
     assert isinstance(asked, DrawOrbit) and asked.quality == "rest"
@@ -234,11 +234,11 @@ def test_a_window_that_draws_itself_asks_for_pictures_at_rest_alone(drawing: Tab
         assert drawing.update() == []
         wanted = drawing.talk.drawn_in_window
         assert wanted is not None and wanted[:2] == (camera, (WIDTH, HEIGHT))
-        drawing.talk.drew(0.1 * WINDOW_SECONDS)
-    (asked,) = drawing.update(REST_SECONDS)
+        drawing.talk.record_draw_seconds(0.1 * WINDOW_SECONDS)
+    (asked,) = drawing.update(IDLE_SECONDS)
     assert asked == DrawOrbit(CAMERAS[-1], (WIDTH, HEIGHT), "rest")
     drawing.look(CAMERAS[0])  # which a hand does not wait for
-    assert drawing.update() == [CancelRequests(of=(DrawOrbit,)), LookOrbit(CAMERAS[0])]
+    assert drawing.update() == [CancelRequests(of=(DrawOrbit,)), PrioritizeView(CAMERAS[0])]
     assert drawing.drawn(1) == [] and drawing.talk.drawn_in_window is not None
 
 
@@ -247,13 +247,13 @@ def test_what_it_sees_comes_first_while_not_all_is_ready(drawing: Table) -> None
     assert [type(request) for request in drawing.update()] == [PrepareOrbit]
     drawing.advance(2, is_done=False)
     drawing.look(CAMERAS[0])
-    assert drawing.update() == [LookOrbit(CAMERAS[0])]
+    assert drawing.update() == [PrioritizeView(CAMERAS[0])]
     assert drawing.update() == []
 
 
 def test_backs_that_come_into_its_sight_are_made_ready(drawing: Table) -> None:
     drawing.look(CAMERAS[0])
-    assert drawing.update(LOOK_SECONDS) == [LookOrbit(CAMERAS[0])]  # it may see what nothing was made ready for
+    assert drawing.update(PRIORITIZE_SECONDS) == [PrioritizeView(CAMERAS[0])]  # it may see what nothing was made ready for
     drawing.advance(2, is_done=False)
     assert [type(request) for request in drawing.update()] == [PrepareOrbit]
     drawing.advance(3, is_done=False)
@@ -269,25 +269,25 @@ def test_where_it_cannot_the_worker_draws_again(drawing: Table) -> None:
 
 
 def test_as_many_pixels_as_are_drawn_in_time() -> None:
-    pace = Pace()
+    pace = QualityPacer()
     for _ in range(10):
-        pace.took(10.0 * MOVING_SECONDS)
+        pace.record_seconds(10.0 * MOVING_SECONDS)
     scale, n = STEPS[-1]
     assert (*pace.resolution((400, 200)), pace.n_coefficients) == (400 * scale, 200 * scale, n)
     for _ in range(10):
-        pace.took(0.1 * MOVING_SECONDS)
+        pace.record_seconds(0.1 * MOVING_SECONDS)
     assert (*pace.resolution((400, 200)), pace.n_coefficients) == (400, 200, STEPS[0][1])
-    pace.took(MOVING_SECONDS)
+    pace.record_seconds(MOVING_SECONDS)
     assert pace.resolution((400, 200)) == (400, 200)  # in time: it stays
 
 
 def test_what_cost_more_than_it_promised_is_tried_less_and_less_often() -> None:
     # Most of a picture's time does not shrink with its pixels: it must neither stay small nor change its size for ever.
-    pace, sizes = Pace(), []
+    pace, sizes = QualityPacer(), []
     for _ in range(300):
         width, _ = pace.resolution((400, 200))
         sizes.append(width)
-        pace.took(MOVING_SECONDS * (0.5 + (width / 400.0) ** 2))
+        pace.record_seconds(MOVING_SECONDS * (0.5 + (width / 400.0) ** 2))
     assert sizes.count(400) <= 10 and 0.9 < np.mean(np.array(sizes[20:]) == 300)
 
 
@@ -298,7 +298,7 @@ def judged(table: Table) -> EstimateOrbit:
     """What is asked once the picture rests, answered."""
     table.update()
     (asked,) = (request for request in table.update(1.0) if isinstance(request, EstimateOrbit))
-    table.talk.receive(DrawnEstimated(NEAR, FAR, id=table.id_of(EstimateOrbit)))
+    table.talk.receive(DrawnErrorEstimated(NEAR, FAR, id=table.id_of(EstimateOrbit)))
     return asked
 
 
@@ -330,7 +330,7 @@ def test_where_it_is_off_is_told_where_that_is_asked_for(table: Table) -> None:
     colours = np.zeros((HEIGHT, WIDTH, 4), np.uint8)
     assert asked.has_map and table.talk.status(Status()).error_colours is None
     assert table.talk.status(Status()).estimate == NEAR  # the same picture's, so that its map is awaited
-    table.talk.receive(DrawnEstimated(NEAR, FAR, colours, id=table.id_of(EstimateOrbit)))
+    table.talk.receive(DrawnErrorEstimated(NEAR, FAR, colours, id=table.id_of(EstimateOrbit)))
     assert table.talk.status(Status()).error_colours is colours
     table.look(CAMERAS[0])
     table.update()
@@ -343,7 +343,7 @@ def test_a_picture_that_is_seen_no_more_is_not_judged(table: Table) -> None:
     late = table.id_of(EstimateOrbit)
     table.look(CAMERAS[0])
     assert CancelRequests(of=(EstimateOrbit,)) in table.update()
-    table.talk.receive(DrawnEstimated(NEAR, FAR, id=late))
+    table.talk.receive(DrawnErrorEstimated(NEAR, FAR, id=late))
     assert table.talk.status(Status()).estimate is None
 
 

@@ -9,9 +9,9 @@ from app.commands.layers import SetEditable, SetParameter
 from app.commands.light import SetRotation
 from app.editor import Editor
 from app.messages import OpenScene, WorkerRestarted
-from app.placement.events import LayerRadiance, TransportReady
-from app.placement.messages import Contract, LayerPicture
-from app.placement.status import RenderReport
+from app.placement.placement_events import LayerRadiance, TransportReady
+from app.placement.placement_messages import ContractTransport, LayerPicture
+from app.placement.placement_status import RenderReport
 from app.view_state import SetView
 from engine.curve.bands import band_nodes
 from engine.curve.operators import Operator
@@ -33,7 +33,7 @@ def test_stages_go_from_preview_to_exact(editor: Editor, client: FakeClient) -> 
     editor.controller.rendered(EXACT)
     assert editor.status.picture == "exact"
     assert editor.status.precomputed_mb == 2.0
-    assert client.sent(Contract) == []  # all was delivered with the stage
+    assert client.sent(ContractTransport) == []  # all was delivered with the stage
 
 
 def test_curve_edits_of_the_selected_layer_ask_for_nothing(settled: Editor, client: FakeClient) -> None:
@@ -54,7 +54,7 @@ def test_curve_edits_of_the_selected_layer_ask_for_nothing(settled: Editor, clie
 def test_switching_the_curve_contracts_the_other(settled: Editor, client: FakeClient) -> None:
     settled.select("pot.1.theta_d")
     settled.tick(1.1)
-    (request,) = client.sent(Contract)
+    (request,) = client.sent(ContractTransport)
     assert (request.layer.key, request.factor) == ("pot.1", "theta_d")
     assert request.layer.factors == ("theta_h", "theta_d")
     settled.controller.rendered(EXACT)
@@ -65,7 +65,7 @@ def test_switching_the_curve_contracts_the_other(settled: Editor, client: FakeCl
     settled.tick(1.3)
     settled.controller.rendered(EXACT)
     assert settled.status.picture == "exact"
-    assert len(client.sent(Contract)) == 1
+    assert len(client.sent(ContractTransport)) == 1
 
 
 def test_another_precision_is_asked_for_at_once(settled: Editor, client: FakeClient) -> None:
@@ -73,7 +73,7 @@ def test_another_precision_is_asked_for_at_once(settled: Editor, client: FakeCli
     assert settled.status.picture == "exact" and settled.status.transport_note == ""
     settled.do(SetView.of(precision="float"))
     settled.tick(1.1)
-    (request,) = client.sent(Contract)
+    (request,) = client.sent(ContractTransport)
     assert (request.layer.key, request.factor, request.precision) == ("pot.1", "theta_h", "float")
     settled.controller.rendered(replace(EXACT, precision="half"))  # the picture stays as it is meanwhile
     assert settled.status.picture == "refining"
@@ -84,7 +84,7 @@ def test_another_precision_is_asked_for_at_once(settled: Editor, client: FakeCli
     settled.tick(1.3)
     settled.controller.rendered(replace(EXACT, precision="float"))
     assert settled.status.picture == "exact" and settled.status.transport_note == ""
-    assert len(client.sent(Contract)) == 1
+    assert len(client.sent(ContractTransport)) == 1
 
 
 def test_the_transport_that_follows_keeps_the_precision(settled: Editor, client: FakeClient) -> None:
@@ -98,17 +98,17 @@ def test_the_transport_that_follows_keeps_the_precision(settled: Editor, client:
     client.finish_stage("final", exact=True)
     settled.tick(1.6)
     settled.tick(1.7)
-    assert len(client.sent(Contract)) == 1
+    assert len(client.sent(ContractTransport)) == 1
 
 
 def test_the_other_curve_is_contracted_again_one_at_a_time(settled: Editor, client: FakeClient) -> None:
     for step in range(5):  # eta drives θ_d, while θ_h is selected
         settled.do(SetParameter("pot.1", "eta", 1.5 + 0.1 * step))
         settled.tick(1.1 + 0.01 * step)
-    assert len(client.sent(Contract)) == 1
+    assert len(client.sent(ContractTransport)) == 1
     client.contract("final")
     settled.tick(1.2)
-    requests = client.sent(Contract)
+    requests = client.sent(ContractTransport)
     assert len(requests) == 2 and computed(client) == []
     assert requests[0].picture and requests[1].picture  # another curve makes another picture
     wanted = settled.controller.wanted_coefficients("pot.1")["theta_d"]
@@ -122,7 +122,7 @@ def test_answers_for_what_is_no_longer_selected_are_not_shown(settled: Editor, c
     settled.select("floor.0")
     events = settled.tick(1.2)
     assert TransportReady not in [type(event) for event in events]
-    assert [(r.layer.key, r.factor) for r in client.sent(Contract)] == [("pot.1", "theta_d"), ("floor.0", "theta_i")]
+    assert [(r.layer.key, r.factor) for r in client.sent(ContractTransport)] == [("pot.1", "theta_d"), ("floor.0", "theta_i")]
 
 
 def test_roughness_is_asked_for_when_the_hand_rests(settled: Editor, client: FakeClient) -> None:
@@ -155,7 +155,7 @@ def test_undo_of_another_layer_asks_for_its_picture_alone(settled: Editor, clien
     client.requests.clear()
     assert settled.undo() == "pot.1 theta_h Translate Y"
     settled.tick(1.3)
-    (request,) = client.sent(Contract)
+    (request,) = client.sent(ContractTransport)
     assert (request.layer.key, request.factor) == ("pot.1", None)  # no transport: nobody selects it
     assert np.array_equal(request.layer.coefficients[0], settled.controller.wanted_coefficients("pot.1")["theta_h"])
     client.contract("final")
@@ -176,7 +176,7 @@ def test_a_layer_rendered_exactly_is_not_asked_for_when_left(settled: Editor, cl
     client.contract("final")
     settled.tick(1.2)
     settled.tick(1.3)
-    assert [request.layer.key for request in client.sent(Contract)] == ["floor.0"]
+    assert [request.layer.key for request in client.sent(ContractTransport)] == ["floor.0"]
 
 
 def test_a_layer_left_in_mid_refinement_is_asked_for(settled: Editor, client: FakeClient) -> None:
@@ -185,7 +185,7 @@ def test_a_layer_left_in_mid_refinement_is_asked_for(settled: Editor, client: Fa
     settled.tick(1.1)
     client.contract("final")
     settled.tick(1.2)
-    assert [request.layer.key for request in client.sent(Contract)] == ["floor.0", "pot.1"]
+    assert [request.layer.key for request in client.sent(ContractTransport)] == ["floor.0", "pot.1"]
 
 
 def test_a_stage_without_the_selected_curve_is_asked_for_it_once(editor: Editor, client: FakeClient) -> None:
@@ -195,11 +195,11 @@ def test_a_stage_without_the_selected_curve_is_asked_for_it_once(editor: Editor,
     editor.tick(0.2)
     client.contract("coarse")
     editor.tick(0.3)
-    assert len(client.sent(Contract)) == 1
+    assert len(client.sent(ContractTransport)) == 1
     client.finish_stage("final", exact=True)  # brings θ_h, which is no longer selected
     editor.tick(0.4)
     editor.tick(0.5)
-    assert [request.factor for request in client.sent(Contract)] == ["theta_d", "theta_d"]
+    assert [request.factor for request in client.sent(ContractTransport)] == ["theta_d", "theta_d"]
     client.contract("final")
     editor.tick(0.6)
     editor.controller.rendered(EXACT)
@@ -215,7 +215,7 @@ def test_a_stage_that_comes_in_pieces_is_not_asked_for(editor: Editor, client: F
     editor.tick(0.2)  # the transport is still on its way
     client.answer(work, transport("pot.1", "theta_h", "final"))
     editor.tick(0.3)
-    assert client.sent(Contract) == []
+    assert client.sent(ContractTransport) == []
 
 
 def test_a_stage_made_with_older_curves_is_put_right(editor: Editor, client: FakeClient) -> None:
@@ -225,7 +225,7 @@ def test_a_stage_made_with_older_curves_is_put_right(editor: Editor, client: Fak
     client.finish_stage("final", exact=True)
     editor.tick(0.2)
     assert editor.status.picture == "refining"
-    (_, request) = client.sent(Contract)
+    (_, request) = client.sent(ContractTransport)
     assert request.layer.key == "pot.1"
     client.contract("final")
     editor.tick(0.3)
@@ -260,7 +260,7 @@ def test_a_fixed_object_is_asked_for_without_bands(client: FakeClient) -> None:
     editor.tick(0.2)
     editor.controller.rendered(EXACT)
     assert editor.status.picture == "exact"
-    assert client.sent(Contract) == []  # its curves are shown, but there is nothing to bend
+    assert client.sent(ContractTransport) == []  # its curves are shown, but there is nothing to bend
 
 
 def test_making_an_object_editable_keeps_the_picture_and_asks_for_its_bands(
@@ -300,4 +300,4 @@ def test_a_fixed_curve_that_changes_is_part_of_its_transport(settled: Editor, cl
     settled.tick(1.9)
     (work,) = computed(client)[n_before:]
     assert np.array_equal(work.scene.layers[2].coefficients[0], settled.controller.wanted_coefficients("floor.0")["theta_i"])
-    assert settled.status.picture == "preview" and client.sent(Contract) == []
+    assert settled.status.picture == "preview" and client.sent(ContractTransport) == []

@@ -6,9 +6,9 @@ from app.commands.light import SetEnvironment, SetRotation
 from app.editor import Editor
 from app.messages import SkyImage
 from app.picture_events import SkyChanged
-from app.placement.events import LayerRadiance, TransportReady
-from app.placement.messages import BouncesPlanned
-from app.placement.status import RenderReport
+from app.placement.placement_events import LayerRadiance, TransportReady
+from app.placement.placement_messages import BouncesPlanned
+from app.placement.placement_status import RenderReport
 from app.view_state import AS_PLANNED, SetView
 from tests.app.fake_worker import SCENE, FakeClient, computed
 
@@ -101,7 +101,7 @@ def test_bounces_are_as_planned_unless_a_person_chose_meanwhile(client: FakeClie
     client.open_scene({key: value for key, value in SCENE.items() if key != "bounces"})
     editor.tick(0.0)
     (request,) = computed(client)
-    assert request.decisions.n_bounces == AS_PLANNED
+    assert request.settings.n_bounces == AS_PLANNED
     client.answer(request, BouncesPlanned(3, "the last carries 2 %"))
     editor.tick(0.1)
     assert editor.view.n_bounces == 3 and len(computed(client)) == 1  # the worker goes on by itself

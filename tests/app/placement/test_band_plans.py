@@ -12,8 +12,8 @@ from app.editor import Editor
 from app.files.library import Library
 from app.jobs.dispatcher import RequestDispatcher
 from app.messages import RequestFailed
-from app.placement.messages import BandsPlanned, ComputeTransport, PlanBands
-from app.placement.status import RenderReport
+from app.placement.placement_messages import BandsPlanned, ComputeTransport, PlanBands
+from app.placement.placement_status import RenderReport
 from app.view_state import SetView
 from engine.planner import band_counts, usual_bands
 from tests.app.fake_worker import FakeClient

@@ -8,10 +8,10 @@ from app.commands.layers import SetParameter, SetVisible
 from app.commands.light import SetEnvironment, SetRotation
 from app.editor import Editor
 from app.messages import RequestFailed
-from app.placement.events import ComparedRefined
-from app.placement.indirect_talk import IndirectTalk
-from app.placement.messages import Contract, LayerPicture
-from app.placement.status import RenderReport
+from app.placement.placement_events import ComparisonRefined
+from app.placement.indirect_controller import IndirectController
+from app.placement.placement_messages import ContractTransport, LayerPicture
+from app.placement.placement_status import RenderReport
 from app.view_state import SetView
 from engine.curve.operators import Operator
 from tests.app.fake_worker import FakeClient
@@ -32,17 +32,17 @@ def early(client: FakeClient) -> Editor:
     return editor
 
 
-def remember(editor: Editor, now: float) -> list[ComparedRefined]:
+def remember(editor: Editor, now: float) -> list[ComparisonRefined]:
     editor.do(SetView.of(compare=editor.document))
     return refined(editor, now)
 
 
-def refined(editor: Editor, now: float) -> list[ComparedRefined]:
+def refined(editor: Editor, now: float) -> list[ComparisonRefined]:
     """What a tick tells of A."""
-    return [event for event in editor.tick(now) if isinstance(event, ComparedRefined)]
+    return [event for event in editor.tick(now) if isinstance(event, ComparisonRefined)]
 
 
-def finish(editor: Editor, client: FakeClient, now: float) -> list[ComparedRefined]:
+def finish(editor: Editor, client: FakeClient, now: float) -> list[ComparisonRefined]:
     """The final stage comes and the renderer shows all of it; what is told of A in the tick after."""
     client.finish_stage("final", exact=True)
     editor.tick(now)
@@ -50,8 +50,8 @@ def finish(editor: Editor, client: FakeClient, now: float) -> list[ComparedRefin
     return refined(editor, now + 0.01)
 
 
-def asked_for_a(client: FakeClient) -> list[Contract]:
-    return [request for request in client.sent(Contract) if request.factor is None]
+def asked_for_a(client: FakeClient) -> list[ContractTransport]:
+    return [request for request in client.sent(ContractTransport) if request.factor is None]
 
 
 def test_an_exact_picture_needs_nothing(client: FakeClient) -> None:
@@ -71,9 +71,9 @@ def test_a_follows_b_as_long_as_they_are_alike(early: Editor, client: FakeClient
     assert refined(early, 0.2) == []  # nothing has come since
     client.finish_stage("preview", exact=False)
     (event,) = refined(early, 0.3)
-    assert event.looks == {} and not early.status.compared_exact
+    assert event.appearances == {} and not early.status.compared_exact
     (event,) = finish(early, client, 1.0)
-    assert event.looks == {} and early.status.compared_exact
+    assert event.appearances == {} and early.status.compared_exact
     assert refined(early, 1.1) == []
     assert asked_for_a(client) == []
 
@@ -83,7 +83,7 @@ def test_with_indirect_light_an_a_of_other_curves_stays_as_it_is(
 ) -> None:
     early.do(LIFT)
     with monkeypatch.context() as patched:
-        patched.setattr(IndirectTalk, "is_shown", True)
+        patched.setattr(IndirectController, "is_shown", True)
         assert finish_edited(early, client) == []
         assert asked_for_a(client) == [] and not early.status.compared_exact
     refined(early, 1.3)
@@ -105,15 +105,15 @@ def test_layers_edited_meanwhile_are_asked_for(early: Editor, client: FakeClient
     (event,) = refined(early, 1.3)
     assert early.status.compared_exact and early.status.picture == "exact"
     assert early.document is edited
-    look = event.looks["floor.0"]
+    look = event.appearances["floor.0"]
     assert look.radiance is not None and look.radiance[0, 0] == 7.0
     # Gain and visibility are A's; a layer whose curves are on screen needs no radiance.
     np.testing.assert_array_equal(look.gain, before.layer("floor.0").scale())
-    assert event.looks["pot.1"].visible and event.looks["pot.1"].radiance is None
+    assert event.appearances["pot.1"].visible and event.appearances["pot.1"].radiance is None
     assert refined(early, 1.4) == []
 
 
-def finish_edited(editor: Editor, client: FakeClient) -> list[ComparedRefined]:
+def finish_edited(editor: Editor, client: FakeClient) -> list[ComparisonRefined]:
     """The final stage comes, then the edited layer's picture for B."""
     told = finish(editor, client, 1.0)
     client.contract("final")
@@ -140,7 +140,7 @@ def test_another_light_waits_for_the_old_one_to_come_back(early: Editor, client:
     early.tick(2.0)
     early.tick(2.5)
     (event,) = finish(early, client, 3.0)
-    assert event.looks == {} and early.status.compared_exact
+    assert event.appearances == {} and early.status.compared_exact
     assert early.document == before
 
 

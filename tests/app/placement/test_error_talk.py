@@ -17,9 +17,9 @@ from app.jobs.in_process import InProcessClient
 from app.jobs.indirect_tasks import IndirectTasks
 from app.jobs.dispatcher import RequestDispatcher
 from app.messages import CancelRequests, Request, Response
-from app.placement.indirect_talk import FINE_STAGE
-from app.placement.messages import ComputeTransport, ErrorEstimated, EstimateError
-from app.placement.status import RenderReport
+from app.placement.indirect_controller import FINE_STAGE
+from app.placement.placement_messages import ComputeTransport, ErrorEstimated, EstimateError
+from app.placement.placement_status import RenderReport
 from app.project import ProjectSpec
 from app.stills import render_project
 from app.view_state import SetView

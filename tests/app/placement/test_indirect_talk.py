@@ -9,9 +9,9 @@ from app.commands.layers import SetFresnelTerm, SetFrozen
 from app.commands.series import SetFirstBands
 from app.document import Selection, document_from_description
 from app.placement.curves import Curves
-from app.placement.events import IndirectRadiance
-from app.placement.indirect_talk import FREEZE_PATIENCE, REST_SECONDS, IndirectTalk
-from app.placement.messages import Freeze, Frozen, IndirectFound, IndirectNoise
+from app.placement.placement_events import IndirectRadiance
+from app.placement.indirect_controller import FREEZE_PATIENCE, IDLE_SECONDS, IndirectController
+from app.placement.placement_messages import FreezeIndirect, IndirectFrozen, IndirectFound, IndirectNoise
 from engine.curve.operators import Operator
 from engine.scene.description import parse_description
 from tests.app.fake_worker import SCENE, FakeClient
@@ -27,7 +27,7 @@ class Talk:
     def __init__(self) -> None:
         self.client, self.curves, self.now = FakeClient(), Curves(), 0.0
         self.document = document_from_description("shelf", parse_description(SCENE, "shelf"))
-        self.talk = IndirectTalk(self.client.send, self.curves)
+        self.talk = IndirectController(self.client.send, self.curves)
 
     def update(
         self, selected: Selection | None = SELECTED, n_bounces: int = 3, revision: int = 1, second: int | None = None
@@ -36,11 +36,11 @@ class Talk:
         return self.talk.update(self.now, self.document, selected, n_bounces, second, revision)
 
     @property
-    def asked(self) -> list[Freeze]:
-        return [request for request in self.client.requests if isinstance(request, Freeze)]
+    def asked(self) -> list[FreezeIndirect]:
+        return [request for request in self.client.requests if isinstance(request, FreezeIndirect)]
 
     def found(self, number: int = 1, stage: str = "fine", revision: int = 1) -> None:
-        self.talk.took_found(IndirectFound(number, stage, ROWS + number, WEIGHTS, revision=revision))
+        self.talk.receive_samples(IndirectFound(number, stage, ROWS + number, WEIGHTS, revision=revision))
 
     def frozen(self, number: int = 1, noise: float | None = 0.02) -> None:
         """The answer to the newest request: two samples a layer, powers 1, d and d²."""
@@ -56,9 +56,9 @@ class Talk:
         ]
         albedos = {look.key: np.ones((32, *(*map(len, look.coefficients), 1)[:2])) / 1e4 for look in mine}
         bands = np.ones((3, n_bands, 3, 2), np.float32)
-        self.talk.took_frozen(Frozen(number, wish.serial, wish.key, wish.factor, reflected, bands, albedos))
+        self.talk.receive_frozen(IndirectFrozen(number, wish.serial, wish.key, wish.factor, reflected, bands, albedos))
         if noise is not None:
-            self.talk.took_noise(IndirectNoise(number, wish.serial, noise, mean=0.5))
+            self.talk.receive_noise(IndirectNoise(number, wish.serial, noise, mean=0.5))
 
     def edit(self, key: str, factor: str, *operators: Operator) -> None:
         layer = self.document.layer(key)
@@ -113,7 +113,7 @@ def test_a_layer_that_shares_the_curve_needs_no_other_freezing_either(talk: Talk
     talk.edit("pot.1", "theta_h", LIFT)
     assert {event.key for event in talk.update()} == {"pot.0", "pot.1", "pot.2", "floor.0"}
     assert len(talk.asked) == 1 and not talk.talk.is_complete
-    talk.now += REST_SECONDS
+    talk.now += IDLE_SECONDS
     talk.update()
     assert len(talk.asked) == 2
 
@@ -124,12 +124,12 @@ def test_what_a_glossy_object_sends_is_frozen_anew_once_the_hand_rests(talk: Tal
     talk.frozen()
     talk.edit("pot.1", "theta_h", LIFT)
     talk.update()
-    talk.now += REST_SECONDS
+    talk.now += IDLE_SECONDS
     talk.update()
     assert len(talk.asked) == 2
     talk.frozen()
     assert talk.update() and talk.talk.is_complete
-    talk.now += REST_SECONDS
+    talk.now += IDLE_SECONDS
     talk.update()
     assert len(talk.asked) == 2
 
@@ -170,7 +170,7 @@ def test_noise_is_that_of_the_light_on_screen(talk: Talk) -> None:
     talk.frozen(1, noise=None)
     assert talk.update() and talk.talk.noise is None
     assert not talk.talk.is_complete and talk.talk.noise_of_picture(0.0) == 0.0  # nothing is claimed before it is known
-    talk.talk.took_noise(IndirectNoise(1, talk.asked[-1].serial, 0.02, mean=0.5))
+    talk.talk.receive_noise(IndirectNoise(1, talk.asked[-1].serial, 0.02, mean=0.5))
     talk.update()
     assert talk.talk.noise == 0.02 and talk.talk.is_complete
     assert talk.talk.noise_of_picture(1.5) == pytest.approx(0.02 * 0.5 / 2.0)  # a quarter of the light is indirect
@@ -197,7 +197,7 @@ def test_the_noise_of_a_matt_object_is_told_anew_when_the_hand_rests(talk: Talk)
     talk.frozen()
     talk.edit("floor.0", "theta_i", LIFT)
     for _ in range(2):
-        talk.now += REST_SECONDS
+        talk.now += IDLE_SECONDS
         talk.update(selected)
     assert len(talk.asked) == 2 and not talk.talk.is_complete and talk.talk.noise == 0.02
     talk.frozen(noise=3.76)
@@ -213,7 +213,7 @@ def test_an_answer_to_an_older_request_is_not_taken_for_the_newer(talk: Talk) ->
     talk.edit("floor.0", "theta_i", LIFT)
     talk.update()
     assert talk.asked[-1] is not late
-    talk.talk.took_frozen(Frozen(1, late.serial, late.key, late.factor, {}, np.zeros((3, 0, 3, 0)), {}))
+    talk.talk.receive_frozen(IndirectFrozen(1, late.serial, late.key, late.factor, {}, np.zeros((3, 0, 3, 0)), {}))
     assert talk.update() == []
 
 
@@ -337,11 +337,11 @@ def test_light_comes_in_units_of_its_own(talk: Talk) -> None:
     bands = np.full(
         (3, len(next(x for x in wish.scene.visible if x.key == wish.key).coefficients[0]), 1, 2), 0.0, np.float32
     )
-    answer = Frozen(1, wish.serial, wish.key, wish.factor, reflected, bands, {}, unit=1e24)
-    talk.talk.took_frozen(answer)
+    answer = IndirectFrozen(1, wish.serial, wish.key, wish.factor, reflected, bands, {}, unit=1e24)
+    talk.talk.receive_frozen(answer)
     shown = {event.key: event.radiance for event in talk.update()}
     np.testing.assert_allclose(shown["floor.0"], 3e24, rtol=1e-6)
-    assert not talk.talk.is_beyond
+    assert not talk.talk.is_clamped
 
 
 def test_an_albedo_beyond_all_bounds_is_bright_where_there_is_light_and_said(talk: Talk) -> None:
@@ -355,7 +355,7 @@ def test_an_albedo_beyond_all_bounds_is_bright_where_there_is_light_and_said(tal
     bands = np.zeros((3, len(mine.coefficients[0]), 3, 2), np.float32)
     e = {wish.key: np.full((32, *map(len, mine.coefficients)), 1e19)}
     reflected.pop(wish.key)
-    talk.talk.took_frozen(Frozen(1, wish.serial, wish.key, wish.factor, reflected, bands, e))
+    talk.talk.receive_frozen(IndirectFrozen(1, wish.serial, wish.key, wish.factor, reflected, bands, e))
     shown = {event.key: event.radiance for event in talk.update()}
     np.testing.assert_array_equal(shown["floor.0"], 1.0)
-    assert np.isfinite(shown["pot.0"]).all() and shown["pot.0"].min() > 1e35 and talk.talk.is_beyond
+    assert np.isfinite(shown["pot.0"]).all() and shown["pot.0"].min() > 1e35 and talk.talk.is_clamped

@@ -6,7 +6,7 @@ from app.commands.layers import SetParameter
 from app.commands.light import SetEnvironment, SetIntensity, SetMapping, SetRotation
 from app.editor import Editor
 from app.messages import RequestFailed
-from app.placement.messages import ComputeTransport
+from app.placement.placement_messages import ComputeTransport
 from tests.app.fake_worker import FakeClient
 
 LINE = "bad.hdr: first bytes = b'', expected an OpenEXR or a Radiance HDR image; nothing was changed"

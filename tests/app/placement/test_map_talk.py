@@ -9,8 +9,8 @@ from app.commands.maps import SetMap
 from app.commands.paint import BlendByMap, Paint
 from app.editor import Editor
 from app.messages import WorkerRestarted
-from app.placement.events import ComparedRefined, LayerMapsChanged
-from app.placement.messages import ComputeTransport, MapsRefused, MapsSampled, SampleMaps
+from app.placement.placement_events import ComparisonRefined, LayerMapsChanged
+from app.placement.placement_messages import ComputeTransport, MapsRefused, MapsSampled, SampleMaps
 from app.view_state import SetView
 from engine.material.layer_maps import Images, MapMeans
 from engine.material.strokes import make_stroke, pack_dabs
@@ -84,13 +84,13 @@ def test_the_old_image_stays_until_the_new_is_here_and_undo_needs_nobody(editor:
 def test_the_mean_reaches_indirect_light(editor: Editor, client: FakeClient) -> None:
     editor.do(OAK)
     ticks(editor)
-    plain = editor.controller.curves.sent_gain(editor.document, "pot.0")
+    plain = editor.controller.curves.outgoing_gain(editor.document, "pot.0")
     sample(editor, client)
     curves, document = editor.controller.curves, editor.document
-    np.testing.assert_allclose(curves.sent_gain(document, "pot.0"), plain * [0.5, 0.25, 1.0])
+    np.testing.assert_allclose(curves.outgoing_gain(document, "pot.0"), plain * [0.5, 0.25, 1.0])
     np.testing.assert_array_equal(curves.gain(document, "pot.0"), plain)  # to the eye the image itself counts
     editor.do(SetMap("pot.0", "texture_strength", 0.5))
-    np.testing.assert_allclose(curves.sent_gain(editor.document, "pot.0"), plain * [0.75, 0.625, 1.0])
+    np.testing.assert_allclose(curves.outgoing_gain(editor.document, "pot.0"), plain * [0.75, 0.625, 1.0])
 
 
 def refuse(editor: Editor, client: FakeClient) -> None:
@@ -193,7 +193,7 @@ def test_side_a_is_drawn_with_its_own_image(client: FakeClient) -> None:
     client.finish_stage("final", exact=True)
     ticks(editor)
     editor.controller.rendered(EXACT)
-    (event,) = (e for e in editor.tick(0.5) if isinstance(e, ComparedRefined))
-    samples, strength, inverts = event.looks["pot.0"].maps
+    (event,) = (e for e in editor.tick(0.5) if isinstance(e, ComparisonRefined))
+    samples, strength, inverts = event.appearances["pot.0"].maps
     assert samples is not None and (samples == 0.25).all() and (strength, inverts) == (1.0, False)
-    assert event.looks["pot.1"].maps[0] is None
+    assert event.appearances["pot.1"].maps[0] is None

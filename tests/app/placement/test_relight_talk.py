@@ -7,8 +7,8 @@ import pytest
 from app.document import document_from_description
 from app.messages import CancelRequests, Request
 from app.placement.curves import Curves
-from app.placement.messages import PrepareRelighting, RelightingPrepared
-from app.placement.relight_talk import REST_SECONDS, RelightTalk
+from app.placement.placement_messages import PrepareRelighting, RelightingPrepared
+from app.placement.relight_controller import IDLE_SECONDS, RelightController
 from engine.scene.description import parse_description
 from tests.app.fake_worker import SCENE
 
@@ -22,57 +22,57 @@ def sent() -> list[Request]:
 
 
 @pytest.fixture
-def talk(sent: list[Request]) -> RelightTalk:
+def talk(sent: list[Request]) -> RelightController:
     def send(request: Request) -> int:
         sent.append(request)
         return len(sent)
 
-    return RelightTalk(send, Curves())
+    return RelightController(send, Curves())
 
 
-def rest(talk: RelightTalk, begin: float = 0.0) -> None:
+def rest(talk: RelightController, begin: float = 0.0) -> None:
     """Let a picture rest until the scene is asked for."""
-    for now in (begin, begin + REST_SECONDS):
+    for now in (begin, begin + IDLE_SECONDS):
         talk.update(now, DOCUMENT, 1, True)
 
 
-def test_it_is_asked_once_when_the_picture_rests(talk: RelightTalk, sent: list[Request]) -> None:
+def test_it_is_asked_once_when_the_picture_rests(talk: RelightController, sent: list[Request]) -> None:
     talk.update(0.0, DOCUMENT, 1, False)
     talk.update(9.0, DOCUMENT, 1, True)
     assert not sent
     rest(talk, 9.0)
     rest(talk, 20.0)
     assert [type(request) for request in sent] == [PrepareRelighting] and sent[0].revision == 1
-    talk.took(RelightingPrepared(0, id=1))
+    talk.receive(RelightingPrepared(0, id=1))
     rest(talk, 30.0)
     assert len(sent) == 1
 
 
 @pytest.mark.parametrize("changed", [(OTHER, 1), (DOCUMENT, 2)])
-def test_another_picture_gives_up_what_is_under_way(talk: RelightTalk, sent: list[Request], changed) -> None:
+def test_another_picture_gives_up_what_is_under_way(talk: RelightController, sent: list[Request], changed) -> None:
     rest(talk)
     talk.update(5.0, *changed, False)
     assert isinstance(sent[-1], CancelRequests) and sent[-1].of == (PrepareRelighting,)
-    for now in (6.0, 6.0 + REST_SECONDS):
+    for now in (6.0, 6.0 + IDLE_SECONDS):
         talk.update(now, *changed, True)
     assert [type(request) for request in sent] == [PrepareRelighting, CancelRequests, PrepareRelighting]
 
 
-def test_what_came_is_not_given_up(talk: RelightTalk, sent: list[Request]) -> None:
+def test_what_came_is_not_given_up(talk: RelightController, sent: list[Request]) -> None:
     rest(talk)
-    talk.took(RelightingPrepared(0, id=1))
+    talk.receive(RelightingPrepared(0, id=1))
     talk.update(5.0, OTHER, 1, False)
     assert len(sent) == 1
 
 
-def test_what_failed_is_not_asked_for_again(talk: RelightTalk, sent: list[Request]) -> None:
+def test_what_failed_is_not_asked_for_again(talk: RelightController, sent: list[Request]) -> None:
     rest(talk)
     talk.took_failure(1)
     rest(talk, 10.0)
     assert len(sent) == 1
 
 
-def test_a_new_worker_is_asked_anew(talk: RelightTalk, sent: list[Request]) -> None:
+def test_a_new_worker_is_asked_anew(talk: RelightController, sent: list[Request]) -> None:
     rest(talk)
     talk.forget()
     rest(talk, 10.0)

@@ -18,10 +18,10 @@ from app.effective_settings import effective_view, effective_settings
 from app.document import LightState, reflecting_layers
 from app.editor import Editor
 from app.files.session import load_session
-from app.placement.events import LayerRadiance, TransportReady
-from app.placement.messages import ComputeTransport, Contract, EstimateError
-from app.placement.status import RenderReport
-from app.placement.wishes import TransportWish, same_coefficients
+from app.placement.placement_events import LayerRadiance, TransportReady
+from app.placement.placement_messages import ComputeTransport, ContractTransport, EstimateError
+from app.placement.placement_status import RenderReport
+from app.placement.desired_state import DesiredTransport, same_coefficients
 from app.view_state import SetView
 from engine.curve.operators import Operator
 from engine.planner import RenderSettings
@@ -162,7 +162,7 @@ def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> 
             view = effective_view(editor.view, editor.document)
             assert renderer.curves[key] == (selected.factor, view.precision)
     (*_, request) = client.sent(ComputeTransport)
-    assert request.decisions == effective_settings(effective_view(editor.view, editor.document), editor.document)
+    assert request.settings == effective_settings(effective_view(editor.view, editor.document), editor.document)
     for key, n_bands in active_overrides(editor.document).items():
         layer, _, factor = key.rpartition(".")
         if layer:
@@ -197,16 +197,16 @@ def test_a_long_drag_does_not_flood_the_worker() -> None:
     editor.end_drag()
     # This worker's answers to a contraction take one to three frames: a new one is asked for only after them.
     during = client.requests[n_before:]
-    assert 10 < len(during) <= 150 and {type(request) for request in during} == {Contract}
+    assert 10 < len(during) <= 150 and {type(request) for request in during} == {ContractTransport}
 
 
 def test_only_a_turn_is_a_turn() -> None:
-    wish = TransportWish(LightState(rotation=1.0), ())
+    wish = DesiredTransport(LightState(rotation=1.0), ())
     assert replace(wish, light=LightState(rotation=2.0)).moved_from(wish)
     assert not wish.moved_from(wish)
     assert not replace(wish, light=LightState("studio", rotation=2.0)).moved_from(wish)
-    assert not replace(wish, light=LightState(rotation=2.0), decisions=RenderSettings(400)).moved_from(wish)
-    assert not replace(wish, light=LightState(rotation=2.0), decisions=RenderSettings(n_patches=20)).moved_from(wish)
+    assert not replace(wish, light=LightState(rotation=2.0), settings=RenderSettings(400)).moved_from(wish)
+    assert not replace(wish, light=LightState(rotation=2.0), settings=RenderSettings(n_patches=20)).moved_from(wish)
 
 
 def test_coefficients_are_the_same_to_a_millionth() -> None:

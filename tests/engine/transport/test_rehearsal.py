@@ -18,7 +18,7 @@ use_kernel_cache()
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from tests.opened import ask_for_scene
-from app.placement.messages import StageDone
+from app.placement.placement_messages import StageDone
 from app.jobs.dispatcher import Tasks
 from engine.transport import rehearsal
 from tests.app.jobs.ball_and_lamp import SCENE, compute

@@ -1,5 +1,5 @@
 """The surfaces of objects that the worker last made a picture with: where the document goes back to when an image that
-one of them names cannot be read, as `app.placement.known_light` does for light."""
+one of them names cannot be read, as `app.placement.accepted_light` does for light."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from app.history import History
 from engine.scene.surface_kinds import SurfacesByObject
 
 
-class KnownSurfaces:
+class AcceptedSurfaces:
     """What of one scene's surfaces is known to work; to begin with what its file says."""
 
     def __init__(self) -> None:
         self._surfaces: SurfacesByObject = ()
 
-    def worked(self, surfaces: SurfacesByObject) -> None:
+    def accept(self, surfaces: SurfacesByObject) -> None:
         """A picture came of these."""
         self._surfaces = surfaces
 
-    def go_back(self, history: History[Document], refused: SurfacesByObject) -> bool:
+    def revert(self, history: History[Document], refused: SurfacesByObject) -> bool:
         """Take images that were refused out of the document; whether there were any.
 
         Where choosing one was the last step, that step is gone as if it had never been; else it is replaced.

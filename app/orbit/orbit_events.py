@@ -24,7 +24,7 @@ class OrbitPicture(PictureEvent):
 
 
 @dataclass(frozen=True, eq=False)
-class OrbitPartCame(PictureEvent):
+class OrbitPartArrived(PictureEvent):
     """A part of what moving pictures are drawn of, where the window draws them."""
 
     part: Part

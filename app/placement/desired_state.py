@@ -1,4 +1,4 @@
-"""What the editor wants of the worker, asked of it last, and got from it: the values that `transport_talk` compares."""
+"""What the editor wants of the worker, asked of it last, and got from it: the values that `transport_controller` compares."""
 
 from __future__ import annotations
 
@@ -61,31 +61,31 @@ def transport_shape(state: LayerState, coefficients: Coefficients) -> TransportS
 
 
 @dataclass(frozen=True)
-class TransportWish:
+class DesiredTransport:
     """All that transport depends on: equal wishes have equal transport."""
 
     light: LightState
     layers: tuple[TransportShape, ...]
     emission: Emission = ()
-    decisions: RenderSettings = RenderSettings()
+    settings: RenderSettings = RenderSettings()
 
-    def moved_from(self, other: TransportWish) -> bool:
+    def moved_from(self, other: DesiredTransport) -> bool:
         """Whether of the light only the environment's rotation differs, or what emitters emit."""
         light = replace(self.light, rotation=other.light.rotation)
         stayed = replace(self, light=light, emission=other.emission, layers=other.layers)
         return stayed == other and not self.lights_like(other)
 
-    def lights_like(self, other: TransportWish) -> bool:
+    def lights_like(self, other: DesiredTransport) -> bool:
         """Whether the light is the same."""
         return (self.light, self.emission) == (other.light, other.emission)
 
-    def stands_beside(self, other: TransportWish) -> bool:
+    def can_mix_with(self, other: DesiredTransport) -> bool:
         """Whether pictures of layers under both can stand side by side."""
-        return self.lights_like(other) and self.decisions.direct_settings == other.decisions.direct_settings
+        return self.lights_like(other) and self.settings.direct_settings == other.settings.direct_settings
 
-    def alike(self, before: TransportWish) -> tuple[str, ...]:
+    def alike(self, before: DesiredTransport) -> tuple[str, ...]:
         """Keys of the layers that look as they did under the wish before."""
-        if not self.stands_beside(before):
+        if not self.can_mix_with(before):
             return ()
         return tuple(shape.key for shape in self.layers if shape.looks_like(before.shape(shape.key)))
 
@@ -94,7 +94,7 @@ class TransportWish:
 
 
 @dataclass(frozen=True, eq=False)
-class CurveWish:
+class DesiredCurve:
     """One curve's transport; ``others`` are the present coefficients of the layer's other factors.
 
     ``factor`` None wishes for the layer's radiance alone.
@@ -105,18 +105,18 @@ class CurveWish:
     others: Coefficients
     precision: Precision = "half"
 
-    def same_curve(self, other: CurveWish | None) -> bool:
+    def same_curve(self, other: DesiredCurve | None) -> bool:
         """Whether the answer to one is of the kind that the other waits for."""
         if other is None:
             return False
         return (self.key, self.factor, self.precision) == (other.key, other.factor, other.precision)
 
-    def same(self, other: CurveWish | None) -> bool:
+    def same(self, other: DesiredCurve | None) -> bool:
         return other is not None and self.same_curve(other) and same_coefficients(self.others, other.others)
 
 
 @dataclass
-class LayerShown:
+class ReadyLayer:
     """The newest radiance of a layer under the transport asked last: its stage, and the curves it was made with."""
 
     stage: str
@@ -124,7 +124,7 @@ class LayerShown:
 
 
 @dataclass(frozen=True)
-class CurveShown:
+class ReadyCurve:
     """The transport that was delivered last for a selected curve of a layer."""
 
     key: str
@@ -134,22 +134,22 @@ class CurveShown:
 
 
 @dataclass
-class Contraction:
+class PendingContraction:
     """A Contract under way."""
 
     id: int
-    wish: CurveWish
+    desired: DesiredCurve
     sent_at: float
 
 
-def transport_wish(document: Document, decisions: RenderSettings, curves: Curves) -> TransportWish:
+def desired_transport(document: Document, decisions: RenderSettings, curves: Curves) -> DesiredTransport:
     """The transport of a document's layers in its light."""
     scene = curves.scene_state(document)
     shapes = tuple(transport_shape(state, curves.coefficients(document, state.key)) for state in scene.layers)
-    return TransportWish(scene.light, shapes, scene.emission, decisions)
+    return DesiredTransport(scene.light, shapes, scene.emission, decisions)
 
 
-def brightened(wanted: Emission, known: Emission) -> Float64Array | None:
+def brightening_factors(wanted: Emission, known: Emission) -> Float64Array | None:
     """The factors (3,) by which every emitter is brighter than it was; None where they are not the same for all."""
     if [name for name, _ in wanted] != [name for name, _ in known] or not known:
         return None

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from app.document import LightState
-from app.placement.transport_talk import TransportTalk
+from app.placement.transport_controller import TransportController
 from app.editor_status import Status
 from engine.planner import Precision
 from engine.render.picture_error import NONE, percent
@@ -79,10 +79,10 @@ def error_note(curve_error: float | None, noise: float | None) -> str:
     return "\n".join(lines)
 
 
-def light_note(talk: TransportTalk, shown: LightState) -> str:
+def light_note(talk: TransportController, shown: LightState) -> str:
     """What light the picture shows, in words; shown: that of the document drawn."""
-    light = talk.asked_light
-    if light is None or talk.asked_rotation is None:
+    light = talk.requested_light
+    if light is None or talk.requested_rotation is None:
         return ""
     asked = f"{light.rotation:.1f}°"
     if talk.running and not talk.drag_quality and replace(shown, intensity=light.intensity) != light:
@@ -98,7 +98,7 @@ def light_note(talk: TransportTalk, shown: LightState) -> str:
     return f"{'being refined' if talk.running else 'a preview'} for {asked}"
 
 
-def emitter_note(talk: TransportTalk) -> str:
+def emitter_note(talk: TransportController) -> str:
     """Whose light the picture shows, in words, where emitters were changed."""
     if talk.drag_quality:
         return "a quick picture of the light it throws; the final one follows when you let go"
@@ -109,14 +109,14 @@ def emitter_note(talk: TransportTalk) -> str:
     return "" if talk.delivered_final else "the light it throws is being refined"
 
 
-def material_note(talk: TransportTalk) -> str:
+def material_note(talk: TransportController) -> str:
     """What of the materials the picture does not show yet, in words."""
     if not talk.quotient_is_current:
         return "the curve is shown at once; self-shadowing follows when the hand rests"
     return "" if talk.fixed_is_current else "the curve of a fixed object follows when the hand rests"
 
 
-def transport_note(talk: TransportTalk, shown: Precision | None, wanted: Precision) -> str:
+def transport_note(talk: TransportController, shown: Precision | None, wanted: Precision) -> str:
     """What of the transport is not yet as it is asked for, in words: bands, or the floats of the selected curve's."""
     if talk.becoming_editable:
         return f"{', '.join(talk.becoming_editable)}: shown as it was until its bands are here"

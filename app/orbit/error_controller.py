@@ -15,25 +15,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.messages import CancelRequests, RequestFailed, Request
-from app.orbit.messages import DrawnEstimated, EstimateDrawn
-from app.orbit.wishes import OrbitWish
+from app.orbit.orbit_messages import DrawnErrorEstimated, EstimateDrawn
+from app.orbit.desired_state import DesiredOrbit
 from app.view_state import Viewpoint
 from engine.deform.pose import Poses
 from engine.render.picture_error import ErrorEstimate
 
-REST_SECONDS = 0.3
+IDLE_SECONDS = 0.3
 
 
-class Seen(NamedTuple):
+class ShownPicture(NamedTuple):
     """What a picture shows."""
 
-    wish: OrbitWish
-    look: Viewpoint
+    desired: DesiredOrbit
+    viewpoint: Viewpoint
     poses: Poses
     has_map: bool = False
 
 
-class DrawnErrorTalk:
+class DrawnErrorController:
     """The talk with the worker about the error of what it draws. send: hands a request over; kind: that of the mode."""
 
     def __init__(self, send: Callable[[Request], int], kind: type[EstimateDrawn]) -> None:
@@ -42,52 +42,52 @@ class DrawnErrorTalk:
 
     def forget(self) -> None:
         """Nothing is known of any picture; the worker was given something else to do."""
-        self._seen: Seen | None = None
-        self._known: DrawnEstimated | None = None
-        self._known_of: Seen | None = None
-        self._asked: int | None = None
+        self._seen: ShownPicture | None = None
+        self._estimate: DrawnErrorEstimated | None = None
+        self._estimate_of: ShownPicture | None = None
+        self._requested: int | None = None
         self._is_refused = False
-        self._rests_since = math.inf
+        self._idle_since = math.inf
 
-    def update(self, now: float, seen: Seen, rests: bool, request: Callable[[], EstimateDrawn]) -> None:
+    def update(self, now: float, seen: ShownPicture, rests: bool, request: Callable[[], EstimateDrawn]) -> None:
         """Ask where it is time to. rests: whether the picture of what is seen is there, and whole."""
         if seen != self._seen:
             self.give_up()
             self._seen, self._is_refused = seen, False
-        if not rests or self._asked is not None or self._is_refused or self._known_of == seen:
-            self._rests_since = math.inf
+        if not rests or self._requested is not None or self._is_refused or self._estimate_of == seen:
+            self._idle_since = math.inf
             return
-        self._rests_since = min(self._rests_since, now)
-        if now - self._rests_since >= REST_SECONDS:
-            self._asked = self._send(request())
+        self._idle_since = min(self._idle_since, now)
+        if now - self._idle_since >= IDLE_SECONDS:
+            self._requested = self._send(request())
 
     def give_up(self) -> None:
         """Nobody waits for the answer any more."""
-        if self._asked is not None:
+        if self._requested is not None:
             self._send(CancelRequests(of=(self._kind,)))
-            self._asked = None
+            self._requested = None
 
-    def at_rest(self, seen: Seen) -> ErrorEstimate | None:
+    def at_rest(self, seen: ShownPicture) -> ErrorEstimate | None:
         """Of the picture at rest; None while that is not known. With or without a map it is the same picture."""
-        of = self._known_of
+        of = self._estimate_of
         is_of_it = of is not None and of._replace(has_map=seen.has_map) == seen
-        return self._known.at_rest if self._known is not None and is_of_it else None
+        return self._estimate.at_rest if self._estimate is not None and is_of_it else None
 
-    def colours(self, seen: Seen) -> NDArray[np.uint8] | None:
+    def colours(self, seen: ShownPicture) -> NDArray[np.uint8] | None:
         """Where the picture at rest is off; None while that is not known."""
-        return self._known.colours if self._known is not None and self._known_of == seen else None
+        return self._estimate.colours if self._estimate is not None and self._estimate_of == seen else None
 
-    def moving(self, wish: OrbitWish) -> ErrorEstimate | None:
+    def moving(self, wish: DesiredOrbit) -> ErrorEstimate | None:
         """Of pictures of this from anywhere while something moves; None while that is not known."""
-        of = self._known_of
-        return self._known.moving if self._known is not None and of is not None and of.wish == wish else None
+        of = self._estimate_of
+        return self._estimate.moving if self._estimate is not None and of is not None and of.desired == wish else None
 
-    def took(self, response: DrawnEstimated) -> None:
+    def receive(self, response: DrawnErrorEstimated) -> None:
         """The answer."""
-        if response.id == self._asked:
-            self._known, self._known_of, self._asked = response, self._seen, None
+        if response.id == self._requested:
+            self._estimate, self._estimate_of, self._requested = response, self._seen, None
 
     def took_failure(self, response: RequestFailed) -> None:
         """It could not be found out, and is not asked for again."""
-        if response.id == self._asked:
-            self._asked, self._is_refused = None, True
+        if response.id == self._requested:
+            self._requested, self._is_refused = None, True

@@ -17,16 +17,16 @@ if TYPE_CHECKING:
     from engine.render.picture_error import ErrorEstimate
     from engine.scene.description import Camera
 
-Carried = tuple[tuple[str, tuple[float, float, float]], ...]
+AnimationOffsets = tuple[tuple[str, tuple[float, float, float]], ...]
 Quality = Literal["moving", "rest"]
 
 
 @dataclass(frozen=True)
 class PrepareOrbit(Request):
     """From now on draw this scene, whose layers are those that are seen; and make ready all that pictures are drawn of,
-    coarse first. Answered by `OrbitAdvanced` as often as pictures change by it. n_bounces: reflections between light
+    coarse first. Answered by `OrbitProgress` as often as pictures change by it. n_bounces: reflections between light
     and eye; 0: as many as the engine takes. listener: who draws moving pictures itself, and is told all that they are
-    drawn of by `OrbitTold` before that; another number has been told nothing; 0: nobody. most_bytes: of any one array.
+    drawn of by `OrbitPartExported` before that; another number has been told nothing; 0: nobody. most_bytes: of any one array.
     n_points: beside the meshes' own; n_coefficients: of light that each keeps.
 
     Another camera cancels it, for a camera is traced before anything slow goes on; what it has made ready stays.
@@ -43,8 +43,8 @@ class PrepareOrbit(Request):
 
 
 @dataclass(frozen=True)
-class LookOrbit(Request):
-    """What this camera sees is to be made ready first, though no picture is asked for. Answered by `OrbitAdvanced`
+class PrioritizeView(Request):
+    """What this camera sees is to be made ready first, though no picture is asked for. Answered by `OrbitProgress`
     where it sees what nothing was made ready for, such as backs."""
 
     built_on = (OpenScene,)
@@ -58,7 +58,7 @@ class LookOrbit(Request):
 @dataclass(frozen=True)
 class DrawOrbit(Request):
     """Draw the scene from a camera, in so many pixels (width, height), of what is ready, while something moves by so
-    many coefficients of light a point; answered by `OrbitDrawn` or `OrbitUnknown`. Built on the scene alone: a camera
+    many coefficients of light a point; answered by `OrbitPictureDrawn` or `OrbitNotReady`. Built on the scene alone: a camera
     is drawn long before what it sees has been traced."""
 
     built_on = (OpenScene,)
@@ -74,9 +74,9 @@ class DrawOrbit(Request):
 
 
 @dataclass(frozen=True)
-class DrawPlainly(Request):
+class DrawHeadlight(Request):
     """Draw the scene from a camera, in so many pixels (width, height), in poses, None: as it is open, of nothing that
-    has to be made ready: its objects in light from the eye. Answered by `OrbitDrawn` of version 0, or `OrbitUnknown`
+    has to be made ready: its objects in light from the eye. Answered by `OrbitPictureDrawn` of version 0, or `OrbitNotReady`
     where no scene is open yet. Not built on what was traced, as `DrawOrbit`."""
 
     built_on = (OpenScene,)
@@ -95,7 +95,7 @@ class DrawPlainly(Request):
 class EstimateDrawn(Request):
     """Say how far off two pictures of the view that is open are: as they are drawn at rest, and while something moves.
     scene, n_bounces: what they show, see `PrepareOrbit`; has_map: with where the former is off. Answered by
-    `DrawnEstimated`. Each mode that draws in the worker has a kind of its own."""
+    `DrawnErrorEstimated`. Each mode that draws in the worker has a kind of its own."""
 
     built_on = (SetCamera,)
     priority = 8
@@ -116,7 +116,7 @@ class EstimateOrbit(EstimateDrawn):
 
 
 @dataclass(frozen=True, eq=False)
-class DrawnEstimated(Response):
+class DrawnErrorEstimated(Response):
     """How far off the picture at rest is, and those while something moves; colours: see `ErrorEstimated`."""
 
     at_rest: ErrorEstimate
@@ -125,7 +125,7 @@ class DrawnEstimated(Response):
 
 
 @dataclass(frozen=True)
-class OrbitAdvanced(Response):
+class OrbitProgress(Response):
     """Pictures drawn now are others than under a lower `version`; is_done: they are the last; n_bytes: what is
     kept for them."""
 
@@ -135,21 +135,21 @@ class OrbitAdvanced(Response):
 
 
 @dataclass(frozen=True, eq=False)
-class OrbitTold(Response):
+class OrbitPartExported(Response):
     """A part of what moving pictures are drawn of, see `engine.orbit.gpu_parts`."""
 
     part: Part
 
 
 @dataclass(frozen=True)
-class OrbitUnknown(Response):
+class OrbitNotReady(Response):
     """There is nothing to draw of: what was made ready has gone with another worker, or with a scene opened anew."""
 
 
 @dataclass(frozen=True, eq=False)
-class OrbitDrawn(Response):
+class OrbitPictureDrawn(Response):
     """Linear radiance (H, W, 3) without the light's intensity, drawn in so many seconds of what was ready; `prepared`
-    is the number of the `PrepareOrbit` that was heard last, version and is_done are as in `OrbitAdvanced`; carried: how
+    is the number of the `PrepareOrbit` that was heard last, version and is_done are as in `OrbitProgress`; carried: how
     far animations have carried objects as wholes in it, by name: x, y, z."""
 
     radiance: NDArray[np.float32]
@@ -157,4 +157,4 @@ class OrbitDrawn(Response):
     version: int
     is_done: bool
     seconds: float
-    carried: Carried = ()
+    animation_offsets: AnimationOffsets = ()

@@ -23,20 +23,20 @@ from numpy.typing import NDArray
 from app.document import Document, Selection
 from app.messages import Request
 from app.picture_events import PictureEvent
-from app.placement.curves import Float64Array, Curves, drawn_as
+from app.placement.curves import Float64Array, Curves, picture_identity
 from app.placement.edited_curves import edited_layers
-from app.placement.events import Footprint, IndirectRadiance
-from app.placement.messages import Freeze, Frozen, IndirectFound, IndirectNoise
+from app.placement.placement_events import Footprint, IndirectRadiance
+from app.placement.placement_messages import FreezeIndirect, IndirectFrozen, IndirectFound, IndirectNoise
 from app.scene_state import LayerState, SceneState
 from engine.indirect.clamping import unscaled, is_clamped
 from engine.indirect.albedo_from_curves import albedo_of
 from engine.material.layer import object_of
 
 FREEZE_PATIENCE = 5.0
-REST_SECONDS = 0.25
+IDLE_SECONDS = 0.25
 FINE_STAGE = "fine"
 # How many freezings are kept beside the one that is drawn: undo goes back to them.
-N_KEPT = 4
+MAX_CACHED = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,19 +53,19 @@ class LayerReflectance:
         return self.layer.key
 
 
-def looks_of(scene: SceneState, document: Document, curves: Curves) -> tuple[LayerReflectance, ...]:
+def layer_reflectances(scene: SceneState, document: Document, curves: Curves) -> tuple[LayerReflectance, ...]:
     """Those of all visible layers of a document, of which the worker is told this."""
     return tuple(
         LayerReflectance(
             layer, tuple(curves.coefficients(document, layer.key).values()),
-            curves.sent_gain(document, layer.key), curves.view_curve(document, layer.key),
+            curves.outgoing_gain(document, layer.key), curves.view_curve(document, layer.key),
         )
         for layer in scene.visible
     )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
-class FreezeWish:
+class DesiredFreezing:
     """What the indirect light is frozen for; two serve the same if what they hold fixed is the same.
 
     edited: of layers that share the selected curve which of theirs it is: like what else is edited of the object they
@@ -73,28 +73,28 @@ class FreezeWish:
     """
 
     scene: SceneState
-    looks: tuple[LayerReflectance, ...]
+    reflectances: tuple[LayerReflectance, ...]
     key: str | None
     factor: int | None
     second: int | None
     edited: Mapping[str, int] = field(default_factory=dict)
 
-    def serves(self, other: FreezeWish) -> bool:
+    def serves(self, other: DesiredFreezing) -> bool:
         """Whether its answer is one to the other as well."""
         if self is other:
             return True
-        mine, theirs = ((wish.key, wish.factor, wish.second, len(wish.looks)) for wish in (self, other))
+        mine, theirs = ((wish.key, wish.factor, wish.second, len(wish.reflectances)) for wish in (self, other))
         if mine != theirs:
             return False
-        return all(self._alike(mine, theirs) for mine, theirs in zip(self.looks, other.looks, strict=True))
+        return all(self._alike(mine, theirs) for mine, theirs in zip(self.reflectances, other.reflectances, strict=True))
 
-    def same(self, other: FreezeWish) -> bool:
+    def same(self, other: DesiredFreezing) -> bool:
         """Whether it was also made with what the other has of the edited object's curves: glossy ones have a shape, and
         the noise is that of all."""
         if self is other:
             return True
-        return len(self.looks) == len(other.looks) and all(
-            _equal(*pair) for pair in zip(self.looks, other.looks, strict=True)
+        return len(self.reflectances) == len(other.reflectances) and all(
+            _equal(*pair) for pair in zip(self.reflectances, other.reflectances, strict=True)
         )
 
     def _alike(self, mine: LayerReflectance, theirs: LayerReflectance) -> bool:
@@ -112,7 +112,7 @@ class FreezeWish:
         return np.array_equal(mine.gain, theirs.gain) and np.array_equal(mine.view_curve, theirs.view_curve)
 
 
-class IndirectTalk:
+class IndirectController:
     """The talk with the worker about indirect light, and its picture. ``send`` hands a request over."""
 
     def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
@@ -123,16 +123,16 @@ class IndirectTalk:
         """Another scene: nothing is known of its light."""
         self._found: IndirectFound | None = None
         self._confirmed = -1
-        self._frozen: tuple[FreezeWish, Frozen, Footprint] | None = None
-        self._kept: list[tuple[FreezeWish, Frozen, Footprint]] = []
-        self._asked: tuple[FreezeWish, int] | None = None
+        self._frozen: tuple[DesiredFreezing, IndirectFrozen, Footprint] | None = None
+        self._cached: list[tuple[DesiredFreezing, IndirectFrozen, Footprint]] = []
+        self._requested: tuple[DesiredFreezing, int] | None = None
         self._serial = 0
-        self._asked_at = self._changed_at = -math.inf
-        self._last: FreezeWish | None = None
-        self._wish_made_of: tuple[Document | None, Selection | None, int | None] = None, None, None
-        self._drawn: FreezeWish | None = None
+        self._requested_at = self._changed_at = -math.inf
+        self._last: DesiredFreezing | None = None
+        self._desired_inputs: tuple[Document | None, Selection | None, int | None] = None, None, None
+        self._drawn: DesiredFreezing | None = None
         self._shown: dict[str, tuple[object, ...]] = {}
-        self._beyond: set[str] = set()
+        self._is_clamped: set[str] = set()
         self._noise: IndirectNoise | None = None
         self._n_bounces = 1
         self._complete = self._fits = self.is_on_screen = False
@@ -155,14 +155,14 @@ class IndirectTalk:
     @property
     def awaits_frozen(self) -> bool:
         """Whether a freezing is under way of light that has been found."""
-        if self._asked is None or self._found is None:
+        if self._requested is None or self._found is None:
             return False
-        return self._frozen is None or self._frozen[0] is not self._asked[0]
+        return self._frozen is None or self._frozen[0] is not self._requested[0]
 
     @property
     def noise(self) -> float | None:
         """What chance is left in the indirect light that is shown, RMS relative to its mean; None while unknown."""
-        return None if not self._shown or not self._knows_noise or self._noise is None else self._noise.noise
+        return None if not self._shown or not self._noise_is_current or self._noise is None else self._noise.noise
 
     def noise_of_picture(self, direct: float) -> float:
         """The same, relative to the mean of the whole picture; direct: that of its direct light. 0 while unknown."""
@@ -172,7 +172,7 @@ class IndirectTalk:
         return self.noise * self._noise.mean / mean if mean > 0.0 else self.noise
 
     @property
-    def _knows_noise(self) -> bool:
+    def _noise_is_current(self) -> bool:
         """Whether the noise that was told last is that of the light that came last."""
         if self._frozen is None or self._noise is None:
             return False
@@ -180,9 +180,9 @@ class IndirectTalk:
         return (self._noise.number, self._noise.serial) == (frozen.number, frozen.serial)
 
     @property
-    def is_beyond(self) -> bool:
+    def is_clamped(self) -> bool:
         """Whether some of the indirect light is brighter than a picture holds."""
-        return bool(self._beyond)
+        return bool(self._is_clamped)
 
     def edited(self) -> None:
         """The document or the selection changed: until the next update it is not known whether anything is missing."""
@@ -190,9 +190,9 @@ class IndirectTalk:
 
     def worker_restarted(self) -> None:
         """A new worker knows nothing of what was asked, and finds light anew."""
-        self._asked, self._confirmed = None, -1
+        self._requested, self._confirmed = None, -1
 
-    def took_found(self, response: IndirectFound) -> None:
+    def receive_samples(self, response: IndirectFound) -> None:
         """Samples were found, or are those of another transport as well; what they reflect comes with a freezing."""
         if self._found is not None and (self._found.stage, self._confirmed) == (FINE_STAGE, response.revision):
             if response.stage != FINE_STAGE:
@@ -201,35 +201,35 @@ class IndirectTalk:
         if self._found is None or response.number != self._found.number:
             self._found = response
 
-    def took_frozen(self, response: Frozen) -> None:
+    def receive_frozen(self, response: IndirectFrozen) -> None:
         """A freezing came; it is drawn with the footprint of its own samples."""
         found = self._found
-        if self._asked is None or found is None or (response.serial, response.number) != (self._serial, found.number):
+        if self._requested is None or found is None or (response.serial, response.number) != (self._serial, found.number):
             return
         footprint = Footprint(found.rows, found.weights)
         if self._frozen is not None and self._frozen[1].number == response.number:
             footprint = self._frozen[2]
-        self._draw_with((self._asked[0], response, footprint))
+        self._draw_with((self._requested[0], response, footprint))
 
-    def _draw_with(self, frozen: tuple[FreezeWish, Frozen, Footprint]) -> None:
+    def _draw_with(self, frozen: tuple[DesiredFreezing, IndirectFrozen, Footprint]) -> None:
         """Use a freezing from now on; those before it are kept as long as they are of the same light."""
-        others = [each for each in (self._frozen, *self._kept) if each is not None and each is not frozen]
-        self._kept = [each for each in others if each[1].number == frozen[1].number][:N_KEPT]
+        others = [each for each in (self._frozen, *self._cached) if each is not None and each is not frozen]
+        self._cached = [each for each in others if each[1].number == frozen[1].number][:MAX_CACHED]
         self._frozen, self._drawn = frozen, None
         self._shown.clear()
 
-    def _recall(self, wish: FreezeWish) -> None:
+    def _use_cached(self, wish: DesiredFreezing) -> None:
         """Use one that was made for the same before, until its own is here."""
-        for each in self._kept:
+        for each in self._cached:
             if each[0].serves(wish) and each[0].same(wish):
                 self._draw_with(each)
                 return
 
     def means_changed(self) -> None:
         """What layers send on became known otherwise than by an edit: the mean of a texture."""
-        self._wish_made_of = None, None, None
+        self._desired_inputs = None, None, None
 
-    def took_noise(self, response: IndirectNoise) -> None:
+    def receive_noise(self, response: IndirectNoise) -> None:
         """How noisy what was frozen is."""
         self._noise = response
 
@@ -238,10 +238,10 @@ class IndirectTalk:
         revision: int,
     ) -> list[PictureEvent]:  # fmt: skip
         """Ask for what is missing; the radiances that changed."""
-        self.ask(now, document, selected, n_bounces, second, revision)
+        self.request_missing(now, document, selected, n_bounces, second, revision)
         return self.follow(document)
 
-    def ask(
+    def request_missing(
         self, now: float, document: Document, selected: Selection | None, n_bounces: int, second: int | None,
         revision: int,
     ) -> None:  # fmt: skip
@@ -250,59 +250,59 @@ class IndirectTalk:
         self._n_bounces = n_bounces
         if n_bounces <= 1:
             return
-        wish = self._wish(document, selected, second)
-        self._ask(now, wish, revision)
+        wish = self._desired(document, selected, second)
+        self._send_request(now, wish, revision)
         if self._frozen is None:
             self._complete = self._fits = False
             return
         if not self._frozen[0].serves(wish):
-            self._recall(wish)
+            self._use_cached(wish)
         made_for, frozen, _ = self._frozen
         self._fits = made_for.serves(wish)
         is_final = self._is_current(frozen, revision) and self._found is not None and self._found.stage == FINE_STAGE
-        self._complete = self._fits and is_final and made_for.same(wish) and self._knows_noise
+        self._complete = self._fits and is_final and made_for.same(wish) and self._noise_is_current
 
     def follow(self, document: Document) -> list[PictureEvent]:
         """The radiances that changed, of the document that was asked for last."""
         if self._n_bounces <= 1:
-            return self._none()
+            return self._remove_all()
         if self._frozen is None or not self._fits or self._drawn is self._last:
             return []
         self._drawn, self.is_on_screen = self._last, True
         return self._radiances(document, *self._frozen)
 
     @property
-    def is_on_its_way(self) -> bool:
+    def is_pending(self) -> bool:
         """Whether it has been found, and none of it is here yet."""
         return self._n_bounces > 1 and self._found is not None and self._frozen is None
 
-    def is_behind(self, revision: int | None) -> bool:
+    def is_outdated(self, revision: int | None) -> bool:
         """Whether the picture has indirect light, and none of the document's is here yet. revision: of the transport
         under way, None where none is."""
-        if self._n_bounces <= 1 or not self.is_on_screen or self._asked is None:
+        if self._n_bounces <= 1 or not self.is_on_screen or self._requested is None:
             return False
-        is_due = not self._fits and self._frozen is not None and self._frozen[0] is not self._asked[0]
+        is_due = not self._fits and self._frozen is not None and self._frozen[0] is not self._requested[0]
         return is_due or revision is not None and self._confirmed != revision
 
-    def _is_current(self, frozen: Frozen, revision: int) -> bool:
+    def _is_current(self, frozen: IndirectFrozen, revision: int) -> bool:
         """Whether it is the newest light, and that of the transport asked last."""
         return self._found is not None and self._found.number == frozen.number and self._confirmed == revision
 
-    def _none(self) -> list[PictureEvent]:
-        shown, self._shown, self._frozen, self._asked, self._drawn = self._shown, {}, None, None, None
-        self._beyond.clear()
+    def _remove_all(self) -> list[PictureEvent]:
+        shown, self._shown, self._frozen, self._requested, self._drawn = self._shown, {}, None, None, None
+        self._is_clamped.clear()
         self.is_on_screen = False
         return [IndirectRadiance(key) for key in shown]
 
-    def _wish(self, document: Document, selected: Selection | None, second: int | None) -> FreezeWish:
+    def _desired(self, document: Document, selected: Selection | None, second: int | None) -> DesiredFreezing:
         """Made once: most ticks find everything as it was, and the processors are the worker's."""
-        made_of, (before, *rest) = (document, selected, second), self._wish_made_of
+        made_of, (before, *rest) = (document, selected, second), self._desired_inputs
         if self._last is None or before is not document or rest != [selected, second]:
-            self._wish_made_of = made_of
-            return self._new_wish(document, selected, second)
+            self._desired_inputs = made_of
+            return self._make_desired(document, selected, second)
         return self._last
 
-    def _new_wish(self, document: Document, selected: Selection | None, second: int | None) -> FreezeWish:
+    def _make_desired(self, document: Document, selected: Selection | None, second: int | None) -> DesiredFreezing:
         key = factor = None
         edited: dict[str, int] = {}
         # What is frozen by hand is not edited: it takes no part in the polynomial, and costs no bands.
@@ -315,30 +315,30 @@ class IndirectTalk:
                     theirs = list(self._curves.coefficients(document, other))
                     edited |= {other: theirs.index(selected.factor)} if selected.factor in theirs else {}
         scene = self._curves.scene_state(document)
-        return FreezeWish(scene, looks_of(scene, document, self._curves), key, factor, second, edited)
+        return DesiredFreezing(scene, layer_reflectances(scene, document, self._curves), key, factor, second, edited)
 
-    def _ask(self, now: float, wish: FreezeWish, revision: int) -> None:
+    def _send_request(self, now: float, wish: DesiredFreezing, revision: int) -> None:
         if self._last is None or not (self._last.serves(wish) and self._last.same(wish)):
             self._changed_at = now
         self._last = wish
-        if self._asked is not None and self._asked[1] == revision:
-            asked = self._asked[0]
+        if self._requested is not None and self._requested[1] == revision:
+            asked = self._requested[0]
             waits = self._frozen is None or self._frozen[0] is not asked
-            if asked.serves(wish) and (asked.same(wish) or now - self._changed_at < REST_SECONDS):
+            if asked.serves(wish) and (asked.same(wish) or now - self._changed_at < IDLE_SECONDS):
                 return
-            if waits and now - self._asked_at < FREEZE_PATIENCE:
+            if waits and now - self._requested_at < FREEZE_PATIENCE:
                 return
-        self._asked, self._asked_at = (wish, revision), now
+        self._requested, self._requested_at = (wish, revision), now
         self._serial += 1
-        self._send(Freeze(wish.scene, wish.key, wish.factor, wish.second, self._serial, revision=revision))
+        self._send(FreezeIndirect(wish.scene, wish.key, wish.factor, wish.second, self._serial, revision=revision))
 
     def _radiances(
-        self, document: Document, made_for: FreezeWish, frozen: Frozen, footprint: Footprint
+        self, document: Document, made_for: DesiredFreezing, frozen: IndirectFrozen, footprint: Footprint
     ) -> list[PictureEvent]:
         """Of the layers whose radiance is another than the one shown."""
         albedo = self._albedo(document, frozen)
         events: list[PictureEvent] = []
-        for look in made_for.looks:
+        for look in made_for.reflectances:
             curve = None
             if look.key == frozen.key and frozen.factor is not None:
                 curve = list(self._curves.coefficients(document, look.key).values())[frozen.factor]
@@ -346,23 +346,23 @@ class IndirectTalk:
             if self._shown.get(look.key) != state:
                 self._shown[look.key] = state
                 radiance = _radiance(frozen, look.key, albedo, curve)
-                (self._beyond.add if is_clamped(radiance) else self._beyond.discard)(look.key)
-                look_as = drawn_as(*look.layer.quotient)
+                (self._is_clamped.add if is_clamped(radiance) else self._is_clamped.discard)(look.key)
+                look_as = picture_identity(*look.layer.quotient)
                 events.append(IndirectRadiance(look.key, radiance, footprint, look_as))
         return events
 
-    def _albedo(self, document: Document, frozen: Frozen) -> Float64Array:
+    def _albedo(self, document: Document, frozen: IndirectFrozen) -> Float64Array:
         """d (3,) of the edited object as it is now."""
         total = np.zeros(3)
         for key, e in frozen.albedos.items():
             if document.is_visible(key):
                 values = tuple(self._curves.coefficients(document, key).values())
-                gain, view = self._curves.sent_gain(document, key), self._curves.view_curve(document, key)
+                gain, view = self._curves.outgoing_gain(document, key), self._curves.view_curve(document, key)
                 total += albedo_of(e, values, gain, view)
         return total
 
 
-def _radiance(frozen: Frozen, key: str, albedo: Float64Array, curve: Float64Array | None) -> NDArray[np.float32]:
+def _radiance(frozen: IndirectFrozen, key: str, albedo: Float64Array, curve: Float64Array | None) -> NDArray[np.float32]:
     """Indirect radiance (p,3) of one layer, without f_q and f_o."""
     # Powers in double precision: beyond single, what they multiply may be 0.
     if curve is None:

@@ -1,4 +1,4 @@
-"""What Deform asks of the worker; it is answered as Orbit is (see `app.orbit.messages`)."""
+"""What Deform asks of the worker; it is answered as Orbit is (see `app.orbit.orbit_messages`)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 from app.messages import SetCamera, OpenScene, Request, Response
-from app.orbit.messages import EstimateDrawn, OrbitDrawn, Quality
+from app.orbit.orbit_messages import EstimateDrawn, OrbitPictureDrawn, Quality
 
 if TYPE_CHECKING:
     from app.scene_state import SceneState
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from engine.scene.surface_kinds import SurfacesByObject
 
 
-class Traced(NamedTuple):
+class PathPreview(NamedTuple):
     """What paths are to show: from where, in how many pixels (width, height), in which poses."""
 
     camera: Camera
@@ -27,7 +27,7 @@ class Traced(NamedTuple):
 @dataclass(frozen=True)
 class PrepareDeform(Request):
     """From now on draw this scene, whose layers are those that are seen; and make ready the transfer of all objects,
-    coarse first. Answered by `OrbitAdvanced` as often as pictures change by it, by `DeformKnown`, and where
+    coarse first. Answered by `OrbitProgress` as often as pictures change by it, by `DeformLoss`, and where
     paths are traced by `PathsTraced`.
 
     posed: the objects that bend, by name, which have shadows of their own alone. surfaces: what is said of objects'
@@ -42,7 +42,7 @@ class PrepareDeform(Request):
     n_bounces: int = 0
     posed: tuple[str, ...] = ()
     surfaces: SurfacesByObject = ()
-    traced: Traced | None = None
+    traced: PathPreview | None = None
     n_rays: int = 1000
     n_lobes: int = 4
 
@@ -50,8 +50,8 @@ class PrepareDeform(Request):
 @dataclass(frozen=True)
 class DrawDeform(Request):
     """Draw the scene from a camera, in so many pixels (width, height), in poses, of what is ready; answered by
-    `OrbitDrawn` or `OrbitUnknown`. split, fit_error: see `ViewState`. known: where the window draws it itself, the
-    numbers of the parts that it has (`engine.deform.gpu_parts`); then answered by `PoseTold`."""
+    `OrbitPictureDrawn` or `OrbitNotReady`. split, fit_error: see `ViewState`. known: where the window draws it itself, the
+    numbers of the parts that it has (`engine.deform.gpu_parts`); then answered by `PoseExported`."""
 
     built_on = (OpenScene,)
     priority = 0
@@ -64,14 +64,14 @@ class DrawDeform(Request):
     poses: Poses = ()
     split: tuple[float, float] | None = None
     fit_error: bool = False
-    known: Numbers | None = None
+    sent_parts: Numbers | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class PoseTold(OrbitDrawn):
+class PoseExported(OrbitPictureDrawn):
     """What the window draws a picture of; radiance is empty."""
 
-    told: PictureExport = field(kw_only=True)
+    export: PictureExport = field(kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class EstimateDeform(EstimateDrawn):
 
 
 @dataclass(frozen=True)
-class DeformKnown(Response):
+class DeformLoss(Response):
     """lost: the share, 0 to 1, of the reflection of objects' sharpest layers that is too sharp for low frequencies, by
     name; of objects that are not matt alone."""
 

@@ -11,13 +11,13 @@ from collections.abc import Callable
 from app.document import Document
 from app.messages import CancelRequests, Request
 from app.placement.curves import Curves
-from app.placement.messages import PrepareRelighting, RelightingPrepared
+from app.placement.placement_messages import PrepareRelighting, RelightingPrepared
 
 # The error of the picture is asked for before.
-REST_SECONDS = 1.0
+IDLE_SECONDS = 1.0
 
 
-class RelightTalk:
+class RelightController:
     """The talk with the worker about turning the sky. ``send`` hands a request over."""
 
     def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
@@ -27,34 +27,34 @@ class RelightTalk:
     def forget(self) -> None:
         """Another picture, or another worker: nothing is ready."""
         self._picture: tuple[Document, int] | None = None
-        self._asked: int | None = None
+        self._requested: int | None = None
         self._is_done = False
-        self._rests_since = math.inf
+        self._idle_since = math.inf
 
     def update(self, now: float, document: Document, revision: int, rests: bool) -> None:
         """Ask where it is time to. revision: of the transport that the picture is made with; rests: whether all of the
         picture is there, a sky lights it, and no hand has hold of anything."""
         if self._picture is None or self._picture[0] is not document or self._picture[1] != revision:
-            if self._asked is not None:
+            if self._requested is not None:
                 self._send(CancelRequests(of=(PrepareRelighting,)))
             self.forget()
             self._picture = document, revision
-        if not rests or self._asked is not None or self._is_done:
-            self._rests_since = math.inf
+        if not rests or self._requested is not None or self._is_done:
+            self._idle_since = math.inf
             return
-        self._rests_since = min(self._rests_since, now)
-        if now - self._rests_since >= REST_SECONDS:
-            self._asked = self._send(PrepareRelighting(self._curves.scene_state(document), revision=revision))
+        self._idle_since = min(self._idle_since, now)
+        if now - self._idle_since >= IDLE_SECONDS:
+            self._requested = self._send(PrepareRelighting(self._curves.scene_state(document), revision=revision))
 
-    def took(self, response: RelightingPrepared) -> None:
+    def receive(self, response: RelightingPrepared) -> None:
         """The answer."""
-        if response.id == self._asked:
-            self._asked, self._is_done = None, True
+        if response.id == self._requested:
+            self._requested, self._is_done = None, True
 
-    def stopped(self) -> None:
+    def interrupted(self) -> None:
         """It was given up, by a person or by a fault: it is not asked for again before the picture changes."""
-        self._asked, self._is_done = None, True
+        self._requested, self._is_done = None, True
 
     def took_failure(self, id: int) -> None:
-        if id == self._asked:
-            self.stopped()
+        if id == self._requested:
+            self.interrupted()

@@ -28,29 +28,29 @@ import numpy as np
 from app.commands.light import emission_of
 from app.document import SCENE_ENVIRONMENT, Document, LightState, Selection
 from app.messages import RequestFailed, Request
-from app.placement.curves import Float64Array, Coefficients, Curves, drawn_as
-from app.placement.edited_curves import EditedCurves, curve_wishes, edited_layers
-from app.placement.messages import ComputeTransport, Contract, LayerPicture, LayerTransport, StageDone
-from app.placement.wishes import (
-    Contraction,
-    CurveShown,
-    CurveWish,
-    LayerShown,
+from app.placement.curves import Float64Array, Coefficients, Curves, picture_identity
+from app.placement.edited_curves import EditedCurves, desired_curves, edited_layers
+from app.placement.placement_messages import ComputeTransport, ContractTransport, LayerPicture, LayerTransport, StageDone
+from app.placement.desired_state import (
+    PendingContraction,
+    ReadyCurve,
+    DesiredCurve,
+    ReadyLayer,
     TransportShape,
-    TransportWish,
-    brightened,
+    DesiredTransport,
+    brightening_factors,
     same_coefficients,
-    transport_wish,
+    desired_transport,
 )
 from engine.planner import RenderSettings, Precision
 
-REST_SECONDS = 0.25
+IDLE_SECONDS = 0.25
 CONTRACT_PATIENCE = 3.0
 N_LIGHTS_PREVIEW = 400
 FINAL_STAGE = "final"
 
 
-class TransportTalk:
+class TransportController:
     """The talk with the worker about one scene. ``send`` hands a request over and returns its id."""
 
     def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
@@ -63,11 +63,11 @@ class TransportTalk:
         self._forget()
 
     def _forget(self) -> None:
-        self._wish: TransportWish | None = None
-        self._wish_since = -math.inf
-        self._wish_made_of: tuple[Document, RenderSettings] | None = None
-        self._asked: TransportWish | None = None
-        self._asked_document: Document | None = None
+        self._desired: DesiredTransport | None = None
+        self._desired_since = -math.inf
+        self._desired_inputs: tuple[Document, RenderSettings] | None = None
+        self._requested: DesiredTransport | None = None
+        self._requested_document: Document | None = None
         self._becoming_editable: tuple[str, ...] = ()
         self._drag_quality = False
         self._transport_id: int | None = None
@@ -83,12 +83,12 @@ class TransportTalk:
         self._edited = EditedCurves()
         self._forget_answers({})
 
-    def _forget_answers(self, staying: dict[str, LayerShown]) -> None:
+    def _forget_answers(self, staying: dict[str, ReadyLayer]) -> None:
         """But for what is on screen of these layers."""
         self._layers = staying
         self._edited.forget_answers(staying)
-        self._asked_pictures: dict[str, Coefficients] = {}
-        self._contraction: Contraction | None = None
+        self._requested_pictures: dict[str, Coefficients] = {}
+        self._contraction: PendingContraction | None = None
 
     # ----------------------------------------------------------------------------------------- what the editor tells
 
@@ -127,17 +127,17 @@ class TransportTalk:
 
     def worker_restarted(self) -> None:
         """A new worker begins anew with what was asked; its first stages are no longer the final picture."""
-        self._running, self._exact = self._asked is not None, False
+        self._running, self._exact = self._requested is not None, False
         self._forget_requests()
 
     def _forget_requests(self) -> None:
         """What else was asked for will not be answered."""
-        self._contraction, self._asked_pictures = None, {}
-        self._edited.forget_asked()
+        self._contraction, self._requested_pictures = None, {}
+        self._edited.forget_requested()
 
     def resume(self) -> None:
         """Ask once more for what was cancelled or failed; what may still come of that is void."""
-        self._asked, self._stopped = None, False
+        self._requested, self._stopped = None, False
         self.revision += 1
 
     def rendered(self, key: str, factor: str, coefficients: Float64Array) -> None:
@@ -151,12 +151,12 @@ class TransportTalk:
     @property
     def transport_is_current(self) -> bool:
         """Whether the transport asked for is that of the document as it is."""
-        return self._asked is not None and self._asked == self._wish and not self._drag_quality
+        return self._requested is not None and self._requested == self._desired and not self._drag_quality
 
     @property
     def light_is_current(self) -> bool:
         """Whether the light in the transport asked for is the document's."""
-        return self._asked is not None and self._wish is not None and self._wish.lights_like(self._asked)
+        return self._requested is not None and self._desired is not None and self._desired.lights_like(self._requested)
 
     @property
     def light_gain(self) -> Float64Array:
@@ -169,14 +169,14 @@ class TransportTalk:
         return self._drag_quality
 
     @property
-    def asked_light(self) -> LightState | None:
+    def requested_light(self) -> LightState | None:
         """The light in the transport asked last, at intensity 1."""
-        return None if self._asked is None else self._asked.light
+        return None if self._requested is None else self._requested.light
 
     @property
-    def asked(self) -> tuple[TransportWish, Document] | None:
+    def requested(self) -> tuple[DesiredTransport, Document] | None:
         """The transport asked last, and of which document that was."""
-        return None if self._asked is None or self._asked_document is None else (self._asked, self._asked_document)
+        return None if self._requested is None or self._requested_document is None else (self._requested, self._requested_document)
 
     @property
     def received(self) -> Collection[str]:
@@ -186,37 +186,37 @@ class TransportTalk:
     def serves(self, document: Document, like: Document, decisions: RenderSettings) -> bool:
         """Whether the transport asked last would draw another document of the same models as ``like``."""
         models = [(key, layer.model) for key, layer in document.layers()]
-        if self._asked is None or models != [(key, layer.model) for key, layer in like.layers()]:
+        if self._requested is None or models != [(key, layer.model) for key, layer in like.layers()]:
             return False
-        wish = transport_wish(document, decisions, self._curves)
+        wish = desired_transport(document, decisions, self._curves)
         lit_alike = wish.emission == emission_of(like)
-        return lit_alike and replace(wish, emission=self._asked.emission) == self._asked
+        return lit_alike and replace(wish, emission=self._requested.emission) == self._requested
 
-    def asked_bands(self, key: str) -> dict[str, int] | None:
+    def requested_bands(self, key: str) -> dict[str, int] | None:
         """J of each factor of a layer in the transport asked last; None where there is none of it."""
-        shape = self._asked_shape(key)
+        shape = self._requested_shape(key)
         return None if shape is None else dict(shape.bands)
 
-    def drawn_as(self, key: str) -> tuple[object, ...]:
+    def picture_identity(self, key: str) -> tuple[object, ...]:
         """What f_q and the curves of a layer's picture belong to, in the transport asked last."""
-        shape = self._asked_shape(key)
-        return () if shape is None else drawn_as(shape.model, shape.quotient_parameters)
+        shape = self._requested_shape(key)
+        return () if shape is None else picture_identity(shape.model, shape.quotient_parameters)
 
     def is_transport(self, id: int) -> bool:
         """Whether this is the number of the transport asked last."""
         return id == self._transport_id
 
     @property
-    def asked_rotation(self) -> float | None:
+    def requested_rotation(self) -> float | None:
         """The rotation (degrees) in the transport asked last; None where no environment lights the scene."""
-        if self._asked is None or self._asked.light.environment == SCENE_ENVIRONMENT and not self._has_sky:
+        if self._requested is None or self._requested.light.environment == SCENE_ENVIRONMENT and not self._has_sky:
             return None
-        return self._asked.light.rotation
+        return self._requested.light.rotation
 
     @property
     def has_sky(self) -> bool:
         """Whether an environment lights the scene in the transport asked last."""
-        return self.asked_rotation is not None
+        return self.requested_rotation is not None
 
     @property
     def running(self) -> bool:
@@ -241,30 +241,30 @@ class TransportTalk:
     @property
     def quotient_is_current(self) -> bool:
         """Whether the quotients in the transport asked for are those of the document's parameters."""
-        if self._asked is None or self._wish is None:
+        if self._requested is None or self._desired is None:
             return False
-        return all(shape.has_quotient_of(self._asked.shape(shape.key)) for shape in self._wish.layers)
+        return all(shape.has_quotient_of(self._requested.shape(shape.key)) for shape in self._desired.layers)
 
     @property
     def fixed_is_current(self) -> bool:
         """Whether the transport asked for has the curves of the fixed objects as they are."""
-        if self._asked is None or self._wish is None:
+        if self._requested is None or self._desired is None:
             return False
-        return all(shape.looks_like(self._asked.shape(shape.key)) for shape in self._wish.layers)
+        return all(shape.looks_like(self._requested.shape(shape.key)) for shape in self._desired.layers)
 
     @property
     def shows_final(self) -> bool:
         """Whether what is on screen is the document's picture in final quality, though bands of it may be missing."""
-        if self._asked is None or self._wish is None or self._drag_quality:
+        if self._requested is None or self._desired is None or self._drag_quality:
             return False
-        shown = [self._layers.get(key) for key in self._wish.alike(self._asked)]
+        shown = [self._layers.get(key) for key in self._desired.alike(self._requested)]
         finals = [layer for layer in shown if layer is not None and layer.stage == FINAL_STAGE]
-        return bool(finals) and len(finals) == len(self._wish.layers)
+        return bool(finals) and len(finals) == len(self._desired.layers)
 
     @property
-    def layers_asked(self) -> tuple[TransportShape, ...]:
+    def requested_layers(self) -> tuple[TransportShape, ...]:
         """The layers in the transport asked for last."""
-        return () if self._asked is None else self._asked.layers
+        return () if self._requested is None else self._requested.layers
 
     @property
     def becoming_editable(self) -> tuple[str, ...]:
@@ -286,48 +286,48 @@ class TransportTalk:
         made_for = (document, decisions)
         self._stopped = self._stopped and made_for == self._made_for
         self._made_for = made_for
-        wish = self._transport_wish(document, decisions)
-        if wish != self._wish:
-            self._wish_since = -math.inf if self._wish is None else now
-            self._wish = wish
+        wish = self._desired_transport(document, decisions)
+        if wish != self._desired:
+            self._desired_since = -math.inf if self._desired is None else now
+            self._desired = wish
         if not planned:
-            self._wish_made_of = None
+            self._desired_inputs = None
             return
-        self._ask_transport(wish, now, document, selected, dragging)
+        self._request_transport(wish, now, document, selected, dragging)
         self._released = False
         if not self._drag_quality:
-            self._edited.wished = curve_wishes(document, selected, self._curves, self._precision)
-            self._ask_contraction(now, document)
+            self._edited.desired = desired_curves(document, selected, self._curves, self._precision)
+            self._request_contraction(now, document)
 
-    def _ask_transport(
-        self, wish: TransportWish, now: float, document: Document, selected: Selection | None, dragging: bool
+    def _request_transport(
+        self, wish: DesiredTransport, now: float, document: Document, selected: Selection | None, dragging: bool
     ) -> None:
         if self.transport_is_current or self._stopped:
             return
-        asked = self._asked
-        if asked is None or self._released or now - self._wish_since >= REST_SECONDS:
+        asked = self._requested
+        if asked is None or self._released or now - self._desired_since >= IDLE_SECONDS:
             self._compute(wish, document, selected)
         elif dragging and wish.moved_from(asked) and not (self._drag_quality and self._running):
             self._compute(wish, document, selected, is_drag=True)
 
     def _compute(
-        self, wish: TransportWish, document: Document, selected: Selection | None, is_drag: bool = False
+        self, wish: DesiredTransport, document: Document, selected: Selection | None, is_drag: bool = False
     ) -> None:
-        self._edited.wished = curves = curve_wishes(document, selected, self._curves, self._precision)
+        self._edited.desired = curves = desired_curves(document, selected, self._curves, self._precision)
         staying = self._staying(wish, is_drag)
-        was_fixed = [shape.key for shape in self.layers_asked if shape.is_fixed and shape.key in staying]
-        is_fine = self._is_fine and self._asked is not None and wish.stands_beside(self._asked) and not is_drag
+        was_fixed = [shape.key for shape in self.requested_layers if shape.is_fixed and shape.key in staying]
+        is_fine = self._is_fine and self._requested is not None and wish.can_mix_with(self._requested) and not is_drag
         self.revision += 1
-        self._asked, self._drag_quality, self._running, self._exact = wish, is_drag, True, False
-        self._asked_document, self.has_stage = document, False
+        self._requested, self._drag_quality, self._running, self._exact = wish, is_drag, True, False
+        self._requested_document, self.has_stage = document, False
         self._forget_answers(staying)
         self._becoming_editable = tuple(s.key for s in wish.layers if s.key in was_fixed and not s.is_fixed)
         request = ComputeTransport(
             replace(self._curves.scene_state(document), emission=wish.emission),
             curves[0].key if curves else None,
             curves[0].factor if curves else None,
-            min(N_LIGHTS_PREVIEW, wish.decisions.n_lights),
-            wish.decisions,
+            min(N_LIGHTS_PREVIEW, wish.settings.n_lights),
+            wish.settings,
             self._precision,
             tuple(curve.key for curve in curves[1:]),
             is_drag,
@@ -338,27 +338,27 @@ class TransportTalk:
         )
         self._transport_id = self._send(request)
 
-    def _staying(self, wish: TransportWish, is_drag: bool) -> dict[str, LayerShown]:
+    def _staying(self, wish: DesiredTransport, is_drag: bool) -> dict[str, ReadyLayer]:
         """What is on screen and is the picture of what is wished for: the worker goes on from there."""
-        if self._asked is None or self._drag_quality or is_drag:
+        if self._requested is None or self._drag_quality or is_drag:
             return {}
-        alike = wish.alike(self._asked)
+        alike = wish.alike(self._requested)
         return {key: shown for key, shown in self._layers.items() if key in alike}
 
-    def _ask_contraction(self, now: float, document: Document) -> None:
+    def _request_contraction(self, now: float, document: Document) -> None:
         edited = self._edited
-        outdated = self._outdated_layers(document, [wish.key for wish in edited.wished])
+        outdated = self._outdated_layers(document, [wish.key for wish in edited.desired])
         self._complete = edited.has_all(self._layers) and not outdated and not self._waits(now)
         missing = [wish for wish in edited.missing(self._layers) if self._has_transport(document, wish)]
         if not missing:
             if not self._waits(now):
-                self._ask_picture(now, document, outdated)
+                self._request_picture(now, document, outdated)
             return
-        under_way = None if self._contraction is None else self._contraction.wish
-        if not self._waits(now) or not any(wish.same_curve(under_way) for wish in edited.wished):
+        under_way = None if self._contraction is None else self._contraction.desired
+        if not self._waits(now) or not any(wish.same_curve(under_way) for wish in edited.desired):
             self._contract(missing[0], document, now)
 
-    def _has_transport(self, document: Document, wish: CurveWish) -> bool:
+    def _has_transport(self, document: Document, wish: DesiredCurve) -> bool:
         """Whether the worker can hand out a curve's transport, as far as it was asked to compute it."""
         return self._can_contract(wish.key, self._curves.coefficients(document, wish.key))
 
@@ -376,93 +376,93 @@ class TransportTalk:
                 outdated[key] = wanted
         return outdated
 
-    def _ask_picture(self, now: float, document: Document, outdated: Mapping[str, Coefficients]) -> None:
+    def _request_picture(self, now: float, document: Document, outdated: Mapping[str, Coefficients]) -> None:
         """Ask for the radiance of the first outdated layer that was not asked for yet."""
         for key, wanted in outdated.items():
-            asked = same_coefficients(self._asked_pictures.get(key, {}), wanted)
+            asked = same_coefficients(self._requested_pictures.get(key, {}), wanted)
             if not asked and self._can_contract(key, wanted):
-                self._asked_pictures[key] = wanted
-                self._contract(CurveWish(key, None, {}), document, now)
+                self._requested_pictures[key] = wanted
+                self._contract(DesiredCurve(key, None, {}), document, now)
                 return
 
     def _waits(self, now: float) -> bool:
         """Whether the answer to a contraction is still worth waiting for."""
         return self._contraction is not None and now - self._contraction.sent_at < CONTRACT_PATIENCE
 
-    def _contract(self, curve: CurveWish, document: Document, now: float) -> None:
+    def _contract(self, curve: DesiredCurve, document: Document, now: float) -> None:
         if self._contraction is not None:  # it is replaced unanswered: what it was to bring is to be asked for again
-            self._asked_pictures.pop(self._contraction.wish.key, None)
-            if self._contraction.wish.factor is not None:
-                self._edited.withdraw(self._contraction.wish.key)
+            self._requested_pictures.pop(self._contraction.desired.key, None)
+            if self._contraction.desired.factor is not None:
+                self._edited.withdraw(self._contraction.desired.key)
         wanted = self._curves.coefficients(document, curve.key)
         if curve.factor is not None:
-            self._edited.ask(curve)
-        is_follower = curve.factor is not None and curve.key != self._edited.wished[0].key
+            self._edited.note_request(curve)
+        is_follower = curve.factor is not None and curve.key != self._edited.desired[0].key
         shown = self._layers.get(curve.key)
         new_picture = curve.factor is None or shown is None or not same_coefficients(shown.coefficients, wanted)
         state = self._curves.layer_state(document, curve.key)
-        request = Contract(state, curve.factor, curve.precision, new_picture, is_follower, revision=self.revision)
-        self._contraction = Contraction(self._send(request), curve, now)
+        request = ContractTransport(state, curve.factor, curve.precision, new_picture, is_follower, revision=self.revision)
+        self._contraction = PendingContraction(self._send(request), curve, now)
 
-    def _asked_shape(self, key: str) -> TransportShape | None:
+    def _requested_shape(self, key: str) -> TransportShape | None:
         """What was asked of a layer: its model may have changed since."""
-        return None if self._asked is None else self._asked.shape(key)
+        return None if self._requested is None else self._requested.shape(key)
 
     def _can_contract(self, key: str, wanted: Coefficients) -> bool:
         """Whether the transport asked for is over the layer's present curves and bands."""
-        shape = self._asked_shape(key)
+        shape = self._requested_shape(key)
         return shape is not None and shape.takes(wanted)
 
-    def _transport_wish(self, document: Document, decisions: RenderSettings) -> TransportWish:
+    def _desired_transport(self, document: Document, decisions: RenderSettings) -> DesiredTransport:
         made_of = (document, decisions)
-        if self._wish is not None and self._wish_made_of == made_of:
-            return self._wish
-        self._wish_made_of = made_of
-        return self._brightened(transport_wish(*made_of, self._curves))
+        if self._desired is not None and self._desired_inputs == made_of:
+            return self._desired
+        self._desired_inputs = made_of
+        return self._with_requested_emission(desired_transport(*made_of, self._curves))
 
-    def _brightened(self, wish: TransportWish) -> TransportWish:
+    def _with_requested_emission(self, wish: DesiredTransport) -> DesiredTransport:
         """The same with the emission that was asked for, where all the light there is has only become brighter."""
         self.emitters_are_all = not self._has_sky and wish.light.environment == SCENE_ENVIRONMENT
-        known = self._asked.emission if self.emitters_are_all and self._asked is not None else ()
-        factors = brightened(wish.emission, known)
+        known = self._requested.emission if self.emitters_are_all and self._requested is not None else ()
+        factors = brightening_factors(wish.emission, known)
         self._light_gain = np.ones(3) if factors is None else factors
         return wish if factors is None else replace(wish, emission=known)
 
     # ------------------------------------------------------------------------------------------------------- answers
 
-    def took_bounces(self, n_bounces: int) -> None:
+    def receive_bounces(self, n_bounces: int) -> None:
         """The worker goes on with as many bounces as it found that the scene requires."""
-        if self._asked is not None:
-            self._asked = replace(self._asked, decisions=replace(self._asked.decisions, n_bounces=n_bounces))
+        if self._requested is not None:
+            self._requested = replace(self._requested, settings=replace(self._requested.settings, n_bounces=n_bounces))
         if self._made_for is not None:
             document, decisions = self._made_for  # chosen by no hand: what was stopped stays so
             self._made_for = document, replace(decisions, n_bounces=n_bounces)
 
-    def took_picture(self, response: LayerPicture) -> Coefficients:
+    def receive_picture(self, response: LayerPicture) -> Coefficients:
         """Note a layer's radiance; the coefficients it was made with, by factor."""
-        shape = self._asked_shape(response.key)
+        shape = self._requested_shape(response.key)
         names = [] if shape is None else [name for name, _ in shape.bands]
         values = [np.asarray(made_with, dtype=np.float64) for made_with in response.coefficients]
         coefficients = dict(zip(names, values, strict=True))
-        self._layers[response.key] = LayerShown(response.stage, coefficients)
+        self._layers[response.key] = ReadyLayer(response.stage, coefficients)
         under_way = self._contraction
-        if under_way is not None and under_way.wish.factor is None and under_way.id == response.id:
+        if under_way is not None and under_way.desired.factor is None and under_way.id == response.id:
             self._contraction = None
         return coefficients
 
-    def took_transport(self, response: LayerTransport, document: Document, selected: Selection | None) -> bool:
+    def receive_transport(self, response: LayerTransport, document: Document, selected: Selection | None) -> bool:
         """Note a curve's transport; whether it is that of a layer which follows the selected curve."""
-        came = CurveShown(response.key, response.factor, response.stage, response.precision)
-        under_way = None if self._contraction is None else self._contraction.wish
-        if under_way is not None and under_way.same_curve(CurveWish(came.key, came.factor, {}, came.precision)):
+        came = ReadyCurve(response.key, response.factor, response.stage, response.precision)
+        under_way = None if self._contraction is None else self._contraction.desired
+        if under_way is not None and under_way.same_curve(DesiredCurve(came.key, came.factor, {}, came.precision)):
             self._contraction = None
         is_selected = selected is not None and selected.factor == came.factor
-        return self._edited.took(came, edited_layers(document, selected) if is_selected else ())
+        return self._edited.receive(came, edited_layers(document, selected) if is_selected else ())
 
-    def took_stage(self, response: StageDone) -> None:
+    def receive_stage(self, response: StageDone) -> None:
         """Note the end of a stage: what did not come with it, or came with older curves, is asked for again."""
-        self._edited.took_stage(self._layers)
-        self._asked_pictures, self.has_stage = {}, True
+        self._edited.finish_stage(self._layers)
+        self._requested_pictures, self.has_stage = {}, True
         if response.id == self._transport_id and response.exact:
             self._running, self._exact = False, not self._drag_quality
 

@@ -15,17 +15,17 @@ from app.history import History
 Source = tuple[object, ...]
 
 
-class KnownLight:
+class AcceptedLight:
     """One scene's environment that is known to work; None until there was a picture."""
 
     def __init__(self) -> None:
         self._light: LightState | None = None
 
-    def worked(self, light: LightState) -> None:
+    def accept(self, light: LightState) -> None:
         """A picture came under this light."""
         self._light = light
 
-    def go_back(self, history: History[Document], refused: LightState) -> bool:
+    def revert(self, history: History[Document], refused: LightState) -> bool:
         """Take the environment that was refused out of the document; whether it was there and could be.
 
         Where choosing it was the last step, that step is gone as if it had never been; else it is replaced.

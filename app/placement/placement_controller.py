@@ -3,7 +3,7 @@
     document ─┬─► Curves ─► coefficients wanted ─► renderer
               └─► transport, indirect light, images, side A ─► requests ─► worker ─► answers ─► picture events
 
-Each of them compares what the document and the view want with what was asked for and has come (see `transport_talk`);
+Each of them compares what the document and the view want with what was asked for and has come (see `transport_controller`);
 this joins them, and says what all of it comes to for the person.
 """
 
@@ -21,22 +21,22 @@ from app.document import Document, layer_key
 from app.messages import CancelRequests, RequestFailed, Response
 from app.mode import EditorServices, ModeController, OpenedScene
 from app.picture_events import PictureEvent, SkyChanged
-from app.placement.band_plans import BandPlans, BandTalk
-from app.placement.changeover import Asked, Changeover
+from app.placement.band_plans import BandPlans, BandController
+from app.placement.picture_transition import RequestedTransport, PictureTransition
 from app.placement.comparison import Comparison
-from app.placement.curves import Float64Array, Curves, drawn_as
+from app.placement.curves import Float64Array, Curves, picture_identity
 from app.placement.edited_curves import edited_layers
-from app.placement.error_talk import ErrorTalk
-from app.placement.events import DocumentDrawn, Footprint, LayerRadiance, TransportReady
-from app.placement.indirect_talk import IndirectTalk
-from app.placement.known_light import KnownLight
-from app.placement.map_talk import MapTalk
-from app.placement.messages import (
+from app.placement.error_controller import ErrorController
+from app.placement.placement_events import DocumentDrawn, Footprint, LayerRadiance, TransportReady
+from app.placement.indirect_controller import IndirectController
+from app.placement.accepted_light import AcceptedLight
+from app.placement.map_controller import MapController
+from app.placement.placement_messages import (
     BandsPlanned,
     BouncesPlanned,
     ComputeTransport,
     ErrorEstimated,
-    Frozen,
+    IndirectFrozen,
     IndirectFound,
     IndirectNoise,
     LayerPicture,
@@ -50,8 +50,8 @@ from app.placement.messages import (
     StageDone,
     StageFootprint,
 )
-from app.placement.relight_talk import RelightTalk
-from app.placement.status import (
+from app.placement.relight_controller import RelightController
+from app.placement.placement_status import (
     NO_NOISE,
     PlacementStatus,
     RenderReport,
@@ -61,35 +61,35 @@ from app.placement.status import (
     material_note,
     transport_note,
 )
-from app.placement.transport_talk import TransportTalk
+from app.placement.transport_controller import TransportController
 from app.editor_status import PictureState, Status
 from app.view_state import AS_PLANNED, ViewState
 from engine.indirect.clamping import TOO_BRIGHT
 from engine.material.layer import Layer
 
 
-class PlacementTalk(ModeController):
+class PlacementController(ModeController):
     """The talk of Placement. curves: how many bands each curve gets, None for as many as planned."""
 
     def __init__(self, desk: EditorServices, curves: Curves | None = None) -> None:
         self.curves = curves or Curves(plans=desk.shared_state(BandPlans))
-        self._desk = desk
-        self._bands = BandTalk(desk.send, self.curves.plans)
-        self._transport = TransportTalk(desk.send, self.curves)
-        self.indirect = IndirectTalk(desk.send, self.curves)
-        self.maps = MapTalk(desk.send, self.curves)
+        self._services = desk
+        self._bands = BandController(desk.send, self.curves.plans)
+        self._transport = TransportController(desk.send, self.curves)
+        self.indirect = IndirectController(desk.send, self.curves)
+        self.maps = MapController(desk.send, self.curves)
         self._comparison = Comparison(desk.send, self.curves, self.maps.samples)
-        self._error = ErrorTalk(desk.send, self.curves)
-        self._relight = RelightTalk(desk.send, self.curves)
-        self._changeover = Changeover(self.curves)
-        self._told_beyond = False
+        self._error = ErrorController(desk.send, self.curves)
+        self._relight = RelightController(desk.send, self.curves)
+        self._changeover = PictureTransition(self.curves)
+        self._warned_clamped = False
         self._forget()
 
     def _forget(self) -> None:
         """Nothing is known of the picture."""
         self._view_id = 0
         self._footprints: dict[str, Footprint] = {}
-        self._known_light = KnownLight()
+        self._accepted_light = AcceptedLight()
         self._report = RenderReport()
         self._was_held = False
         self._bounces, self._bounces_reason = (0, ""), ""
@@ -101,7 +101,7 @@ class PlacementTalk(ModeController):
 
     def scene_closed(self) -> None:
         self._transport.scene_closed()
-        self._error.lost()
+        self._error.worker_interrupted()
         self._relight.forget()
 
     def scene_open_failed(self) -> None:
@@ -124,17 +124,17 @@ class PlacementTalk(ModeController):
         self.maps.scene_opened()
         self._error.forget()
         self._relight.forget()
-        self._known_light.worked(scene.described.light)
-        self.curves.opened(scene.description)
+        self._accepted_light.accept(scene.described.light)
+        self.curves.scene_opened(scene.description)
         self._changeover.scene_opened(scene.document, scene.description.environment is not None)
         self.add_band_plans(scene.planned)
 
     def deactivated(self) -> None:
-        self._desk.send(CancelRequests(of=(ComputeTransport, SampleMaps, PlanBands)))
+        self._services.send(CancelRequests(of=(ComputeTransport, SampleMaps, PlanBands)))
 
     def add_band_plans(self, planned: Iterable[tuple[Layer, Mapping[str, int]]]) -> None:
         for layer, bands in planned:
-            self.curves.plans.learn(layer, bands)
+            self.curves.plans.add_plan(layer, bands)
 
     def edited(self, command: EditCommand | None = None) -> None:
         if isinstance(command, SetMaterial):
@@ -155,8 +155,8 @@ class PlacementTalk(ModeController):
 
     def cancelled(self) -> None:
         self._transport.cancelled()
-        self._error.stopped()
-        self._relight.stopped()
+        self._error.user_stopped()
+        self._relight.interrupted()
 
     def resume(self) -> None:
         self._transport.resume()
@@ -173,71 +173,71 @@ class PlacementTalk(ModeController):
 
     @property
     def _document(self) -> Document:
-        return self._desk.history.document
+        return self._services.history.document
 
     @property
     def _view(self) -> ViewState:
         """With what the document has in the place of its knobs."""
-        return effective_view(self._desk.view, self._document)
+        return effective_view(self._services.view, self._document)
 
     # --------------------------------------------------------------------------------------------------------- asking
 
     def update(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
         compare = partial(self._compare, now, document, view)
         none: list[PictureEvent] = []
-        planned = self._ask(now, document, view)
-        events = self._change_over(document, view, planned)
-        rests = self._picture in ("finished", "exact") and not self._desk.history.dragging
+        planned = self._request_missing(now, document, view)
+        events = self._advance_transition(document, view, planned)
+        rests = self._picture in ("finished", "exact") and not self._services.history.dragging
         self._error.update(now, document, view, self._transport.revision, rests)
-        turns = rests and self._transport.asked_rotation is not None
+        turns = rests and self._transport.requested_rotation is not None
         self._relight.update(now, document, self._transport.revision, turns)
-        return events + self._desk.barrier.run("Side A", compare, none, (document, view))
+        return events + self._services.barrier.run("Side A", compare, none, (document, view))
 
-    def _ask(self, now: float, document: Document, view: ViewState) -> bool:
+    def _request_missing(self, now: float, document: Document, view: ViewState) -> bool:
         """Ask for what is missing; whether the bands of all layers are known."""
         talk, revision = self._transport, self._transport.revision
         planned = self._bands.update(document)
         decisions = effective_settings(view, document)
-        dragging, is_fine = self._desk.history.dragging, self._changeover.is_fine
+        dragging, is_fine = self._services.history.dragging, self._changeover.is_fine
         talk.update(now, document, view.selected, decisions, dragging, view.precision, planned, is_fine)
         if talk.revision != revision:
-            self._changeover.asked_anew(talk.received)
-        self.maps.ask(document)
+            self._changeover.transport_requested(talk.received)
+        self.maps.request_missing(document)
         if planned and not talk.drag_quality:
-            self.indirect.ask(now, document, view.selected, view.n_bounces, view.second_bands, talk.revision)
+            self.indirect.request_missing(now, document, view.selected, view.n_bounces, view.second_bands, talk.revision)
         return planned
 
-    def _change_over(self, document: Document, view: ViewState, planned: bool) -> list[PictureEvent]:
+    def _advance_transition(self, document: Document, view: ViewState, planned: bool) -> list[PictureEvent]:
         """What takes its place in the picture now, all of it in one frame."""
         talk, change, was_held = self._transport, self._changeover, self._was_held
-        asked, dragging = self._asked() if planned else None, self._desk.history.dragging
+        asked, dragging = self._requested_transport() if planned else None, self._services.history.dragging
         changes = change.update(document, asked, dragging, self.edited_layers, self._factor)
         if changes:
             self._picture_changed()
         self._was_held = change.drawn is not document
         if self._was_held:
-            return _in_one_frame(changes)
+            return _group_events(changes)
         events = self.maps.follow(document)
         if planned and not talk.drag_quality:
             changes += self.indirect.follow(document)
-            if self.indirect.is_beyond and not self._told_beyond:
-                self._desk.notify(TOO_BRIGHT, True)
-            self._told_beyond = self.indirect.is_beyond
+            if self.indirect.is_clamped and not self._warned_clamped:
+                self._services.notify(TOO_BRIGHT, True)
+            self._warned_clamped = self.indirect.is_clamped
         if was_held and not (changes or events):
             changes.append(DocumentDrawn())
-        return _in_one_frame([*changes, *events]) if changes else [*events]
+        return _group_events([*changes, *events]) if changes else [*events]
 
-    def _asked(self) -> Asked | None:
+    def _requested_transport(self) -> RequestedTransport | None:
         """The transport asked last, and what else has come of the document."""
         talk = self._transport
-        if talk.asked is None or not talk.is_open:
+        if talk.requested is None or not talk.is_open:
             return None
-        wish, document = talk.asked
-        has_rest = self.maps.is_complete and not self.indirect.is_behind(talk.revision if talk.running else None)
+        wish, document = talk.requested
+        has_rest = self.maps.is_complete and not self.indirect.is_outdated(talk.revision if talk.running else None)
         if talk.running and not self._changeover.has_picture and self._view.n_bounces != 1:
             # A first picture without the light between surfaces would have black metal.
-            has_rest = has_rest and talk.has_stage and not self.indirect.is_on_its_way
-        return Asked(wish, document, talk.drag_quality, talk.delivered_final, has_rest, talk.finished)
+            has_rest = has_rest and talk.has_stage and not self.indirect.is_pending
+        return RequestedTransport(wish, document, talk.drag_quality, talk.delivered_final, has_rest, talk.finished)
 
     def _compare(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
         """Side A as it is chosen, and brought up to date."""
@@ -267,8 +267,8 @@ class PlacementTalk(ModeController):
     def drawn(self) -> Document:
         """The document that the picture shows: the newest of which all is there that it changes."""
         document, change = self._document, self._changeover
-        if self._desk.history.dragging:
-            change.follow_hand(document)
+        if self._services.history.dragging:
+            change.follow_drag(document)
         elif change.drawn is not document and not (self.indirect.is_on_screen or self.maps.is_wanted(document)):
             change.draw_now(document, self.edited_layers, self._factor)
         return change.drawn
@@ -276,7 +276,7 @@ class PlacementTalk(ModeController):
     @property
     def _factor(self) -> str | None:
         """The curve that is selected."""
-        selected = self._desk.view.selected
+        selected = self._services.view.selected
         return None if selected is None else selected.factor
 
     @property
@@ -296,12 +296,12 @@ class PlacementTalk(ModeController):
     @property
     def edited_layers(self) -> tuple[str, ...]:
         """Keys of the layers that follow the selected curve, the selected one first; none of a fixed object."""
-        return edited_layers(self._document, self._desk.view.selected)
+        return edited_layers(self._document, self._services.view.selected)
 
-    def drawn_as(self, key: str) -> tuple[object, ...]:
+    def picture_identity(self, key: str) -> tuple[object, ...]:
         """What f_q and the curves of a layer belong to: a picture of another one is not to be drawn with them."""
         layer = self.drawn.layer(key)
-        return drawn_as(layer.model.name, layer.quotient_parameters().tolist())
+        return picture_identity(layer.model.name, layer.quotient_parameters().tolist())
 
     def layer_gain(self, key: str) -> Float64Array:
         """What a layer's picture is multiplied by, (3,): f_q, and how much brighter the only light has become."""
@@ -327,7 +327,7 @@ class PlacementTalk(ModeController):
         noise, picture = self._noise, self._picture
         known = picture not in ("waiting", "preview")
         # That nothing is left to be added says nothing of how far off the picture is.
-        says_error = known and self._rest_is_complete and picture != "exact"
+        says_error = known and self._other_parts_complete and picture != "exact"
         error = math.hypot(report.image_error or 0.0, noise) if says_error else None
         estimate = self._error.estimate_of(self._document) if picture in ("finished", "exact") else None
         missing = transport_note(talk, report.precision, view.precision)
@@ -355,7 +355,7 @@ class PlacementTalk(ModeController):
             shown_coefficients=report.shown_coefficients,
             wanted_coefficients=report.wanted_coefficients,
             curve_error=report.image_error if known else None,
-            bands=tuple((shape.key, shape.bands_kept) for shape in talk.layers_asked),
+            bands=tuple((shape.key, shape.bands_kept) for shape in talk.requested_layers),
             indirect_noise=self.indirect.noise,
             bounces_note=bounces_note if n_bounces == view.n_bounces else "",
             transport_note=missing,
@@ -378,7 +378,7 @@ class PlacementTalk(ModeController):
         return self.indirect.noise_of_picture(self._report.mean_radiance)
 
     @property
-    def _rest_is_complete(self) -> bool:
+    def _other_parts_complete(self) -> bool:
         """Whether all that makes the picture beside direct light, indirect light and images, is there."""
         return self.indirect.is_complete and self.maps.is_complete
 
@@ -389,7 +389,7 @@ class PlacementTalk(ModeController):
             return "waiting"
         if not (talk.is_open and (talk.shows_final or talk.transport_is_current and talk.delivered_final)):
             return "preview"
-        if not (talk.finished and self._report.exact and self._rest_is_complete) or self.is_held:
+        if not (talk.finished and self._report.exact and self._other_parts_complete) or self.is_held:
             return "refining"
         return "exact" if self._noise <= NO_NOISE else "finished"
 
@@ -399,25 +399,25 @@ class PlacementTalk(ModeController):
         is_open, is_of_view = self._transport.is_open, response.id == self._view_id
         match response:
             case BandsPlanned():
-                self._bands.took(response)
+                self._bands.receive(response)
             case RequestFailed():
                 self._take_failure(response)
             case MapsSampled() if is_open:
-                self.maps.took(response)
-                self._desk.notify_once(response.note)
+                self.maps.receive(response)
+                self._services.notify_once(response.note)
                 self.indirect.means_changed()
                 self._picture_changed()
                 self._error.forget()
             case MapsRefused() if is_open:
-                if self.maps.refuse(response, self._desk.history):
-                    self._desk.document_changed()
-                self._desk.notify(response.line, True)
+                if self.maps.refuse(response, self._services.history):
+                    self._services.document_changed()
+                self._services.notify(response.line, True)
             case StageFootprint() if is_of_view:
                 self._footprints.setdefault(response.stage, Footprint(response.rows, response.weights))
             case IndirectFound() if is_of_view:
-                self.indirect.took_found(response)
+                self.indirect.receive_samples(response)
             case IndirectNoise() if is_of_view:
-                self.indirect.took_noise(response)
+                self.indirect.receive_noise(response)
             case _ if response.revision == self._transport.revision and is_open:
                 return self._take_picture(response)
         return []
@@ -425,7 +425,7 @@ class PlacementTalk(ModeController):
     def sky_changed(self, event: SkyChanged) -> list[PictureEvent]:
         if not self._changeover.has_picture:
             return [event]
-        self._changeover.took_sky(event)
+        self._changeover.receive_sky(event)
         return []
 
     def _take_picture(self, response: Response) -> list[PictureEvent]:
@@ -435,38 +435,38 @@ class PlacementTalk(ModeController):
             case BouncesPlanned() if self._view.n_bounces in (AS_PLANNED, response.n_bounces):
                 self._take_bounces(response)  # else a person has chosen meanwhile
             case ErrorEstimated():
-                self._error.took(response)
+                self._error.receive(response)
             case RelightingPrepared():
-                self._relight.took(response)
+                self._relight.receive(response)
                 self._transport_bytes = response.transport_bytes
-            case Frozen():
-                self.indirect.took_frozen(response)
-            case LayerPicture() if self._comparison.took(response):
+            case IndirectFrozen():
+                self.indirect.receive_frozen(response)
+            case LayerPicture() if self._comparison.receive(response):
                 return []
             case LayerPicture():
-                self._changeover.took_radiance(self._take_radiance(response))
-            case LayerTransport() if self._transport.took_transport(response, self._document, self._desk.view.selected):
+                self._changeover.receive_radiance(self._take_radiance(response))
+            case LayerTransport() if self._transport.receive_transport(response, self._document, self._services.view.selected):
                 self._picture_changed()
                 footprint = self._footprints.get(response.stage)
-                self._changeover.took_transport(_transport_ready(response, self.edited_layers, footprint))
+                self._changeover.receive_transport(_transport_ready(response, self.edited_layers, footprint))
             case StageDone():
                 self._take_stage(response)
         return []
 
     def _take_radiance(self, response: LayerPicture) -> LayerRadiance:
         talk = self._transport
-        if talk.asked_light is not None:
-            self._known_light.worked(talk.asked_light)
-        made_with = talk.took_picture(response)
+        if talk.requested_light is not None:
+            self._accepted_light.accept(talk.requested_light)
+        made_with = talk.receive_picture(response)
         self._picture_changed()
-        footprint, look = self._footprints.get(response.stage), talk.drawn_as(response.key)
+        footprint, look = self._footprints.get(response.stage), talk.picture_identity(response.key)
         return LayerRadiance(response.key, response.stage, response.radiance, made_with, footprint, look)
 
     def _take_bounces(self, response: BouncesPlanned) -> None:
-        desk, (n_bounces, said) = self._desk, self._bounces
+        desk, (n_bounces, said) = self._services, self._bounces
         if self._view.n_bounces == AS_PLANNED:
             desk.view = replace(desk.view, n_bounces=response.n_bounces)
-            self._transport.took_bounces(response.n_bounces)
+            self._transport.receive_bounces(response.n_bounces)
         if response.warning and (response.n_bounces, response.warning) != (n_bounces, said):
             desk.notify(response.warning)
         self._bounces, self._bounces_reason = (response.n_bounces, response.warning), response.reason
@@ -478,21 +478,21 @@ class PlacementTalk(ModeController):
         self._error.took_failure(response.id)
         self._relight.took_failure(response.id)
         self.maps.took_failure(response.id)
-        refused = self._transport.asked_light if self._transport.is_transport(response.id) else None
-        if refused is not None and self._known_light.go_back(self._desk.history, refused):
-            self._desk.document_changed()
+        refused = self._transport.requested_light if self._transport.is_transport(response.id) else None
+        if refused is not None and self._accepted_light.revert(self._services.history, refused):
+            self._services.document_changed()
 
     def _take_stage(self, response: StageDone) -> None:
-        self._transport.took_stage(response)
-        self._comparison.stage_came()
+        self._transport.receive_stage(response)
+        self._comparison.stage_finished()
         if response.transport_bytes:
             self._transport_bytes = response.transport_bytes
         if response.exact:
             self._done = response
-            self._desk.metrics.progress = None
+            self._services.metrics.progress = None
 
 
-def _in_one_frame(events: list[PictureEvent]) -> list[PictureEvent]:
+def _group_events(events: list[PictureEvent]) -> list[PictureEvent]:
     """None of them to be seen without the others."""
     return [*(replace(event, with_next=True) for event in events[:-1]), *events[-1:]]
 

@@ -26,9 +26,9 @@ import numpy as np
 from app.commands.light import emission_of
 from app.document import SCENE_ENVIRONMENT, Document, layer_key
 from app.picture_events import PictureEvent, SkyChanged
-from app.placement.curves import Float64Array, Coefficients, Curves, drawn_as
-from app.placement.events import LayerRadiance, TransportReady
-from app.placement.wishes import TransportWish, brightened, same_coefficients
+from app.placement.curves import Float64Array, Coefficients, Curves, picture_identity
+from app.placement.placement_events import LayerRadiance, TransportReady
+from app.placement.desired_state import DesiredTransport, brightening_factors, same_coefficients
 
 # Coarse to fine. Lit anew is as fine as a preview in its pixels, and has the exact picture's details beside.
 _RANK = {"drag": 0, "coarse": 1, "preview": 2, "relit": 3, "final": 4}
@@ -37,23 +37,23 @@ _ANY = -1
 
 
 @dataclass(frozen=True)
-class Asked:
+class RequestedTransport:
     """The transport asked last: what it is of, the document then, and how far it and the document's other needs are.
 
-    is_drag: for a light in the hand. is_last: whether its last stage has come. has_rest: whether images and indirect
+    is_drag: for a light in the hand. is_last: whether its last stage has come. has_other_parts: whether images and indirect
     light of the document as it is now are there; is_finished: whether all of its picture is.
     """
 
-    wish: TransportWish
+    desired: DesiredTransport
     document: Document
     is_drag: bool
     is_last: bool
-    has_rest: bool
+    has_other_parts: bool
     is_finished: bool
 
 
 @dataclass
-class _OnScreen:
+class _ShownLayer:
     """What a layer's picture was made of. curve: that whose transport came with it, None for none."""
 
     rank: int
@@ -62,7 +62,7 @@ class _OnScreen:
     curve: str | None = None
 
 
-class Changeover:
+class PictureTransition:
     """The document that is drawn, and what has come for the next."""
 
     def __init__(self, curves: Curves) -> None:
@@ -73,8 +73,8 @@ class Changeover:
         """Nothing is on screen yet but objects lit from the eye. has_sky: whether the scene's own light has one."""
         self._has_sky = has_sky
         self.drawn = document
-        self._wish: TransportWish | None = None
-        self._layers: dict[str, _OnScreen] = {}
+        self._desired: DesiredTransport | None = None
+        self._layers: dict[str, _ShownLayer] = {}
         self._coming: dict[str, LayerRadiance] = {}
         self._transports: dict[str, TransportReady] = {}
         self._sky: SkyChanged | None = None
@@ -82,7 +82,7 @@ class Changeover:
     @property
     def has_picture(self) -> bool:
         """Whether anything that was computed is on screen."""
-        return self._wish is not None
+        return self._desired is not None
 
     @property
     def waits(self) -> bool:
@@ -98,24 +98,24 @@ class Changeover:
     def light_gain(self) -> Float64Array:
         """How much brighter (3,) the emitters of the document drawn are than in its pictures, where they are all there
         is of light."""
-        factors = None if self._wish is None else brightened(emission_of(self.drawn), self._wish.emission)
+        factors = None if self._desired is None else brightening_factors(emission_of(self.drawn), self._desired.emission)
         return np.ones(3) if factors is None else factors
 
     # ------------------------------------------------------------------------------------------------- what has come
 
-    def asked_anew(self, staying: Collection[str]) -> None:
+    def transport_requested(self, staying: Collection[str]) -> None:
         """Other transport was asked for: what has come of these layers is a part of it, all else is void."""
         self._coming = {key: event for key, event in self._coming.items() if key in staying}
         self._transports = {key: event for key, event in self._transports.items() if key in self._coming}
 
-    def took_radiance(self, event: LayerRadiance) -> None:
+    def receive_radiance(self, event: LayerRadiance) -> None:
         self._coming[event.key] = event
         self._transports.pop(event.key, None)
 
-    def took_transport(self, event: TransportReady) -> None:
+    def receive_transport(self, event: TransportReady) -> None:
         self._transports[event.key] = event
 
-    def took_sky(self, event: SkyChanged) -> None:
+    def receive_sky(self, event: SkyChanged) -> None:
         self._sky = event
 
     def rendered(self, key: str, factor: str, coefficients: Float64Array) -> None:
@@ -127,7 +127,7 @@ class Changeover:
     # ------------------------------------------------------------------------------------------------- what is shown
 
     def update(
-        self, document: Document, asked: Asked | None, dragging: bool, edited: Iterable[str], factor: str | None
+        self, document: Document, asked: RequestedTransport | None, dragging: bool, edited: Iterable[str], factor: str | None
     ) -> list[PictureEvent]:
         """What takes its place on screen now, in one frame; `drawn` is then the document of the picture.
 
@@ -138,7 +138,7 @@ class Changeover:
         if asked is None:
             return []
         follows = dict.fromkeys(edited, factor)
-        if self._wish is not None and asked.wish.stands_beside(self._wish):
+        if self._desired is not None and asked.desired.can_mix_with(self._desired):
             return self._refined(document, asked, dragging, follows)
         return self._replaced(document, asked, dragging, follows)
 
@@ -147,19 +147,19 @@ class Changeover:
         if self._can_draw(document, self._layers, dict.fromkeys(edited, factor), False):
             self.drawn = document
 
-    def follow_hand(self, document: Document) -> None:
+    def follow_drag(self, document: Document) -> None:
         """A hand moves something: draw it in this very frame, as far as it can be while another edit is waited for."""
         if document is self.drawn or not self.has_picture:
             self.drawn = document
         elif self._can_draw(document, self._layers, {}, True):
             self.drawn = document
-        elif self._is_lit_alike(document, self._wish) and self._is_lit_alike(self.drawn, self._wish):
+        elif self._has_same_light(document, self._desired) and self._has_same_light(self.drawn, self._desired):
             for before, now in zip(self.drawn.objects, document.objects, strict=True):
                 if now != before and self._can_draw_object(now.name, document, self._layers, {}, True):
                     self.drawn = self.drawn.with_object(now)
 
     def _refined(
-        self, document: Document, asked: Asked, dragging: bool, follows: Mapping[str, str | None]
+        self, document: Document, asked: RequestedTransport, dragging: bool, follows: Mapping[str, str | None]
     ) -> list[PictureEvent]:
         """Under the light that is on screen: the layers that are no coarser than theirs, if the document can then be
         drawn."""
@@ -168,30 +168,30 @@ class Changeover:
             if asked.is_last or _RANK[event.stage] >= self._least_rank(document, key, dragging)
         }  # fmt: skip
         can_draw = self._can_draw(document, self._after(good), follows, dragging)
-        if asked.is_finished or can_draw and (dragging or asked.has_rest):
-            self.drawn, self._wish = document, asked.wish
+        if asked.is_finished or can_draw and (dragging or asked.has_other_parts):
+            self.drawn, self._desired = document, asked.desired
             return self._released(good)
         return self._released({})
 
     def _replaced(
-        self, document: Document, asked: Asked, dragging: bool, follows: Mapping[str, str | None]
+        self, document: Document, asked: RequestedTransport, dragging: bool, follows: Mapping[str, str | None]
     ) -> list[PictureEvent]:
         """Under other light: all of the picture, once all of it is there."""
         least = _ANY
-        if self._wish is not None and not (asked.is_drag or asked.is_last):
-            same_light = asked.wish.lights_like(self._wish)
+        if self._desired is not None and not (asked.is_drag or asked.is_last):
+            same_light = asked.desired.lights_like(self._desired)
             least = self._rank if same_light else min(self._rank, _FULL_RESOLUTION)
-        keys = [shape.key for shape in asked.wish.layers]
+        keys = [shape.key for shape in asked.desired.layers]
         is_whole = all(key in self._coming and _RANK[self._coming[key].stage] >= least for key in keys)
-        if not is_whole or not (asked.has_rest or asked.is_drag or asked.is_finished):
+        if not is_whole or not (asked.has_other_parts or asked.is_drag or asked.is_finished):
             return []
-        if self._can_draw(document, self._after(self._coming, {}), follows, dragging, asked.wish):
+        if self._can_draw(document, self._after(self._coming, {}), follows, dragging, asked.desired):
             next_drawn = document
         elif _models(asked.document) == _models(document):
             next_drawn = asked.document
         else:
             return []
-        self.drawn, self._wish, self._layers = next_drawn, asked.wish, {}
+        self.drawn, self._desired, self._layers = next_drawn, asked.desired, {}
         return self._released(self._coming)
 
     def _released(self, radiances: Mapping[str, LayerRadiance]) -> list[PictureEvent]:
@@ -199,7 +199,7 @@ class Changeover:
         events: list[PictureEvent] = [] if self._sky is None else [self._sky]
         self._sky = None
         for key, event in radiances.items():
-            self._layers[key] = _look(event)
+            self._layers[key] = _shown_layer(event)
             events.append(event)
         self._coming = {key: event for key, event in self._coming.items() if key not in radiances}
         for key in [key for key in self._transports if key in self._layers and key not in self._coming]:
@@ -223,17 +223,17 @@ class Changeover:
         return self._rank if shown is None else shown.rank
 
     def _after(
-        self, radiances: Mapping[str, LayerRadiance], before: Mapping[str, _OnScreen] | None = None
-    ) -> dict[str, _OnScreen]:
+        self, radiances: Mapping[str, LayerRadiance], before: Mapping[str, _ShownLayer] | None = None
+    ) -> dict[str, _ShownLayer]:
         """The layers with these put on screen, and the transport that has come."""
         after = dict(self._layers if before is None else before)
-        after.update((key, _look(event)) for key, event in radiances.items())
+        after.update((key, _shown_layer(event)) for key, event in radiances.items())
         for key, transport in self._transports.items():
             if key in radiances or key not in self._coming and key in after:
                 after[key] = replace(after[key], curve=transport.factor)
         return after
 
-    def _is_lit_alike(self, document: Document, wish: TransportWish | None) -> bool:
+    def _has_same_light(self, document: Document, wish: DesiredTransport | None) -> bool:
         """Whether a document's light is that of transport, but for what multiplies its pictures."""
         if wish is None or replace(document.light, intensity=1.0) != wish.light:
             return False
@@ -241,21 +241,21 @@ class Changeover:
         if emission == wish.emission:
             return True
         emitters_are_all = not self._has_sky and wish.light.environment == SCENE_ENVIRONMENT
-        return emitters_are_all and brightened(emission, wish.emission) is not None
+        return emitters_are_all and brightening_factors(emission, wish.emission) is not None
 
     def _can_draw(
-        self, document: Document, layers: Mapping[str, _OnScreen], follows: Mapping[str, str | None], roughly: bool,
-        wish: TransportWish | None = None,
+        self, document: Document, layers: Mapping[str, _ShownLayer], follows: Mapping[str, str | None], roughly: bool,
+        wish: DesiredTransport | None = None,
     ) -> bool:  # fmt: skip
         """Whether these layers, lit as on screen or as in this transport, are all that a document shows. roughly: with
         curves that are on their way."""
-        return self._is_lit_alike(document, wish or self._wish) and all(
+        return self._has_same_light(document, wish or self._desired) and all(
             self._can_draw_object(state.name, document, layers, follows, roughly)
             for state in document.objects
         )  # fmt: skip
 
     def _can_draw_object(
-        self, name: str, document: Document, layers: Mapping[str, _OnScreen], follows: Mapping[str, str | None],
+        self, name: str, document: Document, layers: Mapping[str, _ShownLayer], follows: Mapping[str, str | None],
         roughly: bool,
     ) -> bool:  # fmt: skip
         state = document.object(name)
@@ -270,7 +270,7 @@ class Changeover:
                 return False
         return True
 
-    def _shows_curves(self, document: Document, key: str, look: _OnScreen, followed: str | None) -> bool:
+    def _shows_curves(self, document: Document, key: str, look: _ShownLayer, followed: str | None) -> bool:
         """Whether a layer's picture has the document's curves, or follows that in which it has not."""
         wanted = self._curves.coefficients(document, key)
         if same_coefficients(look.coefficients, wanted):
@@ -285,8 +285,8 @@ class Changeover:
         return bands and same_coefficients(shown, others)
 
 
-def _look(event: LayerRadiance) -> _OnScreen:
-    return _OnScreen(_RANK[event.stage], event.drawn_as, event.coefficients)
+def _shown_layer(event: LayerRadiance) -> _ShownLayer:
+    return _ShownLayer(_RANK[event.stage], event.drawn_as, event.coefficients)
 
 
 def _drawn_as(document: Document, key: str) -> tuple[object, ...]:
@@ -294,7 +294,7 @@ def _drawn_as(document: Document, key: str) -> tuple[object, ...]:
     if all(key != each for each, _ in document.layers()):
         return ()
     layer = document.layer(key)
-    return drawn_as(layer.model.name, layer.quotient_parameters().tolist())
+    return picture_identity(layer.model.name, layer.quotient_parameters().tolist())
 
 
 def _models(document: Document) -> list[tuple[str, str]]:

@@ -1,11 +1,11 @@
-"""What Orbit wants of the worker, and what it has: the values that `talk` compares."""
+"""What Orbit wants of the worker, and what it has: the values that `orbit_controller` compares."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 from app.document import Document
-from app.orbit.messages import Quality
+from app.orbit.orbit_messages import Quality
 from app.scene_state import LayerState, SceneState, scene_state
 from app.solo import is_layer_visible
 from app.view_state import Viewpoint, ViewState
@@ -23,7 +23,7 @@ _MOST_PATIENCE = 64
 
 
 @dataclass(frozen=True)
-class OrbitWish:
+class DesiredOrbit:
     """All that pictures are drawn of, but for the camera: equal wishes have equal pictures. The scene has the layers
     that are seen alone."""
 
@@ -33,7 +33,7 @@ class OrbitWish:
     n_coefficients: int = 320
 
     @classmethod
-    def of(cls, document: Document, view: ViewState) -> OrbitWish:
+    def of(cls, document: Document, view: ViewState) -> DesiredOrbit:
         scene = scene_state(document)
         seen = (each for each in scene.layers if is_layer_visible(document, view, each.key))
         layers = tuple(LayerState(each.key, each.layer.replace(visible=True)) for each in seen)
@@ -41,8 +41,8 @@ class OrbitWish:
 
 
 @dataclass(frozen=True)
-class Known:
-    """How far the worker has made ready what the request `prepared` asked for: see `OrbitAdvanced`."""
+class ReadyState:
+    """How far the worker has made ready what the request `prepared` asked for: see `OrbitProgress`."""
 
     prepared: int = 0
     version: int = 0
@@ -50,21 +50,21 @@ class Known:
 
 
 @dataclass(frozen=True)
-class Drawing:
+class PictureRequest:
     """A picture that was asked for, or has come: from where, in how many pixels (width, height), how well, of what, in
     which poses, and what else than light alone it shows (`ViewState.split`, `fit_error`). is_plain: of nothing that
     has to be made ready."""
 
-    look: Viewpoint
+    viewpoint: Viewpoint
     resolution: tuple[int, int]
     quality: Quality
-    made_of: Known = Known()
+    made_of: ReadyState = ReadyState()
     poses: Poses = ()
     split: tuple[float, float] | None = None
     fit_error: bool = False
-    is_plain: bool = False
+    is_headlight: bool = False
 
-    def is_as_good_as(self, other: Drawing) -> bool:
+    def is_as_good_as(self, other: PictureRequest) -> bool:
         """Whether it shows the same, in as many pixels and as well."""
         same = replace(self, resolution=other.resolution, quality=other.quality)
         if same != other:
@@ -72,7 +72,7 @@ class Drawing:
         return self.resolution >= other.resolution and (self.quality == "rest" or other.quality == "moving")
 
 
-class Pace:
+class QualityPacer:
     """How well a moving picture is drawn: as well as it is in time.
 
     How much longer the next better one takes is not known in advance: of some pictures the points cost most, of others
@@ -97,7 +97,7 @@ class Pace:
         scale, _ = self._steps[self._i_step]
         return max(round(scale * whole[0]), 1), max(round(scale * whole[1]), 1)
 
-    def took(self, seconds: float) -> None:
+    def record_seconds(self, seconds: float) -> None:
         """A moving picture took so long."""
         self._waited += 1
         if seconds > _TOO_LONG * self._seconds:

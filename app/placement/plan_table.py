@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from app.effective_settings import KNOBS
 from app.document import Document, reflecting_layers
-from app.placement.status import PlacementStatus
+from app.placement.placement_status import PlacementStatus
 from app.editor_status import Status, duration
 from app.view_state import ViewState
 from engine.material.layer import Layer, object_of
@@ -41,7 +41,7 @@ HALVES = {"half": "half floats", "float": "full floats"}
 
 
 @dataclass(frozen=True)
-class SheetLine:
+class PlanTableRow:
     """One line: its name in the plan, what a person calls it, what it has come to and why, and what it can be set to.
 
     group: the key of the layer that it is of, "" for the whole picture; is_set: a person has. Without choices it tells
@@ -57,7 +57,7 @@ class SheetLine:
     group: str = ""
 
 
-def plan_sheet(document: Document, view: ViewState, status: Status) -> tuple[SheetLine, ...]:
+def plan_table(document: Document, view: ViewState, status: Status) -> tuple[PlanTableRow, ...]:
     """The lines of the mode at hand: of the picture, then of each layer that reflects."""
     lines = [*_common_lines(document, view, status), *_mode_lines(document, view)]
     if isinstance(status, PlacementStatus):
@@ -67,28 +67,28 @@ def plan_sheet(document: Document, view: ViewState, status: Status) -> tuple[She
 
 def _line(
     document: Document, line: str, title: str, planned: LineValue | str, reason: str, choices: Choices, group: str = ""
-) -> SheetLine:
+) -> PlanTableRow:
     """planned: what it is where no person has set it, a value or words."""
     lines, words = dict(document.overrides), {value: text for text, value in choices}
     as_planned = words.get(planned) or (f"{planned:,}" if isinstance(planned, int) else planned)
     if line not in lines:
-        return SheetLine(line, title, as_planned, reason, choices, False, group)
+        return PlanTableRow(line, title, as_planned, reason, choices, False, group)
     value = lines[line]
     set_to = words.get(value) or f"{value:,}"
-    return SheetLine(line, title, set_to, f"set by hand, in the place of {as_planned}", choices, True, group)
+    return PlanTableRow(line, title, set_to, f"set by hand, in the place of {as_planned}", choices, True, group)
 
 
-def _cost_line(status: PlacementStatus) -> SheetLine:
+def _cost_line(status: PlacementStatus) -> PlanTableRow:
     """What the picture takes: while it is being computed the time that is left, then what it was."""
     memory = f"{status.memory_mb:.0f} MB of main memory, {status.gpu_mb:.0f} MB on the graphics card"
     if status.spent_seconds is None:
         left = "being computed" if status.seconds_left is None else f"{duration(status.seconds_left)} to go"
-        return SheetLine("cost", "Cost", left, f"so far {memory}", (), False)
+        return PlanTableRow("cost", "Cost", left, f"so far {memory}", (), False)
     reason = f"of the processors since its last change; {memory}"
-    return SheetLine("cost", "Cost", duration(status.spent_seconds), reason, (), False)
+    return PlanTableRow("cost", "Cost", duration(status.spent_seconds), reason, (), False)
 
 
-def _light_lines(document: Document, view: ViewState, status: PlacementStatus) -> Iterator[SheetLine]:
+def _light_lines(document: Document, view: ViewState, status: PlacementStatus) -> Iterator[PlanTableRow]:
     why = status.plan_reasons
     if status.has_sky:
         reason = why.get("lights", "triangles cut from the sky where it is bright")
@@ -106,7 +106,7 @@ def _light_lines(document: Document, view: ViewState, status: PlacementStatus) -
     yield _line(document, "precision", "Transport", view.precision, PRECISION_REASON, _named(HALVES))
 
 
-def _common_lines(document: Document, view: ViewState, status: Status) -> Iterator[SheetLine]:
+def _common_lines(document: Document, view: ViewState, status: Status) -> Iterator[PlanTableRow]:
     why = status.plan_reasons.get("bounces") if isinstance(status, PlacementStatus) else ""
     planned = view.n_bounces or "automatic"
     yield _line(document, "bounces", "Bounces", planned, why or KNOB, _numbers(range(1, MAX_BOUNCES + 1)))
@@ -115,14 +115,14 @@ def _common_lines(document: Document, view: ViewState, status: Status) -> Iterat
     yield _line(document, "edges", "Edges", n_rays, reason, _named(EDGES))
 
 
-def _mode_lines(document: Document, view: ViewState) -> Iterator[SheetLine]:
+def _mode_lines(document: Document, view: ViewState) -> Iterator[PlanTableRow]:
     """Of Orbit's or Deform's own light."""
     for line in MODE_LINES.get(view.mode, ()):
         title, reason, choices = OF_MODES[line]
         yield _line(document, line, title, getattr(view, KNOBS[line]), reason, _numbers(choices))
 
 
-def _curve_lines(document: Document, status: PlacementStatus) -> Iterator[SheetLine]:
+def _curve_lines(document: Document, status: PlacementStatus) -> Iterator[PlanTableRow]:
     planned = dict(status.planned_bands)
     for key, layer in reflecting_layers(document):
         counts = planned.get(key, {})

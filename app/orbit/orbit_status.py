@@ -14,7 +14,7 @@ class OrbitStatus(Status):
 
     drawn_resolution: tuple[int, int] = (0, 0)
     drawn_seconds: float = 0.0
-    is_plain: bool = False
+    is_headlight: bool = False
 
     @property
     def draws_moving(self) -> bool:
@@ -23,4 +23,4 @@ class OrbitStatus(Status):
     @property
     def follows_input(self) -> bool:
         """It is: pictures are drawn as the hand moves, from the first on."""
-        return self.is_plain or self.picture != "waiting"
+        return self.is_headlight or self.picture != "waiting"

@@ -19,18 +19,18 @@ from app.document import Document
 from app.history import History
 from app.messages import Request
 from app.placement.curves import Curves
-from app.placement.events import LayerMapsChanged
-from app.placement.messages import MapsRefused, MapsSampled, SampleMaps
+from app.placement.placement_events import LayerMapsChanged
+from app.placement.placement_messages import MapsRefused, MapsSampled, SampleMaps
 from engine.material.layer import object_of
 from engine.material.layer_maps import Images, LayerMaps
 from engine.material.strokes import Strokes
 
-MOST_KEPT = 24
+MAX_CACHED = 24
 
 Surface = tuple[str, Images]
 
 
-class MapTalk:
+class MapController:
     """The talk with the worker about images. ``send`` hands a request over; ``curves`` learn the means."""
 
     def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
@@ -39,7 +39,7 @@ class MapTalk:
 
     def scene_opened(self) -> None:
         """Another scene: nothing is known of its images."""
-        self._known: dict[Surface, MapsSampled] = {}
+        self._cached: dict[Surface, MapsSampled] = {}
         self._refused: dict[Surface, str] = {}
         self._shown: dict[str, MapsSampled] = {}
         self._newest: dict[Surface, MapsSampled] = {}
@@ -66,9 +66,9 @@ class MapTalk:
         """Why a layer's images cannot be used, in one line."""
         return self._refused.get((object_of(key), maps.images))
 
-    def known(self, key: str, maps: LayerMaps) -> MapsSampled | None:
+    def cached_maps(self, key: str, maps: LayerMaps) -> MapsSampled | None:
         """What is known of a layer's images: samples, means, thumbnails."""
-        return self._known.get((object_of(key), maps.images))
+        return self._cached.get((object_of(key), maps.images))
 
     def edited(self) -> None:
         """The document changed: until the next update it is not known whether anything is missing."""
@@ -77,26 +77,26 @@ class MapTalk:
     def reload(self, key: str, maps: LayerMaps) -> None:
         """Sample a layer's images again: their files were written meanwhile. The old ones are shown until then."""
         surface = (object_of(key), maps.images)
-        self._known.pop(surface, None)
+        self._cached.pop(surface, None)
         self._refused.pop(surface, None)
         self.edited()
 
-    def took(self, response: MapsSampled) -> None:
+    def receive(self, response: MapsSampled) -> None:
         """Images were sampled."""
         surface = (object_of(response.key), response.images)
         # What was asked for shares its strokes with the document; what crossed between processes is a copy of them all.
         surface = next((asked for asked in self._awaited if asked == surface), surface)
         response = replace(response, images=surface[1])
         self._awaited.discard(surface)
-        self._known.pop(surface, None)
+        self._cached.pop(surface, None)
         self._forget_begun(surface)
-        self._known[surface] = response
+        self._cached[surface] = response
         self._newest[surface[0], response.images.without_strokes] = response
         self._curves.map_means[surface] = response.means
         shown = {id(each) for each in self._shown.values()}
-        spare = [key for key, each in self._known.items() if id(each) not in shown and each is not response]
-        for key in spare[: max(0, len(self._known) - MOST_KEPT)]:
-            del self._known[key]
+        spare = [key for key, each in self._cached.items() if id(each) not in shown and each is not response]
+        for key in spare[: max(0, len(self._cached) - MAX_CACHED)]:
+            del self._cached[key]
         self.edited()
 
     def took_failure(self, request: int) -> None:
@@ -107,9 +107,9 @@ class MapTalk:
 
     def _forget_begun(self, surface: Surface) -> None:
         """A stroke went on: what it was in the frames before is of no further use."""
-        for place, images in list(self._known):
+        for place, images in list(self._cached):
             if place == surface[0] and surface[1].strokes.extends_last_stroke(images.strokes):
-                del self._known[place, images]
+                del self._cached[place, images]
         for place, images in list(self._curves.map_means):
             if place == surface[0] and surface[1].strokes.extends_last_stroke(images.strokes):
                 del self._curves.map_means[place, images]
@@ -130,10 +130,10 @@ class MapTalk:
 
     def update(self, document: Document) -> list[LayerMapsChanged]:
         """Ask for what is missing; the layers whose samples are others than those shown."""
-        self.ask(document)
+        self.request_missing(document)
         return self.follow(document)
 
-    def ask(self, document: Document) -> None:
+    def request_missing(self, document: Document) -> None:
         """Ask for what is missing."""
         if document is self._document:
             return
@@ -143,7 +143,7 @@ class MapTalk:
         self._found = {}
         for key, maps in self._wanted.items():
             surface = (object_of(key), maps.images)
-            found = self._known.get(surface)
+            found = self._cached.get(surface)
             if found is None and surface not in self._refused:
                 missing.setdefault(surface, key)
                 found = self._painted_so_far(surface)
@@ -151,7 +151,7 @@ class MapTalk:
                     continue
             self._found[key] = found
         self._missing = tuple((key, images) for (_, images), key in missing.items())
-        if not self._hand_is_ahead(missing):
+        if not self._drag_is_ahead(missing):
             if self._missing and self._missing != self._asked:
                 self._request = self._send(SampleMaps(self._missing))
                 self._awaited = set(missing)
@@ -181,7 +181,7 @@ class MapTalk:
             )  # fmt: skip
         return events
 
-    def _hand_is_ahead(self, missing: Iterable[Surface]) -> bool:
+    def _drag_is_ahead(self, missing: Iterable[Surface]) -> bool:
         """Whether the worker is still at an earlier part of a stroke: asked for more it would drop that, and nothing
         would be seen before the hand rests."""
         return any(
@@ -204,7 +204,7 @@ class MapTalk:
 
     def samples(self, key: str, maps: LayerMaps) -> NDArray[np.float16] | None:
         """The samples of a layer's images, where they are known."""
-        found = self.known(key, maps)
+        found = self.cached_maps(key, maps)
         return None if found is None else found.samples
 
 

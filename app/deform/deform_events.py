@@ -10,9 +10,9 @@ from engine.scene.description import Camera
 
 
 @dataclass(frozen=True, eq=False)
-class PoseCame(PictureEvent):
+class PoseArrived(PictureEvent):
     """What the window is to draw itself, from where, in how many pixels (width, height)."""
 
-    told: PictureExport
+    export: PictureExport
     camera: Camera
     resolution: tuple[int, int]

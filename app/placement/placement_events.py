@@ -70,7 +70,7 @@ class IndirectRadiance(PictureEvent):
 @dataclass(frozen=True, eq=False)
 class LayerMapsChanged(PictureEvent):
     """One layer's images (p,4) as the eye sees them, texture RGB and weight; None: it has none. ``has_weight``: whether
-    there is a weight map among them; ``thumbnails`` (h,w,3) as in ``messages.MapsSampled``."""
+    there is a weight map among them; ``thumbnails`` (h,w,3) as in ``placement_messages.MapsSampled``."""
 
     key: str
     samples: NDArray[np.float16] | None
@@ -79,7 +79,7 @@ class LayerMapsChanged(PictureEvent):
 
 
 @dataclass(frozen=True, eq=False)
-class LayerLook:
+class LayerAppearance:
     """How a layer looks in another document: f_q, f_o, visibility, and its radiance (p,3), None where as on screen;
     ``maps``: the samples of its images, None for none, the texture's strength, and whether the weight is inverted."""
 
@@ -91,10 +91,10 @@ class LayerLook:
 
 
 @dataclass(frozen=True, eq=False)
-class ComparedRefined(PictureEvent):
+class ComparisonRefined(PictureEvent):
     """Side A of the A/B picture can be drawn anew: as what is on screen, with these layers looking like this."""
 
-    looks: Mapping[str, LayerLook]
+    appearances: Mapping[str, LayerAppearance]
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,7 +44,7 @@ class ComputeTransport(Request):
     more than one bounce the indirect light is found as well; `BouncesPlanned` says how many. Tables of measured layers
     are read first where a worker does not have them.
 
-    told: keys of layers whose picture the window has already, and `told_curves` of those of them whose transport it
+    told: keys of layers whose picture the window has already, and `held_curves` of those of them whose transport it
     has: what is the same is not told again. is_fine: what is on screen is of the last stage under this light, so that
     a preview would not be shown.
     """
@@ -55,22 +55,22 @@ class ComputeTransport(Request):
     selected: str | None
     factor: str | None
     n_lights_preview: int
-    decisions: RenderSettings
+    settings: RenderSettings
     precision: Precision = "half"
     followers: tuple[str, ...] = ()
     is_drag: bool = False
-    told: tuple[str, ...] = ()
-    told_curves: tuple[str, ...] = ()
+    held_layers: tuple[str, ...] = ()
+    held_curves: tuple[str, ...] = ()
     is_fine: bool = False
 
     @property
     def lit(self) -> RenderSettings:
         """What direct light is computed by; a picture of a light on the move is like no other."""
-        return replace(self.decisions.direct_settings, n_lights=0) if self.is_drag else self.decisions.direct_settings
+        return replace(self.settings.direct_settings, n_lights=0) if self.is_drag else self.settings.direct_settings
 
 
 @dataclass(frozen=True, eq=False)
-class Contract(Request):
+class ContractTransport(Request):
     """Hand out one layer's transport over the bands of `factor`, its other factors contracted with the layer's curves.
 
     `factor` None asks for the layer's picture alone, `picture` False for the transport alone. `beside`: what was handed
@@ -88,7 +88,7 @@ class Contract(Request):
 
 
 @dataclass(frozen=True, eq=False)
-class Freeze(Request):
+class FreezeIndirect(Request):
     """Contract the indirect light for edits of one object, with all others as they look ("object freezing",
     [BenArtzi07, sect. 6.1]); answered again whenever it becomes finer.
 
@@ -109,7 +109,7 @@ class Freeze(Request):
 
 @dataclass(frozen=True, eq=False)
 class EstimateError(Request):
-    """Say how far off the picture of this scene is under the transport asked last, `second_bands` as in `Freeze`;
+    """Say how far off the picture of this scene is under the transport asked last, `second_bands` as in `FreezeIndirect`;
     answered by `ErrorEstimated`, once that picture is there. has_map: with where it is off."""
 
     built_on = (ComputeTransport,)
@@ -218,7 +218,7 @@ class BouncesPlanned(Response):
 @dataclass(frozen=True, eq=False)
 class IndirectFound(Response):
     """Where the indirect light of a stage was found: for each point four samples of its own object, by number, and
-    their weights (P,4). `number` tells which `Frozen` belong to it. It belongs to the view, as `StageFootprint`
+    their weights (P,4). `number` tells which `IndirectFrozen` belong to it. It belongs to the view, as `StageFootprint`
     does, and is told again under each transport whose light it is. n_rays: as many as its fans were found
     to need, 0 where nobody asked, and why."""
 
@@ -233,7 +233,7 @@ class IndirectFound(Response):
 @dataclass(frozen=True)
 class IndirectNoise(Response):
     """What chance is left in indirect light as it was frozen: RMS over the picture, relative to its own mean, and that
-    mean radiance. Follows the `Frozen` of these numbers."""
+    mean radiance. Follows the `IndirectFrozen` of these numbers."""
 
     number: int
     serial: int
@@ -242,7 +242,7 @@ class IndirectNoise(Response):
 
 
 @dataclass(frozen=True, eq=False)
-class Frozen(Response):
+class IndirectFrozen(Response):
     """Indirect light at the p samples of each layer, without f_q and f_o, by powers of the edited object's albedo.
 
     reflected: by layer key (D,p,3), in units of `unit`; bands (3,J,D,p), likewise, of the layer and curve that were

@@ -18,38 +18,38 @@ from numpy.typing import NDArray
 from app.document import Document
 from app.messages import CancelRequests, Request
 from app.placement.curves import Curves
-from app.placement.messages import ErrorEstimated, EstimateError
+from app.placement.placement_messages import ErrorEstimated, EstimateError
 from app.view_state import ViewState
 from engine.render.picture_error import ErrorEstimate
 
-REST_SECONDS = 0.5
-MOST_KNOWN = 32
+IDLE_SECONDS = 0.5
+MAX_ESTIMATES = 32
 
 
 @dataclass(frozen=True, eq=False)
-class _Picture:
+class _RestingPicture:
     """A picture at rest: of a document, and how much of what the view has it made with."""
 
     document: Document
     made_with: tuple[int | None, ...]
 
-    def is_same(self, other: _Picture | None) -> bool:
+    def is_same(self, other: _RestingPicture | None) -> bool:
         """Whether it is of the very same document: those that undo comes back to are."""
         return other is not None and self.document is other.document and self.made_with == other.made_with
 
 
-class ErrorTalk:
+class ErrorController:
     """The talk with the worker about the error of the picture that is shown. ``send`` hands a request over."""
 
     def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
         self._send, self._curves = send, curves
-        self._picture: _Picture | None = None
+        self._picture: _RestingPicture | None = None
         self._revision = 0
-        self._known: deque[tuple[_Picture, ErrorEstimate]] = deque(maxlen=MOST_KNOWN)
-        self._rests_since = math.inf
+        self._estimates: deque[tuple[_RestingPicture, ErrorEstimate]] = deque(maxlen=MAX_ESTIMATES)
+        self._idle_since = math.inf
         self._estimate: ErrorEstimate | None = None
         self._colours: NDArray[np.uint8] | None = None
-        self._asked: int | None = None
+        self._requested: int | None = None
         self._stopped = False
 
     def estimate_of(self, document: Document) -> ErrorEstimate | None:
@@ -64,51 +64,51 @@ class ErrorTalk:
         """Ask where it is time to. revision: of the transport that the picture is made with; rests: whether nothing of
         the picture is left to come, and no hand has hold of anything."""
         knobs = view.n_lights, view.n_patches, view.n_bounces, view.second_bands
-        picture = _Picture(document, (*knobs, view.shows_error))
+        picture = _RestingPicture(document, (*knobs, view.shows_error))
         if not picture.is_same(self._picture) or revision != self._revision:
             self._give_up()
             self._picture, self._revision = picture, revision
-            self._estimate = next((estimate for known, estimate in self._known if picture.is_same(known)), None)
-        if not rests or self._estimate is not None or self._asked is not None or self._stopped:
-            self._rests_since = math.inf
+            self._estimate = next((estimate for known, estimate in self._estimates if picture.is_same(known)), None)
+        if not rests or self._estimate is not None or self._requested is not None or self._stopped:
+            self._idle_since = math.inf
             return
-        self._rests_since = min(self._rests_since, now)
-        if now - self._rests_since >= REST_SECONDS:
+        self._idle_since = min(self._idle_since, now)
+        if now - self._idle_since >= IDLE_SECONDS:
             wanted = EstimateError(
                 self._curves.scene_state(document), view.second_bands, view.shows_error, revision=revision
             )
-            self._asked = self._send(wanted)
+            self._requested = self._send(wanted)
 
     def forget(self) -> None:
         """All pictures are others, or no longer known."""
         self._give_up()
-        self._known.clear()
+        self._estimates.clear()
 
     def _give_up(self) -> None:
         """The picture is another one: an answer that is still to come is given up."""
-        if self._asked is not None:
+        if self._requested is not None:
             self._send(CancelRequests(of=(EstimateError,)))
-        self._estimate = self._asked = self._colours = None
+        self._estimate = self._requested = self._colours = None
         self._stopped = False
-        self._rests_since = math.inf
+        self._idle_since = math.inf
 
-    def lost(self) -> None:
+    def worker_interrupted(self) -> None:
         """What was asked will not be answered: the worker was given something else to do."""
-        self._asked = None
+        self._requested = None
 
-    def stopped(self) -> None:
+    def user_stopped(self) -> None:
         """A person stopped the work: the error of this picture is asked for no more."""
-        self._stopped, self._asked = self._estimate is None, None
+        self._stopped, self._requested = self._estimate is None, None
 
-    def took(self, response: ErrorEstimated) -> None:
+    def receive(self, response: ErrorEstimated) -> None:
         """The answer."""
-        if response.id == self._asked and self._picture is not None:
-            self._estimate, self._asked = response.estimate, None
+        if response.id == self._requested and self._picture is not None:
+            self._estimate, self._requested = response.estimate, None
             self._colours = response.colours
             if response.colours is None:  # maps are large, and are found again
-                self._known.append((self._picture, response.estimate))
+                self._estimates.append((self._picture, response.estimate))
 
     def took_failure(self, id: int) -> None:
         """It could not be found out, and is not asked for again."""
-        if id == self._asked:
-            self.stopped()
+        if id == self._requested:
+            self.user_stopped()
