@@ -38,13 +38,13 @@ class CameraHost(Protocol):
 
 
 class CameraHistory:
-    """The looks at one scene. `talk` is told when a hand lets go, so that the view need not rest before it is traced.
+    """The looks at one scene. `controller` is told when a hand lets go, so that the view need not rest before it is traced.
 
     own_camera, own_resolution: those of the scene's file; history: that of the view, the document's stays.
     """
 
-    def __init__(self, onlooker: CameraHost, talk: ViewController) -> None:
-        self._host, self._talk = onlooker, talk
+    def __init__(self, host: CameraHost, controller: ViewController) -> None:
+        self._host, self._controller = host, controller
         self.own_camera, self.own_resolution = NO_CAMERA, (0, 0)
         self.history = History(Viewpoint())
         self._boxes: dict[str, Box] = {}
@@ -96,7 +96,7 @@ class CameraHistory:
     def resize(self, resolution: tuple[int, int] | None) -> str | None:
         """See the scene in so many pixels (None: its own) at once; None, or why not."""
         refusal = self.set_viewpoint(self._host.view.viewpoint._replace(resolution=resolution), "the picture's size")
-        self._talk.hand_released()
+        self._controller.hand_released()
         return refusal
 
     def begin_drag(self, label: str) -> None:
@@ -112,14 +112,14 @@ class CameraHistory:
         """The hand let go: the view need not rest any longer to be traced."""
         if self.history.dragging:
             self._history_now().end_drag()
-            self._talk.hand_released()
+            self._controller.hand_released()
 
     def cancel_drag(self) -> None:
         """Take back the drag under way."""
         if self.history.dragging:
             self._history_now().cancel_drag()
             self._apply_viewpoint(self.history.document)
-            self._talk.hand_released()
+            self._controller.hand_released()
 
     def undo(self) -> str | None:
         """One step back, the document stays; its label, None when there was nothing."""
@@ -159,7 +159,7 @@ class CameraHistory:
         label = step()
         if label is not None:
             self._apply_viewpoint(self.history.document)
-            self._talk.hand_released()
+            self._controller.hand_released()
             self._host.notify(f"{what}: {label}")
         return label
 

@@ -76,7 +76,7 @@ class ModeController(Protocol):
     `update` compares what is wanted with what was asked for and has come, once a frame; all else only takes notes.
     """
 
-    def __init__(self, desk: EditorServices) -> None: ...
+    def __init__(self, services: EditorServices) -> None: ...
 
     def scene_closed(self) -> None:
         """Another scene is being opened: there is nothing to ask for meanwhile."""
@@ -150,7 +150,7 @@ class ModeController(Protocol):
 class ModeWorker(Protocol):
     """A mode in the worker: who carries out its requests. What is slow to import, its handlers import."""
 
-    def __init__(self, bench: WorkerContext) -> None: ...
+    def __init__(self, context: WorkerContext) -> None: ...
 
     @property
     def handlers(self) -> Handlers:

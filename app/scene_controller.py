@@ -104,20 +104,20 @@ class SceneController:
     def update(self, now: float, view: ViewState) -> None:
         """Once a frame: have the scene traced as it is looked at, once view and poses rest. view: the host's, with what
         was decided for it."""
-        document, talk = self._host.document, self._host.controller
+        document, controller = self._host.document, self._host.controller
         sight = view.viewpoint, visible_poses(document, self._host.view), document.new_bumps, view.n_edge_rays
         if self._opening is None and self.tracing.update(now, *sight):
-            (talk.view_moved if self.tracing.is_away else talk.view_restored)()
+            (controller.view_moved if self.tracing.is_away else controller.view_restored)()
 
-    def announce_scene(self, talk: ModeController) -> list[PictureEvent]:
+    def announce_scene(self, controller: ModeController) -> list[PictureEvent]:
         """Tell another mode's talk of the scene as if it had just come; what its picture is to be told."""
         if self.opened is None:
             return []
-        talk.scene_opened(replace(self.opened, document=self._host.document))
+        controller.scene_opened(replace(self.opened, document=self._host.document))
         if self._opening is not None:
-            talk.scene_closed()
+            controller.scene_closed()
         elif self.tracing.is_away:
-            talk.view_moved()
+            controller.view_moved()
         return list(self._shown)
 
     # -------------------------------------------------------------------------------------------------------- answers

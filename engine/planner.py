@@ -164,10 +164,10 @@ class Plan:
         overruled = self.overridden & NEEDED_LINES
         return RenderSettings(n_lights, n_patches, self.bounces or 0, self.needs_sphere, overruled, self.n_rays)
 
-    def with_light_budget(self, decisions: RenderSettings, reasons: Mapping[str, str]) -> Plan:
+    def with_light_budget(self, settings: RenderSettings, reasons: Mapping[str, str]) -> Plan:
         """With as many lights and patches as were found to be needed; the sphere stays as a person has set it."""
-        n_lights, n_patches = self.n_lights and decisions.n_lights, self.n_patches and decisions.n_patches
-        needs_sphere = self.needs_sphere and (decisions.keeps_sphere or "sphere" in self.overridden)
+        n_lights, n_patches = self.n_lights and settings.n_lights, self.n_patches and settings.n_patches
+        needs_sphere = self.needs_sphere and (settings.keeps_sphere or "sphere" in self.overridden)
         reasons = {**self.reasons, **reasons}
         if needs_sphere != self.needs_sphere:
             reasons["sphere"] = sphere_reason(True, needs_sphere)

@@ -29,11 +29,11 @@ class DeformFeed(OrbitFeed):
         return PosedPicture(self._context)
 
     def _take_pose(self, editor: Editor, event: PoseArrived) -> None:
-        shaded, talk = self.shaded, editor.controller
-        if not isinstance(shaded, PosedPicture) or not isinstance(talk, DeformController):
+        shaded, controller = self.shaded, editor.controller
+        if not isinstance(shaded, PosedPicture) or not isinstance(controller, DeformController):
             return  # given up since
         if event.export.is_missing_parts(shaded.known):  # what it went out from was void before it was drawn
-            talk.resend_parts(shaded.known)
+            controller.resend_parts(shaded.known)
             return
         try:
             self.canvas.show(shaded.draw(event.export, event.camera, event.resolution))

@@ -71,7 +71,7 @@ class EditorRig:
             self.wait_until_exact()
 
     @property
-    def talk(self) -> PlacementController:
+    def controller(self) -> PlacementController:
         """The editor's."""
         assert isinstance(self.editor.controller, PlacementController)
         return self.editor.controller
@@ -114,7 +114,7 @@ class EditorRig:
         """One edit of the selected curve and the frame that follows it, with so many coefficients."""
         key, factor = self.selected
         self.editor.do(SetOperators(key, factor, operators))
-        self.renderer.wanted(key, forward(self.talk.wanted_coefficients(key)[factor]), factor)
+        self.renderer.wanted(key, forward(self.controller.wanted_coefficients(key)[factor]), factor)
         return self.draw(terms)
 
     def draw(self, terms: int | None) -> UpdateReport:
@@ -134,7 +134,7 @@ class EditorRig:
     def n_coefficients(self) -> int:
         """Of the selected curve."""
         key, factor = self.selected
-        return len(self.talk.wanted_coefficients(key)[factor])
+        return len(self.controller.wanted_coefficients(key)[factor])
 
     def curves(self) -> dict[str, tuple[int, int, bool]]:
         """(coefficients, samples, whether its layer's first) of every curve with transport, in the scene's order."""
@@ -144,7 +144,7 @@ class EditorRig:
             if key not in self.renderer.layer_keys:
                 continue
             n_samples = len(self.renderer.layer_radiance(key))
-            for place, (factor, values) in enumerate(self.talk.wanted_coefficients(key).items()):
+            for place, (factor, values) in enumerate(self.controller.wanted_coefficients(key).items()):
                 found[Selection(name, index, factor).path] = (len(values), n_samples, place == 0)
         return found
 

@@ -55,7 +55,7 @@ def measure_first(bench: EditorRig) -> float:
             raise InsituError(bench.editor.status.message)
     if bench.editor.view.n_bounces == 1:
         raise InsituError("the scene is meant to be seen without indirect light")
-    bench.wait_until(lambda: bench.talk.indirect.is_shown and not bench.feed.is_behind)
+    bench.wait_until(lambda: bench.controller.indirect.is_shown and not bench.feed.is_behind)
     return time.perf_counter() - asked
 
 
@@ -73,7 +73,7 @@ def measure_freezing(bench: EditorRig, rounds: int) -> dict[str, list[float]]:
             refused = bench.editor.select(name)
             if refused is not None:
                 raise InsituError(refused)
-            bench.wait_until(lambda: bench.talk.indirect.is_complete and not bench.feed.is_behind)
+            bench.wait_until(lambda: bench.controller.indirect.is_complete and not bench.feed.is_behind)
             seconds[name].append(time.perf_counter() - started)
             bench.wait_until_exact()
     return seconds

@@ -100,22 +100,22 @@ class OrbitFeed(PictureSource):
         self._compared, self._drawn = None, None
 
     def draw(self, editor: Editor, last_frame_ms: float, all_taken: bool) -> bool:
-        talk = _talk(editor)
-        busy = self._prepare_shaders(editor, talk)
-        self._draw_shaded(editor, talk)
+        controller = _talk(editor)
+        busy = self._prepare_shaders(editor, controller)
+        self._draw_shaded(editor, controller)
         # Before there is a first picture, Placement's feed shows objects lit from the eye.
         is_first = self.canvas.is_empty
-        busy |= (talk.is_placement_active or is_first) and self.placement.draw(editor, last_frame_ms, all_taken)
-        share = 1.0 if is_first else self._share_of_placement(talk)
+        busy |= (controller.is_placement_active or is_first) and self.placement.draw(editor, last_frame_ms, all_taken)
+        share = 1.0 if is_first else self._share_of_placement(controller)
         self._follow_comparison(editor, share)
         if share == 1.0:
             self._texture = self.placement.picture
             self._drawn = None
         else:
-            self._draw_canvas(editor, talk, share)
+            self._draw_canvas(editor, controller, share)
         return busy or 0.0 < share < 1.0 or self._view.waits
 
-    def _prepare_shaders(self, editor: Editor, talk: OrbitController) -> bool:
+    def _prepare_shaders(self, editor: Editor, controller: OrbitController) -> bool:
         """Where moving pictures are to be drawn here: compile a shader, and tell the talk after the last; whether there
         are more."""
         if self._is_chosen:
@@ -129,7 +129,7 @@ class OrbitFeed(PictureSource):
                 self._rehearsal = self.shaded.rehearse()
             if next(self._rehearsal, self) is self:
                 self._is_chosen = True
-                talk.draw_in_window(shader_bytes(self._context))
+                controller.draw_in_window(shader_bytes(self._context))
         except (GraphicsError, moderngl.Error) as error:
             self._give_shaders_up(editor, error)
         return not self._is_chosen
@@ -145,16 +145,16 @@ class OrbitFeed(PictureSource):
             except (GraphicsError, moderngl.Error) as error:
                 self._give_shaders_up(editor, error)
 
-    def _draw_shaded(self, editor: Editor, talk: OrbitController) -> None:
+    def _draw_shaded(self, editor: Editor, controller: OrbitController) -> None:
         """The moving picture, where it is drawn here and would be another one."""
-        wanted, shaded = talk.drawn_in_window, self.shaded
+        wanted, shaded = controller.drawn_in_window, self.shaded
         if not isinstance(shaded, ShadedPicture) or wanted is None or not shaded.buffers.is_ready:
             return
         if (wanted, self._n_parts) == self._shaded_of:
             return
         try:
             self.canvas.show(shaded.draw(*wanted))
-            talk.record_draw_seconds(shaded.seconds)
+            controller.record_draw_seconds(shaded.seconds)
         except (GraphicsError, moderngl.Error) as error:
             self._give_shaders_up(editor, error)
         self._shaded_of, self._drawn, self._is_measure = (wanted, self._n_parts), None, False
@@ -168,18 +168,18 @@ class OrbitFeed(PictureSource):
         _talk(editor).draw_in_window(0)
         editor.notify(f"{_talk(editor).title} is drawn by the processor: {error}", True)
 
-    def _share_of_placement(self, talk: OrbitController) -> float:
+    def _share_of_placement(self, controller: OrbitController) -> float:
         """How much of Placement's picture is seen, 0 to 1."""
         now = time.monotonic()
-        if not talk.shows_placement:
+        if not controller.shows_placement:
             self._placement_since = math.inf
             return 0.0
         self._placement_since = min(self._placement_since, now)
         return min((now - self._placement_since) / FADE_SECONDS, 1.0)
 
-    def _draw_canvas(self, editor: Editor, talk: OrbitController, share: float) -> None:
+    def _draw_canvas(self, editor: Editor, controller: OrbitController, share: float) -> None:
         """Draw, where it would be another picture than was drawn last."""
-        view = self._display_view(editor, talk)
+        view = self._display_view(editor, controller)
         if (view, share) != self._drawn:
             other = self.placement.renderer.linear_texture if share > 0.0 else None
             self._texture = self.canvas.draw(view, other, share)
@@ -195,11 +195,11 @@ class OrbitFeed(PictureSource):
             self.canvas.take_snapshot(self.placement.renderer.linear_texture if share > 0.0 else None)
         self._compared, self._drawn = compared, None
 
-    def _display_view(self, editor: Editor, talk: OrbitController) -> DisplayView:
+    def _display_view(self, editor: Editor, controller: OrbitController) -> DisplayView:
         """Outlines and the divider belong to the view that was traced last; over a picture from elsewhere, which is
         seen until the next has been drawn, they would lie beside their objects."""
         view, compared = editor.view, editor.view.compare
-        rests = not talk.is_away and talk.shows_viewpoint
+        rests = not controller.is_away and controller.shows_viewpoint
         tone_mapping = self._view.follow(view.tone_mapping)
         return DisplayView(
             exposure=0.0 if self._is_measure else view.exposure + stops(editor.document.light),
@@ -214,13 +214,13 @@ class OrbitFeed(PictureSource):
         return self._names.index(name) if name in self._names else None
 
     def still(self, editor: Editor) -> ShownStill | None:
-        talk, frame = _talk(editor), self.canvas.frame
-        if talk.shows_placement:
+        controller, frame = _talk(editor), self.canvas.frame
+        if controller.shows_placement:
             return self.placement.still(editor)
         if frame is None or self._texture is None:
             return None
         return ShownStill(
-            self.canvas.finished_image(self._display_view(editor, talk)),
+            self.canvas.finished_image(self._display_view(editor, controller)),
             self.canvas.linear_image() * np.float32(editor.document.light.intensity),
         )
 

@@ -333,9 +333,9 @@ class PlacementFeed(PictureSource):
 
 def _talk(editor: Editor) -> PlacementController:
     """Whose picture it is: the mode's own talk, or the part of it that is Placement's."""
-    talk = getattr(editor.controller, "placement", editor.controller)
-    assert isinstance(talk, PlacementController)
-    return talk
+    controller = getattr(editor.controller, "placement", editor.controller)
+    assert isinstance(controller, PlacementController)
+    return controller
 
 
 def _both(footprint: Footprint | None) -> tuple[NDArray[np.integer] | None, NDArray[np.floating] | None]:

@@ -80,9 +80,9 @@ Samples = Annotated[
 ]
 
 
-def lines(overrule: list[str] | None) -> dict[str, Any]:
+def lines(overrides: list[str] | None) -> dict[str, Any]:
     """What a person sets lines of the plan to."""
-    return dict(parse_assignment(text) for text in overrule or ())
+    return dict(parse_assignment(text) for text in overrides or ())
 
 
 def assignments(

@@ -74,7 +74,7 @@ def render(
         bool, typer.Option("--reference", help="By brute force instead of transport: slow, to compare with.")
     ] = False,
     edges: Edges = None,
-    overrule: Override = None,
+    overrides: Override = None,
     samples: Samples = None,
     view: ViewName = None,
     camera: SavedView = None,
@@ -109,7 +109,7 @@ def render(
         if chosen is not None and chosen.n_bounces != bounces:
             raise InsituError(f"--bounces {bounces} --series {series}: expected as many bounces in both")
         chosen = chosen or BounceSeries(bounces)
-    planned = lines(overrule)
+    planned = lines(overrides)
     if n_fan_rays := knobs.pop("n_fan_rays", 0):
         planned = {"rays": n_fan_rays, **planned}
     _check_lines(planned, mode, reference)

@@ -76,23 +76,23 @@ def fill(
     scene = OpenScene(document.source)
     camera, bumps, n_edge_rays = seen.description.camera, document.new_bumps, decided.n_edge_rays
     view = SetCamera(0, camera, seen.resolution, document.poses, bumps, n_edge_rays)
-    labour = None if cluster is None else cluster.executor(scene, view, document)
-    client = InProcessClient(RequestDispatcher(store, fills=True, labour=labour))
+    executor = None if cluster is None else cluster.executor(scene, view, document)
+    client = InProcessClient(RequestDispatcher(store, fills=True, executor=executor))
     curves = Curves()
-    talk = TransportController(client.send, curves)
+    controller = TransportController(client.send, curves)
     number = client.send(scene)
     _poll_until(client, SceneOpened, report)
     client.send(replace(view, scene=number))
     _poll_until(client, ViewTraced, report)
-    talk.scene_opened()
-    decisions = effective_settings(decided, document)
+    controller.scene_opened()
+    settings = effective_settings(decided, document)
     if n_lights is not None:
-        decisions = replace(decisions, n_lights=n_lights)
-    talk.update(time.monotonic(), document, None, decisions, False)
+        settings = replace(settings, n_lights=n_lights)
+    controller.update(time.monotonic(), document, None, settings, False)
     while not (stage := _poll_until(client, StageDone, report)).exact:
         pass
     store.require_stored()
-    return FilledCache(client, talk.revision, curves.scene_state(document), stage.transport_bytes)
+    return FilledCache(client, controller.revision, curves.scene_state(document), stage.transport_bytes)
 
 
 def _poll_until(client: InProcessClient, kind: type[Answer], report: Report) -> Answer:

@@ -30,14 +30,14 @@ def edit(context: typer.Context, scene: Scene = DEFAULT_SCENE) -> int:
 
 def precompute(
     scene: Scene = DEFAULT_SCENE, set_: Values = None, lights: Annotated[int | None, LIGHTS] = None,
-    resolution: Resolution = None, overrule: Override = None, scheduler: Scheduler = None,
+    resolution: Resolution = None, overrides: Override = None, scheduler: Scheduler = None,
 ) -> int:  # fmt: skip
     """Fill the cache, so that the editor opens the scene at once; of a session with as many lights as it has."""
     from app.cli.precompute import precompute as fill
     from app.cluster.cluster_project import open_on_cluster
 
     started = time.monotonic()
-    words = ProjectSpec(scene, resolution, tuple(assignments(set_)), overrides=tuple(lines(overrule).items()))
+    words = ProjectSpec(scene, resolution, tuple(assignments(set_)), overrides=tuple(lines(overrides).items()))
     with progress() as report, open_on_cluster(words, scheduler) as (project, cluster):
         done = fill(project, lambda step: report(step.fraction, f"{step.stage}: {step.text}"), lights, cluster=cluster)
     megabytes, seconds = done.n_bytes / 2**20, time.monotonic() - started
@@ -50,7 +50,7 @@ def precompute(
 def plan(
     scene: Scene = DEFAULT_SCENE,
     set_: Values = None,
-    overrule: Override = None,
+    overrides: Override = None,
     lights: Lights = N_LIGHTS,
     resolution: Resolution = None,
     check: Annotated[
@@ -61,7 +61,7 @@ def plan(
     from app.cli.planning import plan_project
 
     started = time.process_time()
-    words = ProjectSpec(scene, resolution, tuple(assignments(set_)), overrides=tuple(lines(overrule).items()))
+    words = ProjectSpec(scene, resolution, tuple(assignments(set_)), overrides=tuple(lines(overrides).items()))
     project = words.open()
     opening = time.process_time() - started
     with progress() as report:

@@ -34,8 +34,8 @@ StepValue = TypeVar("StepValue")
 class ClusterExecutor:
     """The labour of a cluster on the view of an errand."""
 
-    def __init__(self, cluster: Cluster, errand: ViewJob) -> None:
-        self._cluster, self._job = cluster, errand
+    def __init__(self, cluster: Cluster, job: ViewJob) -> None:
+        self._cluster, self._job = cluster, job
         self._lights: dict[int, Future] = {}
 
     def compute_light(self, placement: Placement, sky: SkyState, quality: Quality) -> LightSteps:

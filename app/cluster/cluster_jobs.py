@@ -67,92 +67,92 @@ class ViewJob(Job):
     scene: SceneState
 
 
-def draw_frame(errand: FrameJob, i: int) -> Picture:
+def draw_frame(job: FrameJob, i: int) -> Picture:
     """Frame i: linear radiance (H, W, 3)."""
-    with _exclusive_task(errand):
-        return _open_once(errand, lambda: _drawer(errand)).draw(i)
+    with _exclusive_task(job):
+        return _open_once(job, lambda: _drawer(job)).draw(i)
 
 
-def compute_light(errand: ViewJob, quality: Quality) -> VisibleLight:
+def compute_light(job: ViewJob, quality: Quality) -> VisibleLight:
     """All the light of a view, and from where it is seen."""
     from engine.generators import run_to_end
 
-    with _exclusive_task(errand):
-        bench = _open_once(errand, lambda: _worker_context(errand))
-        return run_to_end(bench.open_placement.light(bench.sky(errand.scene.light), quality))
+    with _exclusive_task(job):
+        context = _open_once(job, lambda: _worker_context(job))
+        return run_to_end(context.open_placement.light(context.sky(job.scene.light), quality))
 
 
 def project_tiles(
-    errand: ViewJob, light: VisibleLight, layer: LayerShape, rows: np.ndarray, begin: int
+    job: ViewJob, light: VisibleLight, layer: LayerShape, rows: np.ndarray, begin: int
 ) -> list[BandTile]:
     """The tiles of some points of a layer that follow each other; `begin`: which of the layer's the first is."""
-    with _exclusive_task(errand):
-        hits = _open_once(errand, lambda: _worker_context(errand)).open_placement.hits
+    with _exclusive_task(job):
+        hits = _open_once(job, lambda: _worker_context(job)).open_placement.hits
         return [replace(tile, begin=begin + tile.begin) for tile in project_layer(hits, rows, light, layer)]
 
 
-def find_indirect(errand: ViewJob, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> Arrays:
+def find_indirect(job: ViewJob, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> Arrays:
     """The fine indirect light of a view, as it is kept on disk."""
     from app.jobs.indirect_tasks import IndirectTasks
     from engine.indirect.stored_light import arrays_of
 
-    with _exclusive_task(errand):
-        bench = _open_once(errand, lambda: _worker_context(errand))
-        tasks = IndirectTasks(bench.open_placement, bench.store, bench.view_key, bench.view_id)
-        for _ in tasks.find(layers, bench.sky(errand.scene.light), lit_by, n_bounces, True, n_rays):
+    with _exclusive_task(job):
+        context = _open_once(job, lambda: _worker_context(job))
+        tasks = IndirectTasks(context.open_placement, context.store, context.view_key, context.view_id)
+        for _ in tasks.find(layers, context.sky(job.scene.light), lit_by, n_bounces, True, n_rays):
             pass
         assert tasks.light is not None
         return arrays_of(tasks.light)
 
 
 @contextlib.contextmanager
-def _exclusive_task(errand: Job) -> Iterator[None]:
+def _exclusive_task(job: Job) -> Iterator[None]:
     """One task at a time, with the files of its errand and no others."""
-    if errand.program != program_digest():
+    if job.program != program_digest():
         raise InsituError(describe_mismatch(f"a worker on {platform.node()}"))
     with _one_task_at_a_time:
-        with redirect_files(_local_files(errand)):
+        with redirect_files(_local_files(job)):
             yield
 
 
-def _local_files(errand: Job) -> dict[str, Path]:
+def _local_files(job: Job) -> dict[str, Path]:
     """Where this worker has the errand's files; looked for once."""
-    if errand.name not in _places_of:
+    if job.name not in _places_of:
         try:
-            found = FileCache().places(errand.bundle, fetch_piece)
+            found = FileCache().places(job.bundle, fetch_piece)
         except OSError as error:
             raise InsituError(f"a worker on {platform.node()} cannot keep the scene: {error.strerror}") from error
         _places_of.clear()
-        _places_of[errand.name] = found
-    return _places_of[errand.name]
+        _places_of[job.name] = found
+    return _places_of[job.name]
 
 
-def _open_once(errand: Job, make: Callable[[], Opened]) -> Opened:
+def _open_once(job: Job, make: Callable[[], Opened]) -> Opened:
     """What the newest errand has opened; that of another one is let go first."""
-    if errand.name not in _opened_by_job:
+    if job.name not in _opened_by_job:
         _opened_by_job.clear()
-        _opened_by_job[errand.name] = make()
-    return _opened_by_job[errand.name]  # type: ignore[return-value]
+        _opened_by_job[job.name] = make()
+    return _opened_by_job[job.name]  # type: ignore[return-value]
 
 
-def _drawer(errand: FrameJob) -> Drawer:
+def _drawer(job: FrameJob) -> Drawer:
     from app.frame_sequence import drawer_of
 
-    drawer = drawer_of(errand.words.open(), errand.frames)
+    drawer = drawer_of(job.words.open(), job.frames)
     drawer.prepare(lambda step: None)
     return drawer
 
 
-def _worker_context(errand: ViewJob) -> WorkerContext:
+def _worker_context(job: ViewJob) -> WorkerContext:
     """A worker's bench with the view open on it, and the tables of its measured layers read."""
     from app.jobs.measured_tasks import ensure_tables
     from app.jobs.dispatcher import RequestDispatcher
 
     tasks = RequestDispatcher(ArrayCache(), fills=True)
-    for request in (errand.open, errand.camera_request):
+    for request in (job.open, job.camera_request):
         for _ in tasks.handle(request):
             pass
-    for _ in ensure_tables((state.layer for state in errand.scene.layers), tasks.context.store):
+    for _ in ensure_tables((state.layer for state in job.scene.layers), tasks.context.store):
         pass
-    tasks.context.open_placement.set_emission(dict(errand.scene.emission))
+    tasks.context.open_placement.set_emission(dict(job.scene.emission))
     return tasks.context

@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 class ClusterProject:
     """A project whose files a cluster has."""
 
-    def __init__(self, cluster: Cluster, words: ProjectSpec, parcel: SceneBundle) -> None:
+    def __init__(self, cluster: Cluster, words: ProjectSpec, bundle: SceneBundle) -> None:
         from app.cluster.program import program_digest
 
         self.cluster, self.words = cluster, words
-        self.named = uuid.uuid4().hex, parcel, program_digest()
+        self.named = uuid.uuid4().hex, bundle, program_digest()
 
     def draw(
         self, project: Project, frames: Frames, numbers: Sequence[int], report: Report
@@ -39,8 +39,8 @@ class ClusterProject:
         """The frames of these numbers, as they come. Raises InsituError."""
         from app.cluster.cluster_jobs import FrameJob, draw_frame
 
-        errand = FrameJob(*self.named, self.words, frames)
-        tasks = {i: self.cluster.submit(draw_frame, errand, i) for i in numbers}
+        job = FrameJob(*self.named, self.words, frames)
+        tasks = {i: self.cluster.submit(draw_frame, job, i) for i in numbers}
         n_done = 0
         for found in self.cluster.results(tasks):
             n_done += found is not None

@@ -86,13 +86,13 @@ class Cluster:
         self.require_same_program()
         there = {portable_name(path): path for path in paths}
         try:
-            parcel = bundle_files(there.values())
+            bundle = bundle_files(there.values())
         except OSError as error:
             raise InsituError(f"--scheduler {self.address}: the scene cannot be sent, {error}") from error
         try:
             with self._connected():
-                missing = set(self._client.run_on_scheduler(missing_pieces, parcel.pieces))
-                for sent in parcel.files:
+                missing = set(self._client.run_on_scheduler(missing_pieces, bundle.pieces))
+                for sent in bundle.files:
                     for digest, piece in zip(sent.pieces, pieces_of(there[sent.name]), strict=False):
                         if digest in missing:
                             self._client.run_on_scheduler(store_piece, piece)
@@ -102,7 +102,7 @@ class Cluster:
                 f"--scheduler {self.address}: the same Insitu is not installed there ({error}); scheduler and workers "
                 "need that of this computer"
             ) from error
-        return parcel
+        return bundle
 
     def submit(self, call: Callable[..., object], *arguments: object) -> Future:
         """A task, which may take the results of others as arguments. Raises InsituError where the cluster is lost."""

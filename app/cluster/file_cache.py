@@ -50,9 +50,9 @@ class FileCache:
             self._write(path, map(fetch, sent.pieces))
         return path
 
-    def places(self, parcel: SceneBundle, fetch: Callable[[str], bytes]) -> dict[str, Path]:
+    def places(self, bundle: SceneBundle, fetch: Callable[[str], bytes]) -> dict[str, Path]:
         """Where the files of a parcel are here, by the names that they have everywhere. Raises OSError."""
-        return {sent.name: self.file(sent, fetch) for sent in parcel.files}
+        return {sent.name: self.file(sent, fetch) for sent in bundle.files}
 
     def _write(self, path: Path, pieces: Iterator[bytes]) -> None:
         make_private_folder(self._folder)
@@ -79,8 +79,8 @@ class FileCache:
 
 def missing_pieces(digests: Sequence[str]) -> list[str]:
     """On the scheduler: which of these pieces it does not have."""
-    shelf = FileCache()
-    return [digest for digest in digests if shelf.piece(digest) is None]
+    cache = FileCache()
+    return [digest for digest in digests if cache.piece(digest) is None]
 
 
 def store_piece(content: bytes) -> None:

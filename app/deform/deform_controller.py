@@ -56,14 +56,14 @@ class DeformController(OrbitController):
     draws = DrawDeform
     estimates = EstimateDeform
 
-    def __init__(self, desk: EditorServices) -> None:
+    def __init__(self, services: EditorServices) -> None:
         self._lost: tuple[tuple[str, float], ...] = ()
         self._deform_only: tuple[str, ...] = ()
         self._carried: AnimationOffsets = ()
         self._traced = PathsTraced(0, 1)
         self._in_window = False
         self._sent_parts = NO_PARTS  # to the window of what it draws, see `DrawDeform.sent_parts`
-        super().__init__(desk)
+        super().__init__(services)
 
     def draw_in_window(self, most_bytes: int) -> None:
         """The window draws moving pictures itself from now on; 0: the worker does."""
@@ -136,13 +136,13 @@ class DeformController(OrbitController):
         return *super()._desired_inputs_of(document, view), view.playing is None
 
     def _desired_state(self, document: Document, view: ViewState) -> DesiredOrbit:
-        wish, plays = DesiredOrbit.of(document, view), view.playing is not None
+        desired, plays = DesiredOrbit.of(document, view), view.playing is not None
         posed = tuple(
             state.name for state in document.objects
             if state.deformations or state.moment is not None or plays and state.animations
         )  # fmt: skip
         return DesiredDeform(
-            wish.scene, wish.n_bounces, posed=posed, surfaces=document.new_surfaces, n_rays=view.n_rays,
+            desired.scene, desired.n_bounces, posed=posed, surfaces=document.new_surfaces, n_rays=view.n_rays,
             n_lobes=view.n_lobes,
         )  # fmt: skip
 
@@ -171,19 +171,19 @@ class DeformController(OrbitController):
         """Where the picture is split and rests, what paths are to show is a part of the wish."""
         super()._update_desired(now, document, view)
         self._deform_only = tuple(state.name for state in document.objects if state.surface.kind)
-        self._fit_error, wish = view.fit_error, self._desired
+        self._fit_error, desired = view.fit_error, self._desired
         self._split = None if view.fit_error else view.split
-        assert isinstance(wish, DesiredDeform) and self._own_camera is not None and self._viewpoint is not None
+        assert isinstance(desired, DesiredDeform) and self._own_camera is not None and self._viewpoint is not None
         if self._split is None:
-            self._desired = replace(wish, traced=None)
+            self._desired = replace(desired, traced=None)
         elif now - self._moved_at >= IDLE_SECONDS:
             traced = PathPreview(self._viewpoint.camera or self._own_camera, self._full_resolution, self._poses)
-            self._desired = replace(wish, traced=traced)
+            self._desired = replace(desired, traced=traced)
 
-    def _preparation(self, wish: DesiredOrbit) -> Request:
-        assert isinstance(wish, DesiredDeform)
-        effort = wish.n_rays, wish.n_lobes
-        return PrepareDeform(wish.scene, wish.n_bounces, wish.posed, wish.surfaces, wish.traced, *effort)
+    def _preparation(self, desired: DesiredOrbit) -> Request:
+        assert isinstance(desired, DesiredDeform)
+        effort = desired.n_rays, desired.n_lobes
+        return PrepareDeform(desired.scene, desired.n_bounces, desired.posed, desired.surfaces, desired.traced, *effort)
 
     def _headlight_request(self, camera: Camera, wanted: PictureRequest) -> Request:
         assert self._desired is not None

@@ -178,8 +178,8 @@ class PlacementPictures:
         return self._view
 
     def _lit(self, project: Project, view: _View, layers: Sequence[StillLayer], plan: Plan) -> _Light:
-        decisions = plan.settings.direct_settings
-        key = (view.key, replace(project.document.light, intensity=1.0), decisions)
+        settings = plan.settings.direct_settings
+        key = (view.key, replace(project.document.light, intensity=1.0), settings)
         if self._light is None or self._light.key != key:
             placement, sky = view.placement, project.sky
             quality = still_quality(run_to_end(with_light_budget(placement, layers, sky, plan)))

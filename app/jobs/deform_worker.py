@@ -52,8 +52,8 @@ class DeformWorker(ModeWorker):
     n_points: int | None = None
     n_rays: int | None = None
 
-    def __init__(self, bench: WorkerContext) -> None:
-        self._context = bench
+    def __init__(self, context: WorkerContext) -> None:
+        self._context = context
         self._deform: Deform | None = None
         self._scene: Scene | None = None
         self._reference: tuple[tuple[PathPreview, SceneState, int], PathReference] | None = None

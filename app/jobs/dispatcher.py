@@ -39,9 +39,9 @@ class RequestDispatcher:
 
     def __init__(
         self, store: ArrayCache | None = None, kernels: Kernels | None = None, fills: bool = False,
-        modes: Sequence[Mode] = MODES, labour: Executor | None = None,
+        modes: Sequence[Mode] = MODES, executor: Executor | None = None,
     ) -> None:  # fmt: skip
-        self.context = WorkerContext(store, kernels, fills, labour)
+        self.context = WorkerContext(store, kernels, fills, executor)
         self._workers = [import_named(mode.worker)(self.context) for mode in modes]
         self._handlers: dict[type[Request], Callable[[Any], Steps]] = {
             OpenScene: self._open,

@@ -35,11 +35,11 @@ DrawSteps = Generator[object, None, NDArray[np.float32]]
 
 
 def estimate_error(
-    request: EstimateError, bench: WorkerContext, held: Mapping[str, LayerData], found: IndirectLight | None
+    request: EstimateError, context: WorkerContext, held: Mapping[str, LayerData], found: IndirectLight | None
 ) -> Iterator[Response | None]:
     """The answer. held: transport by layer; found: indirect light, None where there is none. Raises InsituError where
     not every pixel has been computed."""
-    placement, states = bench.open_placement, request.scene.visible
+    placement, states = context.open_placement, request.scene.visible
     if not states:
         yield ErrorEstimated(ErrorEstimate(0.0))  # nothing reflects: there is nothing to be off
         return
@@ -63,7 +63,7 @@ def estimate_error(
         indirect = yield from reflected_light(found, layers, request.second_bands, placement.hits)
         radiance += indirect
         noise = yield from map_steps(noise_in(found, layers, request.second_bands), lambda step: None)
-    sky = bench.sky(first.lit_by.light)
+    sky = context.sky(first.lit_by.light)
     n_points = MAP_POINTS if request.has_map else N_POINTS
     judging = estimate_point_errors(placement, layers, sky, quality, n_bounces, radiance, indirect, n_points=n_points, noise=noise)
     judged = yield from map_steps(judging, lambda step: None)  # without a word: nobody waits for it
@@ -71,21 +71,21 @@ def estimate_error(
 
 
 def estimate_drawn_error(
-    request: EstimateDrawn, bench: WorkerContext, n_bounces: int, drawing: Callable[[Any], DrawSteps]
+    request: EstimateDrawn, context: WorkerContext, n_bounces: int, drawing: Callable[[Any], DrawSteps]
 ) -> Iterator[Response | None]:
     """The answer. drawing: makes a picture (h, w, 3) that is asked for. n_bounces: after how many reflections."""
-    if bench.kernels is not None:
-        for _ in bench.kernels.until_ready(ESTIMATE):
+    if context.kernels is not None:
+        for _ in context.kernels.until_ready(ESTIMATE):
             yield None
     pictures = []
     for wanted in (request.at_rest, request.moving):
         pictures.append((yield from map_steps(drawing(wanted), lambda step: None)))
-    placement, scene = bench.open_placement, request.scene
+    placement, scene = context.open_placement, request.scene
     placement.set_emission(dict(scene.emission))
     layers = with_maps(placement, (_with_own_bands(state, placement) for state in scene.layers))
     yield None
     n_points = MAP_POINTS if request.has_map else N_POINTS
-    judging = estimate_drawn_errors(placement, layers, bench.sky(scene.light), n_bounces, pictures, n_points=n_points)
+    judging = estimate_drawn_errors(placement, layers, context.sky(scene.light), n_bounces, pictures, n_points=n_points)
     at_rest, moving = yield from map_steps(judging, lambda step: None)
     colours = yield from _colours(request.has_map, placement, at_rest)
     yield DrawnErrorEstimated(at_rest.estimate, moving.estimate, colours)
@@ -104,8 +104,8 @@ def _with_own_bands(state: LayerState, placement: Placement) -> StillLayer:
 
 def _quality(data: LayerData) -> Quality:
     """How finely a layer's light was computed; of few lights the preview is the last stage."""
-    stage, decisions = STAGES[data.stage], data.lit_by.planned_settings or data.lit_by.settings
-    return final_quality(decisions) if stage is FINAL else replace(stage, n_lights=decisions.n_lights)
+    stage, settings = STAGES[data.stage], data.lit_by.planned_settings or data.lit_by.settings
+    return final_quality(settings) if stage is FINAL else replace(stage, n_lights=settings.n_lights)
 
 
 def _with_present_curves(data: LayerData, state: LayerState) -> LayerData:

@@ -205,32 +205,32 @@ class IndirectTasks:
         told = (need.n_rays, need.reason) if need.noise is not None else (0, "")
         return IndirectFound(found.number, found.settings.name, rows, weights, *told, id=self._scene_id)
 
-    def _frozen(self, found: _FoundLight, wish: FreezeIndirect) -> Steps:
-        layers = {each.key: self._reflecting(each, wish.second_bands) for each in wish.scene.visible}
-        edited = NO_OBJECT if wish.key is None else self._placement.scene.object_index(object_of(wish.key))
-        seen = _layer_visibility(found, wish)
+    def _frozen(self, found: _FoundLight, desired: FreezeIndirect) -> Steps:
+        layers = {each.key: self._reflecting(each, desired.second_bands) for each in desired.scene.visible}
+        edited = NO_OBJECT if desired.key is None else self._placement.scene.object_index(object_of(desired.key))
+        seen = _layer_visibility(found, desired)
         self._representations = GatherPolynomial(seen) if self._representations is None else self._representations.with_light(seen)
         selected = None
-        if wish.key in layers and wish.factor is not None:
-            selected = SelectedCurve(list(layers).index(wish.key), wish.factor)
+        if desired.key in layers and desired.factor is not None:
+            selected = SelectedCurve(list(layers).index(desired.key), desired.factor)
         frozen = yield from self._representations.freeze(list(layers.values()), edited, selected)
         keys = list(layers)
         reflected = {keys[i]: np.ascontiguousarray(part.transpose(1, 0, 2)) for i, part in frozen.reflected.items()}
         albedos = {
             each.key: albedo_bands(*each.quotient, each.bands)
-            for each in wish.scene.visible if self._object(each) == edited
+            for each in desired.scene.visible if self._object(each) == edited
         }  # fmt: skip
         unit = found.light.unit
-        yield IndirectFrozen(found.number, wish.serial, wish.key, wish.factor, reflected, frozen.bands, albedos, unit)
+        yield IndirectFrozen(found.number, desired.serial, desired.key, desired.factor, reflected, frozen.bands, albedos, unit)
 
-    def _noise(self, found: _FoundLight, wish: FreezeIndirect) -> Steps:
+    def _noise(self, found: _FoundLight, desired: FreezeIndirect) -> Steps:
         """Of the light as its layers look: a curve that is lifted may show what was lost in the rest."""
         known = self._noise_found
-        if known is None or known[0] is not found or not _same_appearance(known[1], wish):
-            layers = [self._reflecting(each, wish.second_bands) for each in wish.scene.visible]
-            noise = yield from _layer_visibility(found, wish).noise(layers)
-            self._noise_found = known = found, wish, noise
-        yield IndirectNoise(found.number, wish.serial, *known[2], id=self._scene_id)
+        if known is None or known[0] is not found or not _same_appearance(known[1], desired):
+            layers = [self._reflecting(each, desired.second_bands) for each in desired.scene.visible]
+            noise = yield from _layer_visibility(found, desired).noise(layers)
+            self._noise_found = known = found, desired, noise
+        yield IndirectNoise(found.number, desired.serial, *known[2], id=self._scene_id)
 
     def _reflecting(self, state: LayerState, second: int | None = None) -> IndirectLayer:
         mean = None if state.means is None else state.mean_factor
@@ -240,8 +240,8 @@ class IndirectTasks:
         return self._placement.scene.object_index(state.object)
 
 
-def _layer_visibility(found: _FoundLight, wish: FreezeIndirect) -> IndirectLight:
-    return found.light.without_glossy_hits() if wish.second_bands == 1 else found.light
+def _layer_visibility(found: _FoundLight, desired: FreezeIndirect) -> IndirectLight:
+    return found.light.without_glossy_hits() if desired.second_bands == 1 else found.light
 
 
 def _same_appearance(one: FreezeIndirect, two: FreezeIndirect) -> bool:

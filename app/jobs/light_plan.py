@@ -34,15 +34,15 @@ LINES = tuple(LEAST)
 class LightBudgets:
     """What is known of the view that is open on the bench."""
 
-    def __init__(self, bench: WorkerContext) -> None:
-        self._context = bench
+    def __init__(self, context: WorkerContext) -> None:
+        self._context = context
         self._budgets: dict[str, LightBudget] = {}
 
     def cached_budget(self, request: ComputeTransport, sky: SkyState) -> LightBudget | None:
         """What the picture of a request needs, None where that was not tried yet."""
-        decisions = request.settings
-        if not is_worthwhile(self._context.open_placement) or decisions.overridden >= set(LINES):
-            return LightBudget(decisions.n_lights, decisions.n_patches)
+        settings = request.settings
+        if not is_worthwhile(self._context.open_placement) or settings.overridden >= set(LINES):
+            return LightBudget(settings.n_lights, settings.n_patches)
         key = self._key(request, sky)
         need = self._budgets.get(key) or self._context.store.get(key, _budget_of)
         if need is not None:
@@ -76,7 +76,7 @@ class LightBudgets:
         return replace(sky, rotation=0.0 if described is None else described.rotation)
 
     def _key(self, request: ComputeTransport, sky: SkyState) -> str:
-        decisions, radiance = request.settings, None if sky.environment is None else sky.environment.radiance
+        settings, radiance = request.settings, None if sky.environment is None else sky.environment.radiance
         layers = tuple(
             (each.key, each.model, each.bands, each.fixed, repr(layer.parameters))
             for each, layer in zip(request.scene.visible, self._unedited(request), strict=True)
@@ -84,8 +84,8 @@ class LightBudgets:
         shining = tuple(name for name, emission in request.scene.emission if any(emission))
         return content_key(
             "light need, unedited", self._context.view_key, radiance, sky.scale, self._unturned(sky).rotation, shining,
-            layers, decisions.n_lights, decisions.n_patches, decisions.keeps_sphere,
-            tuple(sorted(decisions.overridden)),
+            layers, settings.n_lights, settings.n_patches, settings.keeps_sphere,
+            tuple(sorted(settings.overridden)),
         )  # fmt: skip
 
 

@@ -56,8 +56,8 @@ class OrbitWorker(ModeWorker):
 
     n_points: int | None = None
 
-    def __init__(self, bench: WorkerContext) -> None:
-        self._context = bench
+    def __init__(self, context: WorkerContext) -> None:
+        self._context = context
         self._orbit: Orbit | None = None
         self._caster: RayCaster | None = None
         self._prepared = 0
@@ -201,11 +201,11 @@ class OrbitWorker(ModeWorker):
         return self._orbit
 
 
-def until_compiled(bench: WorkerContext, what: str) -> Steps:
+def until_compiled(context: WorkerContext, what: str) -> Steps:
     """Until another process has compiled what Orbit or Deform needs, before all else that comes later; between the
     steps other requests are answered."""
-    if bench.kernels is not None and not are_compiled(what):
-        for _ in bench.kernels.until_ready(what, goes_first=True):
+    if context.kernels is not None and not are_compiled(what):
+        for _ in context.kernels.until_ready(what, goes_first=True):
             yield Progress(COMPILING, 0.0, text=FIRST_TIME)
 
 

@@ -69,8 +69,8 @@ KERNEL_SECONDS = 0.05
 class PlacementWorker(ModeWorker):
     """The newest transport of the view that is open."""
 
-    def __init__(self, bench: WorkerContext) -> None:
-        self._context, self._cache = bench, bench.store
+    def __init__(self, context: WorkerContext) -> None:
+        self._context, self._cache = context, context.store
         self._parts_are_dropped: dict[str, int] = {}
         self._layers: dict[str, LayerData] = {}
         self._light: tuple[str, VisibleLight] | None = None
@@ -82,7 +82,7 @@ class PlacementWorker(ModeWorker):
         self._sent: set[str] = set()
         self._maps: MapTasks | None = None
         self._relighting = Relighting()
-        self._light_plans = LightBudgets(bench)
+        self._light_plans = LightBudgets(context)
 
     @property
     def handlers(self) -> Handlers:
@@ -143,8 +143,8 @@ class PlacementWorker(ModeWorker):
 
     def _prepare_relighting(self, request: PrepareRelighting) -> Steps:
         yield from self._until_compiled(RELIGHTING)
-        bench, scene = self._context, request.scene
-        yield from self._relighting.prepare(bench.open_placement, scene, bench.sky(scene.light), self._current)
+        context, scene = self._context, request.scene
+        yield from self._relighting.prepare(context.open_placement, scene, context.sky(scene.light), self._current)
         yield RelightingPrepared(self._n_bytes)
 
     # ------------------------------------------------------------------------------------------------------ transport
@@ -161,7 +161,7 @@ class PlacementWorker(ModeWorker):
             placement.sphere.done[:] = True
 
     def _compute(self, request: ComputeTransport) -> Steps:
-        placement, scene, decisions = self._context.open_placement, request.scene, request.settings
+        placement, scene, settings = self._context.open_placement, request.scene, request.settings
         yield from ensure_tables((work.layer for work in scene.layers), self._cache)
         self._contracted, self._current, self._sent = {}, {}, set()
         self._layers = {work.key: self._layers[work.key] for work in scene.layers if work.key in self._layers}
@@ -171,7 +171,7 @@ class PlacementWorker(ModeWorker):
         placement.set_emission(dict(scene.emission))
         sky = self._context.sky(scene.light)
         if self._indirect is not None:
-            self._indirect.transport_requested(_lit_key(sky, placement.scene), decisions.n_bounces)
+            self._indirect.transport_requested(_lit_key(sky, placement.scene), settings.n_bounces)
         if (image := self._context.sky_image(sky, scene.light)) is not None:
             yield image
         lit_by = LightingState(scene.light, request.lit, scene.emission)
@@ -179,10 +179,10 @@ class PlacementWorker(ModeWorker):
         yield from self._kernels_ready()
         need = self._light_plans.cached_budget(request, sky)
         if need is not None:
-            yield from _light_plan_message(need, decisions)
-            yield from self._send_cached(placement, request, sky, replace(lit_by, planned_settings=need.limit_settings(decisions)))
+            yield from _light_plan_message(need, settings)
+            yield from self._send_cached(placement, request, sky, replace(lit_by, planned_settings=need.limit_settings(settings)))
         yield from self._send_relit(request, sky, lit_by)
-        n_bounces, bounces_told, bounces_found = decisions.n_bounces, decisions.n_bounces == 1, False
+        n_bounces, bounces_told, bounces_found = settings.n_bounces, settings.n_bounces == 1, False
         begun = time.process_time()
         for quality, exact in _stages(request)[-1 if self._context.fills else 0 :]:
             started = time.monotonic()
@@ -191,8 +191,8 @@ class PlacementWorker(ModeWorker):
             if due and quality.name == FINAL.name:
                 if need is None:
                     need = yield from self._light_plans.find_budget(request, sky)
-                    yield from _light_plan_message(need, decisions)
-                lit_by, quality = _with_planned_light(lit_by, need.limit_settings(decisions))
+                    yield from _light_plan_message(need, settings)
+                lit_by, quality = _with_planned_light(lit_by, need.limit_settings(settings))
             if due:
                 yield from self._stage(placement, due, sky, lit_by, quality)
             if not bounces_told and quality is not DRAG:
@@ -206,7 +206,7 @@ class PlacementWorker(ModeWorker):
                 yield from self._until_compiled(INDIRECT, "indirect light")
                 tasks = self._indirect_tasks()
                 yield from tasks.find(
-                    scene.visible, sky, _lit_key(sky, placement.scene), n_bounces, exact, decisions.n_rays
+                    scene.visible, sky, _lit_key(sky, placement.scene), n_bounces, exact, settings.n_rays
                 )
             # A picture that was kept waits for the light between surfaces that comes at first, and for nothing else.
             if due or exact or quality.name == COARSE.name and n_bounces > 1:
@@ -225,9 +225,9 @@ class PlacementWorker(ModeWorker):
         if self._indirect is None:
             from app.jobs.indirect_tasks import IndirectTasks
 
-            bench = self._context
+            context = self._context
             self._indirect = IndirectTasks(
-                bench.open_placement, self._cache, bench.view_key, bench.view_id, bench.executor.find_indirect
+                context.open_placement, self._cache, context.view_key, context.view_id, context.executor.find_indirect
             )
         return self._indirect
 
@@ -443,9 +443,9 @@ def _stages(request: ComputeTransport) -> list[tuple[Quality, bool]]:
     return [(coarse, False), (preview, False), (final, True)]
 
 
-def _with_planned_light(lit_by: LightingState, decisions: RenderSettings) -> tuple[LightingState, Quality]:
+def _with_planned_light(lit_by: LightingState, settings: RenderSettings) -> tuple[LightingState, Quality]:
     """The light of a last stage once it is known how much of it is needed."""
-    return replace(lit_by, planned_settings=decisions), final_quality(decisions)
+    return replace(lit_by, planned_settings=settings), final_quality(settings)
 
 
 def _light_plan_message(need: LightBudget, most: RenderSettings) -> Iterator[LightPlanned]:

@@ -43,12 +43,12 @@ class WorkerContext:
 
     def __init__(
         self, store: ArrayCache | None = None, kernels: Kernels | None = None, fills: bool = False,
-        labour: Executor | None = None,
+        executor: Executor | None = None,
     ) -> None:  # fmt: skip
         self.store = store or ArrayCache()
         self.kernels = kernels
         self.fills = fills
-        self.executor = labour or LocalExecutor()
+        self.executor = executor or LocalExecutor()
         self.geometry_key = self.view_key = ""
         self.view_id = 0
         self._placement: Placement | None = None

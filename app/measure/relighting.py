@@ -112,8 +112,8 @@ class _Ready:
     def _transport(self, scene: SceneState, n_final: int) -> ComputeTransport:
         key = scene.layers[0].key
         factor = scene.layers[0].layer.model.factors[0].name
-        decisions = RenderSettings(n_final or self._n_preview)
-        return ComputeTransport(scene, key, factor, self._n_preview, decisions, is_drag=n_final == 0)
+        settings = RenderSettings(n_final or self._n_preview)
+        return ComputeTransport(scene, key, factor, self._n_preview, settings, is_drag=n_final == 0)
 
 
 def _frames(ready: _Ready, effort: RelightEffort, stage: str) -> tuple[float, ...]:

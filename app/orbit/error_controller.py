@@ -77,17 +77,17 @@ class DrawnErrorController:
         """Where the picture at rest is off; None while that is not known."""
         return self._estimate.colours if self._estimate is not None and self._estimate_of == seen else None
 
-    def moving(self, wish: DesiredOrbit) -> ErrorEstimate | None:
+    def moving(self, desired: DesiredOrbit) -> ErrorEstimate | None:
         """Of pictures of this from anywhere while something moves; None while that is not known."""
         of = self._estimate_of
-        return self._estimate.moving if self._estimate is not None and of is not None and of.desired == wish else None
+        return self._estimate.moving if self._estimate is not None and of is not None and of.desired == desired else None
 
     def receive(self, response: DrawnErrorEstimated) -> None:
         """The answer."""
         if response.id == self._requested:
             self._estimate, self._estimate_of, self._requested = response, self._seen, None
 
-    def took_failure(self, response: RequestFailed) -> None:
+    def receive_failure(self, response: RequestFailed) -> None:
         """It could not be found out, and is not asked for again."""
         if response.id == self._requested:
             self._requested, self._is_refused = None, True

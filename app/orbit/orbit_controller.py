@@ -81,10 +81,10 @@ class OrbitController(ModeController):
     draws: type[Request] = DrawOrbit
     estimates: type[EstimateDrawn] = EstimateOrbit
 
-    def __init__(self, desk: EditorServices) -> None:
-        self._services = desk
-        self.placement = PlacementController(desk)
-        self._error = DrawnErrorController(desk.send, self.estimates)
+    def __init__(self, services: EditorServices) -> None:
+        self._services = services
+        self.placement = PlacementController(services)
+        self._error = DrawnErrorController(services.send, self.estimates)
         self._is_open = False
         self._listener = self._most_bytes = 0
         self._forget()
@@ -346,9 +346,9 @@ class OrbitController(ModeController):
         """Whether paths know all that this mode shows."""
         return True
 
-    def _preparation(self, wish: DesiredOrbit) -> Request:
+    def _preparation(self, desired: DesiredOrbit) -> Request:
         return PrepareOrbit(
-            wish.scene, wish.n_bounces, self._listener, self._most_bytes, wish.n_points, wish.n_coefficients
+            desired.scene, desired.n_bounces, self._listener, self._most_bytes, desired.n_points, desired.n_coefficients
         )
 
     def _headlight_request(self, camera: Camera, wanted: PictureRequest) -> Request:
@@ -398,14 +398,14 @@ class OrbitController(ModeController):
     def _update_desired(self, now: float, document: Document, view: ViewState) -> None:
         """What is wanted now, and since when."""
         made_of = self._desired_inputs_of(document, view)
-        wish = self._desired
-        if wish is None or self._desired_inputs != made_of:
-            wish, self._desired_inputs = self._desired_state(document, view), made_of
+        desired = self._desired
+        if desired is None or self._desired_inputs != made_of:
+            desired, self._desired_inputs = self._desired_state(document, view), made_of
         poses = self._poses_of(document, view)
-        if (wish, view.viewpoint, poses) != (self._desired, self._viewpoint, self._poses):
+        if (desired, view.viewpoint, poses) != (self._desired, self._viewpoint, self._poses):
             self._moved_at = -math.inf if self._desired is None else now
-            self._is_stopped = self._is_stopped and wish == self._desired
-            self._desired, self._viewpoint, self._poses = wish, view.viewpoint, poses
+            self._is_stopped = self._is_stopped and desired == self._desired
+            self._desired, self._viewpoint, self._poses = desired, view.viewpoint, poses
 
     def _update_placement(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
         """Placement's part, where it has one; it loses that as soon as its picture is not the document's. That stays on
@@ -436,14 +436,14 @@ class OrbitController(ModeController):
     def _prepare(self) -> None:
         """Ask for what the document wants. In mid-drag only once the wish before is in a picture: each takes a while
         until it shows, and would be given up for the next."""
-        wish = self._desired
-        if wish is None or wish == self._requested or self._is_stopped:
+        desired = self._desired
+        if desired is None or desired == self._requested or self._is_stopped:
             return
         shown = self._shown
         if self._services.history.dragging and shown is not None and shown.made_of.prepared != self._prepare_id:
             return
-        self._requested = wish
-        self._prepare_id = self._services.send(self._preparation(wish))
+        self._requested = desired
+        self._prepare_id = self._services.send(self._preparation(desired))
 
     def _draw(self, now: float) -> None:
         """Ask for a picture, where there is another one than is shown or under way."""
@@ -528,7 +528,7 @@ class OrbitController(ModeController):
             case DrawnErrorEstimated():
                 self._error.receive(response)
             case RequestFailed():
-                self._error.took_failure(response)
+                self._error.receive_failure(response)
                 self._take_failure(response)
                 return self.placement.receive(response)
             case _:

@@ -118,7 +118,7 @@ class BandController:
         if response.id == self._requested[0]:
             self._learn(response.bands)
 
-    def took_failure(self, response: RequestFailed) -> None:
+    def receive_failure(self, response: RequestFailed) -> None:
         """Layers that cannot be planned get the usual bands, so that they can be edited on."""
         if response.id == self._requested[0]:
             self._learn(usual_bands(layer.model) for layer in self._requested[1])

@@ -97,7 +97,7 @@ class Comparison:
         """A new worker would answer with its first, coarse stage: what was asked for is asked for again later."""
         self._requested = None
 
-    def took_failure(self, id: int) -> None:
+    def receive_failure(self, id: int) -> None:
         """Leave A as it is when the worker cannot draw it."""
         if self._requested is not None and self._requested.id == id:
             self._requested, self._failed = None, True
@@ -106,8 +106,8 @@ class Comparison:
         self,
         now: float,
         document: Document,
-        talk: TransportController,
-        decisions: RenderSettings,
+        controller: TransportController,
+        settings: RenderSettings,
         exact: bool,
         has_indirect: bool = False,
     ) -> list[PictureEvent]:
@@ -119,18 +119,18 @@ class Comparison:
         compared = self._document
         if compared is None or self._exact:
             return []
-        if talk.revision != self._revision:
-            self._forget_revision(talk.revision)
-            self._serves = talk.serves(compared, document, decisions)
+        if controller.revision != self._revision:
+            self._forget_revision(controller.revision)
+            self._serves = controller.serves(compared, document, settings)
         if not self._serves or self._failed:
             return []
         light = replace(compared.light, intensity=document.light.intensity)
         if (compared.objects, light) == (document.objects, document.light):
             return self._follow(exact)
         lit_alike = emission_of(compared) == emission_of(document)
-        if has_indirect or not lit_alike or not (talk.finished and exact):
+        if has_indirect or not lit_alike or not (controller.finished and exact):
             return []
-        return self._draw_apart(now, compared, document, talk)
+        return self._draw_apart(now, compared, document, controller)
 
     def _follow(self, exact: bool) -> list[PictureEvent]:
         """B looks like A: what is on screen is A's picture as well."""
@@ -140,30 +140,30 @@ class Comparison:
         return [ComparisonRefined({})]
 
     def _draw_apart(
-        self, now: float, compared: Document, document: Document, talk: TransportController
+        self, now: float, compared: Document, document: Document, controller: TransportController
     ) -> list[PictureEvent]:
         """B has other curves by now: ask for the layers that differ, one after the other, then draw A with them."""
-        differing = self._differing(compared, document, talk)
+        differing = self._differing(compared, document, controller)
         missing = [key for key in differing if key not in self._pictures]
         if missing:
             if self._requested is None or now - self._requested.at > CONTRACT_PATIENCE:
-                bands = talk.requested_bands(missing[0]) or {}
-                self._request(layer_state(compared, missing[0], tuple(bands.values())), talk.revision, now)
+                bands = controller.requested_bands(missing[0]) or {}
+                self._request(layer_state(compared, missing[0], tuple(bands.values())), controller.revision, now)
             return []
         if any(self._lacks_images(key, layer) for key, layer in compared.layers()):
             return []
         self._exact = True
-        return [ComparisonRefined(self._layer_appearances(compared, differing, talk.light_gain))]
+        return [ComparisonRefined(self._layer_appearances(compared, differing, controller.light_gain))]
 
     def _lacks_images(self, key: str, layer: Layer) -> bool:
         """Whether A has images in this layer that nobody sampled, or not lately."""
         return not layer.maps.is_plain and self._samples(key, layer.maps) is None
 
-    def _differing(self, compared: Document, document: Document, talk: TransportController) -> list[str]:
+    def _differing(self, compared: Document, document: Document, controller: TransportController) -> list[str]:
         """Keys of the layers whose curves are not those on screen."""
         found = []
         for key, layer in compared.layers():
-            bands = talk.requested_bands(key)
+            bands = controller.requested_bands(key)
             if bands is None:
                 continue
             if key not in self._coefficients:

@@ -142,11 +142,11 @@ class PendingContraction:
     sent_at: float
 
 
-def desired_transport(document: Document, decisions: RenderSettings, curves: Curves) -> DesiredTransport:
+def desired_transport(document: Document, settings: RenderSettings, curves: Curves) -> DesiredTransport:
     """The transport of a document's layers in its light."""
     scene = curves.scene_state(document)
     shapes = tuple(transport_shape(state, curves.coefficients(document, state.key)) for state in scene.layers)
-    return DesiredTransport(scene.light, shapes, scene.emission, decisions)
+    return DesiredTransport(scene.light, shapes, scene.emission, settings)
 
 
 def brightening_factors(wanted: Emission, known: Emission) -> Float64Array | None:

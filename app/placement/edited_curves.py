@@ -52,16 +52,16 @@ class EditedCurves:
 
     def forget_answers(self, staying: Mapping[str, ReadyLayer]) -> None:
         """Other transport was asked for, and with it what is wanted now; that of layers that stay is there."""
-        self._requested = {wish.key: wish for wish in self.desired}
+        self._requested = {desired.key: desired for desired in self.desired}
         self._ready = {key: shown for key, shown in self._ready.items() if key in staying}
 
     def forget_requested(self) -> None:
         """A new worker knows nothing of what was asked."""
         self._requested = {}
 
-    def note_request(self, wish: DesiredCurve) -> None:
+    def note_request(self, desired: DesiredCurve) -> None:
         """It is being asked for."""
-        self._requested[wish.key] = wish
+        self._requested[desired.key] = desired
 
     def withdraw(self, key: str) -> None:
         """What was asked for will not come, or was not kept: selected again, it is asked for again."""
@@ -69,22 +69,22 @@ class EditedCurves:
 
     def missing(self, layers: Mapping[str, ReadyLayer]) -> list[DesiredCurve]:
         """Those that are neither there nor asked for."""
-        due = [wish for wish in self.desired if not self.has(wish, layers)]
-        return [wish for wish in due if not wish.same(self._requested.get(wish.key))]
+        due = [desired for desired in self.desired if not self.has(desired, layers)]
+        return [desired for desired in due if not desired.same(self._requested.get(desired.key))]
 
     def has_all(self, layers: Mapping[str, ReadyLayer]) -> bool:
-        return all(self.has(wish, layers) for wish in self.desired)
+        return all(self.has(desired, layers) for desired in self.desired)
 
-    def has(self, wish: DesiredCurve, layers: Mapping[str, ReadyLayer]) -> bool:
+    def has(self, desired: DesiredCurve, layers: Mapping[str, ReadyLayer]) -> bool:
         """Whether it has come, in the stage and with the other curve of its layer's radiance."""
-        shown = layers.get(wish.key)
-        if shown is None or wish.factor is None:
+        shown = layers.get(desired.key)
+        if shown is None or desired.factor is None:
             return False
-        if self._ready.get(wish.key) != ReadyCurve(wish.key, wish.factor, shown.stage, wish.precision):
+        if self._ready.get(desired.key) != ReadyCurve(desired.key, desired.factor, shown.stage, desired.precision):
             return False
         # The layer that is shown may be the one before, with other curves than the document's.
-        others = {name: values for name, values in shown.coefficients.items() if name != wish.factor}
-        return same_coefficients(others, wish.others)
+        others = {name: values for name, values in shown.coefficients.items() if name != desired.factor}
+        return same_coefficients(others, desired.others)
 
     def receive(self, came: ReadyCurve, edited: tuple[str, ...]) -> bool:
         """Note one that came; whether its layer is among those that follow the selected curve now."""
@@ -94,15 +94,15 @@ class EditedCurves:
                 self.withdraw(came.key)
             return False
         # The renderer keeps no transport but theirs: of any other layer it is asked for again when it is selected.
-        self._requested = {key: wish for key, wish in self._requested.items() if key in edited}
+        self._requested = {key: desired for key, desired in self._requested.items() if key in edited}
         self._ready = {key: shown for key, shown in self._ready.items() if key in edited} | {came.key: came}
         return True
 
     def finish_stage(self, layers: Mapping[str, ReadyLayer]) -> None:
         """A stage is over: what did not come with it is asked for again."""
-        for wish in self.desired:
-            if not self.has(wish, layers):
-                self.withdraw(wish.key)
+        for desired in self.desired:
+            if not self.has(desired, layers):
+                self.withdraw(desired.key)
 
     def stage_of(self, key: str, factor: str) -> str | None:
         """The stage of a curve's transport, where it is the one that is there."""

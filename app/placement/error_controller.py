@@ -108,7 +108,7 @@ class ErrorController:
             if response.colours is None:  # maps are large, and are found again
                 self._estimates.append((self._picture, response.estimate))
 
-    def took_failure(self, id: int) -> None:
+    def receive_failure(self, id: int) -> None:
         """It could not be found out, and is not asked for again."""
         if id == self._requested:
             self.user_stopped()

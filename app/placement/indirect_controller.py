@@ -83,7 +83,7 @@ class DesiredFreezing:
         """Whether its answer is one to the other as well."""
         if self is other:
             return True
-        mine, theirs = ((wish.key, wish.factor, wish.second, len(wish.reflectances)) for wish in (self, other))
+        mine, theirs = ((desired.key, desired.factor, desired.second, len(desired.reflectances)) for desired in (self, other))
         if mine != theirs:
             return False
         return all(self._alike(mine, theirs) for mine, theirs in zip(self.reflectances, other.reflectances, strict=True))
@@ -218,10 +218,10 @@ class IndirectController:
         self._frozen, self._drawn = frozen, None
         self._shown.clear()
 
-    def _use_cached(self, wish: DesiredFreezing) -> None:
+    def _use_cached(self, desired: DesiredFreezing) -> None:
         """Use one that was made for the same before, until its own is here."""
         for each in self._cached:
-            if each[0].serves(wish) and each[0].same(wish):
+            if each[0].serves(desired) and each[0].same(desired):
                 self._draw_with(each)
                 return
 
@@ -250,17 +250,17 @@ class IndirectController:
         self._n_bounces = n_bounces
         if n_bounces <= 1:
             return
-        wish = self._desired(document, selected, second)
-        self._send_request(now, wish, revision)
+        desired = self._desired(document, selected, second)
+        self._send_request(now, desired, revision)
         if self._frozen is None:
             self._complete = self._fits = False
             return
-        if not self._frozen[0].serves(wish):
-            self._use_cached(wish)
+        if not self._frozen[0].serves(desired):
+            self._use_cached(desired)
         made_for, frozen, _ = self._frozen
-        self._fits = made_for.serves(wish)
+        self._fits = made_for.serves(desired)
         is_final = self._is_current(frozen, revision) and self._found is not None and self._found.stage == FINE_STAGE
-        self._complete = self._fits and is_final and made_for.same(wish) and self._noise_is_current
+        self._complete = self._fits and is_final and made_for.same(desired) and self._noise_is_current
 
     def follow(self, document: Document) -> list[PictureEvent]:
         """The radiances that changed, of the document that was asked for last."""
@@ -317,20 +317,20 @@ class IndirectController:
         scene = self._curves.scene_state(document)
         return DesiredFreezing(scene, layer_reflectances(scene, document, self._curves), key, factor, second, edited)
 
-    def _send_request(self, now: float, wish: DesiredFreezing, revision: int) -> None:
-        if self._last is None or not (self._last.serves(wish) and self._last.same(wish)):
+    def _send_request(self, now: float, desired: DesiredFreezing, revision: int) -> None:
+        if self._last is None or not (self._last.serves(desired) and self._last.same(desired)):
             self._changed_at = now
-        self._last = wish
+        self._last = desired
         if self._requested is not None and self._requested[1] == revision:
             asked = self._requested[0]
             waits = self._frozen is None or self._frozen[0] is not asked
-            if asked.serves(wish) and (asked.same(wish) or now - self._changed_at < IDLE_SECONDS):
+            if asked.serves(desired) and (asked.same(desired) or now - self._changed_at < IDLE_SECONDS):
                 return
             if waits and now - self._requested_at < FREEZE_PATIENCE:
                 return
-        self._requested, self._requested_at = (wish, revision), now
+        self._requested, self._requested_at = (desired, revision), now
         self._serial += 1
-        self._send(FreezeIndirect(wish.scene, wish.key, wish.factor, wish.second, self._serial, revision=revision))
+        self._send(FreezeIndirect(desired.scene, desired.key, desired.factor, desired.second, self._serial, revision=revision))
 
     def _radiances(
         self, document: Document, made_for: DesiredFreezing, frozen: IndirectFrozen, footprint: Footprint

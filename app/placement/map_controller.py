@@ -99,7 +99,7 @@ class MapController:
             del self._cached[key]
         self.edited()
 
-    def took_failure(self, request: int) -> None:
+    def receive_failure(self, request: int) -> None:
         """A request was given up: nothing more comes of it."""
         if request == self._request:
             self._awaited.clear()

@@ -233,23 +233,23 @@ class PictureTransition:
                 after[key] = replace(after[key], curve=transport.factor)
         return after
 
-    def _has_same_light(self, document: Document, wish: DesiredTransport | None) -> bool:
+    def _has_same_light(self, document: Document, desired: DesiredTransport | None) -> bool:
         """Whether a document's light is that of transport, but for what multiplies its pictures."""
-        if wish is None or replace(document.light, intensity=1.0) != wish.light:
+        if desired is None or replace(document.light, intensity=1.0) != desired.light:
             return False
         emission = emission_of(document)
-        if emission == wish.emission:
+        if emission == desired.emission:
             return True
-        emitters_are_all = not self._has_sky and wish.light.environment == SCENE_ENVIRONMENT
-        return emitters_are_all and brightening_factors(emission, wish.emission) is not None
+        emitters_are_all = not self._has_sky and desired.light.environment == SCENE_ENVIRONMENT
+        return emitters_are_all and brightening_factors(emission, desired.emission) is not None
 
     def _can_draw(
         self, document: Document, layers: Mapping[str, _ShownLayer], follows: Mapping[str, str | None], roughly: bool,
-        wish: DesiredTransport | None = None,
+        desired: DesiredTransport | None = None,
     ) -> bool:  # fmt: skip
         """Whether these layers, lit as on screen or as in this transport, are all that a document shows. roughly: with
         curves that are on their way."""
-        return self._has_same_light(document, wish or self._desired) and all(
+        return self._has_same_light(document, desired or self._desired) and all(
             self._can_draw_object(state.name, document, layers, follows, roughly)
             for state in document.objects
         )  # fmt: skip

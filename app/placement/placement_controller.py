@@ -71,16 +71,16 @@ from engine.material.layer import Layer
 class PlacementController(ModeController):
     """The talk of Placement. curves: how many bands each curve gets, None for as many as planned."""
 
-    def __init__(self, desk: EditorServices, curves: Curves | None = None) -> None:
-        self.curves = curves or Curves(plans=desk.shared_state(BandPlans))
-        self._services = desk
-        self._bands = BandController(desk.send, self.curves.plans)
-        self._transport = TransportController(desk.send, self.curves)
-        self.indirect = IndirectController(desk.send, self.curves)
-        self.maps = MapController(desk.send, self.curves)
-        self._comparison = Comparison(desk.send, self.curves, self.maps.samples)
-        self._error = ErrorController(desk.send, self.curves)
-        self._relight = RelightController(desk.send, self.curves)
+    def __init__(self, services: EditorServices, curves: Curves | None = None) -> None:
+        self.curves = curves or Curves(plans=services.shared_state(BandPlans))
+        self._services = services
+        self._bands = BandController(services.send, self.curves.plans)
+        self._transport = TransportController(services.send, self.curves)
+        self.indirect = IndirectController(services.send, self.curves)
+        self.maps = MapController(services.send, self.curves)
+        self._comparison = Comparison(services.send, self.curves, self.maps.samples)
+        self._error = ErrorController(services.send, self.curves)
+        self._relight = RelightController(services.send, self.curves)
         self._changeover = PictureTransition(self.curves)
         self._warned_clamped = False
         self._forget()
@@ -195,21 +195,21 @@ class PlacementController(ModeController):
 
     def _request_missing(self, now: float, document: Document, view: ViewState) -> bool:
         """Ask for what is missing; whether the bands of all layers are known."""
-        talk, revision = self._transport, self._transport.revision
+        controller, revision = self._transport, self._transport.revision
         planned = self._bands.update(document)
-        decisions = effective_settings(view, document)
+        settings = effective_settings(view, document)
         dragging, is_fine = self._services.history.dragging, self._changeover.is_fine
-        talk.update(now, document, view.selected, decisions, dragging, view.precision, planned, is_fine)
-        if talk.revision != revision:
-            self._changeover.transport_requested(talk.received)
+        controller.update(now, document, view.selected, settings, dragging, view.precision, planned, is_fine)
+        if controller.revision != revision:
+            self._changeover.transport_requested(controller.received)
         self.maps.request_missing(document)
-        if planned and not talk.drag_quality:
-            self.indirect.request_missing(now, document, view.selected, view.n_bounces, view.second_bands, talk.revision)
+        if planned and not controller.drag_quality:
+            self.indirect.request_missing(now, document, view.selected, view.n_bounces, view.second_bands, controller.revision)
         return planned
 
     def _advance_transition(self, document: Document, view: ViewState, planned: bool) -> list[PictureEvent]:
         """What takes its place in the picture now, all of it in one frame."""
-        talk, change, was_held = self._transport, self._changeover, self._was_held
+        controller, change, was_held = self._transport, self._changeover, self._was_held
         asked, dragging = self._requested_transport() if planned else None, self._services.history.dragging
         changes = change.update(document, asked, dragging, self.edited_layers, self._factor)
         if changes:
@@ -218,7 +218,7 @@ class PlacementController(ModeController):
         if self._was_held:
             return _group_events(changes)
         events = self.maps.follow(document)
-        if planned and not talk.drag_quality:
+        if planned and not controller.drag_quality:
             changes += self.indirect.follow(document)
             if self.indirect.is_clamped and not self._warned_clamped:
                 self._services.notify(TOO_BRIGHT, True)
@@ -229,23 +229,23 @@ class PlacementController(ModeController):
 
     def _requested_transport(self) -> RequestedTransport | None:
         """The transport asked last, and what else has come of the document."""
-        talk = self._transport
-        if talk.requested is None or not talk.is_open:
+        controller = self._transport
+        if controller.requested is None or not controller.is_open:
             return None
-        wish, document = talk.requested
-        has_rest = self.maps.is_complete and not self.indirect.is_outdated(talk.revision if talk.running else None)
-        if talk.running and not self._changeover.has_picture and self._view.n_bounces != 1:
+        desired, document = controller.requested
+        has_rest = self.maps.is_complete and not self.indirect.is_outdated(controller.revision if controller.running else None)
+        if controller.running and not self._changeover.has_picture and self._view.n_bounces != 1:
             # A first picture without the light between surfaces would have black metal.
-            has_rest = has_rest and talk.has_stage and not self.indirect.is_pending
-        return RequestedTransport(wish, document, talk.drag_quality, talk.delivered_final, has_rest, talk.finished)
+            has_rest = has_rest and controller.has_stage and not self.indirect.is_pending
+        return RequestedTransport(desired, document, controller.drag_quality, controller.delivered_final, has_rest, controller.finished)
 
     def _compare(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
         """Side A as it is chosen, and brought up to date."""
         exact = self._picture in ("finished", "exact")
         if view.compare is not self._comparison.document:
             self._comparison.begin(view.compare, exact and view.compare is document)
-        decisions = effective_settings(view, document)
-        return self._comparison.update(now, document, self._transport, decisions, exact, self.indirect.is_shown)
+        settings = effective_settings(view, document)
+        return self._comparison.update(now, document, self._transport, settings, exact, self.indirect.is_shown)
 
     @property
     def lacks_bounces(self) -> bool:
@@ -323,18 +323,18 @@ class PlacementController(ModeController):
                 self._changeover.rendered(key, factor, wanted[factor])
 
     def status(self, status: Status) -> PlacementStatus:
-        talk, report, view = self._transport, self._report, self._view
+        controller, report, view = self._transport, self._report, self._view
         noise, picture = self._noise, self._picture
         known = picture not in ("waiting", "preview")
         # That nothing is left to be added says nothing of how far off the picture is.
         says_error = known and self._other_parts_complete and picture != "exact"
         error = math.hypot(report.image_error or 0.0, noise) if says_error else None
         estimate = self._error.estimate_of(self._document) if picture in ("finished", "exact") else None
-        missing = transport_note(talk, report.precision, view.precision)
+        missing = transport_note(controller, report.precision, view.precision)
         n_bounces, bounces_note = self._bounces
-        done = self._done if self._done is not None and self._done.revision == talk.revision else None
-        light = self._light_plan if self._light_plan.revision == talk.revision else LightPlanned(0, 0)
-        fine = self.indirect.found_under(talk.revision)
+        done = self._done if self._done is not None and self._done.revision == controller.revision else None
+        light = self._light_plan if self._light_plan.revision == controller.revision else LightPlanned(0, 0)
+        fine = self.indirect.found_under(controller.revision)
         said = {
             "picture": picture,
             "is_held": picture in ("preview", "refining") and self.is_held,
@@ -343,9 +343,9 @@ class PlacementController(ModeController):
             "error_colours": None if estimate is None else self._error.colours_of(self._document),
             "precomputed_mb": self._transport_bytes / 1e6,
             "gpu_mb": report.gpu_mb,
-            "light_note": light_note(talk, self._changeover.drawn.light) if self._changeover.has_picture else "",
-            "material_note": material_note(talk) if self._changeover.has_picture else "",
-            "emitter_note": emitter_note(talk) if self._changeover.has_picture else "",
+            "light_note": light_note(controller, self._changeover.drawn.light) if self._changeover.has_picture else "",
+            "material_note": material_note(controller) if self._changeover.has_picture else "",
+            "emitter_note": emitter_note(controller) if self._changeover.has_picture else "",
             "missing_note": missing or "Wavelet coefficients, or light of further bounces, are still being added.",
             "error_note": error_note(report.image_error if known else None, self.indirect.noise),
             "compared_exact": self._comparison.exact,
@@ -355,11 +355,11 @@ class PlacementController(ModeController):
             shown_coefficients=report.shown_coefficients,
             wanted_coefficients=report.wanted_coefficients,
             curve_error=report.image_error if known else None,
-            bands=tuple((shape.key, shape.bands_kept) for shape in talk.requested_layers),
+            bands=tuple((shape.key, shape.bands_kept) for shape in controller.requested_layers),
             indirect_noise=self.indirect.noise,
             bounces_note=bounces_note if n_bounces == view.n_bounces else "",
             transport_note=missing,
-            has_sky=talk.has_sky,
+            has_sky=controller.has_sky,
             planned_bands=self.curves.all_planned(self._document),
             needed_lights=light.n_lights,
             needed_patches=light.n_patches,
@@ -384,12 +384,12 @@ class PlacementController(ModeController):
 
     @property
     def _picture(self) -> PictureState:
-        talk = self._transport
+        controller = self._transport
         if not self._changeover.has_picture:
             return "waiting"
-        if not (talk.is_open and (talk.shows_final or talk.transport_is_current and talk.delivered_final)):
+        if not (controller.is_open and (controller.shows_final or controller.transport_is_current and controller.delivered_final)):
             return "preview"
-        if not (talk.finished and self._report.exact and self._other_parts_complete) or self.is_held:
+        if not (controller.finished and self._report.exact and self._other_parts_complete) or self.is_held:
             return "refining"
         return "exact" if self._noise <= NO_NOISE else "finished"
 
@@ -454,30 +454,30 @@ class PlacementController(ModeController):
         return []
 
     def _take_radiance(self, response: LayerPicture) -> LayerRadiance:
-        talk = self._transport
-        if talk.requested_light is not None:
-            self._accepted_light.accept(talk.requested_light)
-        made_with = talk.receive_picture(response)
+        controller = self._transport
+        if controller.requested_light is not None:
+            self._accepted_light.accept(controller.requested_light)
+        made_with = controller.receive_picture(response)
         self._picture_changed()
-        footprint, look = self._footprints.get(response.stage), talk.picture_identity(response.key)
+        footprint, look = self._footprints.get(response.stage), controller.picture_identity(response.key)
         return LayerRadiance(response.key, response.stage, response.radiance, made_with, footprint, look)
 
     def _take_bounces(self, response: BouncesPlanned) -> None:
-        desk, (n_bounces, said) = self._services, self._bounces
+        services, (n_bounces, said) = self._services, self._bounces
         if self._view.n_bounces == AS_PLANNED:
-            desk.view = replace(desk.view, n_bounces=response.n_bounces)
+            services.view = replace(services.view, n_bounces=response.n_bounces)
             self._transport.receive_bounces(response.n_bounces)
         if response.warning and (response.n_bounces, response.warning) != (n_bounces, said):
-            desk.notify(response.warning)
+            services.notify(response.warning)
         self._bounces, self._bounces_reason = (response.n_bounces, response.warning), response.reason
 
     def _take_failure(self, response: RequestFailed) -> None:
-        self._bands.took_failure(response)
-        self._transport.took_failure(response)
-        self._comparison.took_failure(response.id)
-        self._error.took_failure(response.id)
-        self._relight.took_failure(response.id)
-        self.maps.took_failure(response.id)
+        self._bands.receive_failure(response)
+        self._transport.receive_failure(response)
+        self._comparison.receive_failure(response.id)
+        self._error.receive_failure(response.id)
+        self._relight.receive_failure(response.id)
+        self.maps.receive_failure(response.id)
         refused = self._transport.requested_light if self._transport.is_transport(response.id) else None
         if refused is not None and self._accepted_light.revert(self._services.history, refused):
             self._services.document_changed()

@@ -79,47 +79,47 @@ def error_note(curve_error: float | None, noise: float | None) -> str:
     return "\n".join(lines)
 
 
-def light_note(talk: TransportController, shown: LightState) -> str:
+def light_note(controller: TransportController, shown: LightState) -> str:
     """What light the picture shows, in words; shown: that of the document drawn."""
-    light = talk.requested_light
-    if light is None or talk.requested_rotation is None:
+    light = controller.requested_light
+    if light is None or controller.requested_rotation is None:
         return ""
     asked = f"{light.rotation:.1f}°"
-    if talk.running and not talk.drag_quality and replace(shown, intensity=light.intensity) != light:
+    if controller.running and not controller.drag_quality and replace(shown, intensity=light.intensity) != light:
         if shown.rotation == light.rotation:
             return "the light before is shown until this one is as good"
         return f"shown for {shown.rotation:.1f}° until {asked} is as good"
-    if talk.drag_quality:
+    if controller.drag_quality:
         return f"quick picture for {asked}, final on release"
-    if not talk.light_is_current:
+    if not controller.light_is_current:
         return f"shown for {asked} until the hand rests"
-    if talk.delivered_final:
+    if controller.delivered_final:
         return ""
-    return f"{'being refined' if talk.running else 'a preview'} for {asked}"
+    return f"{'being refined' if controller.running else 'a preview'} for {asked}"
 
 
-def emitter_note(talk: TransportController) -> str:
+def emitter_note(controller: TransportController) -> str:
     """Whose light the picture shows, in words, where emitters were changed."""
-    if talk.drag_quality:
+    if controller.drag_quality:
         return "a quick picture of the light it throws; the final one follows when you let go"
-    if not talk.light_is_current:
+    if not controller.light_is_current:
         return "the light it throws follows when the hand rests"
-    if talk.emitters_are_all:
+    if controller.emitters_are_all:
         return "all the light there is: what it throws follows at once"
-    return "" if talk.delivered_final else "the light it throws is being refined"
+    return "" if controller.delivered_final else "the light it throws is being refined"
 
 
-def material_note(talk: TransportController) -> str:
+def material_note(controller: TransportController) -> str:
     """What of the materials the picture does not show yet, in words."""
-    if not talk.quotient_is_current:
+    if not controller.quotient_is_current:
         return "the curve is shown at once; self-shadowing follows when the hand rests"
-    return "" if talk.fixed_is_current else "the curve of a fixed object follows when the hand rests"
+    return "" if controller.fixed_is_current else "the curve of a fixed object follows when the hand rests"
 
 
-def transport_note(talk: TransportController, shown: Precision | None, wanted: Precision) -> str:
+def transport_note(controller: TransportController, shown: Precision | None, wanted: Precision) -> str:
     """What of the transport is not yet as it is asked for, in words: bands, or the floats of the selected curve's."""
-    if talk.becoming_editable:
-        return f"{', '.join(talk.becoming_editable)}: shown as it was until its bands are here"
+    if controller.becoming_editable:
+        return f"{', '.join(controller.becoming_editable)}: shown as it was until its bands are here"
     if shown is None or shown == wanted:
         return ""
     return f"made with {FLOATS[shown]} until {FLOATS[wanted]} are here"

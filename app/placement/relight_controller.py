@@ -55,6 +55,6 @@ class RelightController:
         """It was given up, by a person or by a fault: it is not asked for again before the picture changes."""
         self._requested, self._is_done = None, True
 
-    def took_failure(self, id: int) -> None:
+    def receive_failure(self, id: int) -> None:
         if id == self._requested:
             self.interrupted()

@@ -183,14 +183,14 @@ class TransportController:
         """Keys of the layers whose radiance is that of the transport asked last."""
         return self._layers.keys()
 
-    def serves(self, document: Document, like: Document, decisions: RenderSettings) -> bool:
+    def serves(self, document: Document, like: Document, settings: RenderSettings) -> bool:
         """Whether the transport asked last would draw another document of the same models as ``like``."""
         models = [(key, layer.model) for key, layer in document.layers()]
         if self._requested is None or models != [(key, layer.model) for key, layer in like.layers()]:
             return False
-        wish = desired_transport(document, decisions, self._curves)
-        lit_alike = wish.emission == emission_of(like)
-        return lit_alike and replace(wish, emission=self._requested.emission) == self._requested
+        desired = desired_transport(document, settings, self._curves)
+        lit_alike = desired.emission == emission_of(like)
+        return lit_alike and replace(desired, emission=self._requested.emission) == self._requested
 
     def requested_bands(self, key: str) -> dict[str, int] | None:
         """J of each factor of a layer in the transport asked last; None where there is none of it."""
@@ -274,7 +274,7 @@ class TransportController:
     # --------------------------------------------------------------------------------------------------------- asking
 
     def update(
-        self, now: float, document: Document, selected: Selection | None, decisions: RenderSettings, dragging: bool,
+        self, now: float, document: Document, selected: Selection | None, settings: RenderSettings, dragging: bool,
         precision: Precision = "half", planned: bool = True, is_fine: bool = False,
     ) -> None:  # fmt: skip
         """Ask for what is missing; ``now`` in seconds of any steady clock. planned: whether the bands of all layers
@@ -283,51 +283,51 @@ class TransportController:
             return
         self._is_fine = is_fine
         self._precision = precision
-        made_for = (document, decisions)
+        made_for = (document, settings)
         self._stopped = self._stopped and made_for == self._made_for
         self._made_for = made_for
-        wish = self._desired_transport(document, decisions)
-        if wish != self._desired:
+        desired = self._desired_transport(document, settings)
+        if desired != self._desired:
             self._desired_since = -math.inf if self._desired is None else now
-            self._desired = wish
+            self._desired = desired
         if not planned:
             self._desired_inputs = None
             return
-        self._request_transport(wish, now, document, selected, dragging)
+        self._request_transport(desired, now, document, selected, dragging)
         self._released = False
         if not self._drag_quality:
             self._edited.desired = desired_curves(document, selected, self._curves, self._precision)
             self._request_contraction(now, document)
 
     def _request_transport(
-        self, wish: DesiredTransport, now: float, document: Document, selected: Selection | None, dragging: bool
+        self, desired: DesiredTransport, now: float, document: Document, selected: Selection | None, dragging: bool
     ) -> None:
         if self.transport_is_current or self._stopped:
             return
         asked = self._requested
         if asked is None or self._released or now - self._desired_since >= IDLE_SECONDS:
-            self._compute(wish, document, selected)
-        elif dragging and wish.moved_from(asked) and not (self._drag_quality and self._running):
-            self._compute(wish, document, selected, is_drag=True)
+            self._compute(desired, document, selected)
+        elif dragging and desired.moved_from(asked) and not (self._drag_quality and self._running):
+            self._compute(desired, document, selected, is_drag=True)
 
     def _compute(
-        self, wish: DesiredTransport, document: Document, selected: Selection | None, is_drag: bool = False
+        self, desired: DesiredTransport, document: Document, selected: Selection | None, is_drag: bool = False
     ) -> None:
         self._edited.desired = curves = desired_curves(document, selected, self._curves, self._precision)
-        staying = self._staying(wish, is_drag)
+        staying = self._staying(desired, is_drag)
         was_fixed = [shape.key for shape in self.requested_layers if shape.is_fixed and shape.key in staying]
-        is_fine = self._is_fine and self._requested is not None and wish.can_mix_with(self._requested) and not is_drag
+        is_fine = self._is_fine and self._requested is not None and desired.can_mix_with(self._requested) and not is_drag
         self.revision += 1
-        self._requested, self._drag_quality, self._running, self._exact = wish, is_drag, True, False
+        self._requested, self._drag_quality, self._running, self._exact = desired, is_drag, True, False
         self._requested_document, self.has_stage = document, False
         self._forget_answers(staying)
-        self._becoming_editable = tuple(s.key for s in wish.layers if s.key in was_fixed and not s.is_fixed)
+        self._becoming_editable = tuple(s.key for s in desired.layers if s.key in was_fixed and not s.is_fixed)
         request = ComputeTransport(
-            replace(self._curves.scene_state(document), emission=wish.emission),
+            replace(self._curves.scene_state(document), emission=desired.emission),
             curves[0].key if curves else None,
             curves[0].factor if curves else None,
-            min(N_LIGHTS_PREVIEW, wish.settings.n_lights),
-            wish.settings,
+            min(N_LIGHTS_PREVIEW, desired.settings.n_lights),
+            desired.settings,
             self._precision,
             tuple(curve.key for curve in curves[1:]),
             is_drag,
@@ -338,29 +338,29 @@ class TransportController:
         )
         self._transport_id = self._send(request)
 
-    def _staying(self, wish: DesiredTransport, is_drag: bool) -> dict[str, ReadyLayer]:
+    def _staying(self, desired: DesiredTransport, is_drag: bool) -> dict[str, ReadyLayer]:
         """What is on screen and is the picture of what is wished for: the worker goes on from there."""
         if self._requested is None or self._drag_quality or is_drag:
             return {}
-        alike = wish.alike(self._requested)
+        alike = desired.alike(self._requested)
         return {key: shown for key, shown in self._layers.items() if key in alike}
 
     def _request_contraction(self, now: float, document: Document) -> None:
         edited = self._edited
-        outdated = self._outdated_layers(document, [wish.key for wish in edited.desired])
+        outdated = self._outdated_layers(document, [desired.key for desired in edited.desired])
         self._complete = edited.has_all(self._layers) and not outdated and not self._waits(now)
-        missing = [wish for wish in edited.missing(self._layers) if self._has_transport(document, wish)]
+        missing = [desired for desired in edited.missing(self._layers) if self._has_transport(document, desired)]
         if not missing:
             if not self._waits(now):
                 self._request_picture(now, document, outdated)
             return
         under_way = None if self._contraction is None else self._contraction.desired
-        if not self._waits(now) or not any(wish.same_curve(under_way) for wish in edited.desired):
+        if not self._waits(now) or not any(desired.same_curve(under_way) for desired in edited.desired):
             self._contract(missing[0], document, now)
 
-    def _has_transport(self, document: Document, wish: DesiredCurve) -> bool:
+    def _has_transport(self, document: Document, desired: DesiredCurve) -> bool:
         """Whether the worker can hand out a curve's transport, as far as it was asked to compute it."""
-        return self._can_contract(wish.key, self._curves.coefficients(document, wish.key))
+        return self._can_contract(desired.key, self._curves.coefficients(document, desired.key))
 
     def _outdated_layers(self, document: Document, edited: Collection[str]) -> dict[str, Coefficients]:
         """The curves of those layers, but for those that are edited, whose radiance was made with other ones."""
@@ -413,20 +413,20 @@ class TransportController:
         shape = self._requested_shape(key)
         return shape is not None and shape.takes(wanted)
 
-    def _desired_transport(self, document: Document, decisions: RenderSettings) -> DesiredTransport:
-        made_of = (document, decisions)
+    def _desired_transport(self, document: Document, settings: RenderSettings) -> DesiredTransport:
+        made_of = (document, settings)
         if self._desired is not None and self._desired_inputs == made_of:
             return self._desired
         self._desired_inputs = made_of
         return self._with_requested_emission(desired_transport(*made_of, self._curves))
 
-    def _with_requested_emission(self, wish: DesiredTransport) -> DesiredTransport:
+    def _with_requested_emission(self, desired: DesiredTransport) -> DesiredTransport:
         """The same with the emission that was asked for, where all the light there is has only become brighter."""
-        self.emitters_are_all = not self._has_sky and wish.light.environment == SCENE_ENVIRONMENT
+        self.emitters_are_all = not self._has_sky and desired.light.environment == SCENE_ENVIRONMENT
         known = self._requested.emission if self.emitters_are_all and self._requested is not None else ()
-        factors = brightening_factors(wish.emission, known)
+        factors = brightening_factors(desired.emission, known)
         self._light_gain = np.ones(3) if factors is None else factors
-        return wish if factors is None else replace(wish, emission=known)
+        return desired if factors is None else replace(desired, emission=known)
 
     # ------------------------------------------------------------------------------------------------------- answers
 
@@ -435,8 +435,8 @@ class TransportController:
         if self._requested is not None:
             self._requested = replace(self._requested, settings=replace(self._requested.settings, n_bounces=n_bounces))
         if self._made_for is not None:
-            document, decisions = self._made_for  # chosen by no hand: what was stopped stays so
-            self._made_for = document, replace(decisions, n_bounces=n_bounces)
+            document, settings = self._made_for  # chosen by no hand: what was stopped stays so
+            self._made_for = document, replace(settings, n_bounces=n_bounces)
 
     def receive_picture(self, response: LayerPicture) -> Coefficients:
         """Note a layer's radiance; the coefficients it was made with, by factor."""
@@ -466,7 +466,7 @@ class TransportController:
         if response.id == self._transport_id and response.exact:
             self._running, self._exact = False, not self._drag_quality
 
-    def took_failure(self, response: RequestFailed) -> None:
+    def receive_failure(self, response: RequestFailed) -> None:
         """Note that a request was given up: it is not asked again until what it asked for changes."""
         if response.id == self._transport_id:
             self._running = False

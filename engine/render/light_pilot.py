@@ -158,10 +158,10 @@ class _Trials:
         shines."""
         return not self._lit_by[line]
 
-    def pictures(self, decisions: RenderSettings) -> Generator[None, None, Pictures]:
+    def pictures(self, settings: RenderSettings) -> Generator[None, None, Pictures]:
         """What the points reflect (P, 3): as the layers are, and with sharper highlights where these can be edited."""
-        part = self._part if decisions.keeps_sphere else self._placement.at_rows(self._rows)
-        light = yield from map_steps(part.light(self._sky, final_quality(decisions)), lambda fraction: None)
+        part = self._part if settings.keeps_sphere else self._placement.at_rows(self._rows)
+        light = yield from map_steps(part.light(self._sky, final_quality(settings)), lambda fraction: None)
         self._lit_by = {"lights": _any_sky(light, self._sky), "patches": bool(light.emitters.bits.any())}
         found = np.zeros((2, len(self._rows), 3))
         for each in self._layers:

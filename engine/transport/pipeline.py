@@ -58,10 +58,10 @@ FINAL = Quality("final", 1, 4000, 768, max_level=7, tolerance=0.5, own_rays=Fals
 DRAG = Quality("drag", 8, 400, 16, VISIBILITY_LEVEL, own_rays=False)
 
 
-def final_quality(decisions: RenderSettings) -> Quality:
+def final_quality(settings: RenderSettings) -> Quality:
     """The last stage of a picture for which this was decided."""
     return replace(
-        FINAL, n_lights=decisions.n_lights, n_patches=decisions.n_patches, own_rays=not decisions.keeps_sphere
+        FINAL, n_lights=settings.n_lights, n_patches=settings.n_patches, own_rays=not settings.keeps_sphere
     )
 
 

@@ -118,28 +118,28 @@ def test_where_the_window_draws_it_is_told_what_moves_and_the_rest_once(
 
 def test_a_moving_picture_is_the_windows_where_it_draws_and_one_at_rest_the_workers() -> None:
     table = Table()
-    talk = DeformController(table)
-    table.talk = talk
-    talk.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
-    talk.draw_in_window(1 << 27)
+    controller = DeformController(table)
+    table.controller = controller
+    controller.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
+    controller.draw_in_window(1 << 27)
     table.update()
-    talk.receive(OrbitProgress(1, False, id=table.id_of(PrepareDeform)))
+    controller.receive(OrbitProgress(1, False, id=table.id_of(PrepareDeform)))
     (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
     assert (asked.quality, asked.sent_parts) == ("moving", NO_PARTS)
     pose = PosedPart(*(np.zeros((0, n), np.float32) for n in (12, 9, 14)), (0.0, 0.0, 0.0))
     told, radiance = PictureExport(pose, (3, 4, 5, 6), None, None, None, None), np.zeros((0, 0, 3), np.float32)
-    (came,) = talk.receive(PoseExported(radiance, 1, 1, False, 0.01, export=told, id=table.id_of(DrawDeform)))
+    (came,) = controller.receive(PoseExported(radiance, 1, 1, False, 0.01, export=told, id=table.id_of(DrawDeform)))
     assert isinstance(came, PoseArrived) and came.export is told and came.resolution == asked.resolution
-    talk.receive(OrbitProgress(2, False, id=table.id_of(PrepareDeform)))
+    controller.receive(OrbitProgress(2, False, id=table.id_of(PrepareDeform)))
     table.now += 0.1
     (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
     assert asked.sent_parts == (3, 4, 5, 6)  # before the window has drawn them
-    talk.receive(PoseExported(radiance, 1, 2, False, 0.01, export=told, id=table.id_of(DrawDeform)))
-    talk.resend_parts((3, 0, 0, 0))  # which it could not
+    controller.receive(PoseExported(radiance, 1, 2, False, 0.01, export=told, id=table.id_of(DrawDeform)))
+    controller.resend_parts((3, 0, 0, 0))  # which it could not
     (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
     assert asked.sent_parts == (3, 0, 0, 0)
-    talk.receive(PoseExported(radiance, 1, 2, False, 0.01, export=told, id=table.id_of(DrawDeform)))
-    talk.receive(OrbitProgress(3, True, id=table.id_of(PrepareDeform)))
+    controller.receive(PoseExported(radiance, 1, 2, False, 0.01, export=told, id=table.id_of(DrawDeform)))
+    controller.receive(OrbitProgress(3, True, id=table.id_of(PrepareDeform)))
     table.now += 1.0
     (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
     assert (asked.quality, asked.sent_parts) == ("rest", None)
@@ -173,24 +173,24 @@ def test_a_split_picture_is_traced_pass_by_pass(file: Path, monkeypatch: pytest.
 
 def test_what_is_split_and_rests_is_traced_and_not_handed_over() -> None:
     table = Table()
-    talk = DeformController(table)
-    table.talk = talk
-    talk.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
+    controller = DeformController(table)
+    table.controller = controller
+    controller.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
     table.view = replace(table.view, split=(0.3, 0.6))
     (asked,) = table.update()
     assert isinstance(asked, PrepareDeform) and asked.traced is not None and asked.traced.poses == ()
-    talk.receive(OrbitProgress(1, True, id=table.id_of(PrepareDeform)))
+    controller.receive(OrbitProgress(1, True, id=table.id_of(PrepareDeform)))
     (drawn,) = [each for each in table.update() if isinstance(each, DrawDeform)]
     assert drawn.split == (0.3, 0.6)
     take_picture(table)
     for _ in range(3):
         table.now += 1.0
         table.update()
-    assert not talk.is_placement_active
+    assert not controller.is_placement_active
     for n_passes, picture in ((0, "refining"), (31, "refining"), (32, "finished")):
-        talk.receive(PathsTraced(n_passes, 32, id=table.id_of(PrepareDeform)))
-        status = talk.status(Status())
-        assert status.picture == picture and talk.is_running == (n_passes < 32)
+        controller.receive(PathsTraced(n_passes, 32, id=table.id_of(PrepareDeform)))
+        status = controller.status(Status())
+        assert status.picture == picture and controller.is_running == (n_passes < 32)
         assert f"{n_passes / 32:.0%}" in status.missing_note or picture == "finished"
     table.view = replace(table.view, split=None)
     (asked,) = [each for each in table.update() if isinstance(each, PrepareDeform)]
@@ -199,16 +199,16 @@ def test_what_is_split_and_rests_is_traced_and_not_handed_over() -> None:
 
 def test_a_hand_that_bends_has_one_picture_a_frame_and_nothing_made_ready_anew() -> None:
     table = Table()
-    talk = DeformController(table)
-    table.talk = talk
-    talk.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
+    controller = DeformController(table)
+    table.controller = controller
+    controller.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
     (first,) = table.update()
     assert isinstance(first, PrepareDeform) and first.posed == ()
     name = table.document.objects[0].name
     table.history.do(AddDeformer(name, "bend"))
     (second,) = table.update()
     assert isinstance(second, PrepareDeform) and second.posed == (name,)  # it is about to bend: its shadows are its own
-    talk.receive(OrbitProgress(1, True, id=table.id_of(PrepareDeform)))
+    controller.receive(OrbitProgress(1, True, id=table.id_of(PrepareDeform)))
     assert [type(each) for each in table.update()] == [DrawDeform]
     take_picture(table)
     table.history.begin_drag()
@@ -216,18 +216,18 @@ def test_a_hand_that_bends_has_one_picture_a_frame_and_nothing_made_ready_anew()
         table.history.do(SetDeformer(name, 0, amount=amount))
         (asked,) = table.update()
         assert isinstance(asked, DrawDeform) and asked.poses == ((name, (Deformation("bend", amount),)),)
-        assert not talk.shows_viewpoint  # what is selected has no outline over the pose of before
+        assert not controller.shows_viewpoint  # what is selected has no outline over the pose of before
         take_picture(table)
-        assert talk.shows_viewpoint
+        assert controller.shows_viewpoint
     assert not any(isinstance(each, PrepareOrbit | DrawOrbit) for each in table.sent)
 
 
 def test_what_only_has_an_animation_rests_among_the_others_until_it_plays() -> None:
     table = Table()
-    talk = DeformController(table)
-    table.talk = talk
+    controller = DeformController(table)
+    table.controller = controller
     table.history.document = document = animated(table.document)
-    talk.scene_opened(OpenedScene(1, (), table.description, document, document))
+    controller.scene_opened(OpenedScene(1, (), table.description, document, document))
     table.update()
     posed = [table.sent[-1].posed]
     for view, command in (({"playing": 0.2}, None), ({"playing": None}, None), ({}, SetTime(0.4)), ({}, SetTime(None))):
@@ -248,39 +248,39 @@ def animated(document: Document) -> Document:
 
 def test_a_surface_is_the_documents_and_deforms_alone() -> None:
     table = Table()
-    talk = DeformController(table)
-    table.talk = talk
-    talk.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
+    controller = DeformController(table)
+    table.controller = controller
+    controller.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
     table.update()
     table.history.do(SetSurface(NAME, "membrane"))
     (asked,) = table.update()
     assert asked.surfaces == ((NAME, DeformSurface.model_validate({"membrane": {"translucency": 0.5}})),)
-    talk.receive(OrbitProgress(1, True, id=table.id_of(PrepareDeform)))
+    controller.receive(OrbitProgress(1, True, id=table.id_of(PrepareDeform)))
     table.now += 1.0
     table.update()
     take_picture(table)
     table.update()
-    status = talk.status(Status())
-    assert status.alone == (NAME,) and status.picture == "finished" and not talk.is_placement_active
+    status = controller.status(Status())
+    assert status.alone == (NAME,) and status.picture == "finished" and not controller.is_placement_active
     assert NAME in status.no_estimate_reason  # nobody finds out where it is off
     table.view = replace(table.view, split=(0.3, 0.6))
     table.history.do(SetSurface(NAME, ""))
     table.update()
-    assert "Beside paths" in talk.status(Status()).no_estimate_reason
+    assert "Beside paths" in controller.status(Status()).no_estimate_reason
     table.view = replace(table.view, split=None)
     table.update()
-    assert not talk.status(Status()).no_estimate_reason
+    assert not controller.status(Status()).no_estimate_reason
 
 
 def test_an_image_that_cannot_be_read_leaves_the_document_and_the_picture_as_they_were() -> None:
     """As if it had never been chosen, where that was the last step; else what was there takes its place."""
     table = Table()
-    talk = DeformController(table)
-    table.talk = talk
-    talk.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
+    controller = DeformController(table)
+    table.controller = controller
+    controller.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
     table.history.do(SetSurface(NAME, "membrane"))
     table.update()
-    talk.receive(OrbitProgress(1, True, id=table.id_of(PrepareDeform)))
+    controller.receive(OrbitProgress(1, True, id=table.id_of(PrepareDeform)))
     table.update()
     before, steps = table.history.document, len(table.history.undo_steps)
     for goes_on in (False, True):
@@ -288,7 +288,7 @@ def test_an_image_that_cannot_be_read_leaves_the_document_and_the_picture_as_the
         table.update()
         if goes_on:
             table.history.do(AddDeformer(NAME, "bend"))
-        talk.receive(RequestFailed("leaf.png: broken", id=table.id_of(PrepareDeform)))
+        controller.receive(RequestFailed("leaf.png: broken", id=table.id_of(PrepareDeform)))
         assert table.history.document.object(NAME).surface == before.object(NAME).surface
         assert len(table.history.undo_steps) == steps + (3 if goes_on else 0)
         (asked,) = [each for each in table.update() if isinstance(each, PrepareDeform)]  # it does not stand still
@@ -330,7 +330,7 @@ def test_the_error_of_the_fit_is_a_picture_of_its_own_and_a_membrane_has_none(fi
 def take_picture(table: Table) -> None:
     """The worker's answer to the newest picture asked for."""
     radiance, prepared = np.ones((2, 2, 3), np.float32), table.id_of(PrepareDeform)
-    table.talk.receive(OrbitPictureDrawn(radiance, prepared, 1, True, 0.01, id=table.id_of(DrawDeform)))
+    table.controller.receive(OrbitPictureDrawn(radiance, prepared, 1, True, 0.01, id=table.id_of(DrawDeform)))
 
 
 def test_a_still_is_of_the_pose_that_is_set(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

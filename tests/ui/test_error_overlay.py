@@ -27,7 +27,7 @@ def test_a_key_lays_it_over_the_picture_and_takes_it_off(
     colours = np.full((source.picture.height, source.picture.width, 4), 255, np.uint8)
     colours[:, :, 1:3] = 0
     status = PlacementController.status
-    monkeypatch.setattr(PlacementController, "status", lambda talk, told: replace(status(talk, told), error_colours=colours))
+    monkeypatch.setattr(PlacementController, "status", lambda controller, told: replace(status(controller, told), error_colours=colours))
     assert isinstance(editor.status, Status) and not editor.view.shows_error
     window.key(imgui.Key.e)
     window.leave()

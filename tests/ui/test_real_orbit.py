@@ -15,7 +15,7 @@ pytestmark = pytest.mark.window
 
 real = real_window_fixture(small_scene=True)
 LOOK, UNDO = "editor.looks.camera.position", "editor.looks.history.undo_label"
-IS_WHOLE = "editor.talk.is_placement_active"  # all that Orbit can show is shown, and Placement is at it
+IS_WHOLE = "editor.controller.is_placement_active"  # all that Orbit can show is shown, and Placement is at it
 MOVED = 3.0  # of 255: by how much a picture differs on average that is seen from elsewhere
 PATIENCE = 60.0
 

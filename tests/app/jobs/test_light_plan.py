@@ -52,7 +52,7 @@ def scene(tmp_path: Path) -> str:
 
 def opened(scene: str, store: ArrayCache) -> tuple[RequestDispatcher, Noting]:
     labour = Noting()
-    tasks = RequestDispatcher(store, labour=labour)
+    tasks = RequestDispatcher(store, executor=labour)
     open_in_process(tasks, scene)
     return tasks, labour
 

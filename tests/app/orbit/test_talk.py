@@ -49,10 +49,10 @@ class Table:
         self.history = History(self.document)
         self.sent: list[Request] = []
         self._kept: dict[type, object] = {}
-        self.talk = OrbitController(self)
+        self.controller = OrbitController(self)
         self.now = 0.0
         planned = tuple((layer, band_counts(layer)) for _, layer in self.document.layers())
-        self.talk.scene_opened(OpenedScene(1, planned, self.description, self.document, self.document))
+        self.controller.scene_opened(OpenedScene(1, planned, self.description, self.document, self.document))
 
     def send(self, request: Request) -> int:
         self.sent.append(request)
@@ -67,30 +67,30 @@ class Table:
     def notify_once(self, note: str) -> None: ...
 
     def document_changed(self) -> None:
-        self.talk.edited()
+        self.controller.edited()
 
     def update(self, seconds: float = 0.01) -> list[Request]:
         """A frame later: what was asked in it."""
         before, self.now = len(self.sent), self.now + seconds
-        self.talk.update(self.now, self.history.document, self.view)
+        self.controller.update(self.now, self.history.document, self.view)
         return self.sent[before:]
 
     def look(self, camera: Camera | None) -> None:
         self.view = replace(self.view, camera=camera)
-        self.talk.view_moved()
+        self.controller.view_moved()
 
     def id_of(self, kind: type[Request]) -> int:
         """The number of the newest of that kind."""
         return max(i + 1 for i, request in enumerate(self.sent) if isinstance(request, kind))
 
     def advance(self, version: int, is_done: bool = True) -> None:
-        self.talk.receive(OrbitProgress(version, is_done, id=self.id_of(PrepareOrbit)))
+        self.controller.receive(OrbitProgress(version, is_done, id=self.id_of(PrepareOrbit)))
 
     def drawn(self, version: int, is_done: bool = True, prepared: int = 0) -> list[object]:
         """The answer to the newest picture that was asked for."""
         radiance = np.ones((2, 2, 3), np.float32)
         prepared = prepared or self.id_of(PrepareOrbit)
-        return self.talk.receive(OrbitPictureDrawn(radiance, prepared, version, is_done, 0.01, id=self.id_of(DrawOrbit)))
+        return self.controller.receive(OrbitPictureDrawn(radiance, prepared, version, is_done, 0.01, id=self.id_of(DrawOrbit)))
 
 
 @pytest.fixture
@@ -102,14 +102,14 @@ def table() -> Table:
     (asked,) = table.update()
     assert asked == DrawOrbit(table.description.camera, (WIDTH, HEIGHT), "rest")
     assert [type(event) for event in table.drawn(1)] == [OrbitPicture]
-    assert table.talk.status(Status()).picture == "refining"
+    assert table.controller.status(Status()).picture == "refining"
     return table
 
 
 def test_nothing_is_drawn_before_there_is_anything_to_draw_of() -> None:
     table = Table()
     table.update()
-    status = table.talk.status(Status())
+    status = table.controller.status(Status())
     assert table.update(1.0) == [] and status.picture == "waiting" and not status.follows_input
 
 
@@ -119,14 +119,14 @@ def test_a_plain_picture_that_a_worker_without_a_scene_was_asked_for_is_not_aske
     table.look(CAMERAS[0])
     (asked,) = table.update()
     assert isinstance(asked, DrawHeadlight)
-    table.talk.receive(OrbitNotReady(id=table.id_of(DrawHeadlight)))
+    table.controller.receive(OrbitNotReady(id=table.id_of(DrawHeadlight)))
     assert table.update() == [] and table.update() == []
     table.look(CAMERAS[1])
     assert [type(request) for request in table.update()] == [DrawHeadlight]
 
 
 def test_from_the_first_picture_on_it_goes_with_the_hand(table: Table) -> None:
-    assert table.talk.status(Status()).follows_input
+    assert table.controller.status(Status()).follows_input
 
 
 def test_a_camera_that_moves_has_one_picture_under_way_and_the_next_is_of_then(table: Table) -> None:
@@ -177,7 +177,7 @@ def test_in_mid_drag_a_wish_waits_until_the_one_before_is_seen(table: Table) -> 
 
 def test_an_edit_is_not_whole_before_it_was_followed(table: Table) -> None:
     table.history.do(SetParameter("tray.0", "alpha", 0.4))
-    assert table.talk.status(Status()).picture == "preview"
+    assert table.controller.status(Status()).picture == "preview"
 
 
 def test_what_a_picture_saw_that_nothing_was_ready_for_is_made_ready(table: Table) -> None:
@@ -190,7 +190,7 @@ def test_what_a_picture_saw_that_nothing_was_ready_for_is_made_ready(table: Tabl
 def test_a_worker_that_has_nothing_to_draw_of_is_told_again(table: Table) -> None:
     table.look(CAMERAS[0])
     table.update()
-    table.talk.receive(OrbitNotReady(id=table.id_of(DrawOrbit)))
+    table.controller.receive(OrbitNotReady(id=table.id_of(DrawOrbit)))
     assert [type(request) for request in table.update()] == [PrepareOrbit]
 
 
@@ -198,25 +198,25 @@ def test_a_picture_that_failed_is_not_asked_for_again_and_again(table: Table) ->
     table.look(CAMERAS[0])
     table.update()
     table.update(IDLE_SECONDS)
-    table.talk.receive(RequestFailed("no", id=table.id_of(DrawOrbit)))
+    table.controller.receive(RequestFailed("no", id=table.id_of(DrawOrbit)))
     table.update()
-    table.talk.receive(RequestFailed("no", id=table.id_of(DrawOrbit)))
+    table.controller.receive(RequestFailed("no", id=table.id_of(DrawOrbit)))
     assert table.update() == [] and table.update(1.0) == []
 
 
 def test_it_knows_whether_its_picture_is_of_the_view_as_it_looks_now(table: Table) -> None:
-    assert table.talk.shows_viewpoint
+    assert table.controller.shows_viewpoint
     table.look(CAMERAS[0])
     table.update()
-    assert not table.talk.shows_viewpoint  # what is selected has no outline over the picture of before
+    assert not table.controller.shows_viewpoint  # what is selected has no outline over the picture of before
     table.drawn(1)
-    assert table.talk.shows_viewpoint
+    assert table.controller.shows_viewpoint
 
 
 @pytest.fixture
 def drawing(table: Table) -> Table:
     """The same, with a window that draws moving pictures itself."""
-    table.talk.draw_in_window(1 << 20)
+    table.controller.draw_in_window(1 << 20)
     prepare, look = table.update()
     assert isinstance(prepare, PrepareOrbit) and prepare.listener > 0 and prepare.most_bytes == 1 << 20
     assert look == PrioritizeView(table.description.camera)
@@ -224,7 +224,7 @@ def drawing(table: Table) -> Table:
     (asked,) = table.update()
     assert isinstance(asked, DrawOrbit) and asked.quality == "rest"
     table.drawn(1)
-    assert table.talk.drawn_in_window is None  # the worker's picture of a view at rest
+    assert table.controller.drawn_in_window is None  # the worker's picture of a view at rest
     return table
 
 
@@ -232,14 +232,14 @@ def test_a_window_that_draws_itself_asks_for_pictures_at_rest_alone(drawing: Tab
     for camera in CAMERAS:
         drawing.look(camera)
         assert drawing.update() == []
-        wanted = drawing.talk.drawn_in_window
+        wanted = drawing.controller.drawn_in_window
         assert wanted is not None and wanted[:2] == (camera, (WIDTH, HEIGHT))
-        drawing.talk.record_draw_seconds(0.1 * WINDOW_SECONDS)
+        drawing.controller.record_draw_seconds(0.1 * WINDOW_SECONDS)
     (asked,) = drawing.update(IDLE_SECONDS)
     assert asked == DrawOrbit(CAMERAS[-1], (WIDTH, HEIGHT), "rest")
     drawing.look(CAMERAS[0])  # which a hand does not wait for
     assert drawing.update() == [CancelRequests(of=(DrawOrbit,)), PrioritizeView(CAMERAS[0])]
-    assert drawing.drawn(1) == [] and drawing.talk.drawn_in_window is not None
+    assert drawing.drawn(1) == [] and drawing.controller.drawn_in_window is not None
 
 
 def test_what_it_sees_comes_first_while_not_all_is_ready(drawing: Table) -> None:
@@ -261,7 +261,7 @@ def test_backs_that_come_into_its_sight_are_made_ready(drawing: Table) -> None:
 
 
 def test_where_it_cannot_the_worker_draws_again(drawing: Table) -> None:
-    drawing.talk.draw_in_window(0)
+    drawing.controller.draw_in_window(0)
     drawing.look(CAMERAS[0])
     prepare, moving = drawing.update()
     assert isinstance(prepare, PrepareOrbit) and not prepare.listener
@@ -298,7 +298,7 @@ def judged(table: Table) -> EstimateOrbit:
     """What is asked once the picture rests, answered."""
     table.update()
     (asked,) = (request for request in table.update(1.0) if isinstance(request, EstimateOrbit))
-    table.talk.receive(DrawnErrorEstimated(NEAR, FAR, id=table.id_of(EstimateOrbit)))
+    table.controller.receive(DrawnErrorEstimated(NEAR, FAR, id=table.id_of(EstimateOrbit)))
     return asked
 
 
@@ -307,7 +307,7 @@ def test_a_whole_picture_is_judged_as_it_is_at_rest_and_while_something_moves(ta
     assert isinstance(asked.at_rest, DrawOrbit) and isinstance(asked.moving, DrawOrbit)
     assert (asked.at_rest.quality, asked.moving.quality) == ("rest", "moving")
     assert asked.at_rest.resolution == (WIDTH, HEIGHT) and asked.moving.resolution < (WIDTH, HEIGHT)
-    assert table.talk.status(Status()).estimate == NEAR and table.talk.status(Status()).image_error == 0.02
+    assert table.controller.status(Status()).estimate == NEAR and table.controller.status(Status()).image_error == 0.02
     assert not [request for request in table.update(1.0) if isinstance(request, EstimateOrbit)]
 
 
@@ -316,10 +316,10 @@ def test_from_elsewhere_it_is_judged_as_pictures_are_that_move_until_the_scene_i
     table.look(CAMERAS[0])
     table.update()
     table.drawn(1)
-    assert table.talk.status(Status()).estimate == FAR
+    assert table.controller.status(Status()).estimate == FAR
     table.history.do(SetRotation(40.0))
     table.update()
-    assert table.talk.status(Status()).estimate is None
+    assert table.controller.status(Status()).estimate is None
 
 
 def test_where_it_is_off_is_told_where_that_is_asked_for(table: Table) -> None:
@@ -328,13 +328,13 @@ def test_where_it_is_off_is_told_where_that_is_asked_for(table: Table) -> None:
     requests = [*table.update(), *table.update(1.0)]
     (asked,) = (request for request in requests if isinstance(request, EstimateOrbit))
     colours = np.zeros((HEIGHT, WIDTH, 4), np.uint8)
-    assert asked.has_map and table.talk.status(Status()).error_colours is None
-    assert table.talk.status(Status()).estimate == NEAR  # the same picture's, so that its map is awaited
-    table.talk.receive(DrawnErrorEstimated(NEAR, FAR, colours, id=table.id_of(EstimateOrbit)))
-    assert table.talk.status(Status()).error_colours is colours
+    assert asked.has_map and table.controller.status(Status()).error_colours is None
+    assert table.controller.status(Status()).estimate == NEAR  # the same picture's, so that its map is awaited
+    table.controller.receive(DrawnErrorEstimated(NEAR, FAR, colours, id=table.id_of(EstimateOrbit)))
+    assert table.controller.status(Status()).error_colours is colours
     table.look(CAMERAS[0])
     table.update()
-    assert table.talk.status(Status()).error_colours is None
+    assert table.controller.status(Status()).error_colours is None
 
 
 def test_a_picture_that_is_seen_no_more_is_not_judged(table: Table) -> None:
@@ -343,13 +343,13 @@ def test_a_picture_that_is_seen_no_more_is_not_judged(table: Table) -> None:
     late = table.id_of(EstimateOrbit)
     table.look(CAMERAS[0])
     assert CancelRequests(of=(EstimateOrbit,)) in table.update()
-    table.talk.receive(DrawnErrorEstimated(NEAR, FAR, id=late))
-    assert table.talk.status(Status()).estimate is None
+    table.controller.receive(DrawnErrorEstimated(NEAR, FAR, id=late))
+    assert table.controller.status(Status()).estimate is None
 
 
 def test_what_cannot_be_judged_is_not_asked_for_again(table: Table) -> None:
     table.update()
     table.update(1.0)
-    table.talk.receive(RequestFailed("no", id=table.id_of(EstimateOrbit)))
+    table.controller.receive(RequestFailed("no", id=table.id_of(EstimateOrbit)))
     assert not [request for request in table.update(5.0) if isinstance(request, EstimateOrbit)]
-    assert table.talk.status(Status()).estimate is None
+    assert table.controller.status(Status()).estimate is None

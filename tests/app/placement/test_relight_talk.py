@@ -30,50 +30,50 @@ def talk(sent: list[Request]) -> RelightController:
     return RelightController(send, Curves())
 
 
-def rest(talk: RelightController, begin: float = 0.0) -> None:
+def rest(controller: RelightController, begin: float = 0.0) -> None:
     """Let a picture rest until the scene is asked for."""
     for now in (begin, begin + IDLE_SECONDS):
-        talk.update(now, DOCUMENT, 1, True)
+        controller.update(now, DOCUMENT, 1, True)
 
 
-def test_it_is_asked_once_when_the_picture_rests(talk: RelightController, sent: list[Request]) -> None:
-    talk.update(0.0, DOCUMENT, 1, False)
-    talk.update(9.0, DOCUMENT, 1, True)
+def test_it_is_asked_once_when_the_picture_rests(controller: RelightController, sent: list[Request]) -> None:
+    controller.update(0.0, DOCUMENT, 1, False)
+    controller.update(9.0, DOCUMENT, 1, True)
     assert not sent
-    rest(talk, 9.0)
-    rest(talk, 20.0)
+    rest(controller, 9.0)
+    rest(controller, 20.0)
     assert [type(request) for request in sent] == [PrepareRelighting] and sent[0].revision == 1
-    talk.receive(RelightingPrepared(0, id=1))
-    rest(talk, 30.0)
+    controller.receive(RelightingPrepared(0, id=1))
+    rest(controller, 30.0)
     assert len(sent) == 1
 
 
 @pytest.mark.parametrize("changed", [(OTHER, 1), (DOCUMENT, 2)])
-def test_another_picture_gives_up_what_is_under_way(talk: RelightController, sent: list[Request], changed) -> None:
-    rest(talk)
-    talk.update(5.0, *changed, False)
+def test_another_picture_gives_up_what_is_under_way(controller: RelightController, sent: list[Request], changed) -> None:
+    rest(controller)
+    controller.update(5.0, *changed, False)
     assert isinstance(sent[-1], CancelRequests) and sent[-1].of == (PrepareRelighting,)
     for now in (6.0, 6.0 + IDLE_SECONDS):
-        talk.update(now, *changed, True)
+        controller.update(now, *changed, True)
     assert [type(request) for request in sent] == [PrepareRelighting, CancelRequests, PrepareRelighting]
 
 
-def test_what_came_is_not_given_up(talk: RelightController, sent: list[Request]) -> None:
-    rest(talk)
-    talk.receive(RelightingPrepared(0, id=1))
-    talk.update(5.0, OTHER, 1, False)
+def test_what_came_is_not_given_up(controller: RelightController, sent: list[Request]) -> None:
+    rest(controller)
+    controller.receive(RelightingPrepared(0, id=1))
+    controller.update(5.0, OTHER, 1, False)
     assert len(sent) == 1
 
 
-def test_what_failed_is_not_asked_for_again(talk: RelightController, sent: list[Request]) -> None:
-    rest(talk)
-    talk.took_failure(1)
-    rest(talk, 10.0)
+def test_what_failed_is_not_asked_for_again(controller: RelightController, sent: list[Request]) -> None:
+    rest(controller)
+    controller.receive_failure(1)
+    rest(controller, 10.0)
     assert len(sent) == 1
 
 
-def test_a_new_worker_is_asked_anew(talk: RelightController, sent: list[Request]) -> None:
-    rest(talk)
-    talk.forget()
-    rest(talk, 10.0)
+def test_a_new_worker_is_asked_anew(controller: RelightController, sent: list[Request]) -> None:
+    rest(controller)
+    controller.forget()
+    rest(controller, 10.0)
     assert [type(request) for request in sent] == [PrepareRelighting] * 2
