@@ -32,7 +32,7 @@ from ui.gl.passes import Passes
 from ui.gl.textures import TextureMemory
 from ui.panels.brdf_board import BrdfBoard, Part
 from ui.panels.picture import Picture
-from ui.shown_view import ShownView
+from ui.tone_view import ToneView
 from ui.surface_lobe import SurfacePoint, surface_lobe
 from ui.table_feed import TableFeed
 
@@ -54,22 +54,22 @@ class BrdfFeed:
     ) -> None:  # fmt: skip
         self._context, self._board, self._picture = context, board, picture
         self._passes, self._memory = Passes(context), TextureMemory(context)
-        self._tables, self._view = tables, ShownView()
+        self._tables, self._view = tables, ToneView()
         self._tone_mapping: ToneMapping = "filmic"
         self._stack = BrdfStack(self._passes, self._memory, tables.tables)
         self._sphere: LitSphere | None = None
         self._slice: brdf_views.Slice | None = None
         self._albedo: brdf_views.AlbedoShares | None = None
-        self._answered: dict[Part, tuple[object, ...]] = {}
+        self._drawn_inputs: dict[Part, tuple[object, ...]] = {}
         self._made_at: dict[Part, int] = {}
         self._n_made = 0
-        self._rests_until = -math.inf
-        self._surface_at: SurfaceAt = nowhere
+        self._paused_until = -math.inf
+        self._surface_at: SurfaceAt = no_surface
         self._begun_for: dict[Part, tuple[object, ...]] = {}
         self._paced_for: tuple[object, ...] = ()
         self._rows, self._albedo_rows = LEAST_ROWS, LEAST_ALBEDO_ROWS
 
-    def draw(self, editor: Editor, surface_at: SurfaceAt, hand_is_busy: bool, now: float) -> bool:
+    def draw(self, editor: Editor, surface_at: SurfaceAt, is_dragging: bool, now: float) -> bool:
         """Make the part that is due, where there is time; whether another frame would show more.
 
         `surface_at` tells what a pixel (column, row) of the picture sees of the selected object.
@@ -77,10 +77,10 @@ class BrdfFeed:
         self._surface_at, self._tone_mapping = surface_at, self._view.follow(editor.view.tone_mapping)
         layers = shown_layers(editor.document, editor.view)
         self._want_tables(editor, layers)
-        part = self._due(layers, editor)
+        part = self._next_part(layers, editor)
         if part is None:
             return False
-        if hand_is_busy and now < self._rests_until:
+        if is_dragging and now < self._paused_until:
             return True
         started = time.perf_counter()
         try:
@@ -91,11 +91,11 @@ class BrdfFeed:
         except InsituError as error:
             self._board.problem = str(error)
         self._context.finish()
-        self._rests_until = now + (time.perf_counter() - started) * (1.0 / EDITING_SHARE - 1.0)
+        self._paused_until = now + (time.perf_counter() - started) * (1.0 / EDITING_SHARE - 1.0)
         self._n_made += 1
         self._made_at[part] = self._n_made
         self._note_answered(part, layers, editor.view)
-        return self._due(layers, editor) is not None
+        return self._next_part(layers, editor) is not None
 
     def close(self) -> None:
         """Free GL objects."""
@@ -113,16 +113,16 @@ class BrdfFeed:
         self._board.curves_alone = bool(self._tables.missing(measured))
         self._board.why_alone = self._tables.problem_of(editor, measured)
 
-    def _due(self, layers: Layers, editor: Editor) -> Part | None:
+    def _next_part(self, layers: Layers, editor: Editor) -> Part | None:
         """The part on screen that is not as document and view have it, or not smooth yet."""
         board = self._board
         if not layers:
             board.clear()
-            self._answered.clear()
+            self._drawn_inputs.clear()
             return None
         if editor.status.picture == "waiting":
             return None
-        due = [p for p in board.shown if self._answered.get(p) != self._question(p, layers, editor.view)]
+        due = [p for p in board.shown if self._drawn_inputs.get(p) != self._inputs_of(p, layers, editor.view)]
         if due:
             return min(due, key=lambda part: (self._made_at.get(part, 0), part))
         unfinished = self._sphere is not None and not self._sphere.finished and not board.problem
@@ -131,12 +131,12 @@ class BrdfFeed:
     def _note_answered(self, part: Part, layers: Layers, view: ViewState) -> None:
         """What is made in steps answers what was asked as they began, once they are done."""
         if self._board.problem:
-            self._answered[part] = self._question(part, layers, view)
+            self._drawn_inputs[part] = self._inputs_of(part, layers, view)
         elif not (part == "albedo" and self._albedo is not None and self._albedo.is_begun):
             begun_for = self._begun_for.get(part) if part in ("sphere", "albedo") else None
-            self._answered[part] = begun_for or self._question(part, layers, view)
+            self._drawn_inputs[part] = begun_for or self._inputs_of(part, layers, view)
 
-    def _question(self, part: Part, layers: Layers, view: ViewState) -> tuple[object, ...]:
+    def _inputs_of(self, part: Part, layers: Layers, view: ViewState) -> tuple[object, ...]:
         """All that a part depends on."""
         what = layers, self._board.curves_alone
         match part:
@@ -170,7 +170,7 @@ class BrdfFeed:
 
     def _step_sphere(self, view: ViewState) -> None:
         """Some rows of the sphere. A step that is under way is ended, be it with other curves, so that one is shown."""
-        side, question = self._board.sphere_side, self._question("sphere", self._stack.layers, view)
+        side, question = self._board.sphere_side, self._inputs_of("sphere", self._stack.layers, view)
         if self._sphere is None or self._sphere.side != side:
             if self._sphere is not None:
                 self._sphere.release()
@@ -190,7 +190,7 @@ class BrdfFeed:
         if self._albedo is None:
             self._albedo = brdf_views.AlbedoShares(self._memory)
         if not self._albedo.is_begun:
-            self._begun_for["albedo"] = self._question("albedo", self._stack.layers, view)
+            self._begun_for["albedo"] = self._inputs_of("albedo", self._stack.layers, view)
         started, rows = time.perf_counter(), min(self._albedo_rows, brdf_views.N_ROWS)
         found = self._albedo.step(self._stack, rows)
         self._albedo_rows = max(self._rows_in_time(rows, started), LEAST_ALBEDO_ROWS)
@@ -210,7 +210,7 @@ class BrdfFeed:
         return math.ceil(rows * min(max(ratio, 0.25), 1.5))
 
 
-def nowhere(column: int, row: int) -> SurfacePoint | None:
+def no_surface(column: int, row: int) -> SurfacePoint | None:
     """Before there is a picture."""
     return None
 

@@ -13,7 +13,7 @@ from app.editor import Editor
 from app.picture_events import PictureEvent
 from ui.gl.context import GraphicsError
 from ui.gl.deform.posed_picture import PosedPicture
-from ui.orbit_feed import OrbitFeed, Shaded
+from ui.orbit_feed import OrbitFeed, MovingRenderer
 
 
 class DeformFeed(OrbitFeed):
@@ -25,18 +25,18 @@ class DeformFeed(OrbitFeed):
         else:
             super().take(editor, event)
 
-    def _new_shaded(self) -> Shaded:
+    def _new_shaded(self) -> MovingRenderer:
         return PosedPicture(self._context)
 
     def _take_pose(self, editor: Editor, event: PoseArrived) -> None:
         shaded, controller = self.shaded, editor.controller
         if not isinstance(shaded, PosedPicture) or not isinstance(controller, DeformController):
             return  # given up since
-        if event.export.is_missing_parts(shaded.known):  # what it went out from was void before it was drawn
-            controller.resend_parts(shaded.known)
+        if event.export.is_missing_parts(shaded.part_numbers):  # what it went out from was void before it was drawn
+            controller.resend_parts(shaded.part_numbers)
             return
         try:
             self.canvas.show(shaded.draw(event.export, event.camera, event.resolution))
         except (GraphicsError, moderngl.Error) as error:
-            self._give_shaders_up(editor, error)
+            self._disable_shaders(editor, error)
         self._drawn, self._is_measure = None, False

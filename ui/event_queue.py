@@ -40,7 +40,7 @@ _AFTER_A_MOVE = frozenset({_Kind.STATE, _Kind.MOVE, _Kind.CTRL, _Kind.TEXT, _Kin
 _TYPING = frozenset({_Kind.TYPE, _Kind.TEXT})
 
 
-def _share_a_pass(heard: set[_Kind], next_kind: _Kind) -> bool:
+def _can_share_pass(heard: set[_Kind], next_kind: _Kind) -> bool:
     """Whether a pass that has `heard` these kinds may hear the next event as well."""
     if not heard:
         return True
@@ -52,7 +52,7 @@ def _share_a_pass(heard: set[_Kind], next_kind: _Kind) -> bool:
 
 
 class EventQueue:
-    """Events enter in order; `hand_over` gives imgui those of the coming pass.
+    """Events enter in order; `dispatch` gives imgui those of the coming pass.
 
     `alt_tapped` is whether, in this pass, Alt was let go with nothing else done since it was pressed; `repeated` is the
     key that the system says is still held, None where it says nothing. imgui's own controls repeat by imgui's clock.
@@ -99,7 +99,7 @@ class EventQueue:
 
     def repeat(self, key: imgui.Key) -> None:
         """The system says once more that a key is held."""
-        self._add(partial(self._say_again, key), _Kind.PRESS)
+        self._add(partial(self._repeat_key, key), _Kind.PRESS)
 
     def character(self, code: int) -> None:
         """A character typed, by the key that was pressed, or repeated, just before."""
@@ -112,7 +112,7 @@ class EventQueue:
         self._alt_alone = False
         self._add(partial(self._io.add_focus_event, gained))
 
-    def hand_over(self, is_typing: bool = False, waits: bool = False) -> None:
+    def dispatch(self, is_typing: bool = False, waits: bool = False) -> None:
         """Give imgui what belongs into the coming pass: nothing while it still spreads what it was given before.
 
         is_typing: whether a field takes text. waits: whether nothing is to be heard in this pass.
@@ -129,7 +129,7 @@ class EventQueue:
                 self._waiting.popleft()[1]()
             return
         heard = set[_Kind]()
-        while self._waiting and _share_a_pass(heard, self._waiting[0][0]):
+        while self._waiting and _can_share_pass(heard, self._waiting[0][0]):
             kind, give = self._waiting.popleft()
             heard.add(kind)
             give()
@@ -137,7 +137,7 @@ class EventQueue:
     def _tap(self) -> None:
         self.alt_tapped = True
 
-    def _say_again(self, key: imgui.Key) -> None:
+    def _repeat_key(self, key: imgui.Key) -> None:
         self.repeated = key
 
     def _add(self, give: Callable[[], None], kind: _Kind = _Kind.STATE) -> None:

@@ -25,7 +25,7 @@ from ui.shell import FrameResult, Shell
 
 FRAME_SECONDS = 1.0 / 60.0
 # Between two looks at the worker's answers while nothing is drawn: the processors are the worker's.
-LOOK_SECONDS = 0.01
+POLL_SECONDS = 0.01
 DRAG_STEPS = 12
 DEFAULT_SIZE = (1280, 800)
 
@@ -65,10 +65,10 @@ class HeadlessWindow:
 
     def frame(self) -> FrameResult:
         """Take the worker's answers and draw one frame; a picture that was asked for by a button is saved."""
-        self.look()
+        self.poll()
         return self.draw()
 
-    def look(self, telling: bool = False) -> bool:
+    def poll(self, telling: bool = False) -> bool:
         """Take the worker's answers; whether the picture, or with `telling` anything, has to be drawn again."""
         self._time += FRAME_SECONDS
         return self.shell.idle(self._time) if telling else self.shell.take(self._time)
@@ -108,10 +108,10 @@ class HeadlessWindow:
 
     def step(self, busy: bool) -> bool:
         """One step of waiting: a look, and a frame if it is needed or the last was `busy`; whether this one is."""
-        if self.look() or busy:
+        if self.poll() or busy:
             self.prepare()
             return self.draw().busy
-        time.sleep(LOOK_SECONDS)
+        time.sleep(POLL_SECONDS)
         return False
 
     # ------------------------------------------------------------------------------------------------------ the hand

@@ -16,8 +16,8 @@ from engine.material import MODELS
 from engine.material.layer import make_layer
 from ui.gl.context import GraphicsError, create_headless_context, describe_context
 from ui.gl.deform.posed_picture import PosedPicture
-from ui.gl.moving import shader_bytes
-from ui.measuring import Figures, command_line, write_found
+from ui.gl.gpu_drawing import shader_bytes
+from ui.measurement_program import Figures, command_line, write_found
 
 if TYPE_CHECKING:
     from app.measure.deform import DeformEffort
@@ -36,7 +36,7 @@ def frame_rates(context: moderngl.Context, effort: DeformEffort, is_glossy: bool
     picture, camera, rates = PosedPicture(context), deform.scene.description.camera, []
     for i in range(WARM_UP + effort.n_frames):
         begun = time.perf_counter()
-        told = deform.export_picture(camera, (("relief", (Deformation("bend", 1.0 + i),)),), picture.known)
+        told = deform.export_picture(camera, (("relief", (Deformation("bend", 1.0 + i),)),), picture.part_numbers)
         picture.draw(told, camera, effort.resolution)
         context.finish()
         rates.append(1.0 / (time.perf_counter() - begun))

@@ -20,7 +20,7 @@ from app.set_path import set_path
 from engine.errors import InsituError
 from ui.gl.context import describe_context
 from ui.measure_gl import EditorRig
-from ui.measuring import Figures, Pictures, command_line, resolution_of, write_found
+from ui.measurement_program import Figures, Pictures, command_line, resolution_of, write_found
 
 WARM_UP = 1
 

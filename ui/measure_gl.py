@@ -36,12 +36,12 @@ from engine.material.layer import object_of, place_of
 from engine.planner import Precision
 from ui.gl.context import create_headless_context, describe_context
 from ui.gl.placement.renderer import PlacementRenderer, UpdateReport
-from ui.gl.tonemap import DisplayView
-from ui.headless import LOOK_SECONDS, HeadlessWindow
-from ui.measuring import exit_status, resolution_of, write_found
-from ui.picture_feed import CURVE_LOOK_SECONDS, PictureFeed
+from ui.gl.display import DisplayView
+from ui.headless import POLL_SECONDS, HeadlessWindow
+from ui.measurement_program import exit_status, resolution_of, write_found
+from ui.picture_feed import CURVE_POLL_SECONDS, PictureFeed
 from ui.placement_feed import PlacementFeed
-from ui.start_times import start_times
+from ui.launch_times import launch_times_from
 
 EXACT_SECONDS = 3600.0
 ALL_TERMS = (1, 2, 4, 8, 16, 32, 64, 128)
@@ -90,7 +90,7 @@ class EditorRig:
             if busy or self.feed.take(self.editor, time.monotonic()):
                 busy = self.frame()
             elif not self.editor.response_arriving:  # the window rests as well: the processors are the worker's
-                time.sleep(CURVE_LOOK_SECONDS)
+                time.sleep(CURVE_POLL_SECONDS)
 
     def frame(self) -> bool:
         """One frame as the window draws it; whether another would show more."""
@@ -114,7 +114,7 @@ class EditorRig:
         """One edit of the selected curve and the frame that follows it, with so many coefficients."""
         key, factor = self.selected
         self.editor.do(SetOperators(key, factor, operators))
-        self.renderer.wanted(key, forward(self.controller.wanted_coefficients(key)[factor]), factor)
+        self.renderer.want(key, forward(self.controller.wanted_coefficients(key)[factor]), factor)
         return self.draw(terms)
 
     def draw(self, terms: int | None) -> UpdateReport:
@@ -274,16 +274,16 @@ def start(source: str) -> None:
     """The frames of a window that opens, without a display, until the picture is exact."""
     editor = Editor(Client(), source)
     window = HeadlessWindow(editor)
-    times = start_times()
+    times = launch_times_from()
     feed: PictureFeed | None = None
     busy = True
     while not editor.status.is_finished and not editor.status.is_error:
         began = time.monotonic()
-        drawn = window.look(telling=True) or busy
+        drawn = window.poll(telling=True) or busy
         if times is not None:
             times.blocked(time.monotonic() - began, editor.scene_is_open)
         if not drawn:
-            time.sleep(LOOK_SECONDS)
+            time.sleep(POLL_SECONDS)
             continue
         began = time.monotonic()
         window.prepare()

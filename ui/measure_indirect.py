@@ -18,7 +18,7 @@ from engine.errors import InsituError
 from engine.material.layer import object_of
 from ui.gl.context import describe_context
 from ui.measure_gl import EditorRig, random_edits
-from ui.measuring import Figures, Pictures, command_line, resolution_of, write_found
+from ui.measurement_program import Figures, Pictures, command_line, resolution_of, write_found
 
 WARM_UP = 2
 

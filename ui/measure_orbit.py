@@ -15,9 +15,9 @@ import numpy as np
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import Camera
 from ui.gl.context import GraphicsError, create_headless_context, describe_context
-from ui.gl.moving import shader_bytes
+from ui.gl.gpu_drawing import shader_bytes
 from ui.gl.orbit.shaded_picture import ShadedPicture
-from ui.measuring import Figures, command_line, write_found
+from ui.measurement_program import Figures, command_line, write_found
 
 if TYPE_CHECKING:
     from app.project import Project

@@ -3,7 +3,7 @@
 take: OrbitPicture ─► canvas;  all other events ─► PlacementFeed, which draws as soon as it has a part
 draw: the one or the other, or for a quarter of a second both ─► display texture
 
-Where there is a graphics card, moving pictures are drawn here, of parts that the worker tells (`ui.gl.moving`);
+Where there is a graphics card, moving pictures are drawn here, of parts that the worker tells (`ui.gl.gpu_drawing`);
 where it fails, the worker draws them from then on.
 """
 
@@ -22,22 +22,22 @@ from app.orbit.orbit_events import OrbitPartArrived, OrbitPicture
 from app.orbit.orbit_controller import OrbitController
 from app.picture_events import PictureEvent, SceneFrame
 from ui.gl.context import GraphicsError
-from ui.gl.moving import shader_bytes
+from ui.gl.gpu_drawing import shader_bytes
 from ui.gl.orbit.canvas import PictureCanvas
 from ui.gl.orbit.shaded_picture import ShadedPicture
-from ui.gl.tonemap import DisplayView
+from ui.gl.display import DisplayView
 from ui.picture_feed import PictureSource
 from ui.placement_feed import PlacementFeed, stops
-from ui.shown_view import ShownView
-from ui.still import ShownStill
+from ui.tone_view import ToneView
+from ui.still_saver import ViewportStill
 
 FADE_SECONDS = 0.25
 
 
-class Shaded(Protocol):
+class MovingRenderer(Protocol):
     """Draws moving pictures on a graphics card."""
 
-    def rehearse(self) -> Iterator[None]:
+    def warm_up(self) -> Iterator[None]:
         """Compile all shaders, one a step; raises GraphicsError."""
 
     def forget(self) -> None:
@@ -53,15 +53,15 @@ class OrbitFeed(PictureSource):
         self._context = context
         self.placement = PlacementFeed(context)
         self.canvas = PictureCanvas(context)
-        self.shaded: Shaded | None = None
-        self._rehearsal: Iterator[None] | None = None
+        self.shaded: MovingRenderer | None = None
+        self._warm_up: Iterator[None] | None = None
         self._is_chosen = False
         self._shaded_of: object = None
         self._n_parts = 0
         self._opening = 0
         self._scene: object = None
         self._names: list[str] = []
-        self._view = ShownView()
+        self._view = ToneView()
         self._texture: moderngl.Texture | None = None
         self._compared: object = None
         self._placement_since = math.inf
@@ -72,8 +72,8 @@ class OrbitFeed(PictureSource):
     def picture(self) -> moderngl.Texture | None:
         return self._texture
 
-    def rehearse(self) -> Iterator[None]:
-        return self.placement.rehearse()
+    def warm_up(self) -> Iterator[None]:
+        return self.placement.warm_up()
 
     def take(self, editor: Editor, event: PictureEvent) -> None:
         if isinstance(event, OrbitPartArrived):
@@ -100,7 +100,7 @@ class OrbitFeed(PictureSource):
         self._compared, self._drawn = None, None
 
     def draw(self, editor: Editor, last_frame_ms: float, all_taken: bool) -> bool:
-        controller = _talk(editor)
+        controller = _controller(editor)
         busy = self._prepare_shaders(editor, controller)
         self._draw_shaded(editor, controller)
         # Before there is a first picture, Placement's feed shows objects lit from the eye.
@@ -121,20 +121,20 @@ class OrbitFeed(PictureSource):
         if self._is_chosen:
             return False
         try:
-            if self._rehearsal is None:
+            if self._warm_up is None:
                 if not shader_bytes(self._context):
                     self._is_chosen = True
                     return False
                 self.shaded = self._new_shaded()
-                self._rehearsal = self.shaded.rehearse()
-            if next(self._rehearsal, self) is self:
+                self._warm_up = self.shaded.warm_up()
+            if next(self._warm_up, self) is self:
                 self._is_chosen = True
                 controller.draw_in_window(shader_bytes(self._context))
         except (GraphicsError, moderngl.Error) as error:
-            self._give_shaders_up(editor, error)
+            self._disable_shaders(editor, error)
         return not self._is_chosen
 
-    def _new_shaded(self) -> Shaded:
+    def _new_shaded(self) -> MovingRenderer:
         return ShadedPicture(self._context)
 
     def _take_part(self, editor: Editor, event: OrbitPartArrived) -> None:
@@ -143,7 +143,7 @@ class OrbitFeed(PictureSource):
             try:
                 self.shaded.buffers.take(event.part)
             except (GraphicsError, moderngl.Error) as error:
-                self._give_shaders_up(editor, error)
+                self._disable_shaders(editor, error)
 
     def _draw_shaded(self, editor: Editor, controller: OrbitController) -> None:
         """The moving picture, where it is drawn here and would be another one."""
@@ -156,17 +156,17 @@ class OrbitFeed(PictureSource):
             self.canvas.show(shaded.draw(*wanted))
             controller.record_draw_seconds(shaded.seconds)
         except (GraphicsError, moderngl.Error) as error:
-            self._give_shaders_up(editor, error)
+            self._disable_shaders(editor, error)
         self._shaded_of, self._drawn, self._is_measure = (wanted, self._n_parts), None, False
 
-    def _give_shaders_up(self, editor: Editor, error: Exception) -> None:
+    def _disable_shaders(self, editor: Editor, error: Exception) -> None:
         """From now on the worker draws."""
         self.canvas.show(None)
         if self.shaded is not None:
             self.shaded.release()
         self.shaded, self._is_chosen = None, True
-        _talk(editor).draw_in_window(0)
-        editor.notify(f"{_talk(editor).title} is drawn by the processor: {error}", True)
+        _controller(editor).draw_in_window(0)
+        editor.notify(f"{_controller(editor).title} is drawn by the processor: {error}", True)
 
     def _share_of_placement(self, controller: OrbitController) -> float:
         """How much of Placement's picture is seen, 0 to 1."""
@@ -213,13 +213,13 @@ class OrbitFeed(PictureSource):
     def _index(self, name: str | None) -> int | None:
         return self._names.index(name) if name in self._names else None
 
-    def still(self, editor: Editor) -> ShownStill | None:
-        controller, frame = _talk(editor), self.canvas.frame
+    def still(self, editor: Editor) -> ViewportStill | None:
+        controller, frame = _controller(editor), self.canvas.frame
         if controller.shows_placement:
             return self.placement.still(editor)
         if frame is None or self._texture is None:
             return None
-        return ShownStill(
+        return ViewportStill(
             self.canvas.finished_image(self._display_view(editor, controller)),
             self.canvas.linear_image() * np.float32(editor.document.light.intensity),
         )
@@ -237,7 +237,7 @@ class OrbitFeed(PictureSource):
             self.shaded.release()
 
 
-def _talk(editor: Editor) -> OrbitController:
+def _controller(editor: Editor) -> OrbitController:
     """Whose picture it is."""
     assert isinstance(editor.controller, OrbitController)
     return editor.controller

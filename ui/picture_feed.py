@@ -27,15 +27,15 @@ from app.modes import MODES
 from app.lazy_import import import_named
 from app.picture_events import PictureEvent, SceneFrame, SkyChanged
 from engine.scene.description import Camera
-from ui.brush import Spot
+from ui.brush_dabs import SurfaceSpot
 from ui.gl.context import GraphicsError
 from ui.gl.textures import TextureMemory
 from ui.scene_view import SceneView
-from ui.still import ShownStill
+from ui.still_saver import ViewportStill
 from ui.surface_lobe import SurfacePoint
 
 # Between two looks at what the worker has sent, while a curve that was selected is waited for.
-CURVE_LOOK_SECONDS = 0.005
+CURVE_POLL_SECONDS = 0.005
 # After so long no further answer is taken at once.
 TAKING_SECONDS = 0.008
 
@@ -49,7 +49,7 @@ class PictureSource(Protocol):
     def picture(self) -> moderngl.Texture | None:
         """The display picture, row 0 at the top; None before there is a scene."""
 
-    def rehearse(self) -> Iterator[None]:
+    def warm_up(self) -> Iterator[None]:
         """Compile, step by step, what pictures will be drawn with."""
         return iter(())
 
@@ -66,7 +66,7 @@ class PictureSource(Protocol):
         `last_frame_ms` is what the last frame took in all; all_taken: whether no event waits to be taken.
         """
 
-    def still(self, editor: Editor) -> ShownStill | None:
+    def still(self, editor: Editor) -> ViewportStill | None:
         """The picture as it is now, for a file; None before there is one."""
         return None
 
@@ -87,7 +87,7 @@ def _made_of(editor: Editor) -> tuple[object, ...]:
     return editor.document, replace(editor.view, mode="", hovered=None)
 
 
-class KeptPicture:
+class CopiedPicture:
     """A display picture as it was, whatever becomes of its own. Raises GraphicsError where there is no room for it."""
 
     def __init__(self, context: moderngl.Context, picture: moderngl.Texture) -> None:
@@ -114,7 +114,7 @@ class PictureFeed:
         self._stepped = False
         self._took = False
         self._shown_scene: SceneFrame | None = None
-        self._left: PictureSource | KeptPicture | None = None
+        self._left: PictureSource | CopiedPicture | None = None
         self._left_scene: SceneFrame | None = None
         self._left_mode: Mode | None = None
         self._left_of: object = None  # what the picture of the mode before was made of, where it was finished
@@ -124,7 +124,7 @@ class PictureFeed:
 
     def _choose(self, mode: Mode, source: PictureSource) -> None:
         self._mode, self.source = mode, source
-        self._rehearsal = chain(source.rehearse(), _importing())
+        self._warm_up = chain(source.warm_up(), _importing())
 
     @property
     def picture(self) -> moderngl.Texture | None:
@@ -170,7 +170,7 @@ class PictureFeed:
         """The surface that a pixel of the picture sees; None for emitters and the background."""
         return self._scene.surface_at(column, row)
 
-    def spot_at(self, column: int, row: int) -> Spot | None:
+    def spot_at(self, column: int, row: int) -> SurfaceSpot | None:
         """The point that a pixel of the picture sees; None for emitters and the background."""
         return self._scene.spot_at(column, row)
 
@@ -204,7 +204,7 @@ class PictureFeed:
             elif self._waiting:
                 self._take_waiting(editor, until)
             elif not self._scene.is_there:
-                next(self._rehearsal, None)
+                next(self._warm_up, None)
         except GraphicsError as error:
             editor.notify(str(error), True)
         return self._took or self._scene.thumbnail_is_ready
@@ -245,7 +245,7 @@ class PictureFeed:
         self._stepped = busy or took
         return busy
 
-    def still(self, editor: Editor) -> ShownStill | None:
+    def still(self, editor: Editor) -> ViewportStill | None:
         """The picture as it is now, for a file; None before there is one. Waits for the GPU."""
         return self.source.still(editor)
 
@@ -278,7 +278,7 @@ class PictureFeed:
             self._leave()
         elif self._left is None and self.source.picture is not None:
             try:
-                self._left, self._left_scene = KeptPicture(self._context, self.source.picture), before
+                self._left, self._left_scene = CopiedPicture(self._context, self.source.picture), before
                 self._left_mode = self._mode
             except GraphicsError:
                 pass  # objects are lit from the eye meanwhile

@@ -37,20 +37,20 @@ from app.solo import is_layer_visible
 from engine.curve.wavelet import forward
 from engine.material.layer import object_of
 from engine.render.headlight_shading import headlight_colour, headlight_radiance
-from ui.gl.placement.layers import ComparedLook
-from ui.gl.placement.rehearsal import rehearse
+from ui.gl.placement.layers import ComparedAppearance
+from ui.gl.placement.shader_warm_up import warm_up
 from ui.gl.placement.renderer import PlacementRenderer
-from ui.gl.tonemap import DisplayView
+from ui.gl.display import DisplayView
 from ui.map_feed import MapFeed
 from ui.picture_feed import PictureSource
-from ui.shown_view import ShownView
-from ui.still import ShownStill
+from ui.tone_view import ToneView
+from ui.still_saver import ViewportStill
 
 UPLOAD_SHARE = 0.5
 # Of the frame's time, what refinement gets however long the rest takes.
 LEAST_SHARE = 0.25
 LEAST_INTENSITY = 1e-30
-PLAIN_SECONDS = 0.005
+HEADLIGHT_SECONDS = 0.005
 # Behind objects that are lit from the eye, while the sky is not known.
 PLAIN_SKY = 0.18
 
@@ -69,7 +69,7 @@ class PlacementFeed(PictureSource):
         self._maps = MapFeed(self.renderer)
         self._plain: dict[str, ObjectState] = {}
         self._is_shaded = False  # all objects, plainly at least: others are black
-        self._view = ShownView()
+        self._view = ToneView()
         self._wanted: dict[str, NDArray[np.float64]] = {}
         self._compared: object = None
         self._rotation: float | None = None
@@ -82,22 +82,22 @@ class PlacementFeed(PictureSource):
     def picture(self) -> moderngl.Texture | None:
         return self._texture if self._is_shaded else None
 
-    def rehearse(self) -> Iterator[None]:
-        return rehearse(self.renderer)
+    def warm_up(self) -> Iterator[None]:
+        return warm_up(self.renderer)
 
     def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]:
         return self._maps.thumbnails(key)
 
     def map_refusal(self, editor: Editor, key: str) -> str | None:
-        return _talk(editor).maps.refusal(key, editor.document.layer(key).maps)
+        return _controller(editor).maps.refusal(key, editor.document.layer(key).maps)
 
-    def still(self, editor: Editor) -> ShownStill | None:
+    def still(self, editor: Editor) -> ViewportStill | None:
         frame = self.renderer.frame
         if frame is None or self._texture is None:
             return None
-        return ShownStill(
+        return ViewportStill(
             self.renderer.finished_image(self._display_view(editor)),
-            self.renderer.linear_image() * np.float32(_talk(editor).drawn.light.intensity),
+            self.renderer.linear_image() * np.float32(_controller(editor).drawn.light.intensity),
         )
 
     def close(self) -> None:
@@ -113,7 +113,7 @@ class PlacementFeed(PictureSource):
             case SceneFrame():
                 self._take_scene(event)
             case SkyChanged():
-                self.renderer.set_environment(event.radiance, _talk(editor).drawn.light.rotation)
+                self.renderer.set_environment(event.radiance, _controller(editor).drawn.light.rotation)
             case LayerRadiance():
                 self._take_radiance(event)
             case IndirectRadiance():
@@ -123,7 +123,7 @@ class PlacementFeed(PictureSource):
                 self._maps.take(event)
             case ComparisonRefined():
                 if self._compared is not None:
-                    self.renderer.snapshot_compare({key: _look(look) for key, look in event.appearances.items()})
+                    self.renderer.snapshot_compare({key: _appearance(look) for key, look in event.appearances.items()})
             case TransportReady():
                 numbers, curve = event.coefficients_first, event.factor
                 self.renderer.set_footprint(*_both(event.footprint))
@@ -176,9 +176,9 @@ class PlacementFeed(PictureSource):
     # ---------------------------------------------------------------------------------------------------- each frame
 
     def draw(self, editor: Editor, last_frame_ms: float, all_taken: bool) -> bool:
-        document = _talk(editor).drawn
+        document = _controller(editor).drawn
         self._end_plain(editor, document)
-        shades_plainly = self._shade_plainly(editor, document)
+        shades_plainly = self._shade_headlight(editor, document)
         self._is_shaded = self._is_shaded or not shades_plainly
         if document is editor.document or document is not self._followed:
             self._follow_environment(document)
@@ -200,7 +200,7 @@ class PlacementFeed(PictureSource):
         self._texture = self.renderer.composite(self._display_view(editor))
         wanted = max(map(len, self._wanted.values()), default=0)
         exact = uploaded and report.exact and all_taken
-        _talk(editor).rendered(
+        _controller(editor).rendered(
             RenderReport(
                 max(wanted - report.remaining, 0), wanted, report.image_error,
                 exact and not self._holds,
@@ -211,9 +211,9 @@ class PlacementFeed(PictureSource):
         self._exact_before = exact
         return not exact or changed or self._view.waits or shades_plainly
 
-    def _shade_plainly(self, editor: Editor, document: Document) -> bool:
+    def _shade_headlight(self, editor: Editor, document: Document) -> bool:
         """Show objects plainly that have no picture yet, for a few milliseconds; whether some may be left."""
-        until = time.perf_counter() + PLAIN_SECONDS
+        until = time.perf_counter() + HEADLIGHT_SECONDS
         keys = set(self.renderer.layer_keys)
         there = self._plain.keys() | {object_of(key) for key in keys}
         for state in document.objects:
@@ -233,7 +233,7 @@ class PlacementFeed(PictureSource):
         there = {object_of(key) for key in set(renderer.layer_keys) - self._plain.keys()}
         for name in self._plain.keys() & set(renderer.layer_keys) & there:
             is_metal = not any(layer.model.is_diffuse for layer in document.object(name).layers)
-            if not (is_metal and _talk(editor).lacks_bounces):
+            if not (is_metal and _controller(editor).lacks_bounces):
                 renderer.remove_layer(name)
 
     def _shade_object(self, editor: Editor, document: Document, state: ObjectState) -> None:
@@ -268,9 +268,9 @@ class PlacementFeed(PictureSource):
         for key, layer in document.layers():
             if key not in there or not self._is_drawn(editor, key):
                 continue
-            self.renderer.set_layer_gain(key, _talk(editor).layer_gain(key).tolist())
+            self.renderer.set_layer_gain(key, _controller(editor).layer_gain(key).tolist())
             self._maps.follow(key, layer.maps)
-            curve = _talk(editor).view_curve(key)
+            curve = _controller(editor).view_curve(key)
             if self._view_curves.get(key) is not curve:
                 self._view_curves[key] = curve
                 self.renderer.set_view_curve(key, curve)
@@ -287,22 +287,22 @@ class PlacementFeed(PictureSource):
 
     def _is_drawn(self, editor: Editor, key: str) -> bool:
         """Whether the picture of a layer is its own, and not that of the one that it took the place of."""
-        return self._drawn_as.get(key) == _talk(editor).picture_identity(key)
+        return self._drawn_as.get(key) == _controller(editor).picture_identity(key)
 
     def _follow_curve(self, editor: Editor) -> None:
         """The selected curve, in all layers that follow it and have a picture of their own."""
         self._holds = False
         factor = (editor.view.selected and editor.view.selected.factor) or ""
         found: dict[str, NDArray[np.float64]] = {}
-        for key in _talk(editor).edited_layers:
-            coefficients = _talk(editor).drawn_coefficients(key).get(factor)
+        for key in _controller(editor).edited_layers:
+            coefficients = _controller(editor).drawn_coefficients(key).get(factor)
             if coefficients is not None and key in self.renderer.layer_keys:
                 if not self._is_drawn(editor, key):
                     self._holds = True
                     continue
                 found[key] = coefficients
                 if self._wanted.get(key) is not coefficients:
-                    self.renderer.wanted(key, forward(coefficients), factor)
+                    self.renderer.want(key, forward(coefficients), factor)
         self._wanted = found
 
     def _follow_comparison(self, editor: Editor) -> None:
@@ -319,7 +319,7 @@ class PlacementFeed(PictureSource):
         """Exposure takes the light's intensity along: it multiplies the finished picture."""
         view, compared = editor.view, editor.view.compare
         return DisplayView(
-            exposure=view.exposure + stops(_talk(editor).drawn.light),
+            exposure=view.exposure + stops(_controller(editor).drawn.light),
             compare_exposure=None if compared is None else view.exposure + stops(compared.light),
             tone_mapping=self._view.follow(view.tone_mapping),
             selected=self._index(view.selected.object if view.selected else None),
@@ -331,7 +331,7 @@ class PlacementFeed(PictureSource):
         return self._names.index(name) if name in self._names else None
 
 
-def _talk(editor: Editor) -> PlacementController:
+def _controller(editor: Editor) -> PlacementController:
     """Whose picture it is: the mode's own talk, or the part of it that is Placement's."""
     controller = getattr(editor.controller, "placement", editor.controller)
     assert isinstance(controller, PlacementController)
@@ -347,6 +347,6 @@ def stops(light: LightState) -> float:
     return math.log2(max(light.intensity, LEAST_INTENSITY))
 
 
-def _look(look: LayerAppearance) -> ComparedLook:
+def _appearance(look: LayerAppearance) -> ComparedAppearance:
     red, green, blue = (float(value) for value in look.gain)
-    return ComparedLook((red, green, blue), look.view_curve, look.visible, look.radiance, look.maps)
+    return ComparedAppearance((red, green, blue), look.view_curve, look.visible, look.radiance, look.maps)

@@ -16,7 +16,7 @@ from app.picture_events import SceneFrame
 from engine.light.environment import Environment, tone_mapped_thumbnail
 from engine.scene.description import SceneDescription
 from engine.scene.picture_frame import PictureFrame
-from ui.brush import Spot, spot_of
+from ui.brush_dabs import SurfaceSpot, spot_of
 from ui.gl.textures import small_texture
 from ui.surface_lobe import SurfacePoint
 
@@ -107,7 +107,7 @@ class SceneView:
         ray = frame.ray_directions[row, column].astype(np.float64)
         return SurfacePoint(column, row, axes, ray, description.camera, (frame.width, frame.height))
 
-    def spot_at(self, column: int, row: int) -> Spot | None:
+    def spot_at(self, column: int, row: int) -> SurfaceSpot | None:
         """The point that a pixel of the picture sees; None for emitters and the background."""
         frame, description = self._frame, self._description
         sample = None if frame is None else frame.sample_at(column, row)

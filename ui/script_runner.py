@@ -65,12 +65,12 @@ from engine.scene.camera_moves import (
     with_focal_length,
 )
 from engine.scene.description import Camera
-from ui.brush import along, spots_at, stroke_at
+from ui.brush_dabs import sample_path, spots_at, stroke_at
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
 from ui.panels.actions import KeepView, ShowPanel
 from ui.picture_feed import PictureFeed
-from ui.shown_view import is_at_hand
+from ui.tone_view import is_table_ready
 
 WAIT_SECONDS = 1800.0
 
@@ -175,7 +175,7 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
             _show(window, step.panel)
         case ChooseView():
             _refused(editor.do(SetView.of(tone_mapping=step.view)))
-            window.run_until(lambda: is_at_hand(step.view), WAIT_SECONDS)
+            window.run_until(lambda: is_table_ready(step.view), WAIT_SECONDS)
         case GoToView():
             _refused(editor.camera_history.set_viewpoint(find_bookmark(editor.view.bookmarks, step.name).viewpoint, step.name))
         case SaveViewStep():
@@ -253,7 +253,7 @@ def _paint(window: HeadlessWindow, editor: Editor, step: PaintStroke) -> None:
     assert source is not None
     spots = spots_at(
         lambda x, y: source.spot_at(x, y) if source.object_at(x, y) == name else None,
-        [step.points[0], *along(step.points, step.radius)],
+        [step.points[0], *sample_path(step.points, step.radius)],
     )
     if not spots:
         raise ScriptError(f"paint: no point of the stroke sees {name}")

@@ -34,14 +34,14 @@ from app.selection import layer_shown
 from app.view_state import Bookmark
 from engine.errors import InsituError
 from ui import theme
-from ui.actor import Actor, Outcome
+from ui.action_handler import ActionHandler, FrameOutcome
 from ui.brdf_feed import BrdfFeed
-from ui.docking import Docking
+from ui.dock_layout import Docking
 from ui.event_queue import ALTS, EventQueue
 from ui.gl.error_overlay import ErrorOverlay
 from ui.gl.interface import InterfaceRenderer
 from ui.gl.thumbnails import Thumbnails
-from ui.pacing import REDRAW_SECONDS, Pacing
+from ui.frame_pacing import REDRAW_SECONDS, FramePacing
 from ui.panel_windows import draw_panels
 from ui.panels import dialogs, escape
 from ui.panels import help as shortcuts
@@ -52,19 +52,19 @@ from ui.panels.guard import close_what_is_open, depth_now, guarded
 from ui.panels.picture import Picture
 from ui.panels.state import Notice, PanelState
 from ui.picture_feed import PictureFeed
-from ui.spoken_names import spoken
-from ui.still import StillSaver
+from ui.display_names import with_display_names
+from ui.still_saver import StillSaver
 from ui.surface_lobe import SurfacePoint
 from ui.table_feed import TableFeed
 from ui.view_thumbnails import ViewThumbnails
 
 TITLE = "Insitu"
 # Answers that took longer leave other work to the next look.
-LITTLE_SECONDS = 0.002
+SHORT_FRAME_SECONDS = 0.002
 # How long a frame that failed waits for the next, where no event comes.
 FAILED_SECONDS = 1.0
 # A frame hears no further events after this time, a fraction of a long frame; the next, at once, hears the rest.
-HEARING_SECONDS = 0.03
+EVENT_SECONDS = 0.03
 # imgui's own 0.3 is less than desktops have, and passes in two frames.
 DOUBLE_CLICK_SECONDS = 0.45
 # imgui wants its clock to go on between two passes; it stands, while what came in earlier is being heard.
@@ -109,9 +109,9 @@ class Shell:
         self.state = PanelState()
         self.handles = Handles()
         self._fields = Fields()
-        self.actor = Actor(editor, recent=recent, preferences=preferences)
+        self.actor = ActionHandler(editor, recent=recent, preferences=preferences)
         self._clock = clock
-        self.pacing = Pacing(clock)
+        self.pacing = FramePacing(clock)
         self._imgui = imgui.create_context()
         imgui.set_current_context(self._imgui)
         self._io = imgui.get_io()
@@ -138,7 +138,7 @@ class Shell:
         self._prepared: bool | None = None
         self._prepared_ms = 0.0
         self._last_frame = clock()
-        self._seen_message = 0
+        self._shown_message = 0
         self._requested: list[Action] = []
         self._stills = StillSaver()
         self._library_unread = True
@@ -182,7 +182,7 @@ class Shell:
         if question is not None and len(paths) == 1:
             self.do(*dialogs.dropped(question, Path(paths[0])))
         else:
-            self.do(*self.actor.dropped(paths, image))
+            self.do(*self.actor.open_dropped(paths, image))
 
     @property
     def title(self) -> str:
@@ -237,17 +237,17 @@ class Shell:
         self._take_message(now)
         self.editor.barrier.run("The library", self._read_library, None, ())
         self._docking.take_size(size, self.theme.scale)
-        actions, outcome = self._hear(now)
+        actions, outcome = self._process_events(now)
         imgui.render()
         prepared, self._prepared = self._prepared, None
-        hand_first = prepared is None or bool(actions) or self._hand_is_busy
+        hand_first = prepared is None or bool(actions) or self._is_dragging
         working = self._draw_picture() if hand_first else bool(prepared)
         working = self._draw_brdf(now) or working
         if outcome.picture is not None:
             self._save_picture(outcome.picture)
         self.draw_interface(target)
-        self.editor.barrier.run("A thumbnail", self._thumbnails_go_on, None, ())
-        self.editor.barrier.run("A view's picture", self._view_thumbnails_go_on, None, ())
+        self.editor.barrier.run("A thumbnail", self._advance_thumbnails, None, ())
+        self.editor.barrier.run("A view's picture", self._advance_view_thumbnails, None, ())
         self._docking.remember()
         return self._result(working or bool(actions) or self._docking.is_settling, outcome.screenshot, outcome.quit)
 
@@ -258,9 +258,9 @@ class Shell:
         target.clear(*theme.BACKDROP)
         self._interface.render(target)
 
-    def _hear(self, now: float) -> tuple[list[Action], Outcome]:
+    def _process_events(self, now: float) -> tuple[list[Action], FrameOutcome]:
         """Pass through the panels until all events that came in are heard; what the panels asked for, carried out."""
-        end = time.perf_counter() + HEARING_SECONDS
+        end = time.perf_counter() + EVENT_SECONDS
         actions, outcome = self._pass(now)
         while not (self.events.is_empty or outcome.quit or time.perf_counter() > end):
             imgui.end_frame()
@@ -270,11 +270,11 @@ class Shell:
         self._is_behind = not self.events.is_empty  # a double click stays one, however long that takes
         return actions, outcome
 
-    def _pass(self, now: float) -> tuple[list[Action], Outcome]:
+    def _pass(self, now: float) -> tuple[list[Action], FrameOutcome]:
         """Let the panels answer the next events."""
         keys_taken, self._escape_is_imguis = escape.keys_are_taken(), escape.is_imguis()
         # imgui gives a field the keyboard in the pass after that in which the dialog asks for it.
-        self.events.hand_over(escape.is_typing(), waits=self._focus_comes_in > 0)
+        self.events.dispatch(escape.is_typing(), waits=self._focus_comes_in > 0)
         self._focus_comes_in = max(self._focus_comes_in - 1, 0)
         self._docking.make_room(self.state.front)
         if not keys_taken:  # else imgui would step to a control of the panel that was last in use, too
@@ -311,7 +311,7 @@ class Shell:
 
     def take(self, now: float) -> bool:
         """As `idle`, but without regard to what only the panels would tell."""
-        for line, failed in self._stills.news():
+        for line, failed in self._stills.finished_messages():
             self.editor.notify(line, failed)
         source, run = self.source, self.editor.barrier.run
         if source is None:
@@ -319,9 +319,9 @@ class Shell:
         started = time.perf_counter()
         if run("The worker's answers", lambda: source.take(self.editor, now), False, ()):
             return True
-        if self._hand_is_busy or time.perf_counter() - started > LITTLE_SECONDS:
+        if self._is_dragging or time.perf_counter() - started > SHORT_FRAME_SECONDS:
             return False
-        return run("A measured table", lambda: self._tables.go_on(self.editor), False, ())
+        return run("A measured table", lambda: self._tables.advance(self.editor), False, ())
 
     @property
     def awaits_table(self) -> bool:
@@ -330,7 +330,7 @@ class Shell:
 
     def prepare(self) -> None:
         """Before a frame, where the hand is still: bring the picture up to date, and wait until it is."""
-        if self.source is None or self._hand_is_busy:
+        if self.source is None or self._is_dragging:
             return
         started = time.perf_counter()
         self._prepared = self._draw_source(self.source)
@@ -351,7 +351,7 @@ class Shell:
         imgui.destroy_context(self._imgui)
 
     @property
-    def _hand_is_busy(self) -> bool:
+    def _is_dragging(self) -> bool:
         """Whether a drag is under way, whose frames are to hold its picture."""
         return self.editor.history.dragging or self.state.grip is not None
 
@@ -375,7 +375,7 @@ class Shell:
     def _draw_brdf(self, now: float) -> bool:
         editor = self.editor
         made_of = editor.document, editor.view
-        draw = partial(self._brdf.draw, editor, self._surface_at, self._hand_is_busy, now)
+        draw = partial(self._brdf.draw, editor, self._surface_at, self._is_dragging, now)
         return editor.barrier.run("The BRDF's picture", draw, False, made_of)
 
     def _surface_at(self, column: int, row: int) -> SurfacePoint | None:
@@ -392,7 +392,7 @@ class Shell:
     def _result(self, busy: bool, screenshot: Path | None, quit: bool) -> FrameResult:
         plays = self.editor.view.playing is not None
         redraw_in = REDRAW_SECONDS if plays else self.pacing.redraw_in
-        follows = self._library_unread or self._thumbnails_follow or not self.events.is_empty
+        follows = self._library_unread or self._thumbnails_pending or not self.events.is_empty
         return FrameResult(busy or self.pacing.is_settling or follows, redraw_in, screenshot, quit)
 
     def _thumbnail(self, entry: LibraryEntry) -> Picture | None:
@@ -402,22 +402,22 @@ class Shell:
         return self._picture(self._view_thumbnails.texture(bookmark))
 
     @property
-    def _at_leisure(self) -> bool:
+    def _is_idle(self) -> bool:
         """Whether nobody waits for a frame: neither a hand nor the picture."""
-        return not self._hand_is_busy and self.editor.status.is_finished
+        return not self._is_dragging and self.editor.status.is_finished
 
     @property
-    def _thumbnails_follow(self) -> bool:
+    def _thumbnails_pending(self) -> bool:
         """Whether there is one to be made now."""
-        return self._at_leisure and self._thumbnails.is_waiting
+        return self._is_idle and self._thumbnails.is_waiting
 
-    def _thumbnails_go_on(self) -> None:
-        self._thumbnails.step(may_draw=self._at_leisure)
+    def _advance_thumbnails(self) -> None:
+        self._thumbnails.step(may_draw=self._is_idle)
 
-    def _view_thumbnails_go_on(self) -> None:
+    def _advance_view_thumbnails(self) -> None:
         source, editor = self.source, self.editor
         follow, still = self._view_thumbnails.follow, lambda: None if source is None else source.still(editor)
-        if not self._hand_is_busy and editor.status.is_whole and follow(editor, still):
+        if not self._is_dragging and editor.status.is_whole and follow(editor, still):
             self.pacing.note_change()
 
     def _read_library(self) -> None:
@@ -430,11 +430,11 @@ class Shell:
         status = self.editor.status
         question = self.state.question
         if question is not None and question.refusal and status.message.endswith(question.refusal):
-            self._seen_message = status.message_number  # the file dialog says it
-        if status.message_number != self._seen_message:
-            said = spoken(self.editor.document, status.message)
+            self._shown_message = status.message_number  # the file dialog says it
+        if status.message_number != self._shown_message:
+            said = with_display_names(self.editor.document, status.message)
             self.state = replace(self.state, notice=Notice(said, now, status.is_error))
-            self._seen_message = status.message_number
+            self._shown_message = status.message_number
 
     def _context(self, now: float) -> PanelContext:
         editor, source = self.editor, self.source
@@ -446,7 +446,7 @@ class Shell:
             mode=editor.mode,
             modes=editor.modes,
             status=replace(
-                status, text=spoken(document, status.text), missing_note=spoken(document, status.missing_note)
+                status, text=with_display_names(document, status.text), missing_note=with_display_names(document, status.missing_note)
             ),
             state=self.state,
             theme=self.theme,
@@ -454,8 +454,8 @@ class Shell:
             fields=self._fields,
             brdf=self._brdf_board,
             record=self._record,
-            undo_label=undo and spoken(document, undo),
-            redo_label=redo and spoken(document, redo),
+            undo_label=undo and with_display_names(document, undo),
+            redo_label=redo and with_display_names(document, redo),
             environments=self.environments,
             scenes=self.scenes,
             described=editor.scene_document,
@@ -525,7 +525,7 @@ class Shell:
         actions = draw_panels(context, barrier, self._begin_space)
         if not imgui.is_key_pressed(imgui.Key.escape, False):
             return actions + (guarded(barrier, "The keyboard", shortcuts.keyboard, context) or [])
-        answered = escape.answer(context, self._escape_is_imguis, self._hand_is_busy)
+        answered = escape.answer(context, self._escape_is_imguis, self._is_dragging)
         # What the panels ask for in mid-drag belongs to the drag, and goes with it.
         return answered if CancelDrag() in answered else actions + answered
 

@@ -46,9 +46,9 @@ class TableFeed:
     def want(self, editor: Editor, measurements: Sequence[Measurement]) -> None:
         """Ask for what is on screen, which stays on the GPU as long as it is."""
         self._in_use = tuple(each.number for each in measurements)
-        self._ask(editor, measurements)
+        self._request_missing(editor, measurements)
 
-    def _ask(self, editor: Editor, measurements: Iterable[Measurement]) -> bool:
+    def _request_missing(self, editor: Editor, measurements: Iterable[Measurement]) -> bool:
         """Ask the worker for the first that is missing, unless one is under way; whether there is one that may come."""
         coming = [each for each in self.missing(measurements) if not self.problem_of(editor, [each])]
         if coming and not self.tables.is_uploading:
@@ -59,11 +59,11 @@ class TableFeed:
         """The layers with what their files hold, once their tables are here or known not to come; None until then."""
         measured = [found for layer in layers if (found := measurement_in(layer)) is not None]
         known = [editor.tables.resolve_measurement(each) for each in measured]
-        if self._ask(editor, known):
+        if self._request_missing(editor, known):
             return None
         return with_measurements(layers, {each.file: each for each in known}) if known else layers
 
-    def go_on(self, editor: Editor) -> bool:
+    def advance(self, editor: Editor) -> bool:
         """Make room for a table that has come, or upload a piece of it. Whether there is something new to draw."""
         if not self.tables.is_uploading:
             come = editor.tables.take()

@@ -17,7 +17,7 @@ from app.editor import Editor
 from app.files.bookmarks import THUMBNAIL_SIZE, with_thumbnail
 from app.view_state import Bookmark, SetView
 from ui.gl.textures import TextureMemory
-from ui.still import ShownStill
+from ui.still_saver import ViewportStill
 
 QUALITY = 85
 
@@ -37,7 +37,7 @@ class ViewThumbnails:
             self._textures[data] = self._memory.texture((pixels.shape[1], pixels.shape[0]), 4, "f1", pixels)
         return self._textures.get(data)
 
-    def follow(self, editor: Editor, still: Callable[[], ShownStill | None]) -> bool:
+    def follow(self, editor: Editor, still: Callable[[], ViewportStill | None]) -> bool:
         """Take the whole picture, where it is of a kept view that has none; whether there is a new one."""
         self._forget_unused(editor.view.bookmarks)
         is_elsewhere = editor.status.is_away and not editor.status.follows_input
@@ -65,7 +65,7 @@ class ViewThumbnails:
             self._memory.release(self._textures.pop(data))
 
 
-def jpeg_of(picture: ShownStill) -> bytes:
+def jpeg_of(picture: ViewportStill) -> bytes:
     """A picture as it is shown, small."""
     image = Image.fromarray(np.round(255.0 * np.clip(picture.shown, 0.0, 1.0)).astype(np.uint8))
     image.thumbnail(THUMBNAIL_SIZE)

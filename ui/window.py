@@ -37,13 +37,13 @@ from ui.glfw_keys import KEYS, as_printed, held, key_changes
 from ui.layout import LEAST_SIZE
 from ui.panels.actions import Quit
 from ui.panels.maps import image_at
-from ui.picture_feed import CURVE_LOOK_SECONDS, PictureFeed
+from ui.picture_feed import CURVE_POLL_SECONDS, PictureFeed
 from ui.shell import TITLE, FrameResult, Shell
-from ui.start_times import start_times
+from ui.launch_times import launch_times_from
 
-WORKER_LOOK_SECONDS = 0.05
+WORKER_POLL_SECONDS = 0.05
 # While the first picture is awaited.
-EAGER_LOOK_SECONDS = 0.015
+EAGER_POLL_SECONDS = 0.015
 NO_DISPLAY = (
     "insitu: no display to open a window on ({reason}); without one, `insitu render SCENE -o OUT.exr` and "
     "`insitu screenshot SCENE -o UI.png` work"
@@ -175,7 +175,7 @@ class Window:
         self.editor = editor
         self.first_frame_at: float | None = None
         self.longest_frame = 0.0
-        self._times = start_times()
+        self._times = launch_times_from()
         self._context = create_window_context(require)
         recent, preferences = RecentFiles(recent_file()), PreferenceFile(preference_file())
         self.shell = Shell(
@@ -204,7 +204,7 @@ class Window:
                 continue
             if result.busy:
                 self._take_events(glfw.poll_events)
-                self._look(time.monotonic())
+                self._poll(time.monotonic())
                 self._prepare()
                 continue
             draw_at = time.monotonic() + (result.redraw_in if result.redraw_in is not None else 1e9)
@@ -251,7 +251,7 @@ class Window:
             now = time.monotonic()
             if now >= draw_at:
                 return
-            if self._look(now):
+            if self._poll(now):
                 self._prepare()
                 return
             self._take_events(glfw.wait_events_timeout, max(min(self._pause(), draw_at - now), 0.001))
@@ -261,20 +261,20 @@ class Window:
         if self.editor.response_arriving:
             return 0.0
         if self.editor.controller.awaits_response:
-            return CURVE_LOOK_SECONDS
-        return EAGER_LOOK_SECONDS if self.editor.status.picture == "waiting" else WORKER_LOOK_SECONDS
+            return CURVE_POLL_SECONDS
+        return EAGER_POLL_SECONDS if self.editor.status.picture == "waiting" else WORKER_POLL_SECONDS
 
     def _take_events(self, take: Callable[..., None], *arguments: float) -> None:
         """Let GLFW call our handlers; its Python side cannot read every file name that a desktop can drop."""
-        self.editor.barrier.run("An event", partial(self._hear, take, *arguments), None)
+        self.editor.barrier.run("An event", partial(self._call_handler, take, *arguments), None)
 
-    def _hear(self, take: Callable[..., None], *arguments: float) -> None:
+    def _call_handler(self, take: Callable[..., None], *arguments: float) -> None:
         try:
             take(*arguments)
         except UnicodeDecodeError:
             self.editor.notify("the dropped file's name is not UTF-8; rename it to open it here", True)
 
-    def _look(self, now: float) -> bool:
+    def _poll(self, now: float) -> bool:
         """Take the worker's answers between frames; whether there is something new to draw."""
         found = self.shell.idle(now)
         if self._times is not None:

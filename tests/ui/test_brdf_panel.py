@@ -177,7 +177,7 @@ def test_a_hand_at_work_leaves_most_of_the_time_to_the_picture(window: HeadlessW
     editor = window.shell.editor
     settled(window)
     editor.begin_drag()
-    window.shell._brdf._rests_until = math.inf  # a part that took long has just been made
+    window.shell._brdf._paused_until = math.inf  # a part that took long has just been made
     made = window.shell._brdf._n_made
     editor.do(SetParameter("teapot.1", "alpha", 0.3))
     assert window.frame().busy and window.shell._brdf._n_made == made
@@ -201,7 +201,7 @@ def test_what_was_measured_is_shown_once_it_is_here(window: HeadlessWindow) -> N
     assert [(each.file, each.number) for each in asked] == [(str(file), 5)]
     client.say(TableFetched(measurement, samples, id=asked[0].id))
     for _ in range(100):  # uploaded between frames, in pieces as there is time
-        window.look()
+        window.poll()
         if not settled(window).curves_alone:
             break
     window.frame()
@@ -226,7 +226,7 @@ def test_a_table_without_room_is_told_of(window: HeadlessWindow, monkeypatch: py
     client.say(TableFetched(measurement, np.zeros((90, 90, 180, 3), np.float32), id=asked.id))
     board = window.shell._brdf_board
     for _ in range(100):  # taken between frames, where a slow one leaves time for it
-        window.look()
+        window.poll()
         if settled(window).why_alone:
             break
     assert board.curves_alone and "17 MiB of texture" in board.why_alone and not window.shell.awaits_table

@@ -25,7 +25,7 @@ from tests.ui.small_scene import is_drawn, opened_window, wait_until_exact, writ
 from ui.deform_feed import DeformFeed
 from ui.gl.context import GraphicsError
 from ui.gl.deform.posed_picture import PosedPicture
-from ui.gl.moving import VARIABLE
+from ui.gl.gpu_drawing import VARIABLE
 from ui.headless import HeadlessWindow
 from ui.orbit_feed import OrbitFeed
 

@@ -37,7 +37,7 @@ def heard(queue: EventQueue, passes: int = 1000) -> list[object]:
     for _ in range(passes):
         if queue.is_empty:
             return found
-        queue.hand_over()
+        queue.dispatch()
         io.delta_time = 1e-3
         imgui.new_frame()
         at = (imgui.get_mouse_pos().x, imgui.get_mouse_pos().y)

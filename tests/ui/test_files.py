@@ -19,7 +19,7 @@ from app.machine.paths import display_name
 from app.placement.placement_messages import ComputeTransport
 from app.probe_file import likely_mapping, probe_size
 from tests.ui.stand_in import StandInClient
-from ui.actor import Actor, picture_name
+from ui.action_handler import ActionHandler, picture_name
 from ui.headless import HeadlessWindow
 from ui.panels.actions import AskFile, ExportMeasured, ImportMeasured, OpenFile, SavePicture, SaveSession, SetPanel
 from ui.panels.dialogs import answer, entries
@@ -144,7 +144,7 @@ def test_each_kind_of_file_is_asked_for_where_the_last_one_was(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     shell = window.shell
-    actor = shell.actor = Actor(shell.editor)
+    actor = shell.actor = ActionHandler(shell.editor)
     for name in ("skies", "brdf", "pictures"):
         (tmp_path / name).mkdir()
     (tmp_path / "skies/probe.exr").write_bytes(exr_head(64, 64))

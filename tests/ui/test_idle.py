@@ -9,7 +9,7 @@ from app.editor import Editor
 from app.messages import RequestFailed, Progress
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
-from ui.pacing import PROGRESS_SECONDS
+from ui.frame_pacing import PROGRESS_SECONDS
 
 pytestmark = pytest.mark.gl
 

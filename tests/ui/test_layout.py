@@ -19,7 +19,7 @@ from engine.material.layer import Layer
 from tests.ui.conftest import opened
 from tests.ui.stand_in import StandInClient
 from ui import layout
-from ui.docking import SETTLING
+from ui.dock_layout import SETTLING
 from ui.headless import HeadlessWindow
 from ui.panels import fields, widgets
 from ui.panels.actions import SetPanel, ShowPanel

@@ -18,7 +18,7 @@ from app.view_state import Bookmark, SetView, Viewpoint
 from engine.scene.description import Camera
 from tests.ui.small_scene import CountingClient, is_drawn, opened_window, wait_until_exact, write_small_scene
 from ui.gl.context import GraphicsError
-from ui.gl.moving import VARIABLE
+from ui.gl.gpu_drawing import VARIABLE
 from ui.gl.orbit.shaded_picture import ShadedPicture
 from ui.gl.textures import read_texture
 from ui.headless import HeadlessWindow

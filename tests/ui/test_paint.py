@@ -11,7 +11,7 @@ from imgui_bundle import imgui
 from app.commands.layers import SetParameter
 from app.script import load_script
 from tests.ui.stand_in import HEIGHT, WIDTH
-from ui.brush import Spot, stroke_at
+from ui.brush_dabs import SurfaceSpot, stroke_at
 from ui.headless import HeadlessWindow
 from ui.panels.actions import SaveMaterial
 from ui.script_runner import ScriptError, run_steps
@@ -107,7 +107,7 @@ def test_a_script_paints(window: HeadlessWindow, tmp_path: Path) -> None:
 
 def test_a_stroke_far_from_the_origin_is_exact_to_a_twentieth_of_a_millimetre() -> None:
     place, up = np.array([500_000.3, 4_600_000.12345, -0.2]), np.array([0.0, 0.0, 1.0])
-    stroke = stroke_at([Spot(place, up, 0.01)] * 2, 0.1, 1.0, 1.0, 0.5)
+    stroke = stroke_at([SurfaceSpot(place, up, 0.01)] * 2, 0.1, 1.0, 1.0, 0.5)
     found = stroke.array[:, :3].astype(np.float64) + stroke.origin
     np.testing.assert_allclose(found, [place, place], rtol=0.0, atol=5e-5)
-    assert stroke_at([Spot(np.array([1.0, -2.0, 300.0]), up, 0.01)], 0.1, 1.0, 1.0, 0.5).origin == (0.0, 0.0, 0.0)
+    assert stroke_at([SurfaceSpot(np.array([1.0, -2.0, 300.0]), up, 0.01)], 0.1, 1.0, 1.0, 0.5).origin == (0.0, 0.0, 0.0)

@@ -346,7 +346,7 @@ def test_before_anything_is_computed_objects_are_lit_from_the_eye(opening: Openi
 
 def test_the_first_picture_has_no_black_in_it(opening: Opening, monkeypatch: pytest.MonkeyPatch) -> None:
     """It waits until all objects are shaded plainly, and stands before grey until the sky has come."""
-    monkeypatch.setattr(placement_feed, "PLAIN_SECONDS", 1e-4)  # an object a frame
+    monkeypatch.setattr(placement_feed, "HEADLIGHT_SECONDS", 1e-4)  # an object a frame
     opening.step()
     n_frames = 0
     while opening.feed.picture is None and n_frames < 100:

@@ -108,7 +108,7 @@ def test_double_click_types_a_number(window: HeadlessWindow) -> None:
 def test_a_double_click_is_one_however_slowly_it_is_heard(
     window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ui.shell.HEARING_SECONDS", 0.0)  # one act a frame, and frames of a quarter of a second
+    monkeypatch.setattr("ui.shell.EVENT_SECONDS", 0.0)  # one act a frame, and frames of a quarter of a second
     monkeypatch.setattr("ui.headless.FRAME_SECONDS", 0.25)
     window.move(*window.shell.handle_position("material.alpha"))
     window.frames(2)

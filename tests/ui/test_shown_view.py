@@ -10,10 +10,10 @@ from app.view_state import SetView
 from engine.colour import ToneMapping
 from engine.errors import InsituError
 from engine.render.display import display_picture
-from ui import shown_view
+from ui import tone_view
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
-from ui.shown_view import ShownView
+from ui.tone_view import ToneView
 
 TABLE = np.zeros((2, 2, 2, 3), np.float16)
 
@@ -23,22 +23,22 @@ def made_by(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Callable[[Ton
     """Let tables be made by something else."""
 
     def use(make: Callable[[ToneMapping], np.ndarray]) -> None:
-        shown_view._coming.cache_clear()
-        monkeypatch.setattr(shown_view, "view_table", make)
+        tone_view._start_table.cache_clear()
+        monkeypatch.setattr(tone_view, "view_table", make)
 
     yield use
-    shown_view._coming.cache_clear()
+    tone_view._start_table.cache_clear()
 
 
 def test_the_last_view_stays_until_the_table_is_there(made_by) -> None:
     may_end = threading.Event()
     made_by(lambda view: TABLE if may_end.wait(20) else TABLE)
-    shown = ShownView()
+    shown = ToneView()
     assert shown.follow("linear") == "linear" and not shown.waits
     assert shown.follow("agx") == "linear" and shown.waits
     assert shown.follow("filmic") == "filmic" and not shown.waits  # another choice meanwhile
     may_end.set()
-    shown_view._coming("agx").result(20)
+    tone_view._start_table("agx").result(20)
     assert shown.follow("agx") == "agx" and not shown.waits
 
 
@@ -47,11 +47,11 @@ def test_a_view_that_cannot_be_made_is_said_once(made_by) -> None:
         raise ImportError("No module named 'PyOpenColorIO'")
 
     made_by(fail)
-    shown = ShownView()
+    shown = ToneView()
     with pytest.raises(InsituError):
         for _ in range(200):  # the thread may take a moment
             shown.follow("aces_2")
-            shown_view._coming("aces_2").exception(20)
+            tone_view._start_table("aces_2").exception(20)
     assert shown.follow("aces_2") == "filmic" and not shown.waits
 
 
@@ -60,7 +60,7 @@ def test_the_window_shows_what_a_file_would_hold(window: HeadlessWindow) -> None
     window.shell.editor.select(None)
     for view in ("agx", "aces_2", "filmic"):
         window.shell.editor.do(SetView.of(tone_mapping=view))
-        assert window.run_until(lambda view=view: shown_view.is_at_hand(view), 20)
+        assert window.run_until(lambda view=view: tone_view.is_table_ready(view), 20)
         window.frames(2)
         source = window.shell.source
         assert isinstance(source, PictureFeed) and source.source.renderer.frame is not None

@@ -5,7 +5,7 @@ import pytest
 from app.commands.layers import SetParameter
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
-from ui.spoken_names import spoken
+from ui.display_names import with_display_names
 
 
 @pytest.mark.gl
@@ -22,7 +22,7 @@ from ui.spoken_names import spoken
     ],
 )
 def test_layers_curves_and_parameters_have_their_names(window: HeadlessWindow, text: str, said: str) -> None:
-    assert spoken(window.shell.editor.document, text) == said
+    assert with_display_names(window.shell.editor.document, text) == said
 
 
 @pytest.mark.gl

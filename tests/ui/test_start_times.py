@@ -7,16 +7,16 @@ import time
 from pathlib import Path
 
 from app.editor_status import Status
-from ui.start_times import start_times
+from ui.launch_times import launch_times_from
 
 
 def test_nothing_is_noted_unless_it_is_asked_for() -> None:
-    assert start_times({}) is None
+    assert launch_times_from({}) is None
 
 
 def test_milestones_are_noted_once_and_in_steady_time(tmp_path: Path) -> None:
     file = tmp_path / "times.json"
-    times = start_times({"INSITU_TIMES": str(file)})
+    times = launch_times_from({"INSITU_TIMES": str(file)})
     assert times is not None
     before = time.monotonic()
     times.frame_shown(False, Status())

@@ -22,7 +22,7 @@ from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
 from ui.panels.actions import SavePicture
 from ui.picture_feed import PictureFeed
-from ui.still import ShownStill, StillSaver
+from ui.still_saver import ViewportStill, StillSaver
 
 real = real_window_fixture()
 
@@ -109,13 +109,13 @@ def test_exr_is_linear_light_whatever_the_view(window: HeadlessWindow, tmp_path:
 def test_frames_go_on_while_a_picture_is_written(
     window: HeadlessWindow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    held, encoded = threading.Event(), ShownStill.encoded
+    held, encoded = threading.Event(), ViewportStill.encoded
 
-    def slow(still: ShownStill, ending: str, deep: bool) -> bytes:
+    def slow(still: ViewportStill, ending: str, deep: bool) -> bytes:
         assert held.wait(60.0)
         return encoded(still, ending, deep)
 
-    monkeypatch.setattr(ShownStill, "encoded", slow)
+    monkeypatch.setattr(ViewportStill, "encoded", slow)
     window.shell.request(SavePicture(tmp_path / "a.png"))
     window.frames(5)
     # An edit after it was asked for is not in it, and nothing is there by half.
@@ -142,7 +142,7 @@ def test_what_cannot_be_written_is_said(window: HeadlessWindow, tmp_path: Path) 
 
 
 def test_closing_waits_for_what_is_being_written(tmp_path: Path) -> None:
-    still = ShownStill(np.full((600, 600, 3), 0.5, np.float32), np.zeros((600, 600, 3), np.float32))
+    still = ViewportStill(np.full((600, 600, 3), 0.5, np.float32), np.zeros((600, 600, 3), np.float32))
     saver = StillSaver()
     saver.save(still, tmp_path / "a.png", True)
     saver.close()

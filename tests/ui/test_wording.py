@@ -15,7 +15,7 @@ from engine.curve.operators import Operator
 from engine.material import MODELS
 from engine.scene.description import SceneDescription
 from tests.ui.stand_in import SCENE
-from ui.spoken_names import spoken
+from ui.display_names import with_display_names
 
 LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=0.5)
 COAT, CURVE = "teapot.1", ("teapot.1", "theta_h")
@@ -69,5 +69,5 @@ def test_hints_speak_the_fields_language(model: object) -> None:
     ids=lambda command: type(command).__name__,
 )
 def test_what_is_undone_is_said_in_words(document: Document, command: object) -> None:
-    label = spoken(document, command.label)  # type: ignore[attr-defined]
+    label = with_display_names(document, command.label)  # type: ignore[attr-defined]
     assert not INTERNAL.search(label), label

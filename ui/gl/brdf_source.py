@@ -17,8 +17,8 @@ from engine.material import kinds
 from engine.material.measured_model import MeasuredModel
 from engine.material.model import Factor, Model
 from ui.gl.measured_source import ANGLES, n_factor_rows, quotient_text, value_text
-from ui.gl.python_source import PythonSource
-from ui.gl.python_to_glsl import Foreign, Translation
+from ui.gl.python_functions import PythonSource
+from ui.gl.python_to_glsl import ForeignFunction, Translation
 
 KERNELS = Path(inspect.getfile(kinds)).with_name("_kernels.py")
 MEASURED_KERNELS = Path(inspect.getfile(MeasuredModel)).with_name("_measured_kernels.py")
@@ -84,7 +84,7 @@ def _layer(translation: Translation, place: int, model: Model, row: int, slot: i
 
 def _value(translation: Translation, slot: int) -> str:
     """The look-up of a table."""
-    foreign = {"_angle": Foreign(_kernels(), "_angle")}
+    foreign = {"_angle": ForeignFunction(_kernels(), "_angle")}
     phi_d = translation.function(_measured_kernels(), "_phi_d", {}, foreign)
     angles = {kind: _angle(translation, kind, "mat2x4(0.0)") for kind in ANGLES}
     return value_text(slot, angles, f"{phi_d}({PAIR})")
@@ -100,7 +100,7 @@ def _quotient(translation: Translation, model: Model) -> str:
     number, foreign = model.kind, {}
     if model.quotient is not None:
         own = PythonSource.read(Path(inspect.getfile(model.quotient)))
-        number, foreign = OWN_NUMBER, {"_call": Foreign(own, model.quotient.__qualname__, skipped=1)}
+        number, foreign = OWN_NUMBER, {"_call": ForeignFunction(own, model.quotient.__qualname__, skipped=1)}
     return translation.function(_kernels(), "quotient_cosine", {"model_kind": number}, foreign)
 
 

@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from engine.errors import InsituError
-from ui.gl.python_source import Number, PythonSource
+from ui.gl.python_functions import Number, PythonSource
 
 LEAST, LARGEST = 1.1754944e-38, 3.4028235e38
 # Where the exact forms for single precision stand: shaders/brdf/arithmetic.glsl.
@@ -50,7 +50,7 @@ def literal(value: float) -> str:
 
 
 @dataclass(frozen=True)
-class Foreign:
+class ForeignFunction:
     """Where a called name is a function of another file; `skipped` of its first arguments are for the caller alone."""
 
     source: PythonSource
@@ -71,7 +71,7 @@ class Translation:
         return "\n".join(self._texts)
 
     def function(
-        self, source: PythonSource, name: str, known: Mapping[str, Number], foreign: Mapping[str, Foreign]
+        self, source: PythonSource, name: str, known: Mapping[str, Number], foreign: Mapping[str, ForeignFunction]
     ) -> str:
         """The GLSL name of a function of which some arguments are known, translated where it has not been yet.
 
@@ -100,7 +100,7 @@ class _Function:
         source: PythonSource,
         node: ast.FunctionDef,
         known: dict[str, Number],
-        foreign: Mapping[str, Foreign],
+        foreign: Mapping[str, ForeignFunction],
     ) -> None:
         self._translation, self._source, self._node = translation, source, node
         self._known, self._foreign = known, foreign
@@ -186,7 +186,7 @@ class _Function:
 
     def _if(self, node: ast.If, depth: int) -> list[str]:
         tab = "    " * depth
-        decided = self._decided(node.test)
+        decided = self._known_outcome(node.test)
         if decided is not None:
             return self._block(node.body if decided else node.orelse, depth)
         lines = [f"{tab}if ({self._value(node.test)}) {{", *self._block(node.body, depth + 1)]
@@ -220,7 +220,7 @@ class _Function:
                 joint = " && " if isinstance(op, ast.And) else " || "
                 return f"({joint.join(map(self._value, values))})"
             case ast.IfExp(test=test, body=body, orelse=orelse):
-                decided = self._decided(test)
+                decided = self._known_outcome(test)
                 if decided is not None:
                     return self._value(body if decided else orelse)
                 return f"({self._value(test)} ? {self._value(body)} : {self._value(orelse)})"
@@ -260,11 +260,11 @@ class _Function:
         pairs = [f"({left} {sign} {right})" for left, sign, right in zip(sides, signs, sides[1:], strict=False)]
         return pairs[0] if len(pairs) == 1 else f"({' && '.join(pairs)})"
 
-    def _decided(self, test: ast.expr) -> bool | None:
+    def _known_outcome(self, test: ast.expr) -> bool | None:
         """The outcome of a condition on what is known; None where it depends on directions."""
         match test:
             case ast.BoolOp(op=op, values=values):
-                outcomes = [self._decided(each) for each in values]
+                outcomes = [self._known_outcome(each) for each in values]
                 settling = isinstance(op, ast.Or)
                 if settling in outcomes:
                     return settling

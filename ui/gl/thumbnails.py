@@ -43,12 +43,12 @@ class Thumbnails:
         self._passes, self._memory = Passes(context), TextureMemory(context)
         self._stack, self._complete = BrdfStack(self._passes, self._memory, tables), complete
         self._sphere: LitSphere | None = None
-        self._done: dict[Path, tuple[LibraryEntry, moderngl.Texture | None]] = {}
+        self._finished: dict[Path, tuple[LibraryEntry, moderngl.Texture | None]] = {}
         self._wanted: dict[Path, LibraryEntry] = {}
 
     def texture(self, entry: LibraryEntry) -> moderngl.Texture | None:
         """The picture, RGBA8 with row 0 at the top; None while there is none, or where it cannot be drawn."""
-        known, texture = self._done.get(entry.path, (None, None))
+        known, texture = self._finished.get(entry.path, (None, None))
         if known is None or known.material is not entry.material:
             self._wanted[entry.path] = entry
         return texture
@@ -76,19 +76,19 @@ class Thumbnails:
             if texture is None:
                 return False
         del self._wanted[entry.path]
-        self._memory.release(self._done.get(entry.path, (entry, None))[1])
-        self._done[entry.path] = entry, texture
+        self._memory.release(self._finished.get(entry.path, (entry, None))[1])
+        self._finished[entry.path] = entry, texture
         return True
 
     def release(self) -> None:
         """Free all textures."""
-        for _, texture in self._done.values():
+        for _, texture in self._finished.values():
             self._memory.release(texture)
         if self._sphere is not None:
             self._sphere.release()
         self._stack.release()
         self._passes.release()
-        self._done, self._wanted = {}, {}
+        self._finished, self._wanted = {}, {}
 
     def _read(self, file: Path) -> moderngl.Texture:
         pixels = np.asarray(Image.open(file).convert("RGBA"))

@@ -15,7 +15,7 @@ _TABLE_SWITCH = "TONE_TABLE"
 
 class ToneMapper:
     """Programs and textures by view, for one that draws. A table is made when it is first drawn with, which takes half
-    a second where nobody asked for it before (`ui.shown_view`)."""
+    a second where nobody asked for it before (`ui.tone_view`)."""
 
     def __init__(self, passes: Passes, memory: TextureMemory) -> None:
         self._passes, self._memory = passes, memory

@@ -30,7 +30,7 @@ class ViewTarget:
         self._resolved: moderngl.Framebuffer | None = None
         self._texture: moderngl.Texture | None = None
 
-    def rehearse(self) -> None:
+    def warm_up(self) -> None:
         """Compile what draws the sky; raises GraphicsError."""
         self._passes.full_screen(_BACKDROP)
 
@@ -92,7 +92,7 @@ class ViewTarget:
         self._size = (0, 0)
 
 
-def seen_from(
+def view_uniforms(
     camera: Camera, size: tuple[int, int], eye: NDArray[np.floating], nearest: float, farthest: float
 ) -> dict[str, object]:
     """Where corners come to lie in a picture (width, height): the uniforms eye, towards and depth of vertex shaders.

@@ -16,7 +16,7 @@ from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
-from ui.spoken_names import spoken
+from ui.display_names import with_display_names
 
 LIGHT_CHOICES = (400, 1000, 4000, 10000)
 PATCH_CHOICES = (256, N_PATCHES, 3000, 10000)
@@ -57,7 +57,7 @@ def draw(context: PanelContext) -> list[Action]:
     imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(imgui.get_style().item_spacing.x, context.px(1)))
     selected = context.view.selected
     for name, value, hint in figures(status, None if selected is None else selected.key):
-        figure(context, name, value, spoken(context.document, hint))
+        figure(context, name, value, with_display_names(context.document, hint))
     imgui.pop_style_var()
     return actions
 
@@ -99,7 +99,7 @@ def _quality(context: PanelContext, status: PlacementStatus) -> list[Action]:
     picked = _combo(context, "accuracy.edges", EDGES, context.view.n_edge_rays, 0.5 * room, EDGES_HINT)
     actions += [SetView.of(n_edge_rays=n) for n in picked]
     if status.transport_note:
-        widgets.caption(spoken(context.document, status.transport_note))
+        widgets.caption(with_display_names(context.document, status.transport_note))
     return actions
 
 

@@ -25,7 +25,7 @@ from app.selection import layer_shown
 from app.editor_status import Status
 from app.view_state import Bookmark, ViewState
 from engine.scene.description import Camera
-from ui.brush import Spot
+from ui.brush_dabs import SurfaceSpot
 from ui.panels.brdf_board import BrdfBoard
 from ui.panels.picture import Picture
 from ui.panels.state import PanelState
@@ -111,7 +111,7 @@ def nothing_there(column: int, row: int) -> str | None:
     return None
 
 
-def no_spot(column: int, row: int) -> Spot | None:
+def no_spot(column: int, row: int) -> SurfaceSpot | None:
     """What a pixel sees before there is a picture."""
     return None
 
@@ -159,7 +159,7 @@ class PanelContext:
     undo_label: str | None = None
     redo_label: str | None = None
     object_at: Callable[[int, int], str | None] = nothing_there
-    spot_at: Callable[[int, int], Spot | None] = no_spot
+    spot_at: Callable[[int, int], SurfaceSpot | None] = no_spot
     heading: float = 0.0
     environments: tuple[str, ...] = ()
     library: tuple[LibraryEntry, ...] = ()

@@ -12,7 +12,7 @@ from app.document import layer_key
 from engine.material.layer import object_of
 from engine.material.layer_maps import LayerMaps
 from ui import theme as look
-from ui.brush import along, spots_at, stroke_at
+from ui.brush_dabs import sample_path, spots_at, stroke_at
 from ui.panels import fields, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, SetPanel
 from ui.panels.context import PanelContext
@@ -162,7 +162,7 @@ def go_on(context: PanelContext, grip: PaintGrip, place: Point) -> list[Action]:
     """The button is held and the mouse at a place of the picture."""
     if place == grip.offset:
         return []
-    return _stroke(context, grip, along([grip.offset, place], context.state.brush.radius), place)
+    return _stroke(context, grip, sample_path([grip.offset, place], context.state.brush.radius), place)
 
 
 def _stroke(context: PanelContext, grip: PaintGrip, places: list[Point], end: Point) -> list[Action]:

@@ -13,7 +13,7 @@ from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
-from ui.spoken_names import spoken
+from ui.display_names import with_display_names
 from ui.theme import Icon
 
 VALUE_WIDTH, DOT = 118.0, 3.0
@@ -39,7 +39,7 @@ def _heading(context: PanelContext, key: str, is_first: bool) -> None:
     if not is_first:
         imgui.dummy(ImVec2(0.0, context.px(4)))
     imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT_FAINT))
-    imgui.separator_text(spoken(context.document, key) if key else PICTURE)
+    imgui.separator_text(with_display_names(context.document, key) if key else PICTURE)
     imgui.pop_style_color()
 
 

@@ -57,7 +57,7 @@ def start_layer(
     renderer.begin_transport("ball.0", numbers, norms_of(transport), scale)
     while not renderer.upload(1.0):
         pass
-    renderer.wanted("ball.0", coefficients)
+    renderer.want("ball.0", coefficients)
     finish(renderer)
 
 

@@ -13,7 +13,7 @@ from PIL import Image
 
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.placement.renderer import PlacementRenderer
-from ui.gl.tonemap import DisplayView
+from ui.gl.display import DisplayView
 
 pytestmark = pytest.mark.gl
 
@@ -55,7 +55,7 @@ def _compose(renderer: PlacementRenderer) -> None:
     renderer.snapshot_compare()
     while not renderer.upload(1.0):
         pass
-    renderer.wanted("ball.1", np.array([[0.1, 0.1, 0.1], [0.5, 0.5, 0.6], [2.0, 2.0, 1.8]]))
+    renderer.want("ball.1", np.array([[0.1, 0.1, 0.1], [0.5, 0.5, 0.6], [2.0, 2.0, 1.8]]))
     while not renderer.update().exact:
         pass
     renderer.composite(DisplayView(exposure=0.5, selected=0, compare_divider=0.4))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ui.gl.passes import Passes
-from ui.gl.python_source import PythonSource
+from ui.gl.python_functions import PythonSource
 from ui.gl.python_to_glsl import Translation, Untranslatable, literal
 from ui.gl.textures import TextureMemory, read_texture
 

@@ -11,7 +11,7 @@ from tests.naive import pictures as naive
 from tests.ui.gl.pictures import frame_of, full_frame
 from ui.gl.context import GraphicsError
 from ui.gl.placement.renderer import PlacementRenderer
-from ui.gl.tonemap import HOVER_COLOUR, SELECTION_COLOUR, DisplayView, outline_pixels
+from ui.gl.display import HOVER_COLOUR, SELECTION_COLOUR, DisplayView, outline_pixels
 
 pytestmark = pytest.mark.gl
 

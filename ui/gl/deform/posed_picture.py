@@ -25,7 +25,7 @@ from ui.gl.context import GraphicsError
 from ui.gl.layer_maps import map_uniforms
 from ui.gl.program import ProgramCache, set_uniforms
 from ui.gl.textures import TextureMemory
-from ui.gl.view_target import ViewTarget, seen_from
+from ui.gl.view_target import ViewTarget, view_uniforms
 
 ORDER = 6  # of `lobes.comp.glsl`
 # Buffers by the numbers that shaders know them by: of points, and of what lies on objects.
@@ -48,7 +48,7 @@ class PosedPicture:
         self._memory, self._textures = BufferMemory(context), TextureMemory(context)
         self._buffers: dict[str, moderngl.Buffer] = {}
         self._shape: ShapePart | None = None
-        self._look: AppearancePart | None = None
+        self._appearance: AppearancePart | None = None
         self._cover: CoverPart | None = None
         self._sky: SkyPart | None = None
         self._backdrop: moderngl.Texture | None = None
@@ -56,13 +56,13 @@ class PosedPicture:
         self._cover_arrays: dict[int, moderngl.VertexArray] = {}
 
     @property
-    def known(self) -> Numbers:
+    def part_numbers(self) -> Numbers:
         """The numbers of the parts that are here."""
-        parts = self._shape, self._look, self._cover, self._sky
+        parts = self._shape, self._appearance, self._cover, self._sky
         shape, look, cover, sky = (each.number if each else 0 for each in parts)
         return shape, look, cover, sky
 
-    def rehearse(self) -> Iterator[None]:
+    def warm_up(self) -> Iterator[None]:
         """Compile all shaders, one a step; raises GraphicsError."""
         yield
         self._programs.compute("deform/lobes.comp.glsl")
@@ -72,21 +72,21 @@ class PosedPicture:
             yield
             self._term(has_maps, has_detail)
         yield
-        self._target.rehearse()
+        self._target.warm_up()
 
     def draw(self, told: PictureExport, camera: Camera, size: tuple[int, int]) -> moderngl.Texture:
         """The picture (width, height), row 0 at the top; raises GraphicsError, also where a part is missing."""
-        if told.is_missing_parts(self.known):
+        if told.is_missing_parts(self.part_numbers):
             raise GraphicsError("a pose without its mesh or light")
         if told.shape is not None:
             self._take_shape(told.shape)
         if told.cover is not None:
             self._take_cover(told.cover)
         if told.appearance is not None:
-            self._take_look(told.appearance)
+            self._take_appearance(told.appearance)
         if told.sky is not None:
             self._take_sky(told.sky)
-        shape, look, cover = self._shape, self._look, self._cover
+        shape, look, cover = self._shape, self._appearance, self._cover
         assert shape is not None and look is not None and cover is not None and self._backdrop is not None
         self._fill("posed", told.posed.places)
         self._fill("axes", told.posed.axes)
@@ -120,12 +120,12 @@ class PosedPicture:
             self._fill(name, array)
         self._cover = part
 
-    def _take_look(self, part: AppearancePart) -> None:
-        self._look = None
+    def _take_appearance(self, part: AppearancePart) -> None:
+        self._appearance = None
         self._fill("light", np.concatenate([part.harmonics.ravel(), part.table.ravel()]))
         self._fill("objects", part.objects)
         self._fill("gloss", part.gloss)
-        self._look = part
+        self._appearance = part
 
     def _take_sky(self, part: SkyPart) -> None:
         self._sky = None
@@ -219,7 +219,7 @@ class PosedPicture:
             self._memory.release(buffer)
         self._buffers.clear()
         self._textures.release(self._backdrop)
-        self._array = self._backdrop = self._shape = self._look = self._cover = self._sky = None
+        self._array = self._backdrop = self._shape = self._appearance = self._cover = self._sky = None
 
     def _release_cover_arrays(self) -> None:
         for array in self._cover_arrays.values():
@@ -250,4 +250,4 @@ def _view(camera: Camera, size: tuple[int, int], posed: PosedPart) -> dict[str, 
     forward = camera_frame(camera)[2]
     depths = posed.places[:, 9:] @ forward.astype(np.float32) - np.float32(np.dot(posed.camera_position, forward))
     farthest = max(float(depths.max(initial=0.0)), 1e-6) * 1.001
-    return seen_from(camera, size, np.asarray(posed.camera_position), float(depths.min(initial=farthest)) * 0.999, farthest)
+    return view_uniforms(camera, size, np.asarray(posed.camera_position), float(depths.min(initial=farthest)) * 0.999, farthest)

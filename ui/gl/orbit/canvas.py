@@ -10,7 +10,7 @@ from engine.scene.picture_frame import PictureFrame
 from ui.gl.context import GraphicsError
 from ui.gl.passes import Passes
 from ui.gl.textures import TextureMemory, read_texture
-from ui.gl.tonemap import Display, DisplayView
+from ui.gl.display import Display, DisplayView
 
 
 class PictureCanvas:

@@ -20,7 +20,7 @@ from engine.scene.description import Camera
 from ui.gl.layer_maps import map_uniforms
 from ui.gl.orbit.point_buffers import PointBuffers, Tables
 from ui.gl.program import ProgramCache, set_uniforms
-from ui.gl.view_target import ViewTarget, seen_from
+from ui.gl.view_target import ViewTarget, view_uniforms
 
 _CORNER = (("position", 3, "f"), ("face", 3, "f"), ("image_place", 2, "f"), ("sides", 2, "i"), ("first_way", 3, "f"),
            ("second_way", 3, "f"))  # fmt: skip
@@ -40,7 +40,7 @@ class ShadedPicture:
         self._number = 0
         self._query: moderngl.Query | None = None
 
-    def rehearse(self) -> Iterator[None]:
+    def warm_up(self) -> Iterator[None]:
         """Compile all shaders, one a step; raises GraphicsError."""
         for name in ("put", "gloss"):
             yield
@@ -52,7 +52,7 @@ class ShadedPicture:
             yield
             self._program("term", "term", IS_BUMPY=is_bumpy, HAS_MAPS=has_maps)
         yield
-        self._target.rehearse()
+        self._target.warm_up()
 
     def draw(self, camera: Camera, size: tuple[int, int], n_coefficients: int) -> moderngl.Texture:
         """The picture (width, height), row 0 at the top, by so many coefficients a point; raises GraphicsError."""
@@ -193,4 +193,4 @@ def _view(camera: Camera, size: tuple[int, int], mesh: MeshPart) -> dict[str, ob
     """Where triangles come to lie in the picture: uniforms of `surface.glsl`."""
     eye = np.subtract(camera.position, mesh.origin)
     distance = float(np.linalg.norm(eye - mesh.centre))
-    return seen_from(camera, size, eye, distance - mesh.radius, distance + mesh.radius)
+    return view_uniforms(camera, size, eye, distance - mesh.radius, distance + mesh.radius)

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.context import GraphicsError
 from ui.gl.passes import Box, Passes
-from ui.gl.picture_frame import require_sound
-from ui.gl.placement.accumulate import Accumulator
+from ui.gl.frame_check import require_sound
+from ui.gl.placement.accumulator import Accumulator
 from ui.gl.placement.sample_layout import (
     SAMPLES_PER_ROW,
     not_a_power_of_two,
@@ -97,11 +97,11 @@ class Compositor:
         self._object_boxes = [frame.object_box(i) for i in range(frame.n_objects)]
         self._n_rows = not_a_power_of_two(int(self._first_rows[-1]))
         self._lamps = frame.lamps._replace(radiance=np.array(frame.lamps.radiance, dtype=np.float32))
-        self._shining = np.zeros((frame.height, frame.width, 4), dtype=np.float32)
-        self._shining[..., :3] = frame.emission_image
-        self._shining[..., 3] = frame.open_image
+        self._emitter_pixels = np.zeros((frame.height, frame.width, 4), dtype=np.float32)
+        self._emitter_pixels[..., :3] = frame.emission_image
+        self._emitter_pixels[..., 3] = frame.open_image
         yield
-        self._emission = self._keep(size, 4, "f4", self._shining)
+        self._emission = self._keep(size, 4, "f4", self._emitter_pixels)
         yield
         self._rays = self._keep(size, 3, "f4", np.asarray(frame.ray_directions, np.float32))
         yield
@@ -223,11 +223,11 @@ class Compositor:
         lamps.radiance[mine] = wanted
         pixels = lamps.pixel[mine]
         there = np.isin(lamps.pixel, pixels)  # others may share them
-        shining = self._shining.reshape(-1, 4)[:, :3]
+        shining = self._emitter_pixels.reshape(-1, 4)[:, :3]
         shining[pixels] = 0.0
         np.add.at(shining, lamps.pixel[there], (lamps.share[:, None] * lamps.radiance)[there])
         first, last = int(pixels.min()) // self.frame.width, int(pixels.max()) // self.frame.width
-        band = np.ascontiguousarray(self._shining[first : last + 1])
+        band = np.ascontiguousarray(self._emitter_pixels[first : last + 1])
         self._emission.write(band, viewport=(0, first, self.frame.width, len(band)), alignment=1)
         return True
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ui.gl.context import GraphicsError
-from ui.gl.placement.accumulate import Accumulator
+from ui.gl.placement.accumulator import Accumulator
 from ui.gl.placement.composite import VIEW_CURVE_SIZE, Compositor, FootprintTextures, MapTexture
 from ui.gl.textures import TextureMemory
 
@@ -46,7 +46,7 @@ class DrawnLayer:
 
 
 @dataclass(frozen=True, eq=False)
-class ComparedLook:
+class ComparedAppearance:
     """Another look of a layer: f_q, f_o (256,3), visibility, and a radiance (p,3) at every pixel of its object.
 
     `radiance` None: as in its accumulator. maps: samples of its images (p,4) or None, with their two numbers.
@@ -200,13 +200,13 @@ class LayerStack:
                 self.dirty.add(layer.i_object)
 
     @contextmanager
-    def looking(self, looks: Mapping[str, ComparedLook]) -> Iterator[None]:
+    def with_appearances(self, looks: Mapping[str, ComparedAppearance]) -> Iterator[None]:
         """The layers with other looks for a while; their own come back unharmed, and their objects are to be shaded."""
         own = {key: self._layers[key] for key in looks if key in self._layers}
         try:
             for key, layer in own.items():
                 self._layers[key] = replace(layer, view_curve=None, accumulator=layer.accumulator)
-                self._put_on(key, looks[key], layer)
+                self._apply_appearance(key, looks[key], layer)
             yield
         finally:
             for key, layer in own.items():
@@ -220,7 +220,7 @@ class LayerStack:
                 self._layers[key] = layer
                 self.dirty.add(layer.i_object)
 
-    def _put_on(self, key: str, look: ComparedLook, own: DrawnLayer) -> None:
+    def _apply_appearance(self, key: str, look: ComparedAppearance, own: DrawnLayer) -> None:
         worn = self._layers[key]
         worn.gain, worn.visible = look.gain, look.visible
         samples, strength, inverts = look.maps

@@ -1,7 +1,7 @@
 """The renderer of Placement mode: what the window calls each frame.
 
 A picture is the sum of layers, each with an accumulator B at its samples. The selected layer, and those that share its
-curve, also have their transport on the GPU, and the curve is followed by increments (`edited`); the others stand as the
+curve, also have their transport on the GPU, and the curve is followed by increments (`edited_layers`); the others stand as the
 worker computed them.
 
 In a frame the window calls ``upload`` (a slice of a transport under way), ``wanted`` (the curve of now), ``update`` (as
@@ -30,12 +30,12 @@ from engine.planner import Precision
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.context import GraphicsError
 from ui.gl.passes import Box, Passes
-from ui.gl.placement.accumulate import TermSum
+from ui.gl.placement.accumulator import TermSum
 from ui.gl.placement.composite import Compositor
-from ui.gl.placement.edited import EditedLayers
-from ui.gl.placement.layers import ComparedLook, LayerStack
+from ui.gl.placement.edited_layers import EditedLayers
+from ui.gl.placement.layers import ComparedAppearance, LayerStack
 from ui.gl.textures import TextureMemory
-from ui.gl.tonemap import Display, DisplayView
+from ui.gl.display import Display, DisplayView
 
 
 @dataclass(frozen=True)
@@ -274,7 +274,7 @@ class PlacementRenderer:
         """The curve of a layer's active transport; None where there is none."""
         return self._edited.curve(key)
 
-    def wanted(self, key: str, coefficients: NDArray[np.floating], curve: str = "") -> None:
+    def want(self, key: str, coefficients: NDArray[np.floating], curve: str = "") -> None:
         """The curve (J,3), Daub4 domain, that the layer should show; kept for its transport where that is not there.
 
         Raises GraphicsError on numbers that are not finite; a number of bands that the active transport does not have
@@ -328,11 +328,11 @@ class PlacementRenderer:
         picture.display_box, picture.view = None, view
         return picture.display.texture
 
-    def snapshot_compare(self, looks: Mapping[str, ComparedLook] | None = None) -> None:
+    def snapshot_compare(self, looks: Mapping[str, ComparedAppearance] | None = None) -> None:
         """Keep the linear picture as it would be with these layers looking so (of now: none) as A of the comparison."""
         self._draw_linear()
         picture = self._shown()
-        with picture.layers.looking(looks or {}):
+        with picture.layers.with_appearances(looks or {}):
             objects = {picture.layers[key].i_object for key in looks or {} if key in picture.layers}
             picture.layers.dirty |= objects
             self._draw_linear()

@@ -104,7 +104,7 @@ def with_surfaces(deform: Deform, **surfaces: DeformSurface) -> Deform:
 @pytest.fixture
 def picture(context: moderngl.Context) -> Iterator[PosedPicture]:
     made = PosedPicture(context, 0)
-    for _ in made.rehearse():
+    for _ in made.warm_up():
         pass
     yield made
     made.release()
@@ -136,15 +136,15 @@ def test_it_is_the_picture_of_compiled_code(
 def test_images_are_told_once_and_light_and_amounts_without_them(deform: Deform, picture: PosedPicture) -> None:
     eye = with_surfaces(deform, ball=PATCH).scene.description.camera
     shown(picture, deform, eye, BENT)
-    told = deform.export_picture(eye, BENT[:1], picture.known)
+    told = deform.export_picture(eye, BENT[:1], picture.part_numbers)
     assert told.shape is None and told.appearance is None and told.cover is None and len(told.posed.axes)
     light = deform._light
     deform.set_light(SkyState(light.environment, 120.0, 0.3))
-    told = deform.export_picture(eye, BENT, picture.known)
+    told = deform.export_picture(eye, BENT, picture.part_numbers)
     assert told.appearance is not None and told.appearance.terms and told.cover is None
     deform.set_light(light)
     with_surfaces(deform, leaf=PATCH)
-    told = deform.export_picture(eye, BENT, picture.known)
+    told = deform.export_picture(eye, BENT, picture.part_numbers)
     assert told.cover is not None and list(told.cover.ranges) == [1, 2]
     before = deform.draw(eye, SIZE, BENT)
     assert np.median(np.abs(shown(picture, deform, eye, BENT) - before)) < 1e-4

@@ -23,7 +23,7 @@ from engine.transport.pipeline import SkyState
 from tests.scene_text import camera, placed
 from ui.gl.context import GraphicsError
 from ui.gl.deform.posed_picture import PosedPicture
-from ui.gl.moving import VARIABLE, shader_bytes
+from ui.gl.gpu_drawing import VARIABLE, shader_bytes
 from ui.gl.textures import read_texture
 from ui.measure_deform import frame_rates
 
@@ -68,7 +68,7 @@ def deform(scene: Scene) -> Deform:
 def picture(context: moderngl.Context) -> Iterator[PosedPicture]:
     """Without smoothed edges."""
     made = PosedPicture(context, 0)
-    for _ in made.rehearse():
+    for _ in made.warm_up():
         pass
     yield made
     made.release()
@@ -100,18 +100,18 @@ def test_gloss_under_a_small_sun_is_the_same_and_has_no_rings(deform: Deform, pi
 
 
 def shown(picture: PosedPicture, deform: Deform, eye: Camera, poses: Poses) -> np.ndarray:
-    told = deform.export_picture(eye, poses, picture.known)
+    told = deform.export_picture(eye, poses, picture.part_numbers)
     return read_texture(picture.draw(told, eye, SIZE), np.float32)[..., :3].astype(np.float32)
 
 
 def test_what_is_known_is_not_told_again(deform: Deform, picture: PosedPicture) -> None:
     eye = deform.scene.description.camera
     before = shown(picture, deform, eye, BENT)
-    told = deform.export_picture(eye, BENT, picture.known)
+    told = deform.export_picture(eye, BENT, picture.part_numbers)
     assert told.shape is None and told.appearance is None
     light = deform._light
     deform.set_light(SkyState(light.environment, 120.0, 0.3))
-    told = deform.export_picture(eye, BENT, picture.known)
+    told = deform.export_picture(eye, BENT, picture.part_numbers)
     assert told.appearance is not None and not any((told.shape, told.cover, told.sky))  # the sky's image stays where it is
     assert not np.allclose(shown(picture, deform, eye, BENT), before, atol=0.1)
     deform.set_light(light)

@@ -26,7 +26,7 @@ from tests.engine.bump_images import write_bump_images
 from tests.scene_text import camera, placed
 from ui.gl import buffers
 from ui.gl.context import GraphicsError
-from ui.gl.moving import VARIABLE, shader_bytes
+from ui.gl.gpu_drawing import VARIABLE, shader_bytes
 from ui.gl.orbit.shaded_picture import ShadedPicture
 from ui.gl.textures import read_texture
 
@@ -203,12 +203,12 @@ def test_of_light_as_much_is_told_as_goes_into_a_buffer(studio: Studio, shaded: 
 def test_software_is_left_to_the_worker_unless_shaders_are_asked_for(
     context: moderngl.Context, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ui.gl.moving.is_software", lambda context: True)
+    monkeypatch.setattr("ui.gl.gpu_drawing.is_software", lambda context: True)
     monkeypatch.delenv(VARIABLE, raising=False)
     assert shader_bytes(context) == 0
     monkeypatch.setenv(VARIABLE, "shader")
     assert shader_bytes(context) > 0
-    monkeypatch.setattr("ui.gl.moving._VERSION", 999)
+    monkeypatch.setattr("ui.gl.gpu_drawing._VERSION", 999)
     with pytest.raises(GraphicsError, match=r"OpenGL 4\.3"):
         shader_bytes(context)
     monkeypatch.setenv(VARIABLE, "gpu")
@@ -219,11 +219,11 @@ def test_software_is_left_to_the_worker_unless_shaders_are_asked_for(
 def test_a_graphics_card_draws_unless_the_worker_is_asked_for(
     context: moderngl.Context, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ui.gl.moving.is_software", lambda context: False)
+    monkeypatch.setattr("ui.gl.gpu_drawing.is_software", lambda context: False)
     monkeypatch.delenv(VARIABLE, raising=False)
     assert shader_bytes(context) > 0
     monkeypatch.setenv(VARIABLE, "worker")
     assert shader_bytes(context) == 0
     monkeypatch.delenv(VARIABLE)
-    monkeypatch.setattr("ui.gl.moving._VERSION", 999)  # as on a Mac
+    monkeypatch.setattr("ui.gl.gpu_drawing._VERSION", 999)  # as on a Mac
     assert shader_bytes(context) == 0

@@ -44,7 +44,7 @@ def test_increments_equal_recomputation_after_each_edit(renderer: PlacementRende
     for _ in range(40):
         chosen = rng.choice(32, 5, replace=False)
         coefficients[chosen] += rng.normal(size=(5, 3)) * 10.0 ** rng.uniform(-3, 1)
-        renderer.wanted("ball.0", coefficients)
+        renderer.want("ball.0", coefficients)
         renderer.update()
         assert relative_error(renderer.layer_radiance("ball.0"), contracted(transport, coefficients)) < 1e-5
 
@@ -53,7 +53,7 @@ def test_few_terms_a_frame_reach_the_same_picture(renderer: PlacementRenderer) -
     transport, coefficients, rng = _problem(64, 500)
     start_layer(renderer, transport, coefficients)
     coefficients += rng.normal(size=(64, 3))
-    renderer.wanted("ball.0", coefficients)
+    renderer.want("ball.0", coefficients)
     target, errors = contracted(transport, coefficients), []
     for _ in range(7):  # seven times ten terms are more than 64
         report = renderer.update(max_coefficients=10)
@@ -69,7 +69,7 @@ def test_the_estimated_error_is_the_true_one_for_orthogonal_terms(renderer: Plac
     start_layer(renderer, transport, np.full((8, 3), 2.0))
     wanted = np.full((8, 3), 2.0)
     wanted[:4] = [[5.0] * 3, [4.0] * 3, [3.0] * 3, [2.5] * 3]
-    renderer.wanted("ball.0", wanted)
+    renderer.want("ball.0", wanted)
     report = renderer.update(max_coefficients=2)
     # Left are 1 and 0.5 in 8 samples: sqrt(1.25 / 8). The samples are now 5, 4 and six times 2.
     assert report.applied == 2 and report.remaining == 2
@@ -83,7 +83,7 @@ def test_an_edit_and_its_inverse_restore_the_picture(renderer: PlacementRenderer
     for magnitude in (1e-3, 1.0, 10.0, 1e3):
         for change in (magnitude, -magnitude):
             coefficients[:9] += change
-            renderer.wanted("ball.0", coefficients)
+            renderer.want("ball.0", coefficients)
             renderer.update()
         finish(renderer)
         assert relative_error(renderer.layer_radiance("ball.0"), before) < 1e-6
@@ -93,7 +93,7 @@ def test_a_time_budget_limits_the_terms_of_a_frame(renderer: PlacementRenderer) 
     transport, coefficients, rng = _problem(128, 4000)
     start_layer(renderer, transport, coefficients)
     coefficients += rng.normal(size=(128, 3))
-    renderer.wanted("ball.0", coefficients)
+    renderer.want("ball.0", coefficients)
     # A nanosecond is not enough for any term, and one is added all the same; an hour is enough for all.
     assert renderer.update(budget_s=1e-9).applied == 1
     assert renderer.update(budget_s=3600.0).remaining == 0
@@ -110,7 +110,7 @@ def test_edits_drift_no_further_than_1e_5(renderer: PlacementRenderer, n_frames:
     for i_frame in range(n_frames):
         for _ in range(25):
             coefficients[rng.integers(16)] = rng.normal(size=3) * 10.0 ** rng.uniform(-3, 3)
-            renderer.wanted("ball.0", coefficients)
+            renderer.want("ball.0", coefficients)
         renderer.update(max_coefficients=8)
         if i_frame % 200 == 199:
             while renderer.update(max_coefficients=8).remaining:
@@ -130,7 +130,7 @@ def test_weak_and_strong_bands_survive_in_half(renderer: PlacementRenderer) -> N
     for k in range(3):
         alone = np.zeros((3, 3))
         alone[k] = 1.0 / strength[k]
-        renderer.wanted("ball.0", alone)
+        renderer.want("ball.0", alone)
         rebase(renderer)
         finish(renderer)
         # Halves between 0.5 and 1 times a power of two are good to 2^-12.
@@ -184,7 +184,7 @@ def test_edits_go_on_while_a_transport_is_uploaded(renderer: PlacementRenderer) 
     renderer.begin_transport("ball.0", transport, norms_of(transport))
     renderer.upload(0.0)
     coefficients[3] += 1.0
-    renderer.wanted("ball.0", coefficients)
+    renderer.want("ball.0", coefficients)
     finish(renderer)
     assert relative_error(renderer.layer_radiance("ball.0"), contracted(transport, coefficients)) < 1e-6
 
@@ -208,9 +208,9 @@ def test_wrong_curves_and_transports_are_refused(renderer: PlacementRenderer) ->
     transport, coefficients, _ = _problem(8, 50)
     start_layer(renderer, transport, coefficients)
     with pytest.raises(GraphicsError, match="finite"):
-        renderer.wanted("ball.0", np.full((8, 3), np.nan))
+        renderer.want("ball.0", np.full((8, 3), np.nan))
     with pytest.raises(GraphicsError, match="1e36"):
-        renderer.wanted("ball.0", np.full((8, 3), 1e300))
+        renderer.want("ball.0", np.full((8, 3), 1e300))
     with pytest.raises(GraphicsError, match="expected 50"):
         renderer.begin_transport("ball.0", transport[:, :20], norms_of(transport))
     with pytest.raises(GraphicsError, match=r"expected \(J, p, 3\)"):
@@ -231,7 +231,7 @@ def test_a_transport_too_large_keeps_picture_and_transport(renderer: PlacementRe
     renderer.memory.limit = None
     np.testing.assert_array_equal(renderer.layer_radiance("ball.0"), before)
     coefficients[0] += 1.0
-    renderer.wanted("ball.0", coefficients)
+    renderer.want("ball.0", coefficients)
     finish(renderer)
     assert relative_error(renderer.layer_radiance("ball.0"), contracted(transport, coefficients)) < 1e-6
 
@@ -245,7 +245,7 @@ def test_a_new_picture_makes_the_old_transport_stale(renderer: PlacementRenderer
     np.testing.assert_allclose(renderer.layer_radiance("ball.0"), other, rtol=1e-6)
     # An edit is still followed, by increments of the old transport on top of the new picture.
     coefficients[2] += 1.0
-    renderer.wanted("ball.0", coefficients)
+    renderer.want("ball.0", coefficients)
     renderer.update()
     assert relative_error(renderer.layer_radiance("ball.0"), other + transport[2]) < 1e-6
 
@@ -270,14 +270,14 @@ def test_layers_that_share_a_curve_follow_in_one_update(renderer: PlacementRende
     start_layer(renderer, first, coefficients)
     renderer.set_layer("ball.1", 0, 300)
     renderer.begin_transport("ball.1", second, norms_of(second), beside=("ball.0", "ball.1"))
-    renderer.wanted("ball.1", others)
+    renderer.want("ball.1", others)
     while not renderer.upload(1.0):
         pass
     finish(renderer)
     for _ in range(5):
         coefficients, others = coefficients + rng.normal(size=(16, 3)), others + rng.normal(size=(32, 3))
-        renderer.wanted("ball.0", coefficients)
-        renderer.wanted("ball.1", others)
+        renderer.want("ball.0", coefficients)
+        renderer.want("ball.1", others)
         report = renderer.update(max_coefficients=8)
         assert report.applied == 16 and 24 <= report.remaining < 32 and report.image_error > 0.0 and not report.exact
         assert renderer.update().remaining == 0
@@ -294,7 +294,7 @@ def test_a_transport_is_not_stepped_by_another_curve_of_as_many_bands(renderer: 
     # Between the selection of a layer's other curve and its transport the picture stays.
     transport, coefficients, _ = _problem(16, 200)
     start_layer(renderer, transport, coefficients)
-    renderer.wanted("ball.0", coefficients + 1.0, "the other")
+    renderer.want("ball.0", coefficients + 1.0, "the other")
     assert renderer.update().applied == 0 and renderer.transport_curve("ball.0") == ""
     renderer.begin_transport("ball.0", 2.0 * transport, norms_of(2.0 * transport), curve="the other")
     while not renderer.upload(1.0):

@@ -6,9 +6,9 @@ import pytest
 from engine.colour import encode_srgb
 from tests.ui.gl.pictures import frame_of
 from ui.gl.context import GraphicsError
-from ui.gl.placement.layers import ComparedLook
+from ui.gl.placement.layers import ComparedAppearance
 from ui.gl.placement.renderer import PlacementRenderer
-from ui.gl.tonemap import DisplayView
+from ui.gl.display import DisplayView
 
 pytestmark = pytest.mark.gl
 
@@ -73,7 +73,7 @@ def test_side_a_may_have_other_images(renderer: PlacementRenderer) -> None:
     used = renderer.memory_bytes
     pictures = []
     for maps in ((others, 0.5, False), (SAMPLES, 1.0, True), (None, 1.0, False)):
-        renderer.snapshot_compare({"o1.0": ComparedLook((0.1, 0.1, 0.1), curve, True, None, maps)})
+        renderer.snapshot_compare({"o1.0": ComparedAppearance((0.1, 0.1, 0.1), curve, True, None, maps)})
         renderer.composite(DisplayView(compare_divider=1.0, tone_mapping="linear"))  # all of it is side A
         image = renderer.display_image()
         pictures.append(image.reshape(-1, image.shape[-1])[FRAME.pixel[START:STOP]])

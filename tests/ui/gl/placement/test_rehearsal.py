@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from tests.ui.gl.pictures import finish, frame_of, norms_of
-from ui.gl.placement.rehearsal import rehearse
+from ui.gl.placement.shader_warm_up import warm_up
 from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.textures import TextureMemory
-from ui.gl.tonemap import DisplayView
+from ui.gl.display import DisplayView
 
 pytestmark = pytest.mark.gl
 
@@ -38,14 +38,14 @@ def draw_everything(renderer: PlacementRenderer) -> np.ndarray:
     renderer.begin_transport("ball.0", transport, norms_of(transport))
     while not renderer.upload(1.0):
         pass
-    renderer.wanted("ball.0", np.full((4, 3), 0.5))
+    renderer.want("ball.0", np.full((4, 3), 0.5))
     finish(renderer)
     renderer.composite(DisplayView(selected=0))
     return renderer.display_image()
 
 
 def test_no_program_is_left_for_the_first_picture(renderer: PlacementRenderer) -> None:
-    for _ in rehearse(renderer):
+    for _ in warm_up(renderer):
         pass
     rehearsed = programs(renderer)
     draw_everything(renderer)
@@ -53,7 +53,7 @@ def test_no_program_is_left_for_the_first_picture(renderer: PlacementRenderer) -
 
 
 def test_a_rehearsal_leaves_no_picture_and_changes_none(context: moderngl.Context, renderer: PlacementRenderer) -> None:
-    for _ in rehearse(renderer):
+    for _ in warm_up(renderer):
         pass
     assert renderer.frame is None and renderer.layer_keys == () and renderer._edited.keys == ()
     unrehearsed = PlacementRenderer(context)
@@ -64,11 +64,11 @@ def test_a_rehearsal_leaves_no_picture_and_changes_none(context: moderngl.Contex
 def test_a_scene_may_come_at_any_step(context: moderngl.Context) -> None:
     plain = PlacementRenderer(context)
     expected = draw_everything(plain)
-    n_steps = sum(1 for _ in rehearse(plain))
+    n_steps = sum(1 for _ in warm_up(plain))
     plain.release()
     for stop in range(0, n_steps, 4):
         renderer = PlacementRenderer(context)
-        for _ in zip(range(stop), rehearse(renderer), strict=False):
+        for _ in zip(range(stop), warm_up(renderer), strict=False):
             pass
         np.testing.assert_array_equal(draw_everything(renderer), expected)
         renderer.release()
@@ -88,7 +88,7 @@ def test_textures_have_sides_as_those_of_the_rehearsal(
         return made(memory, size, components, dtype, *rest)
 
     monkeypatch.setattr(TextureMemory, "texture", noted)
-    for _ in rehearse(renderer):
+    for _ in warm_up(renderer):
         pass
     rehearsed = set(kinds)
     kinds.clear()

@@ -11,7 +11,7 @@ from tests.ui.gl.pictures import frame_of, full_frame, norms_of
 from ui.gl.context import GraphicsError
 from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.textures import read_texture
-from ui.gl.tonemap import DisplayView, ToneMapping
+from ui.gl.display import DisplayView, ToneMapping
 
 pytestmark = pytest.mark.gl
 
@@ -180,7 +180,7 @@ def test_a_coarse_transport_is_shown_through_its_footprint(renderer: PlacementRe
     renderer.set_layer("ball.0", 0, 2)
     transport = np.array([[[1, 1, 1], [2, 2, 2]]], dtype=np.float32)
     renderer.begin_transport("ball.0", transport, norms_of(transport))
-    renderer.wanted("ball.0", np.full((1, 3), 3.0))
+    renderer.want("ball.0", np.full((1, 3), 3.0))
     assert renderer.upload(1.0) and renderer.update().exact
     # Pixels 0 to 2 show sample 0 (3·1), pixels 3 to 5 sample 1 (3·2).
     np.testing.assert_array_equal(renderer.linear_image()[0, :, 0], [3, 3, 3, 6, 6, 6])

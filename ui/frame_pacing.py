@@ -24,7 +24,7 @@ INPUT_FRAMES = 2
 PROGRESS_SECONDS = 0.1
 
 
-class Pacing:
+class FramePacing:
     """`inputs` counts what asked for a frame. clock: steady, in seconds."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
@@ -32,8 +32,8 @@ class Pacing:
         self.inputs = 0
         self._n_frames = 0
         self._last_input, self._input_frame = -math.inf, 0
-        self._told: Status | None = None
-        self._told_at = -math.inf
+        self._drawn_status: Status | None = None
+        self._drawn_at = -math.inf
 
     def note_input(self) -> None:
         """An event came in: tooltips and hover need frames for a little while."""
@@ -47,7 +47,7 @@ class Pacing:
     def begin_frame(self, now: float, status: Status) -> None:
         """A frame that tells this status is being drawn."""
         self._n_frames += 1
-        self._told, self._told_at = _telling(status), now
+        self._drawn_status, self._drawn_at = _relevant_status(status), now
 
     @property
     def has_started(self) -> bool:
@@ -56,11 +56,11 @@ class Pacing:
 
     def has_news(self, now: float, status: Status) -> bool:
         """Whether the status differs from what was drawn; by progress alone not sooner than a tenth of a second."""
-        telling, told = _telling(status), self._told
+        telling, told = _relevant_status(status), self._drawn_status
         if told is None or telling == told:
             return told is None
         only_progress = replace(telling, fraction=told.fraction, text=told.text) == told
-        return not only_progress or now - self._told_at >= PROGRESS_SECONDS
+        return not only_progress or now - self._drawn_at >= PROGRESS_SECONDS
 
     @property
     def is_settling(self) -> bool:
@@ -78,6 +78,6 @@ class Pacing:
         return self._clock() - self._last_input
 
 
-def _telling(status: Status) -> Status:
+def _relevant_status(status: Status) -> Status:
     """What of the status is worth a frame of its own."""
     return replace(status, frame_ms=0.0, memory_mb=0.0, seconds_left=None, fraction=round(status.fraction, 2))

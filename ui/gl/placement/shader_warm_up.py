@@ -15,7 +15,7 @@ import numpy as np
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.placement.sample_layout import SAMPLES_PER_ROW
-from ui.gl.tonemap import DisplayView
+from ui.gl.display import DisplayView
 
 # Width and height of pictures; their samples fill three rows of textures, as no power of two.
 _SIZES = ((60, 60), (64, 64), (64, 60))
@@ -25,7 +25,7 @@ _BASE, _UPPER = "base", "upper"
 _N_BANDS = 2
 
 
-def rehearse(renderer: PlacementRenderer) -> Iterator[None]:
+def warm_up(renderer: PlacementRenderer) -> Iterator[None]:
     """Draw, a step at a time, what pictures are made of; the renderer is empty again after the last step.
 
     Left unfinished, it is made good by the next `set_frame`.
@@ -75,7 +75,7 @@ def _transport(renderer: PlacementRenderer) -> Iterator[None]:
     renderer.begin_transport(_BASE, half, np.ones((_N_BANDS, 3)))
     while not renderer.upload(0.0):
         yield
-    renderer.wanted(_BASE, np.ones((_N_BANDS, 3)))
+    renderer.want(_BASE, np.ones((_N_BANDS, 3)))
     renderer.update()
     renderer.composite(DisplayView())
     yield

@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 
 from engine.planner import Precision
 from ui.gl.context import GraphicsError
-from ui.gl.placement.accumulate import TermSum
+from ui.gl.placement.accumulator import TermSum
 from ui.gl.placement.composite import FootprintTextures
 from ui.gl.placement.layers import LayerStack
-from ui.gl.placement.refine import Refiner
+from ui.gl.placement.refiner import Refiner
 from ui.gl.placement.transport import TransportUpload
 from ui.gl.textures import TextureMemory
 
 
 @dataclass(eq=False)
-class _Arriving:
+class _PendingUpload:
     """A transport on its way to the GPU, with the footprint its samples belong to and the layers that stay beside."""
 
     key: str
@@ -35,7 +35,7 @@ class _Arriving:
 
 
 @dataclass(eq=False)
-class _Active:
+class _ActiveTransport:
     """A transport at work, over the bands of a curve."""
 
     curve: str
@@ -44,7 +44,7 @@ class _Active:
 
 
 @dataclass(frozen=True)
-class Update:
+class EditUpdate:
     """What an update did: terms added, the most that still differ in a layer, whether nothing is left to do."""
 
     applied: int = 0
@@ -58,8 +58,8 @@ class EditedLayers:
     def __init__(self, memory: TextureMemory, terms: TermSum) -> None:
         self._memory, self._terms = memory, terms
         self._wanted: dict[str, tuple[str, NDArray[np.float64]]] = {}
-        self._arriving: list[_Arriving] = []
-        self._active: dict[str, _Active] = {}
+        self._arriving: list[_PendingUpload] = []
+        self._active: dict[str, _ActiveTransport] = {}
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -96,7 +96,7 @@ class EditedLayers:
         """Start to upload a transport over a curve. Others under way, but for layers `beside` it, are given up."""
         self.cancel(keep=[other for other in beside if other != key])
         upload = TransportUpload(self._memory, transport, norms, scale)
-        arriving = _Arriving(key, curve, stage, upload, layers.footprint, beside)
+        arriving = _PendingUpload(key, curve, stage, upload, layers.footprint, beside)
         self._arriving.append(arriving)
         try:
             layers.check_sample_count(key, layers[key].i_object, upload.target.n_samples)
@@ -153,7 +153,7 @@ class EditedLayers:
             else:
                 self._stop(key)
 
-    def update(self, layers: LayerStack, max_coefficients: int | None, budget_s: float | None) -> Update:
+    def update(self, layers: LayerStack, max_coefficients: int | None, budget_s: float | None) -> EditUpdate:
         """Move each layer towards what is wanted: at most so many terms each, all of them within `budget_s`."""
         works = list(self._at_work())
         share = None if budget_s is None or not works else budget_s / len(works)
@@ -168,7 +168,7 @@ class EditedLayers:
                 layer.mean = refiner.mean_radiance()
             applied += done.applied
         remaining = max((len(active.refiner.state.pending()) for _, active in works), default=0)
-        return Update(applied, remaining, all(active.refiner.is_exact for _, active in works))
+        return EditUpdate(applied, remaining, all(active.refiner.is_exact for _, active in works))
 
     def missing(self, layers: LayerStack, object_size: int) -> float:
         """sqrt(Σ_k |Δc_k|²‖T_k‖²) with f_q, of pixels, over all the layers; `object_size` is that of their object."""
@@ -191,11 +191,11 @@ class EditedLayers:
             self._stop(key)
         self._wanted.clear()
 
-    def _at_work(self) -> Iterator[tuple[str, _Active]]:
+    def _at_work(self) -> Iterator[tuple[str, _ActiveTransport]]:
         """Those for which something is wanted."""
         return ((key, active) for key, active in self._active.items() if key in self._wanted)
 
-    def _activate(self, arrived: _Arriving) -> None:
+    def _activate(self, arrived: _PendingUpload) -> None:
         refiner = Refiner(self._memory, self._terms, arrived.upload.target, arrived.upload.norms)
         curve, wanted = self._wanted.get(arrived.key, ("", None))
         if wanted is not None and curve == arrived.curve and refiner.fits(wanted):
@@ -208,9 +208,9 @@ class EditedLayers:
             self._wanted.pop(arrived.key, None)
         for key in [each for each in self._active if each == arrived.key or each not in arrived.beside]:
             self._stop(key)
-        self._active[arrived.key] = _Active(arrived.curve, refiner, arrived.footprint)
+        self._active[arrived.key] = _ActiveTransport(arrived.curve, refiner, arrived.footprint)
 
-    def _give_up(self, arriving: _Arriving) -> None:
+    def _give_up(self, arriving: _PendingUpload) -> None:
         arriving.upload.target.release()
         self._arriving.remove(arriving)
 

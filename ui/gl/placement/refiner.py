@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ui.gl.context import GraphicsError
-from ui.gl.placement.accumulate import Accumulator, TermSum
+from ui.gl.placement.accumulator import Accumulator, TermSum
 from ui.gl.placement.coefficients import CoefficientState, Float64Array, RefineStep
 from ui.gl.placement.transport import TransportTexture
 from ui.gl.textures import TextureMemory

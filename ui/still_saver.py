@@ -18,7 +18,7 @@ from engine.render.picture_files import deep_png, exr_bytes, pixels_png
 
 
 @dataclass(frozen=True)
-class ShownStill:
+class ViewportStill:
     """One picture at the scene's resolution.
 
     shown: (H,W,3) in the screen's values, sRGB; radiance: (H,W,3) linear, the light's intensity in it, without
@@ -40,16 +40,16 @@ class StillSaver:
 
     def __init__(self) -> None:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="still")
-        self._under_way: list[Future[tuple[str, bool]]] = []
+        self._pending: list[Future[tuple[str, bool]]] = []
 
-    def save(self, still: ShownStill, path: Path, deep: bool, remark: str = "") -> None:
+    def save(self, still: ViewportStill, path: Path, deep: bool, remark: str = "") -> None:
         """Begin to write a picture; a remark is said along with its name when it is there."""
-        self._under_way.append(self._thread.submit(_save, still, path, deep, remark))
+        self._pending.append(self._thread.submit(_save, still, path, deep, remark))
 
-    def news(self) -> list[tuple[str, bool]]:
+    def finished_messages(self) -> list[tuple[str, bool]]:
         """A line for the person of each that has ended, and whether it failed."""
-        ended = [future for future in self._under_way if future.done()]
-        self._under_way = [future for future in self._under_way if not future.done()]
+        ended = [future for future in self._pending if future.done()]
+        self._pending = [future for future in self._pending if not future.done()]
         return [future.result() for future in ended]
 
     def close(self) -> None:
@@ -57,7 +57,7 @@ class StillSaver:
         self._thread.shutdown(wait=True)
 
 
-def _save(still: ShownStill, path: Path, deep: bool, remark: str) -> tuple[str, bool]:
+def _save(still: ViewportStill, path: Path, deep: bool, remark: str) -> tuple[str, bool]:
     try:
         save_file(path, still.encoded(path.suffix.lower(), deep))
     except (InsituError, ValueError, MemoryError) as error:

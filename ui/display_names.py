@@ -12,15 +12,15 @@ from app.document import Document, all_factors
 from engine.material.layer import Layer, object_of
 
 
-def spoken(document: Document, text: str) -> str:
+def with_display_names(document: Document, text: str) -> str:
     """The line with layers by name, and the curve or parameter that follows one."""
     for key, layer in document.layers():
         if key in text:
-            text = _spoken_layer(key, layer, text)
+            text = _with_layer_name(key, layer, text)
     return text
 
 
-def _spoken_layer(key: str, layer: Layer, text: str) -> str:
+def _with_layer_name(key: str, layer: Layer, text: str) -> str:
     labels = {factor.name: factor.word for factor in all_factors(layer.model)}
     labels |= {parameter.name: parameter.label for parameter in layer.parameter_table}
     name = f"{object_of(key)} / {layer.title}"

@@ -86,7 +86,7 @@ from ui.panels.state import FileQuestion, PanelState
 
 
 @dataclass(frozen=True)
-class Outcome:
+class FrameOutcome:
     """The window's state after a frame's actions, and what only the window itself can do."""
 
     state: PanelState
@@ -95,7 +95,7 @@ class Outcome:
     picture: SavePicture | None = None
     quit: bool = False
 
-    def after(self, earlier: Outcome) -> Outcome:
+    def after(self, earlier: FrameOutcome) -> FrameOutcome:
         """This one, and what is still to be done of an earlier one of the same frame."""
         return replace(
             self, screenshot=self.screenshot or earlier.screenshot, picture=self.picture or earlier.picture,
@@ -114,7 +114,7 @@ KIND_OF = {
 PICTURE_FILES = (".png", ".exr")
 
 
-class Actor:
+class ActionHandler:
     """Carries actions out on one editor. `recoveries` are edits that editors before it left behind."""
 
     def __init__(
@@ -128,16 +128,16 @@ class Actor:
         self._editor = editor
         self.preferences = preferences or PreferenceFile()
         self.recent = recent or RecentFiles()
-        self._noted: Path | None = None
+        self._last_file: Path | None = None
         self.library = library or Library()
         self._clipboard = clipboard or Clipboard()
         self._folders: dict[str, Path] = {}
         self._picture_ending, self._deep = ".png", False
         self.recoveries: tuple[Recovery, ...] = ()
 
-    def perform(self, actions: Sequence[Action], state: PanelState, now: float) -> Outcome:
+    def perform(self, actions: Sequence[Action], state: PanelState, now: float) -> FrameOutcome:
         """All actions of one frame, in order; `now` in seconds of the window's clock."""
-        outcome = Outcome(state)
+        outcome = FrameOutcome(state)
         for action in actions:
             outcome = self._editor.barrier.run("This action", partial(self._perform, action, outcome), outcome)
         self._note_file()
@@ -146,13 +146,13 @@ class Actor:
     def _note_file(self) -> None:
         """Put what has been opened, or saved, into the list of recent files."""
         file = self._editor.file
-        if file is not None and file != self._noted:
+        if file is not None and file != self._last_file:
             self.recent.add(file)
-        self._noted = file
+        self._last_file = file
 
-    def _perform(self, action: Action, outcome: Outcome) -> Outcome:
+    def _perform(self, action: Action, outcome: FrameOutcome) -> FrameOutcome:
         state = outcome.state
-        if self._leaves(action) and self._editor.unsaved:
+        if self._replaces_document(action) and self._editor.unsaved:
             return replace(outcome, state=replace(state, leaving=action))
         match action:
             case Hold():
@@ -166,7 +166,7 @@ class Actor:
                 self._editor.do(OpenPanel(action.name))
                 return replace(outcome, state=replace(state, front=(action.name,)))
             case AskFile():
-                return replace(outcome, state=replace(state, question=self._question(action)))
+                return replace(outcome, state=replace(state, question=self._file_dialog(action)))
             case AnswerQuestion():
                 return self._answer(action, outcome)
             case Screenshot():
@@ -180,7 +180,7 @@ class Actor:
             case Recover():
                 return replace(outcome, state=self._recover(action, state))
             case Leave():
-                return self._leave(action.saves, outcome)
+                return self._answer_unsaved(action.saves, outcome)
             case SaveSession():
                 return self._save(action.path, outcome)
             case _:
@@ -201,7 +201,7 @@ class Actor:
         self._picture_ending = action.path.suffix.lower()
         return True
 
-    def _answer(self, action: AnswerQuestion, outcome: Outcome) -> Outcome:
+    def _answer(self, action: AnswerQuestion, outcome: FrameOutcome) -> FrameOutcome:
         """What was to be done with the chosen file; where it is refused, the file dialog stays and says why."""
         question, said_before = outcome.state.question, self._editor.status.message_number
         done = self._perform(action.action, replace(outcome, state=replace(outcome.state, question=None)))
@@ -245,7 +245,7 @@ class Actor:
             case OpenFile():
                 self.open(action.path)
             case ImportMeasured():
-                if self._is_there(action.path, "measured"):
+                if self._check_file(action.path, "measured"):
                     editor.import_measured(action.path, action.cloth)
             case ExportMeasured():
                 self._folders["measured"] = action.path.absolute().parent
@@ -290,7 +290,7 @@ class Actor:
         except InsituError as error:
             editor.notify(str(error), True)
 
-    def dropped(self, paths: Sequence[str], image: str | None = None) -> list[Action]:
+    def open_dropped(self, paths: Sequence[str], image: str | None = None) -> list[Action]:
         """Open the file that was dropped on the window; several at once are refused, for one would hide the other.
 
         image: "texture" or "weight" where it was dropped on that of the selected layer.
@@ -329,7 +329,7 @@ class Actor:
             self._open_image(path, selected.key, "texture")
 
     def _open_image(self, path: Path, key: str, name: str) -> None:
-        if not self._is_there(path, "image"):
+        if not self._check_file(path, "image"):
             return
         file = image_name(path, self._editor.document.source)
         if name in SURFACE_IMAGES:
@@ -338,7 +338,7 @@ class Actor:
         else:
             self._editor.do(SetBumps(key, name, file) if name in BUMP_KINDS else SetMap(key, name, file))
 
-    def _is_there(self, path: Path, kind: str) -> bool:
+    def _check_file(self, path: Path, kind: str) -> bool:
         """Whether it is a file, and if so its folder remembered for files of its kind; else that is said."""
         if os.path.isfile(path):  # Path.is_file raises where no system takes the name
             self._folders[kind] = path.absolute().parent
@@ -349,7 +349,7 @@ class Actor:
 
     def _open_file(self, path: Path, suffix: str) -> None:
         kind = "measured" if suffix in MEASURED_ENDINGS else "environment" if suffix in LIGHT_ENDINGS else "scene"
-        if not self._is_there(path, kind):
+        if not self._check_file(path, kind):
             return
         if suffix in MEASURED_ENDINGS:
             self._editor.import_measured(path)
@@ -358,7 +358,7 @@ class Actor:
         else:
             self._editor.open(str(path))
 
-    def _question(self, action: AskFile) -> FileQuestion:
+    def _file_dialog(self, action: AskFile) -> FileQuestion:
         """Where to look for the file, and of what is saved the name that it is likely to get.
 
         Files of a kind are looked for where the last one was, else beside what is open.
@@ -373,21 +373,21 @@ class Actor:
             return FileQuestion(action.purpose, folder, key=action.key)
         return FileQuestion(action.purpose, folder if file is None else beside, f"{editor.name}{SESSION_ENDING}")
 
-    def _save(self, path: Path | None, outcome: Outcome) -> Outcome:
+    def _save(self, path: Path | None, outcome: FrameOutcome) -> FrameOutcome:
         has_changed = path is None and self._editor.session_has_changed
         if has_changed:
             self._editor.notify(f"{self._editor.session_path}: {CHANGED}", True)
         if has_changed or (path is None and self._editor.session_path is None):
-            return replace(outcome, state=replace(outcome.state, question=self._question(AskFile("save_session"))))
+            return replace(outcome, state=replace(outcome.state, question=self._file_dialog(AskFile("save_session"))))
         if path is not None:
             self._folders["scene"] = path.absolute().parent
         if self._editor.save(path) is None and outcome.state.leaving is not None:
-            return self._go_on(outcome)
+            return self._resume_action(outcome)
         return outcome
 
     # ---------------------------------------------------------------------------------------------------- unsaved edits
 
-    def _leaves(self, action: Action) -> bool:
+    def _replaces_document(self, action: Action) -> bool:
         """Whether something else takes the place of what is open."""
         match action:
             case OpenFile():
@@ -400,14 +400,14 @@ class Actor:
                 return not action.keeps
         return False
 
-    def _leave(self, saves: bool, outcome: Outcome) -> Outcome:
+    def _answer_unsaved(self, saves: bool, outcome: FrameOutcome) -> FrameOutcome:
         """The answer to what becomes of unsaved edits; a session without a name asks for one first."""
         if saves:
             return self._save(None, outcome)
         self._editor.give_up_unsaved()
-        return self._go_on(outcome)
+        return self._resume_action(outcome)
 
-    def _go_on(self, outcome: Outcome) -> Outcome:
+    def _resume_action(self, outcome: FrameOutcome) -> FrameOutcome:
         """With the action that waited."""
         action, state = outcome.state.leaving, replace(outcome.state, leaving=None)
         return replace(outcome, state=state) if action is None else self._perform(action, replace(outcome, state=state))

@@ -18,7 +18,7 @@ from app.editor_status import Status
 TIMES_VARIABLE = "INSITU_TIMES"
 
 
-class StartTimes:
+class LaunchTimes:
     """The milestones of one start, and the longest block while the worker streams.
 
     first_frame; scene (opened); first_layer (something is shaded); first_picture (every layer is, if coarsely); exact.
@@ -50,7 +50,7 @@ class StartTimes:
                 file.write(json.dumps(self._content).encode())
 
 
-def start_times(environment: Mapping[str, str] = os.environ) -> StartTimes | None:
+def launch_times_from(environment: Mapping[str, str] = os.environ) -> LaunchTimes | None:
     """Where times are wanted, what notes them."""
     file = environment.get(TIMES_VARIABLE)
-    return StartTimes(Path(file)) if file else None
+    return LaunchTimes(Path(file)) if file else None

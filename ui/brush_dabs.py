@@ -23,7 +23,7 @@ Point = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
-class Spot:
+class SurfaceSpot:
     """What a pixel sees: a point (3,) of the world, the outward normal (3,), and how many metres a pixel is there."""
 
     place: Float64Array
@@ -31,10 +31,10 @@ class Spot:
     metres: float
 
 
-SpotAt = Callable[[int, int], Spot | None]
+SpotAt = Callable[[int, int], SurfaceSpot | None]
 
 
-def spot_of(frame: PictureFrame, camera: Camera, column: int, row: int, sample: int) -> Spot:
+def spot_of(frame: PictureFrame, camera: Camera, column: int, row: int, sample: int) -> SurfaceSpot:
     """The spot at a pixel that the given sample of the primary hits belongs to."""
     ray, distance = frame.ray_directions[row, column].astype(np.float64), float(frame.distance[sample])
     eye, target = np.array(camera.position), np.array(camera.target)
@@ -42,10 +42,10 @@ def spot_of(frame: PictureFrame, camera: Camera, column: int, row: int, sample: 
     metres = 2.0 * distance * float(ray @ forward) * math.tan(math.radians(camera.fov_y) / 2.0) / frame.height
     normal = frame.normal[sample].astype(np.float64)
     normal /= np.linalg.norm(normal)
-    return Spot(eye + distance * ray, normal if frame.front[sample] else -normal, metres)
+    return SurfaceSpot(eye + distance * ray, normal if frame.front[sample] else -normal, metres)
 
 
-def along(points: Sequence[Point], radius: float) -> list[Point]:
+def sample_path(points: Sequence[Point], radius: float) -> list[Point]:
     """Places on the way through points, pixels, close enough together for dabs; the first point is not among them."""
     found: list[Point] = []
     step = max(SPACING * radius, 0.5)
@@ -55,13 +55,13 @@ def along(points: Sequence[Point], radius: float) -> list[Point]:
     return found
 
 
-def spots_at(spot_at: SpotAt, places: Sequence[Point]) -> list[Spot]:
+def spots_at(spot_at: SpotAt, places: Sequence[Point]) -> list[SurfaceSpot]:
     """The spots at places of the picture that see the surface."""
     found = (spot_at(math.floor(x), math.floor(y)) for x, y in places)
     return [spot for spot in found if spot is not None]
 
 
-def stroke_at(spots: Sequence[Spot], metres: float, value: float, strength: float, hardness: float) -> Stroke:
+def stroke_at(spots: Sequence[SurfaceSpot], metres: float, value: float, strength: float, hardness: float) -> Stroke:
     """A stroke over these spots, at least one, with a brush of so many metres; see `Stroke`."""
     # About a place that is near, and the same one for most strokes: 500 m away single precision tells 0.03 mm apart.
     x, y, z = (np.round(spots[0].place / _NEAR) * _NEAR + 0.0).tolist()

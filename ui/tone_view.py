@@ -16,19 +16,19 @@ from engine.errors import InsituError
 
 
 @lru_cache(maxsize=len(TABULATED_VIEWS))
-def _coming(view: ToneMapping) -> Future[NDArray[np.float16]]:
+def _start_table(view: ToneMapping) -> Future[NDArray[np.float16]]:
     with_one_thread = ThreadPoolExecutor(1, thread_name_prefix="view")
     coming = with_one_thread.submit(view_table, view)
     with_one_thread.shutdown(wait=False)
     return coming
 
 
-def is_at_hand(view: ToneMapping) -> bool:
+def is_table_ready(view: ToneMapping) -> bool:
     """Whether a view can be drawn with at once; if it cannot, it is being made from now on."""
-    return view not in TABULATED_VIEWS or _coming(view).done()
+    return view not in TABULATED_VIEWS or _start_table(view).done()
 
 
-class ShownView:
+class ToneView:
     """Follows what is chosen. `waits`: whether another frame will show it."""
 
     def __init__(self) -> None:
@@ -38,10 +38,10 @@ class ShownView:
 
     def follow(self, wanted: ToneMapping) -> ToneMapping:
         """What to show now. Raises InsituError once for a view that cannot be made."""
-        self.waits = not is_at_hand(wanted)
+        self.waits = not is_table_ready(wanted)
         if self.waits or wanted in self._refused:
             return self._shown
-        failure = _coming(wanted).exception() if wanted in TABULATED_VIEWS else None
+        failure = _start_table(wanted).exception() if wanted in TABULATED_VIEWS else None
         if failure is not None:
             self._refused.add(wanted)
             raise InsituError(f"{VIEWS[wanted].label} cannot be shown: {failure}")
