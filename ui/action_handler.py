@@ -42,22 +42,22 @@ from ui.panels.actions import (
     AnswerQuestion,
     AskFile,
     BeginDrag,
-    BeginLook,
+    BeginCameraDrag,
     CancelDrag,
     CancelWork,
     Copy,
     DeleteMaterial,
-    DragLook,
+    DragCamera,
     EndDrag,
-    EndLook,
+    EndCameraDrag,
     ExportMeasured,
     ExportScene,
-    Hold,
+    HoldGrip,
     ImportMeasured,
-    InOneStep,
-    KeepView,
-    Leave,
-    LookFromThere,
+    MergedEdit,
+    SaveView,
+    AnswerUnsaved,
+    MoveCameraTo,
     OpenFile,
     OpenImage,
     Paste,
@@ -65,7 +65,7 @@ from ui.panels.actions import (
     Quit,
     Recover,
     Redo,
-    RedoLook,
+    RedoCamera,
     ReloadImages,
     RenameView,
     ResetLayout,
@@ -80,9 +80,9 @@ from ui.panels.actions import (
     SetPreference,
     ShowPanel,
     Undo,
-    UndoLook,
+    UndoCamera,
 )
-from ui.panels.state import FileQuestion, PanelState
+from ui.panels.window_state import FileQuestion, PanelState
 
 
 @dataclass(frozen=True)
@@ -153,9 +153,9 @@ class ActionHandler:
     def _perform(self, action: Action, outcome: FrameOutcome) -> FrameOutcome:
         state = outcome.state
         if self._replaces_document(action) and self._editor.unsaved:
-            return replace(outcome, state=replace(state, leaving=action))
+            return replace(outcome, state=replace(state, pending_action=action))
         match action:
-            case Hold():
+            case HoldGrip():
                 return replace(outcome, state=replace(state, grip=action.grip))
             case CancelDrag():
                 self._editor.cancel_drag()
@@ -179,8 +179,8 @@ class ActionHandler:
                 return replace(outcome, quit=True)
             case Recover():
                 return replace(outcome, state=self._recover(action, state))
-            case Leave():
-                return self._answer_unsaved(action.saves, outcome)
+            case AnswerUnsaved():
+                return self._answer_unsaved(action.is_saved, outcome)
             case SaveSession():
                 return self._save(action.path, outcome)
             case _:
@@ -220,21 +220,21 @@ class ActionHandler:
                 editor.end_drag()
             case Play():
                 (editor.player.play if action.goes_on else editor.player.pause)()
-            case BeginLook():
+            case BeginCameraDrag():
                 editor.camera_history.begin_drag(action.label)
-            case DragLook():
-                editor.camera_history.drag_to(action.look)
-            case EndLook():
+            case DragCamera():
+                editor.camera_history.drag_to(action.viewpoint)
+            case EndCameraDrag():
                 editor.camera_history.end_drag()
-            case LookFromThere():
-                editor.camera_history.set_viewpoint(action.look, action.label, action.gesture)
-            case UndoLook():
+            case MoveCameraTo():
+                editor.camera_history.set_viewpoint(action.viewpoint, action.label, action.gesture)
+            case UndoCamera():
                 editor.camera_history.undo()
-            case RedoLook():
+            case RedoCamera():
                 editor.camera_history.redo()
-            case KeepView() | RenameView() | SetPreference():
+            case SaveView() | RenameView() | SetPreference():
                 self._choose(action)
-            case InOneStep():
+            case MergedEdit():
                 editor.do(action.command, action.gesture)
             case Undo():
                 editor.undo()
@@ -274,14 +274,14 @@ class ActionHandler:
             case _:
                 editor.do(cast(EditCommand | ViewCommand, action))
 
-    def _choose(self, action: KeepView | RenameView | SetPreference) -> None:
+    def _choose(self, action: SaveView | RenameView | SetPreference) -> None:
         editor = self._editor
         bookmarks = editor.view.bookmarks
         try:
             if isinstance(action, SetPreference):
                 self.preferences.choose(**action.changes)
                 return
-            if isinstance(action, KeepView):
+            if isinstance(action, SaveView):
                 look = Viewpoint(editor.camera_history.camera, editor.view.resolution)
                 bookmarks = add_bookmark(bookmarks, look, action.name)
             else:
@@ -381,7 +381,7 @@ class ActionHandler:
             return replace(outcome, state=replace(outcome.state, question=self._file_dialog(AskFile("save_session"))))
         if path is not None:
             self._folders["scene"] = path.absolute().parent
-        if self._editor.save(path) is None and outcome.state.leaving is not None:
+        if self._editor.save(path) is None and outcome.state.pending_action is not None:
             return self._resume_action(outcome)
         return outcome
 
@@ -397,7 +397,7 @@ class ActionHandler:
             case Recover():
                 return action.accept
             case Quit():
-                return not action.keeps
+                return not action.keep_journal
         return False
 
     def _answer_unsaved(self, saves: bool, outcome: FrameOutcome) -> FrameOutcome:
@@ -409,7 +409,7 @@ class ActionHandler:
 
     def _resume_action(self, outcome: FrameOutcome) -> FrameOutcome:
         """With the action that waited."""
-        action, state = outcome.state.leaving, replace(outcome.state, leaving=None)
+        action, state = outcome.state.pending_action, replace(outcome.state, pending_action=None)
         return replace(outcome, state=state) if action is None else self._perform(action, replace(outcome, state=state))
 
     def _change_library(self, action: SaveMaterial | DeleteMaterial) -> None:

@@ -16,9 +16,9 @@ from ui.panels import (
     brdf,
     camera,
     curve_editor,
-    dialogs,
-    folding,
-    leaving,
+    file_dialog,
+    panel_folding,
+    unsaved_dialog,
     library,
     light,
     material,
@@ -26,23 +26,23 @@ from ui.panels import (
     objects,
     paint,
     plan,
-    resolution,
+    resolution_dialog,
     status_bar,
     viewport,
 )
-from ui.panels import help as shortcuts
+from ui.panels import shortcuts as shortcuts
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
-from ui.panels.guard import draw_fault, guarded
+from ui.panels.panel_guard import draw_fault, draw_guarded
 
 Draw = Callable[[PanelContext], list[Action]]
 
 
 def draw_panels(context: PanelContext, barrier: Barrier, begin_space: Callable[[], None]) -> list[Action]:
     """Draw all; begin_space: makes the place that windows are docked in, between the bars."""
-    actions = guarded(barrier, "The menu", menus.draw, context) or []
-    actions += guarded(barrier, "The status bar", status_bar.draw, context) or []
-    actions += guarded(barrier, "The strip of panels", folding.draw_strip, context) or []
+    actions = draw_guarded(barrier, "The menu", menus.draw, context) or []
+    actions += draw_guarded(barrier, "The status bar", status_bar.draw, context) or []
+    actions += draw_guarded(barrier, "The strip of panels", panel_folding.draw_strip, context) or []
     begin_space()
     actions += _window(barrier, context, layout.OBJECTS, objects.draw)
     actions += _window(barrier, context, layout.LIBRARY, library.draw)
@@ -53,11 +53,11 @@ def draw_panels(context: PanelContext, barrier: Barrier, begin_space: Callable[[
     actions += _window(barrier, context, layout.LIGHT, light.draw)
     actions += _window(barrier, context, layout.ACCURACY, accuracy.draw)
     actions += _window(barrier, context, layout.PLAN, plan.draw)
-    actions += guarded(barrier, "The tabs", folding.draw_buttons, context) or []
-    actions += guarded(barrier, "The dialog", dialogs.draw, context) or []
-    actions += guarded(barrier, "The resolution", resolution.draw, context) or []
-    actions += guarded(barrier, "The question", leaving.draw, context) or []
-    actions += guarded(barrier, "The help", shortcuts.draw, context) or []
+    actions += draw_guarded(barrier, "The tabs", panel_folding.draw_buttons, context) or []
+    actions += draw_guarded(barrier, "The dialog", file_dialog.draw, context) or []
+    actions += draw_guarded(barrier, "The resolution", resolution_dialog.draw, context) or []
+    actions += draw_guarded(barrier, "The question", unsaved_dialog.draw, context) or []
+    actions += draw_guarded(barrier, "The help", shortcuts.draw, context) or []
     return actions
 
 
@@ -77,7 +77,7 @@ def _window(barrier: Barrier, context: PanelContext, panel: layout.Panel, draw: 
 
 def _panel(barrier: Barrier, name: str, draw: Draw, context: PanelContext) -> list[Action]:
     """A panel's contents, or a word in their place."""
-    actions = guarded(barrier, name, draw, context)
+    actions = draw_guarded(barrier, name, draw, context)
     if actions is None:
         draw_fault(name)
     return actions or []
@@ -94,7 +94,7 @@ def _picture_window(barrier: Barrier, context: PanelContext) -> list[Action]:
 
 def is_shown(context: PanelContext, panel: layout.Panel) -> bool:
     """Whether a panel is in the window; the picture alone is there in any case."""
-    if context.state.alone:
+    if context.state.single_panel:
         return panel is layout.VIEWPORT
     return context.view.panel_open(panel.key)
 

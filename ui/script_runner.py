@@ -68,7 +68,7 @@ from engine.scene.description import Camera
 from ui.brush_dabs import sample_path, spots_at, stroke_at
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
-from ui.panels.actions import KeepView, ShowPanel
+from ui.panels.actions import SaveView, ShowPanel
 from ui.picture_feed import PictureFeed
 from ui.tone_view import is_table_ready
 
@@ -179,7 +179,7 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
         case GoToView():
             _refused(editor.camera_history.set_viewpoint(find_bookmark(editor.view.bookmarks, step.name).viewpoint, step.name))
         case SaveViewStep():
-            window.shell.do(KeepView(step.name))
+            window.shell.do(SaveView(step.name))
         case MoveCamera():
             look = Viewpoint(_moved(editor, step), editor.view.resolution)
             _refused(editor.camera_history.set_viewpoint(look, "camera"))

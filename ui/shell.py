@@ -43,14 +43,14 @@ from ui.gl.interface import InterfaceRenderer
 from ui.gl.thumbnails import Thumbnails
 from ui.frame_pacing import REDRAW_SECONDS, FramePacing
 from ui.panel_windows import draw_panels
-from ui.panels import dialogs, escape
-from ui.panels import help as shortcuts
+from ui.panels import file_dialog, escape_key
+from ui.panels import shortcuts as shortcuts
 from ui.panels.actions import Action, CancelDrag, SavePicture, SetPanel
 from ui.panels.brdf_board import BrdfBoard
 from ui.panels.context import Fields, Handles, PanelContext
-from ui.panels.guard import close_what_is_open, depth_now, guarded
+from ui.panels.panel_guard import close_what_is_open, depth_now, draw_guarded
 from ui.panels.picture import Picture
-from ui.panels.state import Notice, PanelState
+from ui.panels.window_state import StatusMessage, PanelState
 from ui.picture_feed import PictureFeed
 from ui.display_names import with_display_names
 from ui.still_saver import StillSaver
@@ -180,7 +180,7 @@ class Shell:
         """Files were dropped on the window; `image`: on the "texture" or the "weight" of the selected layer."""
         question = self.state.question
         if question is not None and len(paths) == 1:
-            self.do(*dialogs.dropped(question, Path(paths[0])))
+            self.do(*file_dialog.dropped(question, Path(paths[0])))
         else:
             self.do(*self.actor.open_dropped(paths, image))
 
@@ -272,9 +272,9 @@ class Shell:
 
     def _pass(self, now: float) -> tuple[list[Action], FrameOutcome]:
         """Let the panels answer the next events."""
-        keys_taken, self._escape_is_imguis = escape.keys_are_taken(), escape.is_imguis()
+        keys_taken, self._escape_is_imguis = escape_key.keys_are_taken(), escape_key.imgui_takes_escape()
         # imgui gives a field the keyboard in the pass after that in which the dialog asks for it.
-        self.events.dispatch(escape.is_typing(), waits=self._focus_comes_in > 0)
+        self.events.dispatch(escape_key.is_typing(), waits=self._focus_comes_in > 0)
         self._focus_comes_in = max(self._focus_comes_in - 1, 0)
         self._docking.make_room(self.state.front)
         if not keys_taken:  # else imgui would step to a control of the panel that was last in use, too
@@ -303,7 +303,7 @@ class Shell:
     def _refusal(self, now: float) -> list[Action]:
         """The line that says why a number typed was not taken."""
         refusal, self._fields.refusal = self._fields.refusal, ""
-        return [SetPanel({"notice": Notice(refusal, now, True)})] if refusal else []
+        return [SetPanel({"notice": StatusMessage(refusal, now, True)})] if refusal else []
 
     def idle(self, now: float) -> bool:
         """Between frames: take the worker's answers. Whether there is something new to draw."""
@@ -433,7 +433,7 @@ class Shell:
             self._shown_message = status.message_number  # the file dialog says it
         if status.message_number != self._shown_message:
             said = with_display_names(self.editor.document, status.message)
-            self.state = replace(self.state, notice=Notice(said, now, status.is_error))
+            self.state = replace(self.state, message=StatusMessage(said, now, status.is_error))
             self._shown_message = status.message_number
 
     def _context(self, now: float) -> PanelContext:
@@ -458,13 +458,13 @@ class Shell:
             redo_label=redo and with_display_names(document, redo),
             environments=self.environments,
             scenes=self.scenes,
-            described=editor.scene_document,
+            scene_document=editor.scene_document,
             name=editor.name,
             camera=editor.camera_history.camera,
             own_camera=editor.camera_history.own_camera,
             own_resolution=editor.camera_history.own_resolution,
-            look_undo_label=editor.camera_history.history.undo_label,
-            look_redo_label=editor.camera_history.history.redo_label,
+            camera_undo_label=editor.camera_history.history.undo_label,
+            camera_redo_label=editor.camera_history.history.redo_label,
             box_of=self._box_of,
             view_thumbnail=self._view_thumbnail,
             preferences=self.actor.preferences.current,
@@ -524,10 +524,10 @@ class Shell:
         barrier = self.editor.barrier
         actions = draw_panels(context, barrier, self._begin_space)
         if not imgui.is_key_pressed(imgui.Key.escape, False):
-            return actions + (guarded(barrier, "The keyboard", shortcuts.keyboard, context) or [])
-        answered = escape.answer(context, self._escape_is_imguis, self._is_dragging)
+            return actions + (draw_guarded(barrier, "The keyboard", shortcuts.keyboard, context) or [])
+        answered = escape_key.answer_escape(context, self._escape_is_imguis, self._is_dragging)
         # What the panels ask for in mid-drag belongs to the drag, and goes with it.
         return answered if CancelDrag() in answered else actions + answered
 
     def _begin_space(self) -> None:
-        self._front = self._docking.begin_space(self.theme.scale, self.state.alone)
+        self._front = self._docking.begin_space(self.theme.scale, self.state.single_panel)

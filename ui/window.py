@@ -381,7 +381,7 @@ class Window:
     def _on_close(self, handle: Any) -> None:
         """The person closes the window: edits that are not saved are asked about, once; then the journal keeps them."""
         glfw.set_window_should_close(handle, False)
-        self.shell.request(Quit(keeps=isinstance(self.shell.state.leaving, Quit)))
+        self.shell.request(Quit(keep_journal=isinstance(self.shell.state.pending_action, Quit)))
 
     def _show_title(self) -> None:
         if self.shell.title != self._shown_title:

@@ -6,7 +6,7 @@ Events enter where GLFW would bring them: while the window polls or waits, throu
 What is sent together (`events`, `quick`) comes in together, between two frames, as from a queue that filled while a
 frame was long; `slow(70)` makes every frame that long. All other calls wait until the window has drawn what it heard.
 
-One Xvfb and one process serve a whole test module; `fresh()` reopens the scene between tests:
+One Xvfb and one process serve a whole test module; `new_operators()` reopens the scene between tests:
 
     real = real_window_fixture()                                # the stand-in worker: made-up arrays, at once
     small = real_window_fixture(small_scene=True)               # a real worker on tests/ui/small_scene.py
@@ -24,7 +24,7 @@ Places are handles by name ("curve.b"; `handles()` lists those on screen) or (x,
 evaluates Python in the window's process, where `editor`, `shell`, `window`, `client`, `state` (the panels'), `imgui`
 and `np` are known; what it returns must pickle. `wait_until` asks until it is true. `shot` saves the window's pixels;
 frames of which there is none are drawn, but into a single pixel: to fill them would take most of a test's time.
-A test that opened another scene, or made the window slow, need not tidy up: `fresh` does.
+A test that opened another scene, or made the window slow, need not tidy up: `new_operators` does.
 """
 
 from __future__ import annotations

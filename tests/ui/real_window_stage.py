@@ -228,7 +228,7 @@ class Stage:
     def as_at_the_start(self, select: str | None) -> None:
         """Panels and view as at the start, this selected."""
         from app.view_state import SetView, ViewState
-        from ui.panels.state import PanelState
+        from ui.panels.window_state import PanelState
 
         start = ViewState()
         shell = self.window.shell

@@ -16,7 +16,7 @@ from ui import theme as look
 from ui.headless import HeadlessWindow
 from ui.panels.accuracy import error_hint
 from ui.panels.accuracy_placement import figures
-from ui.panels.status_bar import ERROR_SECONDS, PLAIN, picture_state
+from ui.panels.status_bar import ERROR_SECONDS, HEADLIGHT, picture_state
 
 STATUS = PlacementStatus(
     shown_coefficients=30, wanted_coefficients=64, memory_mb=512.0, precomputed_mb=230.4, gpu_mb=38.2,
@@ -77,7 +77,7 @@ def test_the_bar_says_exact_of_nothing_that_is_not(status: Status, ink: look.Col
 def test_what_is_seen_before_the_first_picture_is_said() -> None:
     words = picture_state(Status(picture="preview"), "Placement's picture")[1]
     assert words == "preview, Placement's picture"
-    assert picture_state(Status(), PLAIN)[1] == "waiting, objects lit from the eye"
+    assert picture_state(Status(), HEADLIGHT)[1] == "waiting, objects lit from the eye"
 
 
 @pytest.mark.gl
@@ -103,10 +103,10 @@ def test_a_message_goes_by_a_click_and_by_itself(window: HeadlessWindow) -> None
     shell.editor.notify("the disk is full", True)
     window.frames(2)
     window.click_handle("status.message")
-    assert shell.state.notice is None
+    assert shell.state.message is None
     shell.editor.notify("the disk is full", True)  # once more: it is said once more
     window.frames(2)
-    assert shell.state.notice is not None
+    assert shell.state.message is not None
     assert "status.message" in shell.handles.names()
     window._time += ERROR_SECONDS
     window.frames(2)

@@ -18,7 +18,7 @@ from app.view_state import SetView
 from engine.scene.camera import camera_frame
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
-from ui.panels.actions import KeepView, LookFromThere, OpenFile, RenameView, SetPreference
+from ui.panels.actions import SaveView, MoveCameraTo, OpenFile, RenameView, SetPreference
 from ui.picture_feed import PictureFeed
 
 pytestmark = pytest.mark.gl
@@ -74,10 +74,10 @@ def something(window: HeadlessWindow, random: Random, folder: Path) -> str:
             if editor.scene_is_open:
                 editor.do(SetParameter("teapot.1", "alpha", random.uniform(0.1, 0.9)))
         case "keep":
-            shell.do(KeepView(random.choice((None, None, *(each.name for each in bookmarks)))))
+            shell.do(SaveView(random.choice((None, None, *(each.name for each in bookmarks)))))
         case "go" if bookmarks:
             chosen = random.choice(bookmarks)
-            shell.do(LookFromThere(chosen.viewpoint, chosen.name))
+            shell.do(MoveCameraTo(chosen.viewpoint, chosen.name))
         case "rename" if bookmarks:
             shell.do(RenameView(random.choice(bookmarks).name, random.choice(("", "View 1", "a" * 64, "Größe"))))
         case "delete" if bookmarks:

@@ -8,8 +8,8 @@ import pytest
 
 from engine.material.bumps import NO_BUMPS, Bumps
 from ui.headless import HeadlessWindow
-from ui.panels.dialogs import answer
-from ui.panels.state import PanelState
+from ui.panels.file_dialog import answer
+from ui.panels.window_state import PanelState
 
 pytestmark = pytest.mark.gl
 

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.window
 real = real_window_fixture()
 
 OPERATORS = "editor.document.layer('teapot.1').operators('theta_h')"
-HAND = "__import__('ui.panels.curve_gestures', fromlist=['x']).hand_of(" + OPERATORS + ", editor.view)"
+HAND = "__import__('ui.panels.curve_gestures', fromlist=['x']).operators_in_use(" + OPERATORS + ", editor.view)"
 BUTTONS = {"kind": ("translate", "amplify"), "axis": ("x", "y", "xy"), "channel": ("rgb", "r", "g", "b")}
 TOOL = f"__import__('ui.panels.curve_gestures', fromlist=['x']).tool_of({HAND})"
 

@@ -23,7 +23,7 @@ from ui.panels import (
     accuracy,
     brdf,
     curve_editor,
-    dialogs,
+    file_dialog,
     library,
     light,
     material,
@@ -31,7 +31,7 @@ from ui.panels import (
     objects,
     status_bar,
 )
-from ui.panels import help as shortcuts
+from ui.panels import shortcuts as shortcuts
 from ui.panels.actions import Select, ShowPanel
 from ui.picture_feed import PictureFeed
 
@@ -59,7 +59,7 @@ class Holding:
     journal: Journal
 
     def told(self) -> str:
-        notice = self.window.shell.state.notice
+        notice = self.window.shell.state.message
         return "" if notice is None else notice.text
 
 
@@ -103,7 +103,7 @@ DOCKED = {
     "material": material, "light": light, "objects": objects, "library": library, "curve": curve_editor,
     "accuracy": accuracy, "brdf": brdf,
 }  # fmt: skip
-ELSEWHERE = {"menus": menus, "status bar": status_bar, "dialogs": dialogs, "help": shortcuts}
+ELSEWHERE = {"menus": menus, "status bar": status_bar, "dialogs": file_dialog, "help": shortcuts}
 FAULTS: dict[str, Callable[[Holding, pytest.MonkeyPatch], None]] = {
     "what is asked": lambda h, patch: patch.setattr(h.editor.controller._transport, "update", broken),
     "the comparison": lambda h, patch: patch.setattr(h.editor.controller._comparison, "update", broken),

@@ -22,8 +22,8 @@ from tests.ui.stand_in import StandInClient
 from ui.action_handler import ActionHandler, picture_name
 from ui.headless import HeadlessWindow
 from ui.panels.actions import AskFile, ExportMeasured, ImportMeasured, OpenFile, SavePicture, SaveSession, SetPanel
-from ui.panels.dialogs import answer, entries
-from ui.panels.state import FileQuestion
+from ui.panels.file_dialog import answer, entries
+from ui.panels.window_state import FileQuestion
 
 
 def exr_head(width: int, height: int) -> bytes:
@@ -212,7 +212,7 @@ def test_a_panorama_is_no_angular_map(window: HeadlessWindow, tmp_path: Path) ->
     assert before.light.mapping == "latlong"
     window.click_handle("light.mapping.1")
     assert editor.document is before and len(editor.history.undo_steps) == steps
-    notice = window.shell.state.notice
+    notice = window.shell.state.message
     assert notice is not None and notice.is_error
     assert notice.text == "sky.exr has 128 x 64 pixels, an angular map is square; nothing changed"
 

@@ -18,7 +18,7 @@ from tests.ui.small_scene import linear_picture, wait_until_exact
 from ui.headless import HeadlessWindow
 from ui.layout import PANELS
 from ui.panels.curve_keys import HANDLES, next_handle
-from ui.panels.help import SHORTCUTS
+from ui.panels.shortcuts import SHORTCUTS
 
 pytestmark = pytest.mark.gl
 

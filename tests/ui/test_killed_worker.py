@@ -71,7 +71,7 @@ def _kill(window: HeadlessWindow, client: Client) -> None:
     os.kill(victim, signal.SIGKILL)
     assert window.run_until(lambda: client.pid not in (None, victim), 90.0)
     window.frame()
-    notice = window.shell.state.notice
+    notice = window.shell.state.message
     assert notice is not None and notice.is_error
     assert "started again" in notice.text and "SIGKILL" in notice.text and "edits are untouched" in notice.text
     # It stands in the bar itself, in the colour of errors, right of the middle.

@@ -21,7 +21,7 @@ from tests.ui.stand_in import StandInClient
 from ui import layout
 from ui.dock_layout import SETTLING
 from ui.headless import HeadlessWindow
-from ui.panels import fields, widgets
+from ui.panels import number_fields, widgets
 from ui.panels.actions import SetPanel, ShowPanel
 
 pytestmark = pytest.mark.gl
@@ -321,7 +321,7 @@ def test_no_words_are_cut_off_in_a_column_of_225_pixels(
     context: moderngl.Context, monkeypatch: pytest.MonkeyPatch, mode: str, lamps: bool
 ) -> None:
     cut = set[str]()
-    segment, centred, shortened = widgets._segment, fields._centred, widgets.shortened
+    segment, centred, shortened = widgets._segment, number_fields._centred, widgets.shortened
 
     def note_segment(draw: object, corner: ImVec2, size: ImVec2, text: str, *rest: object) -> None:
         window = imgui.internal.get_current_window_read()
@@ -329,7 +329,7 @@ def test_no_words_are_cut_off_in_a_column_of_225_pixels(
             cut.add(text)
         segment(draw, corner, size, text, *rest)
 
-    def note_field(field: fields._Field) -> None:
+    def note_field(field: number_fields._Field) -> None:
         text = field.shown or field.text % field.value
         if imgui.calc_text_size(text).x > field.size.x:
             cut.add(text)
@@ -342,7 +342,7 @@ def test_no_words_are_cut_off_in_a_column_of_225_pixels(
 
     monkeypatch.setattr(layout, "RIGHT_WIDTH", 225.0)
     monkeypatch.setattr(widgets, "_segment", note_segment)
-    monkeypatch.setattr(fields, "_centred", note_field)
+    monkeypatch.setattr(number_fields, "_centred", note_field)
     monkeypatch.setattr(widgets, "shortened", note_choice)
     if not lamps:
         monkeypatch.setattr(ObjectState, "emits", False)

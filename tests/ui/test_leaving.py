@@ -16,7 +16,7 @@ from app.files.session import load_session
 from engine.curve.operators import Operator
 from tests.ui.real_window import RealWindow, real_window_fixture
 from ui.headless import HeadlessWindow
-from ui.panels.actions import Action, Leave, OpenFile, Quit, Recover, SaveSession, SetPanel, Undo
+from ui.panels.actions import Action, AnswerUnsaved, OpenFile, Quit, Recover, SaveSession, SetPanel, Undo
 
 real = real_window_fixture()
 
@@ -131,11 +131,11 @@ def test_no_sequence_loses_edits_that_nobody_gave_up(window: HeadlessWindow, tmp
     chance, saved = random.Random(7), tmp_path / "work.insitu"
     replaced = 0
     for _ in range(60):
-        before, history, unsaved, waiting = editor.document, editor.history, editor.unsaved, shell.state.leaving
+        before, history, unsaved, waiting = editor.document, editor.history, editor.unsaved, shell.state.pending_action
         action: Action = chance.choice(
             (
                 SetRotation(chance.uniform(0.0, 90.0)), SetRotation(chance.uniform(0.0, 90.0)), Undo(), Quit(),
-                OpenFile("teatray"), Leave(saves=True), Leave(saves=False), SaveSession(saved), SaveSession(),
+                OpenFile("teatray"), AnswerUnsaved(is_saved=True), AnswerUnsaved(is_saved=False), SaveSession(saved), SaveSession(),
                 SetPanel({"leaving": None}), SetPanel({"question": None}),
             )
         )  # fmt: skip
@@ -145,10 +145,10 @@ def test_no_sequence_loses_edits_that_nobody_gave_up(window: HeadlessWindow, tmp
             continue
         replaced += 1
         # Another document took its place: it was saved as it was, or given up by name, or had nothing unsaved.
-        given_up = isinstance(action, Leave) and not action.saves and waiting is not None
+        given_up = isinstance(action, AnswerUnsaved) and not action.is_saved and waiting is not None
         assert given_up or not unsaved or load_session(saved).document == before
         # Nothing waits any more for what has happened.
-        assert shell.state.leaving is None
+        assert shell.state.pending_action is None
     assert replaced > 3
 
 
@@ -162,8 +162,8 @@ def test_saving_fails_and_nothing_is_left(window: HeadlessWindow, tmp_path: Path
     window.drag_handle("curve.magnitude", (0, -20))
     (folder / "work.insitu").unlink()
     folder.rmdir()
-    shell.do(OpenFile("teatray"), Leave(saves=True))
-    assert isinstance(shell.state.leaving, OpenFile) and editor.unsaved and editor.status.is_error
+    shell.do(OpenFile("teatray"), AnswerUnsaved(is_saved=True))
+    assert isinstance(shell.state.pending_action, OpenFile) and editor.unsaved and editor.status.is_error
 
 
 @pytest.mark.gl
@@ -171,9 +171,9 @@ def test_opening_what_is_not_there_asks_nothing(window: HeadlessWindow, tmp_path
     window.drag_handle("curve.magnitude", (0, -50))
     for name in ("gone.toml", "sky.exr", "notes.txt"):
         window.shell.do(OpenFile(str(tmp_path / name)))
-        assert window.shell.state.leaving is None and window.shell.editor.status.is_error
+        assert window.shell.state.pending_action is None and window.shell.editor.status.is_error
     window.shell.do(Quit())
-    assert window.shell.state.leaving == Quit()
+    assert window.shell.state.pending_action == Quit()
 
 
 @pytest.mark.gl
@@ -209,7 +209,7 @@ def test_all_that_was_left_is_listed_and_brought_back_one_by_one(window: Headles
     # Bringing it back would replace the edits on screen, so it asks.
     (last,) = shell.actor.recoveries
     shell.do(Recover(last, True))
-    assert shell.state.leaving == Recover(last, True)
+    assert shell.state.pending_action == Recover(last, True)
 
 
 def _abandon(journal: Journal) -> None:

@@ -14,9 +14,9 @@ from engine.material.layer_maps import LayerMaps, MapMeans
 from tests.ui.stand_in import StandInClient, scene_frame
 from ui.headless import HeadlessWindow
 from ui.panels.actions import AskFile, OpenImage
-from ui.panels.dialogs import answer
+from ui.panels.file_dialog import answer
 from ui.panels.maps import image_at, image_label, short_label
-from ui.panels.state import FileQuestion, PanelState
+from ui.panels.window_state import FileQuestion, PanelState
 from ui.picture_feed import PictureFeed
 
 pytestmark = pytest.mark.gl

@@ -36,7 +36,7 @@ def test_what_the_line_has_no_room_for_stands_above_it(context: moderngl.Context
         assert bottom - top > 2 * 13  # more than two lines of 13 pixels: all of it, no line cut off
         window.click_handle("status.message")
         window.frames(2)
-        assert window.shell.state.notice is None and "status.message" not in window.shell.handles.names()
+        assert window.shell.state.message is None and "status.message" not in window.shell.handles.names()
 
 
 def test_long_work_goes_up_too(context: moderngl.Context) -> None:

@@ -172,7 +172,7 @@ def test_a_picture_stays_until_the_mode_that_was_chosen_has_one(
         window.frames(4)
         assert isinstance(feed.source, FlatSource) and feed.picture.read() == before
         # Nor does the status say that something else is seen.
-        said = status_bar.picture_state(editor.status, status_bar.meanwhile(window.shell._context(0.0)))
+        said = status_bar.picture_state(editor.status, status_bar.placeholder_text(window.shell._context(0.0)))
         assert feed.mode_before is PLACEMENT and said[1] == "waiting, Placement's picture"
     assert shown(window) == [153, 128, 102]
     assert feed.mode_before is None

@@ -18,8 +18,8 @@ from engine.scene.description import Camera
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
 from ui.panels.actions import SetPreference
-from ui.panels.help import keys_of
-from ui.panels.orbit_camera import CameraGrip, dragged, scrolled
+from ui.panels.shortcuts import keys_of
+from ui.panels.camera_gestures import CameraGrip, drag_camera, scroll_camera
 
 Key = imgui.Key
 SHIFT, CTRL, ALT = Key.mod_shift, Key.mod_ctrl, Key.mod_alt
@@ -143,12 +143,12 @@ def test_the_scene_goes_with_the_hand() -> None:
     grip = CameraGrip("camera", (0.0, 0.0), "pan", 2, OWN, distance(OWN))
     # A tenth of the picture's height to the right is a tenth of what is seen at the target, to the left.
     height = 2.0 * distance(OWN) * math.tan(math.radians(20.0))
-    assert dragged(grip, 40.0, 0.0, 1.0, 400.0).position[0] == pytest.approx(-0.1 * height)
-    assert dragged(grip, 0.0, 0.0, 1.0, 400.0) == OWN
+    assert drag_camera(grip, 40.0, 0.0, 1.0, 400.0).position[0] == pytest.approx(-0.1 * height)
+    assert drag_camera(grip, 0.0, 0.0, 1.0, 400.0) == OWN
     dolly = CameraGrip("camera", (0.0, 0.0), "dolly", 2, OWN, 1.0)
-    assert distance(dragged(dolly, 0.0, 150.0, 1.0, 400.0)) == pytest.approx(2.0 * distance(OWN))
-    assert distance(dragged(dolly, 300.0, 0.0, 2.0, 400.0)) == pytest.approx(0.5 * distance(OWN))
-    assert scrolled(OWN, "orbit", 1.0, 0.0, (0, 0, 0)).position[0] < 0.0
+    assert distance(drag_camera(dolly, 0.0, 150.0, 1.0, 400.0)) == pytest.approx(2.0 * distance(OWN))
+    assert distance(drag_camera(dolly, 300.0, 0.0, 2.0, 400.0)) == pytest.approx(0.5 * distance(OWN))
+    assert scroll_camera(OWN, "orbit", 1.0, 0.0, (0, 0, 0)).position[0] < 0.0
 
 
 @pytest.mark.gl
@@ -229,7 +229,7 @@ def test_the_panel_of_lens_horizon_size_and_kept_views(window: HeadlessWindow) -
     window.click_handle("camera.size.1")
     width, height = editor.view.resolution or (0, 0)
     assert width > height > 200
-    assert not window.shell.state.notice or not window.shell.state.notice.is_error
+    assert not window.shell.state.message or not window.shell.state.message.is_error
     window.key(Key.escape)
     assert not window.shell.state.shows_camera
 

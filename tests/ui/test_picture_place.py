@@ -11,9 +11,9 @@ from app.view_state import SetView, ViewState
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
 from ui.panels.picture import Picture
-from ui.panels.picture_place import Room, zoomed
+from ui.panels.viewport_layout import ViewportRect, zoom_at
 
-ROOM = Room(100.0, 50.0, 600.0, 400.0, Picture(imgui.ImTextureRef(1), 300, 300))
+ROOM = ViewportRect(100.0, 50.0, 600.0, 400.0, Picture(imgui.ImTextureRef(1), 300, 300))
 
 
 def test_zoom_keeps_the_point_under_the_mouse() -> None:
@@ -21,7 +21,7 @@ def test_zoom_keeps_the_point_under_the_mouse() -> None:
     # Near the middle, so that no edge holds the picture back.
     for steps, mouse in ((6.0, (410.0, 260.0)), (3.0, (380.0, 240.0)), (-2.0, (400.0, 250.0))):
         before = ROOM.place(view)
-        view = zoomed(ROOM, before, steps, *mouse).apply(view)
+        view = zoom_at(ROOM, before, steps, *mouse).apply(view)
         after = ROOM.place(view)
         assert after.scale == pytest.approx(before.scale * 1.2**steps)
         # To within half a pixel of the screen: the picture's corner stands on a whole one.
@@ -35,7 +35,7 @@ def test_however_it_is_moved_the_picture_fills_the_room_or_stands_in_its_middle(
         placed = ROOM.place(view)
         x, y = chance.uniform(100, 700), chance.uniform(50, 450)
         if chance.random() < 0.5:
-            view = zoomed(ROOM, placed, chance.uniform(-8, 8), x, y).apply(view)
+            view = zoom_at(ROOM, placed, chance.uniform(-8, 8), x, y).apply(view)
         else:
             view = ROOM.shown(placed.scale, x, y).apply(view)
         placed = ROOM.place(view)
@@ -51,12 +51,12 @@ def test_however_it_is_moved_the_picture_fills_the_room_or_stands_in_its_middle(
 
 
 def test_zooming_out_ends_at_all_of_it() -> None:
-    view = zoomed(ROOM, ROOM.place(ViewState()), 3.0, 300.0, 200.0).apply(ViewState())
+    view = zoom_at(ROOM, ROOM.place(ViewState()), 3.0, 300.0, 200.0).apply(ViewState())
     # All of it is 400 pixels high at a scale of 4/3; smaller than that, down to pixel for pixel, is allowed.
-    view = zoomed(ROOM, ROOM.place(view), -100.0, 300.0, 200.0).apply(view)
+    view = zoom_at(ROOM, ROOM.place(view), -100.0, 300.0, 200.0).apply(view)
     assert not view.fit and view.zoom == 1.0
-    small = Room(0.0, 0.0, 150.0, 150.0, ROOM.picture)
-    view = zoomed(small, small.place(view), -100.0, 20.0, 20.0).apply(view)
+    small = ViewportRect(0.0, 0.0, 150.0, 150.0, ROOM.picture)
+    view = zoom_at(small, small.place(view), -100.0, 20.0, 20.0).apply(view)
     assert view.fit
 
 
@@ -147,9 +147,9 @@ def test_space_shows_the_picture_alone_and_esc_brings_the_panels_back(window: He
     before = width()
     for back in (imgui.Key.space, imgui.Key.escape):
         window.key(imgui.Key.space)
-        assert window.shell.state.alone and width() == 1280.0
+        assert window.shell.state.single_panel and width() == 1280.0
         window.key(back)
-        assert not window.shell.state.alone and width() == before
+        assert not window.shell.state.single_panel and width() == before
     assert window.shell.editor.view.selected is not None  # Esc did one thing
 
 

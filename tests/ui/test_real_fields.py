@@ -7,7 +7,7 @@ import math
 import pytest
 
 from tests.ui.real_window import RealWindow, real_window_fixture
-from ui.panels.fields import read_number, slider_share, slider_value
+from ui.panels.number_fields import read_number, slider_share, slider_value
 
 pytestmark = pytest.mark.window
 

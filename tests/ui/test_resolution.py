@@ -23,7 +23,7 @@ from tests.ui.small_scene import linear_picture, opened_window, wait_until_exact
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
 from ui.panels.actions import Resize, SetPanel
-from ui.panels.resolution import scaled
+from ui.panels.resolution_dialog import scale_size
 
 pytestmark = pytest.mark.gl
 
@@ -125,14 +125,14 @@ def test_a_side_is_typed_and_one_out_of_range_is_said(window: HeadlessWindow) ->
         window.type(typed)
         window.key(imgui.Key.enter)
         assert shell.state.resolution == expected
-    assert shell.state.notice is not None
-    assert shell.state.notice.text == "width = 99999, expected 1 to 16384; nothing was changed"
+    assert shell.state.message is not None
+    assert shell.state.message.text == "width = 99999, expected 1 to 16384; nothing was changed"
 
 
 def test_more_than_the_memory_is_refused_before_anything_is_done(
     window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in ("app.machine.memory", "ui.panels.resolution"):
+    for module in ("app.machine.memory", "ui.panels.resolution_dialog"):
         monkeypatch.setattr(f"{module}.memory_bytes", lambda: (10 * 2**20, memory_bytes()[1]))
     shell, asked = window.shell, len(looks(window))
     shell.do(SetPanel({"resolution": (4096, 4096)}))
@@ -146,6 +146,6 @@ def test_more_than_the_memory_is_refused_before_anything_is_done(
 
 
 def test_presets_stay_in_range() -> None:
-    assert scaled((512, 300), 0.5) == (256, 150)
-    assert scaled((3, 1), 0.25) == (1, 1)
-    assert scaled((8000, 5000), 4.0) == (16384, 16384)
+    assert scale_size((512, 300), 0.5) == (256, 150)
+    assert scale_size((3, 1), 0.25) == (1, 1)
+    assert scale_size((8000, 5000), 4.0) == (16384, 16384)

@@ -34,5 +34,5 @@ def test_what_was_undone_is_told_by_name(window: HeadlessWindow) -> None:
     assert window.shell._context(0.0).undo_label == "teapot / coat Roughness α"
     editor.undo()
     window.frames(2)
-    notice = window.shell.state.notice
+    notice = window.shell.state.message
     assert notice is not None and notice.text == "undone: teapot / coat Roughness α"

@@ -12,8 +12,8 @@ from app.editor import Editor
 from app.view_state import OpenPanel, SetView
 from engine.scene.surface_kinds import NO_SURFACE, SURFACES, DeformSurface
 from ui.headless import HeadlessWindow
-from ui.panels.dialogs import answer
-from ui.panels.state import PanelState
+from ui.panels.file_dialog import answer
+from ui.panels.window_state import PanelState
 
 pytestmark = pytest.mark.gl
 

@@ -35,9 +35,9 @@ def test_only_what_is_animated_has_a_line_of_time(window: HeadlessWindow) -> Non
     window.shell.editor.do(SetView.of(mode="deform"))
     window.frames(2)
     assert "timeline.time" not in window.shell.handles.names()
-    before = window.shell.state.alone
+    before = window.shell.state.single_panel
     window.key(imgui.Key.space)
-    assert window.shell.state.alone is not before
+    assert window.shell.state.single_panel is not before
 
 
 def test_a_scrub_is_one_step(window: HeadlessWindow, flying: Editor) -> None:
@@ -61,7 +61,7 @@ def test_a_press_takes_the_time_there_and_a_drag_goes_on_from_it(window: Headles
 
 def test_space_plays_and_stops(window: HeadlessWindow, flying: Editor) -> None:
     window.key(imgui.Key.space)
-    assert flying.view.playing is not None and not window.shell.state.alone
+    assert flying.view.playing is not None and not window.shell.state.single_panel
     window.frames(3)
     window.key(imgui.Key.space)
     assert flying.view.playing is None and time_of(flying) is not None and not flying.history.undo_steps

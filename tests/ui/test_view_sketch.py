@@ -13,7 +13,7 @@ from engine.scene.description import Camera
 from tests.ui.test_orbit_camera import centre
 from ui.headless import HeadlessWindow
 from ui.panels.status_bar import picture_state
-from ui.panels.view_sketch import N_CELLS, has_moved, seen_edges, turned_grid
+from ui.panels.view_sketch import N_CELLS, has_moved, visible_edges, turned_grid
 
 CAMERA = Camera(position=(0.0, 0.0, 3.0), target=(0.0, 0.0, 0.0), fov_y=90.0)
 CUBE = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
@@ -21,23 +21,23 @@ CUBE = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
 
 def test_a_cube_before_the_camera_has_twelve_edges() -> None:
     # Its front at depth 2 and its back at 4 reach half and a quarter of the way to the picture's edge, 50 pixels away.
-    edges = seen_edges(CUBE, CAMERA, (100.0, 100.0))
+    edges = visible_edges(CUBE, CAMERA, (100.0, 100.0))
     assert len(edges) == 12 and sorted(set(np.round(edges.ravel(), 6))) == [25.0, 37.5, 62.5, 75.0]
 
 
 def test_what_is_behind_the_eye_is_cut_off() -> None:
     inside = CAMERA.model_copy(update={"position": (0.0, 0.0, 0.5), "target": (0.0, 0.0, -1.0)})
-    edges = seen_edges(CUBE, inside, (100.0, 100.0))
+    edges = visible_edges(CUBE, inside, (100.0, 100.0))
     assert len(edges) == 8  # the back's four and the four that lead to it; the front is behind
     assert np.all(np.isfinite(edges))
     behind = CAMERA.model_copy(update={"target": (0.0, 0.0, 9.0)})
-    assert len(seen_edges(CUBE, behind, (100.0, 100.0))) == 0
+    assert len(visible_edges(CUBE, behind, (100.0, 100.0))) == 0
 
 
 @given(st.lists(st.floats(-5, 5), min_size=6, max_size=6), st.floats(-4, 4), st.floats(-2, 2))
 def test_any_box_from_anywhere_has_finite_lines(numbers: list[float], right: float, up: float) -> None:
     box = np.sort(np.reshape(numbers, (2, 3)), axis=0)
-    assert np.all(np.isfinite(seen_edges(box, orbit_camera(CAMERA, right, up), (64.0, 48.0))))
+    assert np.all(np.isfinite(visible_edges(box, orbit_camera(CAMERA, right, up), (64.0, 48.0))))
 
 
 def test_a_picture_that_a_camera_went_towards_is_larger_about_its_target() -> None:

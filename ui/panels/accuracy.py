@@ -17,7 +17,7 @@ from app.editor_status import Status, duration
 from app.view_state import SetView
 from engine.render.picture_error import ErrorEstimate, percent
 from ui import theme as look
-from ui.panels import fields, history_plot, widgets
+from ui.panels import number_fields, history_plot, widgets
 from ui.panels.actions import Action, BeginDrag, CancelWork, EndDrag, ResumeWork
 from ui.panels.context import PanelContext
 from ui.theme import Icon
@@ -65,7 +65,7 @@ def _slider(context: PanelContext) -> list[Action]:
     view = effective_view(context.view, document)
     at = table.position(mode, view)
     shown = CUSTOM if at is None else expected(table, table.nearest_point(mode, at), context.resolution)
-    hand, moved = fields.slider(
+    hand, moved = number_fields.slider(
         context, "speed_accuracy", 0.5 if at is None else at, 0.0, 1.0, "%.2f", handle="accuracy.slider",
         title="from speed to accuracy", shown=shown,
     )  # fmt: skip
@@ -82,7 +82,7 @@ def expected(table: ParetoFront, stop: FrontPoint, resolution: tuple[int, int]) 
 
 
 def _budget(context: PanelContext) -> list[Action]:
-    hand, moved = fields.slider(
+    hand, moved = number_fields.slider(
         context, "budget", context.view.frame_budget_ms, LEAST_BUDGET, LARGEST_BUDGET, "%.0f ms", True,
         handle="accuracy.frame_time", title="frame time",
     )  # fmt: skip

@@ -15,7 +15,7 @@ from app.commands import EditCommand
 from app.files.journal import Recovery
 from app.files.material_file import Material
 from app.view_state import OpenPanel, SetView, Viewpoint
-from ui.panels.state import Grip
+from ui.panels.window_state import Grip
 
 
 @dataclass(frozen=True)
@@ -44,14 +44,14 @@ class CancelDrag:
 
 
 @dataclass(frozen=True)
-class Hold:
+class HoldGrip:
     """Keep what a gesture needs while it lasts; None when it ends."""
 
     grip: Grip | None
 
 
 @dataclass(frozen=True)
-class InOneStep:
+class MergedEdit:
     """An edit that is one step of the history with those just before it of the same gesture."""
 
     command: EditCommand
@@ -76,45 +76,45 @@ class Play:
 
 
 @dataclass(frozen=True)
-class BeginLook:
-    """A hand took hold of the camera: all until `EndLook` is one step of the view's own history."""
+class BeginCameraDrag:
+    """A hand took hold of the camera: all until `EndCameraDrag` is one step of the view's own history."""
 
     label: str
 
 
 @dataclass(frozen=True)
-class DragLook:
+class DragCamera:
     """See the scene from there, while a hand holds the camera; nothing where it does so no more."""
 
-    look: Viewpoint
+    viewpoint: Viewpoint
 
 
 @dataclass(frozen=True)
-class EndLook:
+class EndCameraDrag:
     """The hand let go of the camera."""
 
 
 @dataclass(frozen=True)
-class LookFromThere:
+class MoveCameraTo:
     """See the scene from there: a step of the view's history, one with those before it of the same gesture."""
 
-    look: Viewpoint
+    viewpoint: Viewpoint
     label: str
     gesture: str | None = None
 
 
 @dataclass(frozen=True)
-class UndoLook:
+class UndoCamera:
     """One step back in the view's history."""
 
 
 @dataclass(frozen=True)
-class RedoLook:
+class RedoCamera:
     """One step forward in the view's history."""
 
 
 @dataclass(frozen=True)
-class KeepView:
+class SaveView:
     """Keep the view by a name, in the place of the one that has it; None: as another one."""
 
     name: str | None = None
@@ -144,7 +144,7 @@ class Select:
 
 @dataclass(frozen=True)
 class SetPanel:
-    """Change fields of the window's own state (`ui.panels.state.PanelState`)."""
+    """Change fields of the window's own state (`ui.panels.window_state.PanelState`)."""
 
     changes: Mapping[str, Any]
 
@@ -273,10 +273,10 @@ class Recover:
 
 
 @dataclass(frozen=True)
-class Leave:
+class AnswerUnsaved:
     """What becomes of unsaved edits that stand in the way of an action: saved, or given up; then it is carried out."""
 
-    saves: bool
+    is_saved: bool
 
 
 @dataclass(frozen=True)
@@ -305,15 +305,15 @@ class ResumeWork:
 class Quit:
     """Close the window; where there are unsaved edits that is asked about, unless they are to stay in the journal."""
 
-    keeps: bool = False
+    keep_journal: bool = False
 
 
 WindowAction = (
-    BeginDrag | EndDrag | CancelDrag | InOneStep | BeginLook | DragLook | EndLook | LookFromThere | UndoLook | RedoLook
-    | Play | KeepView | RenameView | SetPreference
-    | Hold | Undo | Redo | Select | SetPanel | OpenFile | OpenImage | AskFile
+    BeginDrag | EndDrag | CancelDrag | MergedEdit | BeginCameraDrag | DragCamera | EndCameraDrag | MoveCameraTo | UndoCamera | RedoCamera
+    | Play | SaveView | RenameView | SetPreference
+    | HoldGrip | Undo | Redo | Select | SetPanel | OpenFile | OpenImage | AskFile
     | ReloadImages | SaveSession | SavePicture | ImportMeasured | ExportMeasured | ExportScene | Screenshot
-    | SaveMaterial | DeleteMaterial | Copy | Paste | Recover | Leave | Resize | ShowPanel | ResetLayout | CancelWork
+    | SaveMaterial | DeleteMaterial | Copy | Paste | Recover | AnswerUnsaved | Resize | ShowPanel | ResetLayout | CancelWork
     | ResumeWork | Quit | AnswerQuestion
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

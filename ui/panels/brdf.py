@@ -108,7 +108,7 @@ def _choice(context: PanelContext) -> list[Action]:
     if pressed is not None:
         actions.append(SetView.of(brdf_plot=BRDF_PLOTS[pressed]))
     hint = "All visible layers of the object together; off: the selected layer alone."
-    widgets.go_right(widgets.segments_width(context, ["All"], 34.0))
+    widgets.same_line_at_right(widgets.segments_width(context, ["All"], 34.0))
     if widgets.segments(context, "brdf.whole", [("All", hint)], 0 if view.brdf_whole else -1, least=34) == 0:
         actions.append(SetView.of(brdf_whole=not view.brdf_whole))
     return actions

@@ -97,7 +97,7 @@ def _lobe_lines(
         index = int(np.abs(found.angles - angle).argmin())
         draw.add_line(centre, _at(centre, angle, radius), look.pack(look.with_alpha(look.TEXT, 0.35)), 1.0)
         side = "" if angle >= 0.0 else ", on the light's side"
-        _tell(f"{abs(math.degrees(angle)):.0f}° from the normal{side}\n{_triple(found.values[index])} per sr")
+        _tooltip_now(f"{abs(math.degrees(angle)):.0f}° from the normal{side}\n{_triple(found.values[index])} per sr")
     return top
 
 
@@ -200,7 +200,7 @@ def slice_image(context: PanelContext, place: ImVec2, size: ImVec2) -> None:
     if imgui.is_item_hovered():
         mouse = imgui.get_mouse_pos()
         h, d = across.to_value(mouse.x), up.to_value(mouse.y)
-        _tell(f"θh {math.degrees(h):.0f}°  θd {math.degrees(d):.0f}°\n{_triple(board.slice_value(h, d))} per sr")
+        _tooltip_now(f"θh {math.degrees(h):.0f}°  θd {math.degrees(d):.0f}°\n{_triple(board.slice_value(h, d))} per sr")
 
 
 def _slice_axes(context: PanelContext, draw: imgui.ImDrawList, across: Axis, up: Axis) -> None:
@@ -269,7 +269,7 @@ def albedo(context: PanelContext, place: ImVec2, size: ImVec2) -> None:
         x = imgui.get_mouse_pos().x
         index = int(np.abs(found.angles - across.to_value(x)).argmin())
         draw.add_line(ImVec2(x, up.end), ImVec2(x, up.start), look.pack(look.with_alpha(look.TEXT, 0.35)), 1.0)
-        _tell(f"light from {math.degrees(found.angles[index]):.0f}°\n{_triple(found.values[index])} of it is reflected")
+        _tooltip_now(f"light from {math.degrees(found.angles[index]):.0f}°\n{_triple(found.values[index])} of it is reflected")
 
 
 def _albedo_grid(context: PanelContext, draw: imgui.ImDrawList, across: Axis, up: Axis) -> None:
@@ -321,7 +321,7 @@ def _triple(values: np.ndarray | tuple[float, float, float]) -> str:
     return "  ".join(f"{name} {text}" for name, text in zip("RGB", texts, strict=True))
 
 
-def _tell(text: str) -> None:
+def _tooltip_now(text: str) -> None:
     """At once, without the wait of a tooltip."""
     imgui.begin_tooltip()
     imgui.text_unformatted(text)

@@ -11,7 +11,7 @@ from app.document import ObjectState
 from engine.material.bumps import MAX_HEIGHT, MAX_STRENGTH
 from engine.material.layer_maps import MAX_REPEATS
 from ui import theme as look
-from ui.panels import fields, widgets
+from ui.panels import number_fields, widgets
 from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag
 from ui.panels.context import PanelContext
 from ui.panels.maps import image_label, short_label
@@ -63,22 +63,22 @@ def _strength(context: PanelContext, state: ObjectState, width: float) -> list[A
     """How strong the image is; of heights also how high."""
     widgets.label(context, "Bump strength", width)
     bumps = state.bumps
-    hand, moved = fields.slider(
+    touch, moved = number_fields.slider(
         context, "bump_strength", bumps.bump_strength, 0.0, MAX_STRENGTH, handle="material.bump_strength"
     )
     widgets.tooltip("How strong the bumps are: 1 as the image means them, 0 flat. Seen when the hand rests.")
-    actions = _edits(hand, state.name, "bump_strength", moved)
+    actions = _edits(touch, state.name, "bump_strength", moved)
     if not bumps.bump_map:
         return actions
     widgets.label(context, "Height", width)
     imgui.set_next_item_width(imgui.get_content_region_avail().x)
-    hand, moved = fields.number(
+    touch, moved = number_fields.number(
         context, "bump_height", bumps.bump_height, "%.4g m", "material.bump_height", -MAX_HEIGHT, MAX_HEIGHT,
         0.01 * max(abs(bumps.bump_height), _FINEST),
     )  # fmt: skip
     hint = "Metres between black and white; below 0 the image is pressed in."
     widgets.tooltip(f"{hint} Drag sideways, or double-click to type.")
-    return actions + _edits(hand, state.name, "bump_height", moved)
+    return actions + _edits(touch, state.name, "bump_height", moved)
 
 
 def _repeats(context: PanelContext, state: ObjectState, width: float) -> list[Action]:
@@ -89,26 +89,26 @@ def _repeats(context: PanelContext, state: ObjectState, width: float) -> list[Ac
     actions: list[Action] = []
     for index, (axis, across) in enumerate((("u", "across"), ("v", "upwards"))):
         imgui.set_next_item_width(0.5 * room)
-        hand, moved = fields.number(
+        touch, moved = number_fields.number(
             context, f"bump repeats {axis}", repeats[index], f"{axis} × %.3g", f"material.bump_repeats.{axis}",
             -MAX_REPEATS, MAX_REPEATS,
         )  # fmt: skip
         widgets.tooltip(f"How often the image repeats {across}; below 0 it is mirrored. Drag, or double-click to type.")
         pair = (moved, repeats[1]) if index == 0 else (repeats[0], moved)
-        hand = replace(hand, changed=hand.changed and abs(moved) >= 1e-3)
-        actions += _edits(hand, state.name, "bump_repeats", pair)
+        touch = replace(touch, changed=touch.changed and abs(moved) >= 1e-3)
+        actions += _edits(touch, state.name, "bump_repeats", pair)
         if index == 0:
             imgui.same_line(0.0, gap)
     return actions
 
 
-def _edits(hand: fields.Touch, name: str, field: str, value: object) -> list[Action]:
+def _edits(touch: number_fields.Touch, name: str, field: str, value: object) -> list[Action]:
     """One drag of a control as one step of the history."""
     actions: list[Action] = []
-    if hand.began:
+    if touch.began:
         actions.append(BeginDrag(f"{name} {field.replace('_', ' ')}"))
-    if hand.changed:
+    if touch.changed:
         actions.append(SetBumps(name, field, value))
-    if hand.ended:
+    if touch.ended:
         actions.append(EndDrag())
     return actions

@@ -12,20 +12,20 @@ from app.view_state import Bookmark, SetView, Viewpoint
 from engine.scene.camera_moves import focal_length, is_level, with_focal_length
 from engine.scene.description import MAX_RESOLUTION
 from ui import theme as look
-from ui.panels import fields, widgets
+from ui.panels import number_fields, widgets
 from ui.panels.actions import (
     Action,
-    BeginLook,
-    DragLook,
-    EndLook,
-    KeepView,
-    LookFromThere,
+    BeginCameraDrag,
+    DragCamera,
+    EndCameraDrag,
+    SaveView,
+    MoveCameraTo,
     RenameView,
     Resize,
     SetPanel,
 )
 from ui.panels.context import PanelContext
-from ui.panels.orbit_camera import command
+from ui.panels.camera_gestures import command
 from ui.theme import Icon
 
 WIDTH, LABEL_WIDTH, GAP = 264.0, 58.0, 6.0
@@ -56,7 +56,7 @@ def _title(context: PanelContext) -> list[Action]:
     imgui.align_text_to_frame_padding()
     imgui.text_unformatted("Camera")
     imgui.pop_font()
-    widgets.go_right(2 * imgui.get_frame_height() + context.px(GAP))
+    widgets.same_line_at_right(2 * imgui.get_frame_height() + context.px(GAP))
     actions: list[Action] = []
     hint = "Back to the scene's own camera. (Keypad 0)"
     if widgets.icon_button(context, "camera.reset", Icon.RESET, hint, enabled=context.camera != context.own_camera):
@@ -71,18 +71,18 @@ def _lens(context: PanelContext) -> list[Action]:
     widgets.label(context, "Lens", LABEL_WIDTH)
     camera = context.camera
     focal = focal_length(camera.fov_y)
-    hand, moved = fields.slider(
+    hand, moved = number_fields.slider(
         context, "focal_length", focal, LEAST_FOCAL, LARGEST_FOCAL, "%.4g mm", True, handle="camera.focal",
-        origin=focal_length(context.own_camera.fov_y), pixels_to_double=fields.PIXELS_TO_DOUBLE,
+        origin=focal_length(context.own_camera.fov_y), pixels_to_double=number_fields.PIXELS_TO_DOUBLE,
     )  # fmt: skip
     widgets.tooltip(LENS_HINT.format(angle=camera.fov_y))
     if imgui.is_item_clicked(1):
         own = camera.model_copy(update={"fov_y": context.own_camera.fov_y})
-        return [LookFromThere(Viewpoint(own, context.view.resolution), "focal length")]
-    actions: list[Action] = [BeginLook("focal length")] if hand.began else []
+        return [MoveCameraTo(Viewpoint(own, context.view.resolution), "focal length")]
+    actions: list[Action] = [BeginCameraDrag("focal length")] if hand.began else []
     if hand.changed:
-        actions.append(DragLook(Viewpoint(with_focal_length(camera, moved), context.view.resolution)))
-    return [*actions, EndLook()] if hand.ended else actions
+        actions.append(DragCamera(Viewpoint(with_focal_length(camera, moved), context.view.resolution)))
+    return [*actions, EndCameraDrag()] if hand.ended else actions
 
 
 def _horizon(context: PanelContext) -> list[Action]:
@@ -128,7 +128,7 @@ def _views(context: PanelContext, foot: float) -> list[Action]:
                 actions += _view(context, bookmark)
         imgui.end_child()
     if widgets.text_button(context, "camera.keep", f"{Icon.ADD}  Keep this view", "Keep it by a name, in the session."):
-        actions.append(KeepView())
+        actions.append(SaveView())
     return actions
 
 
@@ -139,16 +139,16 @@ def _view(context: PanelContext, bookmark: Bookmark) -> list[Action]:
     actions: list[Action] = []
     corner, size = imgui.get_cursor_screen_pos(), ImVec2(*map(context.px, THUMBNAIL))
     if imgui.invisible_button("go", size):
-        actions.append(LookFromThere(bookmark.viewpoint, name))
+        actions.append(MoveCameraTo(bookmark.viewpoint, name))
     context.handles.note_item(f"camera.view.{name}")
-    is_here = _is_here(context, bookmark)
+    is_here = _is_current_view(context, bookmark)
     _thumbnail(context, bookmark, corner, size, imgui.is_item_hovered() or is_here)
     widgets.tooltip("The camera stands here." if is_here else "Go there: a view that was computed is there at once.")
     imgui.same_line(0.0, context.px(GAP + 2))
     imgui.begin_group()
     actions += _name(context, name) if context.state.renames == name else _title_of(context, name)
     if widgets.icon_button(context, f"camera.update.{name}", Icon.CAMERA, f"Let {name} be this view.", not is_here):
-        actions.append(KeepView(name))
+        actions.append(SaveView(name))
     imgui.same_line(0.0, 0.0)
     if widgets.icon_button(context, f"camera.rename.{name}", Icon.EDITABLE, "Give it another name."):
         actions.append(SetPanel({"renames": name}))
@@ -160,7 +160,7 @@ def _view(context: PanelContext, bookmark: Bookmark) -> list[Action]:
     return actions
 
 
-def _is_here(context: PanelContext, bookmark: Bookmark) -> bool:
+def _is_current_view(context: PanelContext, bookmark: Bookmark) -> bool:
     camera, resolution = bookmark.viewpoint
     return (camera or context.own_camera, resolution or context.own_resolution) == (context.camera, context.resolution)
 

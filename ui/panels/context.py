@@ -28,8 +28,8 @@ from engine.scene.description import Camera
 from ui.brush_dabs import SurfaceSpot
 from ui.panels.brdf_board import BrdfBoard
 from ui.panels.picture import Picture
-from ui.panels.state import PanelState
-from ui.panels.travel import Travel
+from ui.panels.window_state import PanelState
+from ui.panels.drag_travel import Travel
 from ui.theme import Theme
 
 
@@ -81,7 +81,7 @@ class HeldField:
 
 @dataclass
 class Fields:
-    """The noticeboard of `ui.panels.fields`: what a hand holds, and what was typed in vain, a line for the person."""
+    """The noticeboard of `ui.panels.number_fields`: what a hand holds, and what was typed in vain, a line for the person."""
 
     held: HeldField | None = None
     refusal: str = ""
@@ -106,7 +106,7 @@ def no_box(name: str | None) -> NDArray[np.float64] | None:
     return None
 
 
-def nothing_there(column: int, row: int) -> str | None:
+def no_object(column: int, row: int) -> str | None:
     """What is at a pixel before there is a picture."""
     return None
 
@@ -128,12 +128,12 @@ class PanelContext:
     is none. `now` is seconds of the window's clock. `brdf` is what there is to see of the selected material by itself,
     `record` what frames took lately and how far off the picture was.
     `camera` is from where the scene is seen, or about to be, `picture_camera` that of the picture shown; `own_camera`
-    and `own_resolution`, (width, height), are as the scene has them; `look_undo_label` and `look_redo_label` name what
+    and `own_resolution`, (width, height), are as the scene has them; `camera_undo_label` and `camera_redo_label` name what
     the view's own history would undo or redo;
     `box_of` tells the corners (2, 3) of an object, of None all that is seen; `view_thumbnail` is a kept view's picture.
     `preferences` are the person's. `mode` is the one of `modes` that makes the picture.
     `mode_before` is the title of the mode whose picture is still seen, "" where it is the present one's.
-    `described` is the document as the scene's own file has it.
+    `scene_document` is the document as the scene's own file has it.
     `name` is what a person calls what is open, `unsaved` whether there are edits that no session has. `recent` are the
     files opened last, `recoveries` edits that the program left behind when it ended.
     `keys_taken`: keys go into a text field, a list or a menu; `alt_tapped`: Alt was pressed and let go by itself;
@@ -158,7 +158,7 @@ class PanelContext:
     map_refusal: str | None = None
     undo_label: str | None = None
     redo_label: str | None = None
-    object_at: Callable[[int, int], str | None] = nothing_there
+    object_at: Callable[[int, int], str | None] = no_object
     spot_at: Callable[[int, int], SurfaceSpot | None] = no_spot
     heading: float = 0.0
     environments: tuple[str, ...] = ()
@@ -166,14 +166,14 @@ class PanelContext:
     thumbnail: Callable[[LibraryEntry], Picture | None] = no_thumbnail
     scenes: tuple[str, ...] = ()
     mode_before: str = ""
-    described: Document = Document("")
+    scene_document: Document = Document("")
     name: str = ""
     camera: Camera = NO_CAMERA
     picture_camera: Camera | None = None
     own_camera: Camera = NO_CAMERA
     own_resolution: tuple[int, int] = (0, 0)
-    look_undo_label: str | None = None
-    look_redo_label: str | None = None
+    camera_undo_label: str | None = None
+    camera_redo_label: str | None = None
     box_of: Callable[[str | None], NDArray[np.float64] | None] = no_box
     view_thumbnail: Callable[[Bookmark], Picture | None] = no_view_thumbnail
     preferences: Preferences = Preferences()

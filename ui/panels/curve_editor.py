@@ -21,7 +21,7 @@ from ui.panels import curve_plot as plot
 from ui.panels.actions import Action, Select
 from ui.panels.brdf import energy_warning
 from ui.panels.context import PanelContext
-from ui.panels.curve_gestures import HALF_PI, Hand, channel_of, hand_of, limit_text
+from ui.panels.curve_gestures import HALF_PI, OperatorGroup, channel_of, operators_in_use, limit_text
 from ui.panels.curve_mouse import DrawnCurves, grip_of, interact, knob
 from ui.panels.plot_axes import value_range
 from ui.theme import Icon
@@ -101,8 +101,8 @@ def _toolbar(context: PanelContext, curves: DrawnCurves) -> list[Action]:
     pressed = widgets.segments(context, "curve.factor", choices, names.index(curves.factor))
     if pressed is not None and names[pressed] != curves.factor:
         actions.append(Select(f"{curves.key}.{names[pressed]}"))
-    widgets.go_right(right)
-    actions += _channel_buttons(context, hand_of(curves.operators, context.view), least)
+    widgets.same_line_at_right(right)
+    actions += _channel_buttons(context, operators_in_use(curves.operators, context.view), least)
     if right <= room:
         imgui.same_line()
     log_hint = "Logarithmic height: shows the faint skirts of a highlight beside its peak. The picture does not change."
@@ -130,7 +130,7 @@ def _right_width(context: PanelContext, least: float) -> float:
     return channels + log + 2 * imgui.get_frame_height() + 2 * imgui.get_style().item_spacing.x
 
 
-def _channel_buttons(context: PanelContext, hand: Hand, least: float) -> list[Action]:
+def _channel_buttons(context: PanelContext, group: OperatorGroup, least: float) -> list[Action]:
     hints = (
         "Edit all three colour channels together.",
         "Edit the red channel alone: tints what the curve reflects.",
@@ -139,7 +139,7 @@ def _channel_buttons(context: PanelContext, hand: Hand, least: float) -> list[Ac
     )
     choices = [(name.upper(), hint) for name, hint in zip(CHANNELS, hints, strict=True)]
     inks = (look.TEXT, *look.CHANNELS)
-    channel = channel_of(hand)
+    channel = channel_of(group)
     chosen = -1 if channel is None else CHANNELS.index(channel)
     pressed = widgets.segments(context, "curve.channel", choices, chosen, inks, least)
     return [] if pressed is None else [SetView.of(channel=CHANNELS[pressed], operator=None)]
@@ -148,21 +148,21 @@ def _channel_buttons(context: PanelContext, hand: Hand, least: float) -> list[Ac
 def _plot(context: PanelContext, curves: DrawnCurves) -> list[Action]:
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
     frame = _frame(context, curves, corner, room)
-    hand = hand_of(curves.operators, context.view)
-    title = operator_title(*hand.operators)
-    plot.draw_ground(context, frame, title if hand.index is not None else f"new: {title}",
+    group = operators_in_use(curves.operators, context.view)
+    title = operator_title(*group.operators)
+    plot.draw_ground(context, frame, title if group.index is not None else f"new: {title}",
                      widgets.angle_symbol(curves.factor))  # fmt: skip
-    hot, actions = interact(context, curves, frame, hand)
-    _draw_curves(context, curves, frame, hand, hot)
-    for line, (name, note) in enumerate(_notes(context, curves, hand).items(), start=1):
+    hot, actions = interact(context, curves, frame, group)
+    _draw_curves(context, curves, frame, group, hot)
+    for line, (name, note) in enumerate(_notes(context, curves, group).items(), start=1):
         place = plot.draw_note(context, frame, line, note, look.ACCENT)
         context.handles.note(f"curve.{name}", *place)
-    return actions + curve_keys.move(context, curves, frame, hand)
+    return actions + curve_keys.move(context, curves, frame, group)
 
 
-def _notes(context: PanelContext, curves: DrawnCurves, hand: Hand) -> dict[str, str]:
+def _notes(context: PanelContext, curves: DrawnCurves, group: OperatorGroup) -> dict[str, str]:
     """What there is to be said about the curve in its plot: what holds it, and whether it makes light of nothing."""
-    notes = {"limit": limit_text(hand)} if curves.editable and hand.index is not None else {}
+    notes = {"limit": limit_text(group)} if curves.editable and group.index is not None else {}
     if curves.layer.edits and not curves.layer.model.needs_file:
         context.brdf.shown.add("albedo")
         warning = "" if context.brdf.albedo is None else energy_warning(context.brdf.albedo)
@@ -188,14 +188,14 @@ def fitted_range(curves: DrawnCurves, log_y: bool) -> tuple[float, float]:
     return value_range(np.concatenate([edited, curves.generated(gamma)]), log_y)
 
 
-def _draw_curves(context: PanelContext, curves: DrawnCurves, frame: plot.Frame, hand: Hand, hot: str | None) -> None:
+def _draw_curves(context: PanelContext, curves: DrawnCurves, frame: plot.Frame, group: OperatorGroup, hot: str | None) -> None:
     grip = grip_of(context)
     held = grip.handle if grip else None
     edited = apply_operators(curves.operators, curves.generated)
     gamma = plot.sample_angles(frame, (*edited.features, *getattr(curves.generated, "features", ())))
     draw_list = imgui.get_window_draw_list()
     if curves.editable:
-        plot.draw_regions(context, frame, hand, held, hot)
+        plot.draw_regions(context, frame, group, held, hot)
     draw_list.push_clip_rect(frame.corner, frame.end, True)
     layer = curves.layer
     samples = layer.model.samples(layer.model.leader(curves.factor), layer.values)
@@ -203,14 +203,14 @@ def _draw_curves(context: PanelContext, curves: DrawnCurves, frame: plot.Frame, 
         plot.draw_samples(frame, *samples, context.theme.scale)
     if curves.operators:
         plot.draw_generated(frame, gamma, curves.generated(gamma), context.theme.scale)
-    plot.draw_curve(frame, gamma, edited(gamma), hand.first.channels, context.theme.scale)
+    plot.draw_curve(frame, gamma, edited(gamma), group.first.channels, context.theme.scale)
     draw_list.pop_clip_rect()
     if not curves.editable:
         return
-    places = plot.flag_places(frame, hand.regions, context.px(plot.FLAG) + 1)
-    plot.draw_flags(context, frame, hand.regions, places, held, hot)
-    plot.draw_knob(context, frame, hand, knob(curves, hand), "magnitude" in (held, hot))
-    plot.draw_chosen(context, frame, places, knob(curves, hand), context.state.handle)
+    places = plot.flag_places(frame, group.regions, context.px(plot.FLAG) + 1)
+    plot.draw_flags(context, frame, group.regions, places, held, hot)
+    plot.draw_knob(context, frame, group, knob(curves, group), "magnitude" in (held, hot))
+    plot.draw_chosen(context, frame, places, knob(curves, group), context.state.handle)
     if hot == "pull":
         mouse = imgui.get_mouse_pos()
         draw_list.add_circle(mouse, context.px(5), look.pack(look.ACCENT), 0, context.px(1.5))

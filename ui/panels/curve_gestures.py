@@ -20,7 +20,7 @@ from app.commands.curves import CurveEdit
 from app.view_state import CHANNELS, Channel, Tool, ViewState, channels_of
 from engine.curve.operators import HALF_PI, Curve, Operator, apply_operators
 from engine.curve.pairs import edit_at
-from ui.panels.state import CurveGrip
+from ui.panels.window_state import CurveGrip
 
 Regions = tuple[float, float, float, float]
 END_NAMES = ("a", "b", "c", "d")
@@ -31,7 +31,7 @@ EXPONENTIAL_REACH = 0.3
 
 
 @dataclass(frozen=True)
-class Hand:
+class OperatorGroup:
     """The operator(s) that the handles stand for: one, or Y and X of a diagonal pair. `index` None: not made yet."""
 
     operators: tuple[Operator, ...]
@@ -62,17 +62,17 @@ class Knob:
     anchor: tuple[float, float]
 
 
-def hand_of(operators: tuple[CurveEdit, ...], view: ViewState) -> Hand:
+def operators_in_use(operators: tuple[CurveEdit, ...], view: ViewState) -> OperatorGroup:
     """The operator that the view has selected, else the one that the active tool would make."""
     if view.operator is not None and 0 <= view.operator < len(operators):
         places = edit_at(operators, view.operator)
         members = tuple(operators[index] for index in places)
         if isinstance(members[0], Operator):
-            return Hand(cast(tuple[Operator, ...], members), places.start)
-    return Hand(fresh(view.active_tool, view.regions, view.channels), None)
+            return OperatorGroup(cast(tuple[Operator, ...], members), places.start)
+    return OperatorGroup(new_operators(view.active_tool, view.regions, view.channels), None)
 
 
-def fresh(tool: Tool, regions: Regions, channels: tuple[bool, bool, bool]) -> tuple[Operator, ...]:
+def new_operators(tool: Tool, regions: Regions, channels: tuple[bool, bool, bool]) -> tuple[Operator, ...]:
     """Operators that a tool makes, at the magnitude that changes nothing."""
     kind, _, axes = tool.partition("_")
     neutral = 1.0 if kind == "amplify" else 0.0
@@ -86,21 +86,21 @@ def fresh(tool: Tool, regions: Regions, channels: tuple[bool, bool, bool]) -> tu
     )  # fmt: skip
 
 
-def tool_of(hand: Hand) -> Tool:
+def tool_of(group: OperatorGroup) -> Tool:
     """The tool that makes operators like these."""
-    axes = "xy" if hand.pair else hand.first.axis
-    return cast(Tool, f"{hand.first.kind}_{axes}")
+    axes = "xy" if group.pair else group.first.axis
+    return cast(Tool, f"{group.first.kind}_{axes}")
 
 
-def channel_of(hand: Hand) -> Channel | None:
+def channel_of(group: OperatorGroup) -> Channel | None:
     """The channel, or all three, that operators like these change; None for two of them."""
-    return next((name for name in CHANNELS if channels_of(name) == hand.first.channels), None)
+    return next((name for name in CHANNELS if channels_of(name) == group.first.channels), None)
 
 
-def as_next(hand: Hand) -> dict[str, Any]:
+def defaults_from(group: OperatorGroup) -> dict[str, Any]:
     """The fields of the view with which the next new operator is one like these."""
-    channel = channel_of(hand)
-    fields = {"active_tool": tool_of(hand), "regions": hand.regions}
+    channel = channel_of(group)
+    fields = {"active_tool": tool_of(group), "regions": group.regions}
     return fields if channel is None else {**fields, "channel": channel}
 
 
@@ -116,16 +116,16 @@ def core(regions: Regions) -> float:
     return 0.5 * (regions[1] + regions[2])
 
 
-def knob_of(hand: Hand, below: Curve) -> Knob:
+def knob_of(group: OperatorGroup, below: Curve) -> Knob:
     """Where the knob stands on the curve `below` (without these operators)."""
-    x = core(hand.regions)
-    y = reference_value(hand.first, below, x)
+    x = core(group.regions)
+    y = reference_value(group.first, below, x)
     moved_x, moved_y = x, y
-    for operator in hand.operators:
+    for operator in group.operators:
         if operator.axis == "y":
-            moved_y = lifted(operator, y)
+            moved_y = raise_value(operator, y)
         else:
-            moved_x = carried(operator.clamp_magnitude(), x)
+            moved_x = move_angle(operator.clamp_magnitude(), x)
     return Knob(moved_x, moved_y, (x, y))
 
 
@@ -136,14 +136,14 @@ def reference_value(operator: Operator, below: Curve, x: float) -> float:
     return max(chosen, default=float(values.max()))
 
 
-def lifted(operator: Operator, y: float) -> float:
+def raise_value(operator: Operator, y: float) -> float:
     """Value y after a Y-operator at full strength."""
     if operator.kind == "translate":
         return y + operator.magnitude
     return operator.baseline + (y - operator.baseline) * operator.magnitude
 
 
-def carried(operator: Operator, x: float) -> float:
+def move_angle(operator: Operator, x: float) -> float:
     """Angle to which an X-operator carries the feature at x."""
     if operator.kind == "translate":
         return x + operator.magnitude
@@ -152,9 +152,9 @@ def carried(operator: Operator, x: float) -> float:
     return operator.baseline + (x - operator.baseline) * operator.magnitude
 
 
-def limit_text(hand: Hand) -> str:
+def limit_text(group: OperatorGroup) -> str:
     """What keeps an X-operator from moving any further, and what lets it; empty where nothing does."""
-    held = next((o for o in hand.operators if o.axis == "x" and o.at_limit and o.regions[0] < o.regions[3]), None)
+    held = next((o for o in group.operators if o.axis == "x" and o.at_limit and o.regions[0] < o.regions[3]), None)
     if held is None or abs(held.magnitude) >= HALF_PI:
         return ""
     if held.kind == "amplify":
@@ -180,25 +180,25 @@ def magnitude_for(operator: Operator, anchor: tuple[float, float], pull: Pull) -
     if operator.kind == "translate":
         magnitude = pull.to[axis] - anchor[axis]
     else:
-        magnitude = amplified(operator.magnitude, pull.factors[axis])
+        magnitude = amplify_magnitude(operator.magnitude, pull.factors[axis])
         magnitude = min(max(magnitude, 1e-3), 1e3) if operator.axis == "x" else magnitude
     return dataclasses.replace(operator, magnitude=magnitude).clamp_magnitude()
 
 
-def amplified(magnitude: float, factor: float) -> float:
+def amplify_magnitude(magnitude: float, factor: float) -> float:
     """A magnitude so many times as large, within limits; one at 0 leaves it by hundredths."""
     start = magnitude if abs(magnitude) >= LEAST_AMPLIFICATION else LEAST_AMPLIFICATION
     return min(max(start * factor, -LARGEST_AMPLIFICATION), LARGEST_AMPLIFICATION)
 
 
-def drag_knob(grip: CurveGrip, hand: Hand, generated: Curve, pull: Pull) -> tuple[CurveEdit, ...]:
+def drag_knob(grip: CurveGrip, group: OperatorGroup, generated: Curve, pull: Pull) -> tuple[CurveEdit, ...]:
     """The curve's operators when the ring has been pulled; `hand`: what a new one is, where none was held."""
     at = len(grip.operators) if grip.index is None else grip.index
-    count = len(hand.operators)
-    members = hand.operators if grip.index is None else cast(tuple[Operator, ...], grip.operators[at : at + count])
+    count = len(group.operators)
+    members = group.operators if grip.index is None else cast(tuple[Operator, ...], grip.operators[at : at + count])
     below = apply_operators(grip.operators[:at], generated)
     x = core(grip.regions)
-    anchor = (x, reference_value(hand.first, below, x))
+    anchor = (x, reference_value(group.first, below, x))
     changed = tuple(magnitude_for(operator, anchor, pull) for operator in members)
     return (*grip.operators[:at], *changed, *grip.operators[at + count :])
 

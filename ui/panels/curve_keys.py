@@ -12,13 +12,13 @@ import math
 from imgui_bundle import imgui
 
 from ui.panels import curve_plot as plot
-from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, SetPanel
+from ui.panels.actions import Action, BeginDrag, EndDrag, HoldGrip, SetPanel
 from ui.panels.context import PanelContext
-from ui.panels.curve_gestures import END_NAMES, Hand
-from ui.panels.curve_mouse import DrawnCurves, edited, grip_at, standing
-from ui.panels.fields import PIXELS_TO_DOUBLE
-from ui.panels.state import KeyGrip
-from ui.panels.travel import FINE
+from ui.panels.curve_gestures import END_NAMES, OperatorGroup
+from ui.panels.curve_mouse import DrawnCurves, move_handle, grip_at, handle_position
+from ui.panels.number_fields import PIXELS_TO_DOUBLE
+from ui.panels.window_state import KeyGrip
+from ui.panels.drag_travel import FINE
 
 HANDLES = ("magnitude", *END_NAMES, "region")
 # Shares of the plot's width and height, so that zooming in makes the keys finer: one degree where all 90 are shown.
@@ -29,14 +29,14 @@ Key = imgui.Key
 ARROWS = {Key.left_arrow: (-1, 0), Key.right_arrow: (1, 0), Key.up_arrow: (0, -1), Key.down_arrow: (0, 1)}
 
 
-def move(context: PanelContext, curves: DrawnCurves, frame: plot.Frame, hand: Hand) -> list[Action]:
+def move(context: PanelContext, curves: DrawnCurves, frame: plot.Frame, group: OperatorGroup) -> list[Action]:
     """What the keys pressed or held in this pass do to the handles."""
     grip = context.state.grip
     if isinstance(grip, KeyGrip):
         _claim()
         if not any(imgui.is_key_down(key) for key in ARROWS):
-            return [EndDrag(), Hold(None)]
-        return _moved(context, curves, frame, hand, grip, _steps(context.repeated))
+            return [EndDrag(), HoldGrip(None)]
+        return _moved(context, curves, frame, group, grip, _steps(context.repeated))
     if grip is not None or not curves.editable or not _has_keyboard(context):
         return []
     _claim()
@@ -46,8 +46,8 @@ def move(context: PanelContext, curves: DrawnCurves, frame: plot.Frame, hand: Ha
     if steps == (0, 0):
         return []
     handle = context.state.handle or HANDLES[0]
-    begun = grip_at(KeyGrip, curves, frame, hand, handle, offset=standing(curves, frame, hand, handle))
-    return [BeginDrag(None), SetPanel({"handle": handle}), *_moved(context, curves, frame, hand, begun, steps)]
+    begun = grip_at(KeyGrip, curves, frame, group, handle, offset=handle_position(curves, frame, group, handle))
+    return [BeginDrag(None), SetPanel({"handle": handle}), *_moved(context, curves, frame, group, begun, steps)]
 
 
 def next_handle(handle: str | None, back: bool = False) -> str:
@@ -87,21 +87,21 @@ def _steps(repeated: imgui.Key | None = None) -> tuple[int, int]:
 
 
 def _moved(
-    context: PanelContext, curves: DrawnCurves, frame: plot.Frame, hand: Hand, grip: KeyGrip, steps: tuple[int, int]
+    context: PanelContext, curves: DrawnCurves, frame: plot.Frame, group: OperatorGroup, grip: KeyGrip, steps: tuple[int, int]
 ) -> list[Action]:
     """The gesture gone on by so many steps, and what it does now."""
     if steps == (0, 0):
         return []
     size = FINE if imgui.get_io().key_shift else 1.0
-    across, down = (size * step for step in _step(context, frame, hand, grip))
+    across, down = (size * step for step in _step(context, frame, group, grip))
     moved = grip.moved[0] + steps[0] * across, grip.moved[1] + steps[1] * down
     grip = dataclasses.replace(grip, moved=moved)
-    return [Hold(grip), *edited(context, curves, frame, hand, grip, moved)]
+    return [HoldGrip(grip), *move_handle(context, curves, frame, group, grip, moved)]
 
 
-def _step(context: PanelContext, frame: plot.Frame, hand: Hand, grip: KeyGrip) -> tuple[float, float]:
+def _step(context: PanelContext, frame: plot.Frame, group: OperatorGroup, grip: KeyGrip) -> tuple[float, float]:
     """Pixels right and down that a press is worth."""
-    if grip.handle == "magnitude" and hand.first.kind == "amplify":
+    if grip.handle == "magnitude" and group.first.kind == "amplify":
         step = math.log2(1.0 + AMPLIFIED_A_STEP) * context.px(PIXELS_TO_DOUBLE)
         return step, step
     return WIDTH_A_STEP * (frame.x.end - frame.x.start), HEIGHT_A_STEP * (frame.y.start - frame.y.end)

@@ -1,6 +1,6 @@
 """The mouse on the curve: which handle is under it, and what pressing, dragging and the wheel do.
 
-Everything is measured from the `CurveGrip` that the press made; what a handle's move does (`edited`) is shared with the
+Everything is measured from the `CurveGrip` that the press made; what a handle's move does (`move_handle`) is shared with the
 keyboard (`curve_keys`).
 """
 
@@ -19,27 +19,27 @@ from engine.curve.operators import Curve, apply_operators
 from engine.material.layer import Layer
 from ui.panels import curve_plot as plot
 from ui.panels import widgets
-from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, SetPanel
+from ui.panels.actions import Action, BeginDrag, EndDrag, HoldGrip, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.curve_gestures import (
     END_NAMES,
     HALF_PI,
-    Hand,
+    OperatorGroup,
     Knob,
     Pull,
-    as_next,
+    defaults_from,
     drag_knob,
     drag_region,
-    fresh,
+    new_operators,
     knob_of,
     regions_around,
     tool_of,
     with_regions,
 )
-from ui.panels.fields import PIXELS_TO_DOUBLE
+from ui.panels.number_fields import PIXELS_TO_DOUBLE
 from ui.panels.plot_axes import zoomed
-from ui.panels.state import CurveGrip
-from ui.panels.travel import Travel
+from ui.panels.window_state import CurveGrip
+from ui.panels.drag_travel import Travel
 
 GRAB_DISTANCE = 9.0
 PULL_DISTANCE = 10.0
@@ -64,14 +64,14 @@ def grip_of(context: PanelContext) -> CurveGrip | None:
     return grip if isinstance(grip, CurveGrip) else None
 
 
-def knob(curves: DrawnCurves, hand: Hand) -> Knob:
+def knob(curves: DrawnCurves, group: OperatorGroup) -> Knob:
     """Where the magnitude handle stands on the curve as it is."""
-    below = curves.operators if hand.index is None else curves.operators[: hand.index]
-    return knob_of(hand, apply_operators(below, curves.generated))
+    below = curves.operators if group.index is None else curves.operators[: group.index]
+    return knob_of(group, apply_operators(below, curves.generated))
 
 
 def interact(
-    context: PanelContext, curves: DrawnCurves, frame: plot.Frame, hand: Hand
+    context: PanelContext, curves: DrawnCurves, frame: plot.Frame, group: OperatorGroup
 ) -> tuple[str | None, list[Action]]:
     """The mouse on the plot: which handle is under it, and what its drag does."""
     corner = ImVec2(frame.x.start - context.px(10), frame.y.end - context.px(plot.FLAG_STRIP))
@@ -79,7 +79,7 @@ def interact(
     imgui.set_cursor_screen_pos(corner)
     buttons = imgui.ButtonFlags_.mouse_button_left | imgui.ButtonFlags_.mouse_button_middle
     imgui.invisible_button("ground", size, buttons)
-    handles = _handle_places(context, curves, frame, hand) if curves.editable else {}
+    handles = _handle_places(context, curves, frame, group) if curves.editable else {}
     for name, place in handles.items():
         context.handles.note(f"curve.{name}", *place)
     context.handles.note("curve.line", *_on_the_line(curves, frame))
@@ -87,16 +87,16 @@ def interact(
     mouse, grip = imgui.get_mouse_pos(), grip_of(context)
     hot = None
     if imgui.is_item_hovered() and grip is None:
-        hot = _under_mouse(context, curves, frame, hand, handles, mouse)
-        _show_cursor(hot, hand)
-        _explain(hot, hand)
+        hot = _under_mouse(context, curves, frame, group, handles, mouse)
+        _show_cursor(hot, group)
+        _explain(hot, group)
     actions: list[Action] = []
     if imgui.is_item_activated():
-        actions += _take_hold(context, curves, frame, hand, hot, mouse)
+        actions += _take_hold(context, curves, frame, group, hot, mouse)
     elif imgui.is_item_active() and grip is not None:
-        actions += _drag(context, curves, frame, hand, grip, mouse)
+        actions += _drag(context, curves, frame, group, grip, mouse)
     if imgui.is_item_deactivated() and grip is not None:
-        actions += [EndDrag(), Hold(None)]
+        actions += [EndDrag(), HoldGrip(None)]
     if imgui.is_item_hovered() and grip is None:
         actions += _zoom(context, frame, mouse)
     return hot, actions
@@ -110,12 +110,12 @@ def _on_the_line(curves: DrawnCurves, frame: plot.Frame) -> tuple[float, float]:
 
 
 def _handle_places(
-    context: PanelContext, curves: DrawnCurves, frame: plot.Frame, hand: Hand
+    context: PanelContext, curves: DrawnCurves, frame: plot.Frame, group: OperatorGroup
 ) -> dict[str, tuple[float, float]]:
     """Where each handle is grasped, by name, those drawn on top first."""
-    flags = plot.flag_places(frame, hand.regions, context.px(plot.FLAG) + 1)
+    flags = plot.flag_places(frame, group.regions, context.px(plot.FLAG) + 1)
     top = frame.y.end - context.px(plot.FLAG_STRIP - 2) + 0.5 * context.px(plot.FLAG)
-    places = {"magnitude": plot.knob_place(context, frame, knob(curves, hand))}
+    places = {"magnitude": plot.knob_place(context, frame, knob(curves, group))}
     places |= {name: (x, top) for name, x in zip(END_NAMES, flags, strict=True)}
     return places | {"region": (0.5 * (flags[1] + flags[2]), top)}
 
@@ -124,7 +124,7 @@ def _under_mouse(
     context: PanelContext,
     curves: DrawnCurves,
     frame: plot.Frame,
-    hand: Hand,
+    group: OperatorGroup,
     handles: dict[str, tuple[float, float]],
     mouse: ImVec2,
 ) -> str | None:
@@ -143,30 +143,30 @@ def _under_mouse(
     values = apply_operators(curves.operators, curves.generated)(np.array([gamma]))[0]
     if np.abs(frame.y.to_pixels(values) - mouse.y).min() <= context.px(PULL_DISTANCE):
         return "pull"
-    bars = {name: abs(frame.x.to_pixel(end) - mouse.x) for name, end in zip(END_NAMES, hand.regions, strict=True)}
+    bars = {name: abs(frame.x.to_pixel(end) - mouse.x) for name, end in zip(END_NAMES, group.regions, strict=True)}
     nearest = min(bars, key=lambda name: bars[name])
     return nearest if bars[nearest] <= context.px(5) else None
 
 
-def _show_cursor(hot: str | None, hand: Hand) -> None:
+def _show_cursor(hot: str | None, group: OperatorGroup) -> None:
     cursor = imgui.MouseCursor_
     if hot in (*END_NAMES, "region"):
         imgui.set_mouse_cursor(cursor.resize_ew)
     elif hot in ("magnitude", "pull"):
-        axes = {operator.axis for operator in hand.operators}
+        axes = {operator.axis for operator in group.operators}
         both = cursor.resize_all if len(axes) == 2 else cursor.resize_ew if "x" in axes else cursor.resize_ns
         imgui.set_mouse_cursor(both)
 
 
-def _explain(hot: str | None, hand: Hand) -> None:
+def _explain(hot: str | None, group: OperatorGroup) -> None:
     texts = {
         "a": "a: the edit begins here; nothing left of it changes.",
         "b": "b: from here the edit acts at full strength.",
         "c": "c: up to here the edit acts at full strength.",
         "d": "d: the edit ends here; nothing right of it changes.",
         "region": "Move the whole region along the angle.",
-        "magnitude": f"How strong: drag to {hand.first.kind} the curve. The picture follows.",
-        "pull": f"Pull the curve here: a new {hand.first.kind} of this part.",
+        "magnitude": f"How strong: drag to {group.first.kind} the curve. The picture follows.",
+        "pull": f"Pull the curve here: a new {group.first.kind} of this part.",
     }
     if hot in texts:
         widgets.tooltip(texts[hot])
@@ -176,7 +176,7 @@ def _take_hold(
     context: PanelContext,
     curves: DrawnCurves,
     frame: plot.Frame,
-    hand: Hand,
+    group: OperatorGroup,
     hot: str | None,
     mouse: ImVec2,
 ) -> list[Action]:
@@ -187,16 +187,16 @@ def _take_hold(
         return [SetView.of(operator=None), SetPanel({"handle": None})]
     if hot == "pull":
         regions = regions_around(frame.x.to_value(mouse.x), frame.x.high - frame.x.low)
-        hand = Hand(fresh(tool_of(hand), regions, hand.first.channels), None)
+        group = OperatorGroup(new_operators(tool_of(group), regions, group.first.channels), None)
     handle = "magnitude" if hot == "pull" else hot
-    place = (mouse.x, mouse.y) if handle == "pan" else standing(curves, frame, hand, handle)
+    place = (mouse.x, mouse.y) if handle == "pan" else handle_position(curves, frame, group, handle)
     grip = dataclasses.replace(
-        grip_at(CurveGrip, curves, frame, hand, handle, place),
+        grip_at(CurveGrip, curves, frame, group, handle, place),
         travel=Travel((mouse.x, mouse.y), fine=imgui.get_io().key_shift),
     )
-    actions: list[Action] = [BeginDrag(None), Hold(grip)]
+    actions: list[Action] = [BeginDrag(None), HoldGrip(grip)]
     if hot == "pull":
-        actions.append(SetView.of(operator=None, **as_next(hand)))
+        actions.append(SetView.of(operator=None, **defaults_from(group)))
     return actions if hot == "pan" else [*actions, SetPanel({"handle": grip.handle})]
 
 
@@ -204,61 +204,61 @@ AnyGrip = TypeVar("AnyGrip", bound=CurveGrip)
 
 
 def grip_at(
-    kind: type[AnyGrip], curves: DrawnCurves, frame: plot.Frame, hand: Hand, handle: str, offset: tuple[float, float]
+    kind: type[AnyGrip], curves: DrawnCurves, frame: plot.Frame, group: OperatorGroup, handle: str, offset: tuple[float, float]
 ) -> AnyGrip:
     """A gesture that begins now, on a handle of the operators in hand."""
     return kind(
         handle=handle,
         offset=offset,
         operators=curves.operators,
-        index=hand.index,
-        pair=hand.pair,
-        regions=hand.regions,
+        index=group.index,
+        pair=group.pair,
+        regions=group.regions,
         x_range=(frame.x.low, frame.x.high),
         y_range=(frame.y.low, frame.y.high),
     )
 
 
-def standing(curves: DrawnCurves, frame: plot.Frame, hand: Hand, handle: str) -> tuple[float, float]:
+def handle_position(curves: DrawnCurves, frame: plot.Frame, group: OperatorGroup, handle: str) -> tuple[float, float]:
     """Where a handle truly stands, pixels, also off the plot, so that nothing jumps; of the region its left end."""
     if handle == "magnitude":
-        feature = knob(curves, hand)
+        feature = knob(curves, group)
         return frame.x.to_pixel(feature.x), frame.y.to_pixel(feature.y)
     end = 0 if handle == "region" else END_NAMES.index(handle)
-    return frame.x.to_pixel(hand.regions[end]), frame.y.start
+    return frame.x.to_pixel(group.regions[end]), frame.y.start
 
 
 def _drag(
-    context: PanelContext, curves: DrawnCurves, frame: plot.Frame, hand: Hand, grip: CurveGrip, mouse: ImVec2
+    context: PanelContext, curves: DrawnCurves, frame: plot.Frame, group: OperatorGroup, grip: CurveGrip, mouse: ImVec2
 ) -> list[Action]:
     if grip.handle == "pan":
         return _pan(frame, grip, mouse)
-    if grip.index is None and not imgui.is_mouse_dragging(0, 1.0) and hand.index is None:
+    if grip.index is None and not imgui.is_mouse_dragging(0, 1.0) and group.index is None:
         return []
-    travel = grip.travel.going_on((mouse.x, mouse.y), imgui.get_io().key_shift)
+    travel = grip.travel.with_fine((mouse.x, mouse.y), imgui.get_io().key_shift)
     held = dataclasses.replace(grip, travel=travel)
-    actions = edited(context, curves, frame, hand, held, travel.moved((mouse.x, mouse.y)))
-    return actions if held == grip else [Hold(held), *actions]
+    actions = move_handle(context, curves, frame, group, held, travel.distance_to((mouse.x, mouse.y)))
+    return actions if held == grip else [HoldGrip(held), *actions]
 
 
-def edited(
+def move_handle(
     context: PanelContext,
     curves: DrawnCurves,
     frame: plot.Frame,
-    hand: Hand,
+    group: OperatorGroup,
     grip: CurveGrip,
     moved: tuple[float, float],
 ) -> list[Action]:
     """What it does to move the handle in the grip by so many pixels right and down."""
     if grip.handle == "magnitude":
-        return edited_knob(context, curves, frame, hand, grip, moved)
+        return move_knob(context, curves, frame, group, grip, moved)
     # The shift is exactly nothing where the hand is back at its start, or has moved up and down alone.
     shift = frame.x.to_value(grip.offset[0] + moved[0]) - frame.x.to_value(grip.offset[0])
     start = 0.0 if grip.handle == "region" else grip.regions[END_NAMES.index(grip.handle)]
-    return edited_ends(curves, grip, start + shift)
+    return move_ends(curves, grip, start + shift)
 
 
-def edited_ends(curves: DrawnCurves, grip: CurveGrip, to: float) -> list[Action]:
+def move_ends(curves: DrawnCurves, grip: CurveGrip, to: float) -> list[Action]:
     """The handle in the grip, an end or the region, moved to angle `to` (the region: by it, from its start)."""
     regions = drag_region(grip, to)
     actions: list[Action] = [SetView.of(regions=regions)]
@@ -267,23 +267,23 @@ def edited_ends(curves: DrawnCurves, grip: CurveGrip, to: float) -> list[Action]
     return actions
 
 
-def edited_knob(
+def move_knob(
     context: PanelContext,
     curves: DrawnCurves,
     frame: plot.Frame,
-    hand: Hand,
+    group: OperatorGroup,
     grip: CurveGrip,
     moved: tuple[float, float],
 ) -> list[Action]:
     """The ring pulled by so many pixels right and down."""
     if grip.index is None:
-        hand = Hand(fresh(context.view.active_tool, grip.regions, context.view.channels), None)
+        group = OperatorGroup(new_operators(context.view.active_tool, grip.regions, context.view.channels), None)
     wanted = frame.y.to_value(grip.offset[1] + moved[1])
     to = (frame.x.to_value(grip.offset[0] + moved[0]), max(wanted, min(0.0, frame.y.low)))
     right, up = moved[0] / context.px(PIXELS_TO_DOUBLE), -moved[1] / context.px(PIXELS_TO_DOUBLE)
     operators = grip.operators
     if grip.index is None or moved != (0.0, 0.0):
-        operators = drag_knob(grip, hand, curves.generated, Pull(to, (2.0**right, 2.0**up)))
+        operators = drag_knob(grip, group, curves.generated, Pull(to, (2.0**right, 2.0**up)))
     index = len(grip.operators) if grip.index is None else grip.index
     actions: list[Action] = [SetOperators(curves.key, curves.factor, operators)]
     return [*actions, SetView.of(operator=index)] if context.view.operator != index else actions
@@ -293,7 +293,7 @@ def _pan(frame: plot.Frame, grip: CurveGrip, mouse: ImVec2) -> list[Action]:
     dx = frame.x.to_value(mouse.x) - frame.x.to_value(grip.offset[0])
     shift = min(max(-dx, -grip.x_range[0]), HALF_PI - grip.x_range[1])
     x_range = (grip.x_range[0] + shift, grip.x_range[1] + shift)
-    return [SetView.of(curve_zoom=(*x_range, *grip.y_range)), Hold(dataclasses.replace(
+    return [SetView.of(curve_zoom=(*x_range, *grip.y_range)), HoldGrip(dataclasses.replace(
         grip, x_range=x_range, offset=(mouse.x, mouse.y)))]  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from engine.curve.unique_values import unique_sorted
 from engine.curve.operators import Operator, strength
 from ui import theme as look
 from ui.panels.context import PanelContext
-from ui.panels.curve_gestures import END_NAMES, Hand, Knob, Regions
+from ui.panels.curve_gestures import END_NAMES, OperatorGroup, Knob, Regions
 from ui.panels.plot_axes import Axis, angle_ticks, value_ticks
 from ui.panels.widgets import rich_text
 
@@ -164,12 +164,12 @@ def distinct_channels(values: np.ndarray) -> list[int]:
     return [0] if same else [0, 1, 2]
 
 
-def draw_regions(context: PanelContext, frame: Frame, hand: Hand, held: str | None, hovered: str | None) -> None:
+def draw_regions(context: PanelContext, frame: Frame, group: OperatorGroup, held: str | None, hovered: str | None) -> None:
     """The falloff shaded as strong as the operator acts, and a bar at each of a, b, c, d."""
     draw = imgui.get_window_draw_list()
     draw.push_clip_rect(frame.corner, frame.end, True)
-    _shade(draw, frame, hand.first)
-    for name, angle in zip(END_NAMES, hand.regions, strict=True):
+    _shade(draw, frame, group.first)
+    for name, angle in zip(END_NAMES, group.regions, strict=True):
         x = round(frame.x.to_pixel(angle)) + 0.5
         active = name in (held, hovered)
         ink = look.with_alpha(look.ACCENT, 0.95 if active else 0.6 if name in "bc" else 0.38)
@@ -259,7 +259,7 @@ def knob_place(context: PanelContext, frame: Frame, knob: Knob) -> tuple[float, 
     return x, y
 
 
-def draw_knob(context: PanelContext, frame: Frame, hand: Hand, knob: Knob, active: bool) -> None:
+def draw_knob(context: PanelContext, frame: Frame, group: OperatorGroup, knob: Knob, active: bool) -> None:
     """The magnitude handle: a ring with arrows along the axes it acts on, tied to where the curve was."""
     draw = imgui.get_window_draw_list()
     x, y = knob_place(context, frame, knob)
@@ -268,10 +268,10 @@ def draw_knob(context: PanelContext, frame: Frame, hand: Hand, knob: Knob, activ
     faint = look.pack(look.with_alpha(look.ACCENT, 0.6))
     draw.add_line(ImVec2(anchor_x, anchor_y), ImVec2(x, y), faint, context.px(1))
     draw.add_circle_filled(ImVec2(anchor_x, anchor_y), context.px(2.6), faint)
-    axes: set[str] = {operator.axis for operator in hand.operators}
+    axes: set[str] = {operator.axis for operator in group.operators}
     ink = look.pack(look.ACCENT)
     radius = context.px(7.5 if active else 6.5)
-    held = {math.copysign(1.0, o.magnitude - o.neutral_magnitude) for o in hand.operators if o.axis == "x" and o.at_limit}
+    held = {math.copysign(1.0, o.magnitude - o.neutral_magnitude) for o in group.operators if o.axis == "x" and o.at_limit}
     for dx, dy in _arrow_directions(axes):
         if dx in held:
             _stop(draw, x + dx * (radius + context.px(5)), y, context.px(7), context.px(2.5), ink)

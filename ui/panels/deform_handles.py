@@ -12,12 +12,12 @@ from ui.panels import pose_handles
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
 from ui.panels.picture_handles import PictureHandle, Place
-from ui.panels.picture_place import Placed
+from ui.panels.viewport_layout import PictureRect
 
 PARTS = ("By paths", "Not turned", "Deform")
 
 
-def handles(context: PanelContext, placed: Placed) -> list[PictureHandle]:
+def handles(context: PanelContext, placed: PictureRect) -> list[PictureHandle]:
     """Of the selected object's deformers, and of the split."""
     found = pose_handles.handles(context, placed)
     if context.view.split is None or context.status.shown_by not in ("", "Deform"):
@@ -26,7 +26,7 @@ def handles(context: PanelContext, placed: Placed) -> list[PictureHandle]:
     return [*found, *_dividers(placed, context.view.split)]
 
 
-def _dividers(placed: Placed, split: tuple[float, float]) -> list[PictureHandle]:
+def _dividers(placed: PictureRect, split: tuple[float, float]) -> list[PictureHandle]:
     found = []
     for i, (share, parts) in enumerate(zip(split, zip(PARTS, PARTS[1:], strict=False), strict=True)):
         x, middle = placed.x + share * placed.width, placed.y + 0.5 * placed.height
@@ -38,14 +38,14 @@ def _dividers(placed: Placed, split: tuple[float, float]) -> list[PictureHandle]
     return found
 
 
-def _dragged(placed: Placed, split: tuple[float, float], i: int, to: Place) -> list[Action]:
+def _dragged(placed: PictureRect, split: tuple[float, float], i: int, to: Place) -> list[Action]:
     """A divider pushes the other along: where they stand on one another, either can be drawn off."""
     share = (to[0] - placed.x) / max(placed.width, 1.0)
     moved = (share, max(share, split[1])) if i == 0 else (min(split[0], share), share)
     return [SetView.of(split=moved)] if moved != split else []
 
 
-def _name_parts(context: PanelContext, placed: Placed, split: tuple[float, float]) -> None:
+def _name_parts(context: PanelContext, placed: PictureRect, split: tuple[float, float]) -> None:
     """What each part is, at its upper edge, where it is wide enough."""
     draw_list, ends = imgui.get_window_draw_list(), (0.0, *split, 1.0)
     for name, start, end in zip(PARTS, ends, ends[1:], strict=False):

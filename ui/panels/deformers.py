@@ -9,7 +9,7 @@ from app.commands.poses import MAX_DEFORMERS
 from engine.deform.deformers import KINDS
 from engine.deform.deformers.kind import DeformerKind
 from engine.deform.pose import Deformation
-from ui.panels import fields, surfaces, widgets
+from ui.panels import number_fields, surfaces, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag
 from ui.panels.context import PanelContext
 from ui.theme import Icon
@@ -70,28 +70,28 @@ def _row(context: PanelContext, name: str, index: int, deformation: Deformation,
     low, high = kind.limits
     handle = f"pose.{index}"
     if kind.unit == "degrees":  # two turns are too much for a trough: a few of its pixels would be a right angle
-        hand, amount = fields.number(
+        touch, amount = number_fields.number(
             context, "amount", deformation.amount, _format(kind), handle, low, high, DEGREES_A_PIXEL, kind.title
         )
     else:
-        hand, amount = fields.slider(
+        touch, amount = number_fields.slider(
             context, "amount", deformation.amount, low, high, _format(kind), handle=handle, origin=0.0,
             title=kind.title,
         )  # fmt: skip
     widgets.tooltip("How much; double-click to type, drag with Shift for fine steps. 0 leaves the object as it is.")
-    actions += edits(hand, name, index, amount)
+    actions += edits(touch, name, index, amount)
     imgui.pop_id()
     return actions
 
 
-def edits(hand: fields.Touch, name: str, index: int, amount: float) -> list[Action]:
+def edits(touch: number_fields.Touch, name: str, index: int, amount: float) -> list[Action]:
     """One drag of a deformer's amount as one step of the history."""
     actions: list[Action] = []
-    if hand.began:
+    if touch.began:
         actions.append(BeginDrag())
-    if hand.changed:
+    if touch.changed:
         actions.append(SetDeformer(name, index, amount=amount))
-    if hand.ended:
+    if touch.ended:
         actions.append(EndDrag())
     return actions
 
@@ -112,7 +112,7 @@ def _add(context: PanelContext, name: str, count: int) -> list[Action]:
 
 def _beside(title: str) -> None:
     """In the same row as the button before it, where a button of that title has room there."""
-    widgets.go_on(imgui.calc_text_size(title).x + 2.0 * imgui.get_style().frame_padding.x)
+    widgets.same_line_if_room(imgui.calc_text_size(title).x + 2.0 * imgui.get_style().frame_padding.x)
 
 
 def _format(kind: DeformerKind) -> str:

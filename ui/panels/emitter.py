@@ -6,7 +6,7 @@ from imgui_bundle import imgui
 
 from app.commands.light import EMISSION, SetEmission
 from app.document import RGB, ObjectState
-from ui.panels import colours, fields, widgets
+from ui.panels import colour_controls, number_fields, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag
 from ui.panels.context import PanelContext
 
@@ -32,12 +32,12 @@ def draw(context: PanelContext, state: ObjectState, emission: RGB) -> list[Actio
 def _strength(context: PanelContext, name: str, emission: RGB) -> list[Action]:
     """Scales all three channels."""
     widgets.label(context, "Strength")
-    hand, moved = fields.slider(
+    touch, moved = number_fields.slider(
         context, "strength", max(emission), LEAST_STRENGTH, LARGEST_STRENGTH, "%.4g", True, handle="emitter.strength",
-        title="Strength", pixels_to_double=fields.PIXELS_TO_DOUBLE,
+        title="Strength", pixels_to_double=number_fields.PIXELS_TO_DOUBLE,
     )  # fmt: skip
     widgets.tooltip("Radiance of the brightest channel. The light itself follows at once.")
-    return _edits(hand, name, scaled(emission, moved), "strength")
+    return _edits(touch, name, scaled(emission, moved), "strength")
 
 
 def scaled(emission: RGB, strength: float) -> RGB:
@@ -53,16 +53,16 @@ def _colour(context: PanelContext, name: str, emission: RGB) -> list[Action]:
     widgets.label(context, "Colour")
     hint = f"{EMISSION.tooltip} Drag sideways, or double-click to type."
     speed = max(max(emission), LEAST_STRENGTH) / 200.0
-    numbers = colours.Numbers("emitter", EMISSION.label, hint, EMISSION.minimum, EMISSION.maximum, speed, "%.4g")
-    for hand, moved in colours.row(context, numbers, emission, swatch=True):
-        actions += _edits(hand, name, moved, "colour")
+    numbers = colour_controls.NumberTriple("emitter", EMISSION.label, hint, EMISSION.minimum, EMISSION.maximum, speed, "%.4g")
+    for touch, moved in colour_controls.row(context, numbers, emission, swatch=True):
+        actions += _edits(touch, name, moved, "colour")
     hint = "The colour at full brightness. Click for a colour wheel; the strength stays."
-    hand, picked = colours.swatch(context, numbers, scaled(emission, 1.0), hint)
-    return actions + _edits(hand, name, scaled(picked, max(emission)), "colour")
+    touch, picked = colour_controls.swatch(context, numbers, scaled(emission, 1.0), hint)
+    return actions + _edits(touch, name, scaled(picked, max(emission)), "colour")
 
 
-def _edits(hand: fields.Touch, name: str, emission: RGB, what: str) -> list[Action]:
+def _edits(touch: number_fields.Touch, name: str, emission: RGB, what: str) -> list[Action]:
     """One drag of a control as one step of the history."""
-    actions: list[Action] = [BeginDrag(f"{name} {what}")] if hand.began else []
-    actions += [SetEmission(name, emission)] if hand.changed else []
-    return [*actions, EndDrag()] if hand.ended else actions
+    actions: list[Action] = [BeginDrag(f"{name} {what}")] if touch.began else []
+    actions += [SetEmission(name, emission)] if touch.changed else []
+    return [*actions, EndDrag()] if touch.ended else actions

@@ -19,7 +19,7 @@ LABELLED_HEIGHT, FAINT = 60.0, 0.55  # labels lie behind lines of their ink
 FRAME_MS = 1.0, 1000.0
 ERROR = 1e-4, 1.0
 FRAME_LINES = (10.0, 100.0)
-ERRORS_TOLD = (1e-3, 1e-2, 1e-1)
+ERROR_TICKS = (1e-3, 1e-2, 1e-1)
 HALF_MINUTES = (30.0, 60.0, 90.0)
 INKS = FRAME_INK, ERROR_INK = look.ACCENT, look.GOOD
 HINT = (
@@ -81,7 +81,7 @@ def _labels(draw_list: imgui.ImDrawList, across: Axis, frames: Axis, errors: Axi
     of_frames, of_errors = (look.pack(look.with_alpha(ink, FAINT)) for ink in INKS)
     for ms in FRAME_LINES:
         draw_list.add_text(ImVec2(across.start + inner, frames.to_pixel(ms) - middle), of_frames, f"{ms:.0f} ms")
-    for error in ERRORS_TOLD:
+    for error in ERROR_TICKS:
         text = f"{100.0 * error:g} %"
         left = across.end - inner - imgui.calc_text_size(text).x
         draw_list.add_text(ImVec2(left, errors.to_pixel(error) - middle), of_errors, text)

@@ -17,12 +17,12 @@ from imgui_bundle import ImVec2, imgui
 from app.commands.light import SetEnvironment, SetIntensity, SetMapping, SetRotation
 from app.document import CONSTANT_ENVIRONMENT, SCENE_ENVIRONMENT, Mapping
 from ui import theme as look
-from ui.panels import fields, widgets
-from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, Hold, InOneStep, SetPanel
+from ui.panels import number_fields, widgets
+from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, HoldGrip, MergedEdit, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.picture import Picture
-from ui.panels.state import TurnGrip, WheelTurn
-from ui.panels.travel import Travel
+from ui.panels.window_state import TurnGrip, WheelTurn
+from ui.panels.drag_travel import Travel
 
 DIAL = 76.0
 FULL_TURN = 360.0
@@ -106,19 +106,19 @@ def _mapping(context: PanelContext) -> list[Action]:
 
 def _rotation(context: PanelContext) -> list[Action]:
     widgets.label(context, "Rotation")
-    hand, degrees = fields.slider(
+    touch, degrees = number_fields.slider(
         context, "rotation", context.document.light.rotation, 0.0, FULL_TURN, "%.1f°", handle="light.rotation"
     )
     widgets.tooltip(
         "Turns the light around the scene, counter-clockwise from above. So does Shift-drag in the picture."
     )
-    return _edits(hand, SetRotation(degrees), "rotate the environment")
+    return _edits(touch, SetRotation(degrees), "rotate the environment")
 
 
 def _intensity(context: PanelContext) -> list[Action]:
     widgets.label(context, "Intensity")
     value = context.document.light.intensity
-    hand, moved = fields.slider(
+    touch, moved = number_fields.slider(
         context,
         "intensity",
         value,
@@ -128,19 +128,19 @@ def _intensity(context: PanelContext) -> list[Action]:
         True,
         handle="light.intensity",
         origin=1.0,
-        pixels_to_double=fields.PIXELS_TO_DOUBLE,
+        pixels_to_double=number_fields.PIXELS_TO_DOUBLE,
     )
     widgets.tooltip("Multiplies all light in the scene. Costs nothing: the picture is only scaled.")
-    return _edits(hand, SetIntensity(moved), "light intensity")
+    return _edits(touch, SetIntensity(moved), "light intensity")
 
 
-def _edits(hand: fields.Touch, command: Action, label: str) -> list[Action]:
+def _edits(touch: number_fields.Touch, command: Action, label: str) -> list[Action]:
     actions: list[Action] = []
-    if hand.began:
+    if touch.began:
         actions.append(BeginDrag(label))
-    if hand.changed:
+    if touch.changed:
         actions.append(command)
-    if hand.ended:
+    if touch.ended:
         actions.append(EndDrag())
     return actions
 
@@ -176,15 +176,15 @@ def _turned(context: PanelContext, handle: str, place: float, rate: float) -> li
     if imgui.is_item_activated():
         travel = Travel((place, 0.0), fine=fine)
         begun = TurnGrip(handle, (place, context.document.light.rotation), travel)
-        return [BeginDrag("rotate the environment"), Hold(begun)]
+        return [BeginDrag("rotate the environment"), HoldGrip(begun)]
     if not isinstance(grip, TurnGrip) or grip.handle != handle:
         return []
     if imgui.is_item_deactivated():
-        return [EndDrag(), Hold(None)]
-    travel = grip.travel.going_on((place, 0.0), fine)
-    gone, _ = travel.moved((place, 0.0))
+        return [EndDrag(), HoldGrip(None)]
+    travel = grip.travel.with_fine((place, 0.0), fine)
+    gone, _ = travel.distance_to((place, 0.0))
     rotation = grip.offset[1]
-    return [Hold(replace(grip, offset=(place, rotation), travel=travel)), SetRotation(rotation + rate * gone)]
+    return [HoldGrip(replace(grip, offset=(place, rotation), travel=travel)), SetRotation(rotation + rate * gone)]
 
 
 def _scrolled(draw_list: imgui.ImDrawList, picture: Picture, corner: ImVec2, end: ImVec2, shift: float) -> None:
@@ -283,6 +283,6 @@ def _wheel(context: PanelContext) -> list[Action]:
     degrees = io.mouse_wheel * (FINE_DEGREES if io.key_shift else DEGREES_A_NOTCH)
     command = SetRotation(context.document.light.rotation + degrees)
     return [
-        InOneStep(command, f"wheel from {turn.began}"),
+        MergedEdit(command, f"wheel from {turn.began}"),
         SetPanel({"turn": replace(turn, last=context.now)}),
     ]

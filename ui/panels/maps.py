@@ -11,7 +11,7 @@ from app.commands.maps import SetMap
 from app.commands.paint import ClearMap
 from engine.material.layer_maps import MAX_REPEATS, SPACES, LayerMaps
 from ui import theme as look
-from ui.panels import fields, paint, widgets
+from ui.panels import number_fields, paint, widgets
 from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, ReloadImages
 from ui.panels.context import Handles, PanelContext
 from ui.panels.picture import Picture
@@ -128,11 +128,11 @@ def _file_button(context: PanelContext, key: str, what: str, name: str, words: s
 
 def _strength(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list[Action]:
     widgets.label(context, "Strength", width)
-    hand, moved = fields.slider(
+    touch, moved = number_fields.slider(
         context, "texture_strength", maps.texture_strength, 0.0, 1.0, handle="material.texture_strength"
     )
     widgets.tooltip("How much of the texture counts: 1 is all of it, 0 is the plain layer.")
-    return _edits(hand, key, "texture_strength", moved)
+    return _edits(touch, key, "texture_strength", moved)
 
 
 def _repeats(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list[Action]:
@@ -144,14 +144,14 @@ def _repeats(context: PanelContext, key: str, maps: LayerMaps, width: float) -> 
     for index, (axis, across) in enumerate((("u", "across"), ("v", "upwards"))):
         imgui.set_next_item_width(0.5 * room)
         value = maps.texture_scale[index]
-        hand, moved = fields.number(
+        touch, moved = number_fields.number(
             context, f"repeats {axis}", value, f"{axis} × %.3g", f"material.texture_scale.{axis}",
             -MAX_REPEATS, MAX_REPEATS,
         )  # fmt: skip
         hint = f"How often the texture repeats {across}; below 0 it is mirrored."
         widgets.tooltip(f"{hint} Drag sideways, or double-click to type.")
         pair = (moved, maps.texture_scale[1]) if index == 0 else (maps.texture_scale[0], moved)
-        actions += _edits(replace(hand, changed=hand.changed and abs(moved) >= 1e-3), key, "texture_scale", pair)
+        actions += _edits(replace(touch, changed=touch.changed and abs(moved) >= 1e-3), key, "texture_scale", pair)
         imgui.same_line(0.0, gap)
     return actions + _space(context, key, maps)
 
@@ -177,13 +177,13 @@ def _segment_width(context: PanelContext, text: str) -> float:
     return widgets.rich_width(text) + context.px(16)
 
 
-def _edits(hand: fields.Touch, key: str, name: str, value: object) -> list[Action]:
+def _edits(touch: number_fields.Touch, key: str, name: str, value: object) -> list[Action]:
     """One drag of a control as one step of the history."""
     actions: list[Action] = []
-    if hand.began:
+    if touch.began:
         actions.append(BeginDrag(f"{key} {name.replace('_', ' ')}"))
-    if hand.changed:
+    if touch.changed:
         actions.append(SetMap(key, name, value))
-    if hand.ended:
+    if touch.ended:
         actions.append(EndDrag())
     return actions

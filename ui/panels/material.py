@@ -14,7 +14,7 @@ from app.measured_import import describe_measurement
 from engine.material import MODELS, Layer, Parameter
 from engine.material.parameters import Value
 from engine.measured.measurement import Measurement
-from ui.panels import bumps, colours, emitter, fields, maps, widgets
+from ui.panels import bumps, colour_controls, emitter, number_fields, maps, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, SetPanel
 from ui.panels.context import PanelContext
 from ui.theme import Icon
@@ -100,7 +100,7 @@ def _switches(context: PanelContext, key: str, layer: Layer) -> list[Action]:
     """What few layers have, at the right: images, and a second term."""
     has_term = layer.rises or not layer.follows
     gap, texts = context.px(4), ["Images", *(["Fresnel"] if has_term else [])]
-    widgets.go_right(sum(widgets.rich_width(text) + context.px(16) for text in texts) + gap * (len(texts) - 1))
+    widgets.same_line_at_right(sum(widgets.rich_width(text) + context.px(16) for text in texts) + gap * (len(texts) - 1))
     top = imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y  # words on one line
     imgui.set_cursor_pos_y(top)
     actions = _image_switch(context, layer)
@@ -194,7 +194,7 @@ def _measured(value: Measurement) -> list[Action]:
 
 def _own_value(context: PanelContext, key: str, layer: Layer, parameter: Parameter) -> Value:
     """A parameter as the scene's file has it; where the file has no such layer, or of another model, its default."""
-    described = next((own for name, own in context.described.layers() if name == key), None)
+    described = next((own for name, own in context.scene_document.layers() if name == key), None)
     if described is None or described.model is not layer.model:
         return parameter.default
     return described.values.get(parameter.name, parameter.default)
@@ -233,13 +233,13 @@ def choice_label(choice: str) -> str:
 
 def _scalar(context: PanelContext, key: str, parameter: Parameter, value: float) -> list[Action]:
     text = number_format(parameter)
-    hand, moved = fields.slider(
+    touch, moved = number_fields.slider(
         context, parameter.name, value, parameter.minimum, parameter.maximum, text, parameter.logarithmic,
         handle=f"material.{parameter.name}", title=parameter.label,
-        pixels_to_double=abs(parameter.power) * fields.PIXELS_TO_DOUBLE if parameter.logarithmic else None,
+        pixels_to_double=abs(parameter.power) * number_fields.PIXELS_TO_DOUBLE if parameter.logarithmic else None,
     )  # fmt: skip
     widgets.tooltip(_hint(context, key, parameter))
-    return _edits(hand, key, parameter, moved)
+    return _edits(touch, key, parameter, moved)
 
 
 def number_format(parameter: Parameter) -> str:
@@ -248,14 +248,14 @@ def number_format(parameter: Parameter) -> str:
     return f"{digits} {parameter.unit}".rstrip().replace(" °", "°")
 
 
-def _edits(hand: fields.Touch, key: str, parameter: Parameter, value: float | RGB) -> list[Action]:
+def _edits(touch: number_fields.Touch, key: str, parameter: Parameter, value: float | RGB) -> list[Action]:
     """One drag of a control as one step of the history."""
     actions: list[Action] = []
-    if hand.began:
+    if touch.began:
         actions.append(BeginDrag(f"{key} {parameter.name.replace('_', ' ')}"))
-    if hand.changed:
+    if touch.changed:
         actions.append(SetParameter(key, parameter.name, value))
-    if hand.ended:
+    if touch.ended:
         actions.append(EndDrag())
     return actions
 
@@ -264,16 +264,16 @@ def _colour(context: PanelContext, key: str, parameter: Parameter, value: RGB) -
     """Three numbers; a swatch with a colour wheel where they are reflectances."""
     actions: list[Action] = []
     hint = f"{_hint(context, key, parameter)} Drag sideways, or double-click to type."
-    numbers = colours.Numbers(
+    numbers = colour_controls.NumberTriple(
         f"material.{parameter.name}", parameter.label, hint,
         parameter.minimum, parameter.maximum, min((parameter.maximum - parameter.minimum) / 400.0, 0.02), "%.3f",
     )  # fmt: skip
     swatch = parameter.maximum <= 1.0
-    for hand, moved in colours.row(context, numbers, value, swatch):
-        actions += _edits(hand, key, parameter, moved)
+    for touch, moved in colour_controls.row(context, numbers, value, swatch):
+        actions += _edits(touch, key, parameter, moved)
     if swatch:
-        hand, picked = colours.swatch(context, numbers, value, f"{parameter.tooltip} Click for a colour wheel.")
+        touch, picked = colour_controls.swatch(context, numbers, value, f"{parameter.tooltip} Click for a colour wheel.")
         low, high = parameter.minimum, parameter.maximum
         red, green, blue = (min(max(v, low), high) for v in picked)
-        actions += _edits(hand, key, parameter, (red, green, blue))
+        actions += _edits(touch, key, parameter, (red, green, blue))
     return actions

@@ -15,11 +15,11 @@ from app.document import Selection
 from app.view_state import OpenPanel, SetView
 from engine.colour import VIEWS
 from ui.layout import PANELS, is_behind
-from ui.panels import fields, widgets
+from ui.panels import number_fields, widgets
 from ui.panels.actions import (
     Action,
     AskFile,
-    LookFromThere,
+    MoveCameraTo,
     OpenFile,
     Redo,
     ResetLayout,
@@ -29,7 +29,7 @@ from ui.panels.actions import (
     Undo,
 )
 from ui.panels.context import PanelContext
-from ui.panels.help import ALT, keys_of, perform
+from ui.panels.shortcuts import ALT, keys_of, perform
 from ui.theme import Icon
 
 EXPOSURE_WIDTH, LEAST_EXPOSURE_WIDTH, TONE_WIDTH, FIT_WIDTH, GAP = 118.0, 64.0, 108.0, 42.0, 12.0
@@ -48,7 +48,7 @@ def draw(context: PanelContext) -> list[Action]:
     imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(padding.x, context.px(9)))
     if imgui.begin_main_menu_bar():
         imgui.push_style_var(imgui.StyleVar_.frame_padding, padding)
-        asked = _asked_by_alt(context)
+        asked = _menu_opened_by_alt(context)
         for title, entries in MENUS:
             if title == asked:
                 imgui.open_popup(title)
@@ -130,9 +130,9 @@ def _edit(context: PanelContext) -> list[Action]:
     redo = f"Redo {context.redo_label}" if context.redo_label else "Redo"
     actions = _entry(context, undo, "undo", context.undo_label is not None)
     actions += _entry(context, redo, "redo", context.redo_label is not None)
-    undo, redo = (f": {label}" if label else "" for label in (context.look_undo_label, context.look_redo_label))
-    actions += _entry(context, f"Undo the view{undo}", "undo_look", context.look_undo_label is not None)
-    actions += _entry(context, f"Redo the view{redo}", "redo_look", context.look_redo_label is not None)
+    undo, redo = (f": {label}" if label else "" for label in (context.camera_undo_label, context.camera_redo_label))
+    actions += _entry(context, f"Undo the view{undo}", "undo_look", context.camera_undo_label is not None)
+    actions += _entry(context, f"Redo the view{redo}", "redo_look", context.camera_redo_label is not None)
     imgui.separator()
     selected = context.selected_layer
     curve = selected is not None and selected.factor is not None
@@ -161,7 +161,7 @@ def _can_reset(context: PanelContext, selected: Selection | None) -> bool:
 
 def _view(context: PanelContext) -> list[Action]:
     """The picture first: in a small window the rest of the menu scrolls."""
-    actions = _entry(context, "The picture alone", "alone", on=context.state.alone)
+    actions = _entry(context, "The picture alone", "alone", on=context.state.single_panel)
     actions += _entry(context, "Fit the picture", "whole", on=context.view.fit)
     actions += _entry(context, "Pixel for pixel", "pixels", on=_is_pixel_for_pixel(context))
     if _begin(context, "Camera"):
@@ -200,7 +200,7 @@ def _camera(context: PanelContext) -> list[Action]:
     actions = _entry(context, "Lens, size, kept views…", "camera", on=context.state.shows_camera)
     for bookmark in context.view.bookmarks:
         if imgui.menu_item_simple(f"{bookmark.name}###kept.{bookmark.name}"):
-            actions.append(LookFromThere(bookmark.viewpoint, bookmark.name))
+            actions.append(MoveCameraTo(bookmark.viewpoint, bookmark.name))
     imgui.separator()
     is_open = bool(context.document.objects)
     for text, name in CAMERA_ENTRIES:
@@ -233,7 +233,7 @@ def _help(context: PanelContext) -> list[Action]:
 MENUS = (("File", _file), ("Edit", _edit), ("View", _view), ("Help", _help))
 
 
-def _asked_by_alt(context: PanelContext) -> str | None:
+def _menu_opened_by_alt(context: PanelContext) -> str | None:
     """The menu that Alt asks for: by itself the first, with a menu's first letter that one."""
     if context.alt_tapped:
         return MENUS[0][0]
@@ -330,7 +330,7 @@ def _title(context: PanelContext, controls: float) -> None:
 
 def _exposure(context: PanelContext, width: float) -> list[Action]:
     imgui.set_next_item_width(width)
-    hand, moved = fields.slider(
+    hand, moved = number_fields.slider(
         context,
         "exposure",
         context.view.exposure,

@@ -21,10 +21,10 @@ from app.view_state import SetView, Tool
 from engine.curve.operators import HALF_PI, SMALLEST_STRETCH, Operator, OperatorError
 from engine.curve.pairs import edits_of
 from ui import theme as look
-from ui.panels import fields, widgets
+from ui.panels import number_fields, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag
 from ui.panels.context import PanelContext
-from ui.panels.curve_gestures import END_NAMES, Hand, as_next, hand_of, tool_of
+from ui.panels.curve_gestures import END_NAMES, OperatorGroup, defaults_from, operators_in_use, tool_of
 from ui.theme import Icon
 
 KINDS = ("translate", "amplify")
@@ -38,24 +38,24 @@ def draw(
     context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], editable: bool
 ) -> list[Action]:
     """The column. A curve that may not be edited says so and shows its operators greyed."""
-    hand = hand_of(operators, context.view)
+    group = operators_in_use(operators, context.view)
     actions: list[Action] = []
     if not editable:
         widgets.caption(f"{Icon.FROZEN}  Frozen: thaw it in the object list to edit this curve.")
     imgui.begin_disabled(not editable)
-    actions += _tools(context, hand)
+    actions += _tools(context, group)
     imgui.same_line(0.0, context.px(4))
-    actions += _whole(context, key, factor, operators, hand)
+    actions += _whole(context, key, factor, operators, group)
     imgui.spacing()
-    actions += _list(context, key, factor, operators, hand)
-    actions += _numbers(context, key, factor, operators, hand)
+    actions += _list(context, key, factor, operators, group)
+    actions += _numbers(context, key, factor, operators, group)
     imgui.end_disabled()
     return actions
 
 
-def _tools(context: PanelContext, hand: Hand) -> list[Action]:
+def _tools(context: PanelContext, group: OperatorGroup) -> list[Action]:
     """Which tool is in hand: that of the selected operator, else the one that makes the next."""
-    kind, _, axes = tool_of(hand).partition("_")
+    kind, _, axes = tool_of(group).partition("_")
     actions: list[Action] = []
     hints = ("Translate: pulling the curve moves that part of it.", "Amplify: pulling the curve stretches that part.")
     choices = [(k.capitalize(), hint) for k, hint in zip(KINDS, hints, strict=True)]
@@ -75,11 +75,11 @@ def _tools(context: PanelContext, hand: Hand) -> list[Action]:
     return actions
 
 
-def _whole(context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], hand: Hand) -> list[Action]:
+def _whole(context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], group: OperatorGroup) -> list[Action]:
     """A new operator, and one table in the place of all."""
     actions: list[Action] = []
     hint = "New: put the handles back on a new operator, leaving those in the list as they are."
-    if widgets.icon_button(context, "curve.new", Icon.ADD, hint, enabled=hand.index is not None):
+    if widgets.icon_button(context, "curve.new", Icon.ADD, hint, enabled=group.index is not None):
         actions.append(SetView.of(operator=None))
     imgui.same_line(0.0, 0.0)
     hint = "Collapse: evaluate the edited curve into one table. The picture stays; sliders no longer change this curve."
@@ -88,11 +88,11 @@ def _whole(context: PanelContext, key: str, factor: str, operators: tuple[CurveE
     return actions
 
 
-def _list(context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], hand: Hand) -> list[Action]:
+def _list(context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], group: OperatorGroup) -> list[Action]:
     """The operators, the last to apply on top, in what height the numbers below leave."""
     actions: list[Action] = []
     row = imgui.get_frame_height()
-    below = len(hand.operators) + 1
+    below = len(group.operators) + 1
     footer = below * imgui.get_frame_height_with_spacing() + 2 * imgui.get_style().item_spacing.y
     height = max(imgui.get_content_region_avail().y - footer, LEAST_ROWS * row)
     corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
@@ -207,8 +207,8 @@ def _select(operators: tuple[CurveEdit, ...], places: range) -> Action:
     first = operators[places.start]
     if not isinstance(first, Operator):
         return SetView.of(operator=places.start)
-    hand = Hand(cast(tuple[Operator, ...], operators[places.start : places.stop]), places.start)
-    return SetView.of(operator=places.start, **as_next(hand))
+    group = OperatorGroup(cast(tuple[Operator, ...], operators[places.start : places.stop]), places.start)
+    return SetView.of(operator=places.start, **defaults_from(group))
 
 
 def magnitude_text(operator: CurveEdit) -> str:
@@ -223,17 +223,17 @@ def magnitude_text(operator: CurveEdit) -> str:
 
 
 def _numbers(
-    context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], hand: Hand
+    context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], group: OperatorGroup
 ) -> list[Action]:
     """a, b, c, d in degrees; magnitude and baseline of the operator in hand."""
-    actions = _region_fields(context, key, factor, operators, hand)
-    for offset, operator in enumerate(hand.operators):
-        actions += _magnitude_fields(context, key, factor, operators, hand, offset, operator)
+    actions = _region_fields(context, key, factor, operators, group)
+    for offset, operator in enumerate(group.operators):
+        actions += _magnitude_fields(context, key, factor, operators, group, offset, operator)
     return actions
 
 
 def _region_fields(
-    context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], hand: Hand
+    context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], group: OperatorGroup
 ) -> list[Action]:
     actions: list[Action] = []
     gap = context.px(5)
@@ -243,16 +243,16 @@ def _region_fields(
             imgui.same_line(0.0, gap)
         imgui.set_next_item_width(width)
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(context.px(5), imgui.get_style().frame_padding.y))
-        touch, moved = fields.number(context, name, math.degrees(hand.regions[k]), f"{name} %.1f°",
+        touch, moved = number_fields.number(context, name, math.degrees(group.regions[k]), f"{name} %.1f°",
                                       f"curve.{name}.number", 0.0, 90.0, DEGREES_A_PIXEL)  # fmt: skip
         imgui.pop_style_var()
         widgets.tooltip(f"{name} in degrees, 0 to 90: where the edit {_REGION_WORDS[name]}. {_HOW}")
-        changed = _with_region(key, factor, operators, hand, name, math.radians(moved)) if touch.changed else []
+        changed = _with_region(key, factor, operators, group, name, math.radians(moved)) if touch.changed else []
         actions += _one_step(touch, changed)
     return actions
 
 
-def _one_step(touch: fields.Touch, changed: list[Action]) -> list[Action]:
+def _one_step(touch: number_fields.Touch, changed: list[Action]) -> list[Action]:
     """What a field changed, a drag of it as one step of the history."""
     began: list[Action] = [BeginDrag(None)] if touch.began else []
     return [*began, *changed, *([EndDrag()] if touch.ended else [])]
@@ -263,11 +263,11 @@ _REGION_WORDS = {"a": "begins", "b": "reaches full strength", "c": "leaves full 
 
 
 def _with_region(
-    key: str, factor: str, operators: tuple[CurveEdit, ...], hand: Hand, name: str, to: float
+    key: str, factor: str, operators: tuple[CurveEdit, ...], group: OperatorGroup, name: str, to: float
 ) -> list[Action]:
-    regions = hand.first.with_regions(**{name: min(to, HALF_PI)}).regions
-    changed = [dataclasses.replace(o, a=regions[0], b=regions[1], c=regions[2], d=regions[3]) for o in hand.operators]
-    return [*_replaced(key, factor, operators, hand, tuple(changed)), SetView.of(regions=regions)]
+    regions = group.first.with_regions(**{name: min(to, HALF_PI)}).regions
+    changed = [dataclasses.replace(o, a=regions[0], b=regions[1], c=regions[2], d=regions[3]) for o in group.operators]
+    return [*_replaced(key, factor, operators, group, tuple(changed)), SetView.of(regions=regions)]
 
 
 def _magnitude_fields(
@@ -275,7 +275,7 @@ def _magnitude_fields(
     key: str,
     factor: str,
     operators: tuple[CurveEdit, ...],
-    hand: Hand,
+    group: OperatorGroup,
     offset: int,
     operator: Operator,
 ) -> list[Action]:
@@ -287,12 +287,12 @@ def _magnitude_fields(
     imgui.set_next_item_width(0.5 * (room - gap) if amplify else room)
     text = f"{operator.axis.upper()} {'× %.4g' if amplify else '%+.4g'}{'°' if unit == degrees else ''}"
     low, high = (end / unit for end in magnitude_range(operator))
-    touch, moved = fields.number(
+    touch, moved = number_fields.number(
         context, f"magnitude{offset}", operator.magnitude / unit, text, f"curve.magnitude.{operator.axis}.number",
         low, high, title="magnitude",
     )  # fmt: skip
     widgets.tooltip(f"How strong the edit is. Along X it stops where the curve would fold over. {_HOW}")
-    changed = _with_member(key, factor, operators, hand, offset, _checked(operator, magnitude=moved * unit))
+    changed = _with_member(key, factor, operators, group, offset, _checked(operator, magnitude=moved * unit))
     actions += _one_step(touch, changed if touch.changed else [])
     if not amplify:
         return actions
@@ -300,22 +300,22 @@ def _magnitude_fields(
     imgui.set_next_item_width(-1.0)
     along = operator.axis == "x"
     unit = degrees if along else 1.0
-    touch, moved = fields.number(
+    touch, moved = number_fields.number(
         context, f"baseline{offset}", operator.baseline / unit, f"base %.4g{'°' if along else ''}",
-        f"curve.baseline.{operator.axis}.number", *((0.0, 90.0) if along else (-fields.LARGEST, fields.LARGEST)),
+        f"curve.baseline.{operator.axis}.number", *((0.0, 90.0) if along else (-number_fields.LARGEST, number_fields.LARGEST)),
         title="baseline",
     )  # fmt: skip
     widgets.tooltip(f"Where amplifying leaves the curve as it is: what lies here does not move. {_HOW}")
-    changed = _with_member(key, factor, operators, hand, offset, _checked(operator, baseline=moved * unit))
+    changed = _with_member(key, factor, operators, group, offset, _checked(operator, baseline=moved * unit))
     return actions + _one_step(touch, changed if touch.changed else [])
 
 
 def magnitude_range(operator: Operator) -> tuple[float, float]:
     """The least and largest magnitude that the operator can have: along X where the curve would fold over."""
     if operator.axis == "y":
-        return -fields.LARGEST, fields.LARGEST
+        return -number_fields.LARGEST, number_fields.LARGEST
     least = SMALLEST_STRETCH if operator.kind == "amplify" else -HALF_PI
-    low, high = (dataclasses.replace(operator, magnitude=end).clamp_magnitude().magnitude for end in (least, fields.LARGEST))
+    low, high = (dataclasses.replace(operator, magnitude=end).clamp_magnitude().magnitude for end in (least, number_fields.LARGEST))
     return low, high
 
 
@@ -323,13 +323,13 @@ def _with_member(
     key: str,
     factor: str,
     operators: tuple[CurveEdit, ...],
-    hand: Hand,
+    group: OperatorGroup,
     offset: int,
     member: Operator,
 ) -> list[Action]:
     """One of the operators in hand as it is now."""
-    members = (*hand.operators[:offset], member, *hand.operators[offset + 1 :])
-    return _replaced(key, factor, operators, hand, members) if members != hand.operators else []
+    members = (*group.operators[:offset], member, *group.operators[offset + 1 :])
+    return _replaced(key, factor, operators, group, members) if members != group.operators else []
 
 
 def _checked(operator: Operator, **changes: Any) -> Operator:
@@ -341,12 +341,12 @@ def _checked(operator: Operator, **changes: Any) -> Operator:
 
 
 def _replaced(
-    key: str, factor: str, operators: tuple[CurveEdit, ...], hand: Hand, members: tuple[Operator, ...]
+    key: str, factor: str, operators: tuple[CurveEdit, ...], group: OperatorGroup, members: tuple[Operator, ...]
 ) -> list[Action]:
     """Put the changed operators in place; new ones with an effect go on top and are selected."""
-    if hand.index is not None:
-        rest = operators[hand.index + len(members) :]
-        return [SetOperators(key, factor, (*operators[: hand.index], *members, *rest))]
+    if group.index is not None:
+        rest = operators[group.index + len(members) :]
+        return [SetOperators(key, factor, (*operators[: group.index], *members, *rest))]
     if all(operator.magnitude == operator.neutral_magnitude for operator in members):
         return []
     return [SetOperators(key, factor, (*operators, *members)), SetView.of(operator=len(operators))]

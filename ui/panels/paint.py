@@ -13,10 +13,10 @@ from engine.material.layer import object_of
 from engine.material.layer_maps import LayerMaps
 from ui import theme as look
 from ui.brush_dabs import sample_path, spots_at, stroke_at
-from ui.panels import fields, widgets
-from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, SetPanel
+from ui.panels import number_fields, widgets
+from ui.panels.actions import Action, BeginDrag, EndDrag, HoldGrip, SetPanel
 from ui.panels.context import PanelContext
-from ui.panels.state import Brush, PaintGrip
+from ui.panels.window_state import Brush, PaintGrip
 from ui.theme import Icon
 
 LEAST_RADIUS, MOST_RADIUS = 1.0, 400.0
@@ -43,7 +43,7 @@ SLIDERS = (
 )  # fmt: skip
 
 
-def painted_key(context: PanelContext) -> str | None:
+def painting_layer_key(context: PanelContext) -> str | None:
     """The layer that dragging over the picture paints; None where it does not."""
     selected, document = context.view.selected, context.document
     if not context.state.paints or selected is None:
@@ -103,7 +103,7 @@ def _blend(context: PanelContext, key: str, width: float) -> list[Action]:
 
 def draw_strip(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[Action]:
     """The brush's controls at the foot of the picture, where the hand is."""
-    if painted_key(context) is None or room.x < context.px(STRIP):
+    if painting_layer_key(context) is None or room.x < context.px(STRIP):
         return []
     actions: list[Action] = []
     foot = ImVec2(corner.x + 0.5 * room.x, corner.y + room.y - context.px(10))
@@ -121,7 +121,7 @@ def _brush(context: PanelContext, width: float) -> list[Action]:
     for name, ends, text, hint in SLIDERS:
         imgui.same_line(0.0, gap)
         imgui.set_next_item_width(width)
-        hand, moved = fields.slider(
+        hand, moved = number_fields.slider(
             context, f"brush_{name}", getattr(brush, name), *ends, text, name == "radius", handle=f"brush.{name}"
         )
         widgets.tooltip(hint)
@@ -136,7 +136,7 @@ def _with(brush: Brush, **changes: float | bool) -> Action:
     return SetPanel({"brush": replace(brush, **changes)})  # type: ignore[arg-type]
 
 
-def resized(brush: Brush, steps: int) -> Action:
+def resize_brush(brush: Brush, steps: int) -> Action:
     """The brush larger by so many steps, or smaller."""
     return _with(brush, radius=min(max(brush.radius * STEP**steps, LEAST_RADIUS), MOST_RADIUS))
 
@@ -167,16 +167,16 @@ def go_on(context: PanelContext, grip: PaintGrip, place: Point) -> list[Action]:
 
 def _stroke(context: PanelContext, grip: PaintGrip, places: list[Point], end: Point) -> list[Action]:
     """Dabs at places that see the selected object; over nothing there is no stroke."""
-    key, brush = painted_key(context), context.state.brush
+    key, brush = painting_layer_key(context), context.state.brush
     if key is None:
-        return [EndDrag(), Hold(None)]
+        return [EndDrag(), HoldGrip(None)]
     name = object_of(key)
     spots = spots_at(lambda x, y: context.spot_at(x, y) if context.object_at(x, y) == name else None, places)
     if not spots:
-        return [Hold(replace(grip, offset=end))]
+        return [HoldGrip(replace(grip, offset=end))]
     metres = grip.metres or brush.radius * spots[0].metres
     stroke = stroke_at(spots, metres, grip.value, brush.strength, brush.hardness)
-    return [Paint(key, stroke, not grip.begun), Hold(replace(grip, offset=end, begun=True, metres=metres))]
+    return [Paint(key, stroke, not grip.begun), HoldGrip(replace(grip, offset=end, begun=True, metres=metres))]
 
 
 def draw_circle(context: PanelContext, scale: float) -> None:

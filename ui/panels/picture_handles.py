@@ -10,10 +10,10 @@ from imgui_bundle import ImVec2, imgui
 from app.lazy_import import import_named
 from ui import theme as look
 from ui.panels import widgets
-from ui.panels.actions import Action, BeginDrag, Hold
+from ui.panels.actions import Action, BeginDrag, HoldGrip
 from ui.panels.context import PanelContext
-from ui.panels.picture_place import Placed
-from ui.panels.state import Grip
+from ui.panels.viewport_layout import PictureRect
+from ui.panels.window_state import Grip
 
 Place = tuple[float, float]
 RADIUS, REACH = 6.0, 10.0
@@ -32,16 +32,16 @@ class PictureHandle:
     drag: Callable[[Place], list[Action]]
     by_line: bool = False
 
-    def away(self, x: float, y: float) -> float:
+    def distance_to(self, x: float, y: float) -> float:
         """How far a place on screen is from where it can be taken."""
         spot = complex(x, y)
         ends = [complex(*each) for each in self.line] if self.by_line else []
         return min(
-            [abs(spot - complex(*self.place)), *(_away(spot, *pair) for pair in zip(ends, ends[1:], strict=False))]
+            [abs(spot - complex(*self.place)), *(_distance_to_line(spot, *pair) for pair in zip(ends, ends[1:], strict=False))]
         )
 
 
-def handles_of(context: PanelContext, placed: Placed) -> list[PictureHandle]:
+def handles_of(context: PanelContext, placed: PictureRect) -> list[PictureHandle]:
     """Those of the mode; where scripts find them is noted."""
     found: list[PictureHandle] = import_named(context.mode.handles)(context, placed) if context.mode.handles else []
     for handle in found:
@@ -52,19 +52,19 @@ def handles_of(context: PanelContext, placed: Placed) -> list[PictureHandle]:
 def under_mouse(context: PanelContext, handles: Sequence[PictureHandle]) -> PictureHandle | None:
     """The one that a press would take: of several the nearest, and one that is small before one along a line."""
     mouse = imgui.get_mouse_pos()
-    away = [(each.by_line, each.away(mouse.x, mouse.y), i) for i, each in enumerate(handles)]
+    away = [(each.by_line, each.distance_to(mouse.x, mouse.y), i) for i, each in enumerate(handles)]
     near = [each for each in away if each[1] <= context.px(REACH)]
     return handles[min(near)[2]] if near else None
 
 
-def _away(spot: complex, start: complex, end: complex) -> float:
+def _distance_to_line(spot: complex, start: complex, end: complex) -> float:
     """From a straight line."""
     along = end - start
     share = ((spot - start) * along.conjugate()).real / max(abs(along) ** 2, 1e-12)
     return abs(spot - start - min(max(share, 0.0), 1.0) * along)
 
 
-def held(context: PanelContext, handles: Sequence[PictureHandle]) -> PictureHandle | None:
+def held_handle(context: PanelContext, handles: Sequence[PictureHandle]) -> PictureHandle | None:
     """The one in the hand."""
     grip = context.state.grip
     return next((each for each in handles if grip is not None and grip.handle == each.name), None)
@@ -74,10 +74,10 @@ def take_hold(handle: PictureHandle) -> list[Action]:
     """Of a handle under the mouse, which stays as far from its middle as it was."""
     mouse = imgui.get_mouse_pos()
     offset = mouse.x - handle.place[0], mouse.y - handle.place[1]
-    return [BeginDrag(handle.label), Hold(Grip(handle.name, offset))]
+    return [BeginDrag(handle.label), HoldGrip(Grip(handle.name, offset))]
 
 
-def dragged(context: PanelContext, handle: PictureHandle) -> list[Action]:
+def drag_actions(context: PanelContext, handle: PictureHandle) -> list[Action]:
     """What the hand has made of it by now."""
     grip, mouse = context.state.grip, imgui.get_mouse_pos()
     assert grip is not None
@@ -93,7 +93,7 @@ def hover(handle: PictureHandle) -> None:
 def draw(context: PanelContext, handles: Sequence[PictureHandle]) -> None:
     """Over the picture, in the panel's draw list: thin, and legible on any ground."""
     draw_list = imgui.get_window_draw_list()
-    lit = held(context, handles) or (under_mouse(context, handles) if imgui.is_item_hovered() else None)
+    lit = held_handle(context, handles) or (under_mouse(context, handles) if imgui.is_item_hovered() else None)
     for handle in handles:
         points: list[ImVec2 | tuple[float, float] | list[float]] = [ImVec2(*place) for place in handle.line]
         ink = look.ACCENT if handle is lit else look.grey(235, 0.9)

@@ -21,7 +21,7 @@ from engine.scene.camera_moves import distance
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
 from ui.panels.picture_handles import PictureHandle, Place
-from ui.panels.picture_place import Placed
+from ui.panels.viewport_layout import PictureRect
 
 Float64Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ _FURTHEST = {"degrees": 15.0, "": 0.15}  # that an amount goes in a step
 _NEAREST = 1e-3  # of the distance to the target
 
 
-def handles(context: PanelContext, placed: Placed) -> list[PictureHandle]:
+def handles(context: PanelContext, placed: PictureRect) -> list[PictureHandle]:
     """Of the selected object, where it is seen."""
     selected = context.view.selected
     box = None if selected is None else context.box_of(selected.object)
@@ -81,7 +81,7 @@ def _posed(box: Float64Array, row: tuple[Deformation, ...], points: Float64Array
     return deform(Pose(points, frames), row, box).positions
 
 
-def _on_screen(context: PanelContext, placed: Placed, points: Float64Array) -> Float64Array | None:
+def _on_screen(context: PanelContext, placed: PictureRect, points: Float64Array) -> Float64Array | None:
     """Where points (N, 3) are seen (N, 2); None where one is beside or behind the eye."""
     towards = points - np.array(context.camera.position)
     if not (towards @ camera_frame(context.camera)[2] > _NEAREST * distance(context.camera)).all():
@@ -91,7 +91,7 @@ def _on_screen(context: PanelContext, placed: Placed, points: Float64Array) -> F
 
 
 def _dragged(
-    context: PanelContext, placed: Placed, name: str, box: Float64Array, row: tuple[Deformation, ...], index: int, to: Place
+    context: PanelContext, placed: PictureRect, name: str, box: Float64Array, row: tuple[Deformation, ...], index: int, to: Place
 ) -> list[Action]:
     """The amount by which the grip is nearest to a place on screen."""
     deformation = row[index]

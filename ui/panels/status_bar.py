@@ -20,8 +20,8 @@ from ui.theme import Icon
 
 HEIGHT = 28.0
 STRIP_WIDTH = 560.0
-PLAIN = "objects lit from the eye"
-PLAIN_HINT = "Objects are lit from the eye, without shadows, until the first picture is computed."
+HEADLIGHT = "objects lit from the eye"
+HEADLIGHT_HINT = "Objects are lit from the eye, without shadows, until the first picture is computed."
 STAYS_HINT = "The picture stays until this mode has its own."
 MESSAGE_SECONDS, ERROR_SECONDS = 8.0, 30.0
 # Noise of the whole picture that cannot be overlooked.
@@ -42,20 +42,20 @@ PICTURE_BEFORE_MOVING = (
 )
 PICTURE_BEFORE = "The picture stays until the one of other pixels, poses or bumps is traced and has its light."
 EDIT_BEFORE = "The picture is as it was before the last edit. It stays until the edited one is as good."
-JUDGED_LATER = "Nothing more comes. How far off the picture is will be found out while the hand rests."
+ESTIMATED_LATER_HINT = "Nothing more comes. How far off the picture is will be found out while the hand rests."
 MODES_OWN = "Nothing more comes: this is all that this way to look shows. What it leaves out the Accuracy panel says."
-JUDGED = (
+ESTIMATED_HINT = (
     "How far off the picture is, relative to its mean, by its own judgement: some hundred points are held against more "
     "lights, patches and bands, and against paths through the scene. True within a factor of about two."
 )
-JUDGED_DRAWN = (
+ESTIMATED_DRAWN_HINT = (
     "How far off the pictures are that are drawn in this mode, relative to their mean: of one at rest, and of one "
     "as while something moves, some hundred points inside of objects are held against the same. Not where objects meet."
 )
 
 
 @dataclass(frozen=True)
-class Words:
+class ColouredText:
     """A text and its colour."""
 
     text: str = ""
@@ -81,28 +81,28 @@ def draw(context: PanelContext) -> list[Action]:
     return actions + (_strip(context, left_over) if left_over else [])
 
 
-def _contents(context: PanelContext) -> tuple[list[Words], list[Action]]:
+def _contents(context: PanelContext) -> tuple[list[ColouredText], list[Action]]:
     """The line; what it had no room for, and what was asked for by a click."""
     status = context.status
-    ink, text, hint = picture_state(status, meanwhile(context), view_sketch.has_moved(context))
+    ink, text, hint = picture_state(status, placeholder_text(context), view_sketch.has_moved(context))
     text = " · ".join(filter(None, (status.shown_by, text)))
     _dot(context, ink)
     imgui.text_unformatted(text)
     context.handles.note_item("status.picture")
     widgets.tooltip(hint)
     end = _right(context, status, draw=False) - context.px(20)
-    left_over: list[Words] = []
+    left_over: list[ColouredText] = []
     actions: list[Action] = []
     work, message = work_line(status), _message(context)
     advice = "" if status.estimate is None else status.estimate.advice
     if not work and not message.text and advice and _has_room(advice, end - context.px(36)):
         _gap(context)
-        _words(Words(advice, look.TEXT_FAINT), hint)
+        _words(ColouredText(advice, look.TEXT_FAINT), hint)
     if work and _has_room(work, end - context.px(36)):
         _gap(context)
-        _words(Words(work, look.TEXT_SOFT), status.text or "What is being computed.")
+        _words(ColouredText(work, look.TEXT_SOFT), status.text or "What is being computed.")
     elif work:
-        left_over.append(Words(work, look.TEXT_SOFT))
+        left_over.append(ColouredText(work, look.TEXT_SOFT))
     if message.text and _has_room(message.text, end - context.px(16)):
         imgui.same_line(end - imgui.calc_text_size(message.text).x)
         _words(message, f"{message.text}\nA click closes this.")
@@ -114,11 +114,11 @@ def _contents(context: PanelContext) -> tuple[list[Words], list[Action]]:
     return left_over, actions
 
 
-def meanwhile(context: PanelContext) -> str:
+def placeholder_text(context: PanelContext) -> str:
     """What is seen while the picture is awaited."""
     if context.picture is None:
         return ""
-    return f"{context.mode_before}'s picture" if context.mode_before else PLAIN
+    return f"{context.mode_before}'s picture" if context.mode_before else HEADLIGHT
 
 
 def picture_state(status: Status, meanwhile: str = "", camera_moved: bool = True) -> tuple[look.Colour, str, str]:
@@ -137,15 +137,15 @@ def picture_state(status: Status, meanwhile: str = "", camera_moved: bool = True
         return _finished_state(status)
     if status.is_held:
         return look.ACCENT, "before the edit", EDIT_BEFORE
-    if status.picture != "waiting" and meanwhile not in ("", PLAIN):
+    if status.picture != "waiting" and meanwhile not in ("", HEADLIGHT):
         return look.ACCENT, f"{status.picture}, {meanwhile}", STAYS_HINT
     if status.picture == "refining":
         return look.ACCENT, f"refining{error}", status.missing_note
     if status.picture == "preview":
         coarse = "Coarse or fewer lights, or not yet the present light or roughness."
-        return look.ACCENT, f"preview{error}", f"{coarse}\n{JUDGED_DRAWN}" if error else coarse
+        return look.ACCENT, f"preview{error}", f"{coarse}\n{ESTIMATED_DRAWN_HINT}" if error else coarse
     words = f"waiting, {meanwhile}" if meanwhile else "waiting"
-    return look.TEXT_FAINT, words, PLAIN_HINT if meanwhile in ("", PLAIN) else STAYS_HINT
+    return look.TEXT_FAINT, words, HEADLIGHT_HINT if meanwhile in ("", HEADLIGHT) else STAYS_HINT
 
 
 def _finished_state(status: Status) -> tuple[look.Colour, str, str]:
@@ -156,13 +156,13 @@ def _finished_state(status: Status) -> tuple[look.Colour, str, str]:
     if estimate is None and status.picture == "finished":
         return look.BAD if noise > NOISY else look.TEXT_SOFT, f"finished, noise {percent(noise)}", FINISHED_HINT
     if estimate is None:
-        return look.GOOD, "finished", JUDGED_LATER
+        return look.GOOD, "finished", ESTIMATED_LATER_HINT
     if estimate.is_negligible:
-        return look.GOOD, "picture exact", JUDGED
+        return look.GOOD, "picture exact", ESTIMATED_HINT
     if estimate.direct is None:
-        hint = f"{MODES_OWN}\n{JUDGED_DRAWN}"
+        hint = f"{MODES_OWN}\n{ESTIMATED_DRAWN_HINT}"
     else:
-        hint = "\n".join(filter(None, (error_parts(estimate), estimate.advice, JUDGED)))
+        hint = "\n".join(filter(None, (error_parts(estimate), estimate.advice, ESTIMATED_HINT)))
     return look.TEXT_SOFT if estimate.is_large else look.GOOD, f"finished, {estimate.short}", hint
 
 
@@ -197,14 +197,14 @@ def _value(context: PanelContext, icon: str, text: str, width: float, hint: str)
     widgets.tooltip(hint)
 
 
-def _message(context: PanelContext) -> Words:
+def _message(context: PanelContext) -> ColouredText:
     """The last thing that happened, for a while."""
-    notice = context.state.notice
+    notice = context.state.message
     if notice is None or not notice.text:
-        return Words()
+        return ColouredText()
     if context.now - notice.shown_at > (ERROR_SECONDS if notice.is_error else MESSAGE_SECONDS):
-        return Words()
-    return Words(f"{Icon.WARNING}  {notice.text}", look.BAD) if notice.is_error else Words(notice.text)
+        return ColouredText()
+    return ColouredText(f"{Icon.WARNING}  {notice.text}", look.BAD) if notice.is_error else ColouredText(notice.text)
 
 
 def _has_room(text: str, end: float) -> bool:
@@ -213,14 +213,14 @@ def _has_room(text: str, end: float) -> bool:
     return imgui.get_cursor_pos_x() + imgui.calc_text_size(text).x <= end
 
 
-def _words(words: Words, hint: str = "") -> None:
+def _words(words: ColouredText, hint: str = "") -> None:
     imgui.push_style_color(imgui.Col_.text, look.pack(words.ink))
     imgui.text_unformatted(words.text)
     imgui.pop_style_color()
     widgets.tooltip(hint or words.text)
 
 
-def _strip(context: PanelContext, left_over: list[Words]) -> list[Action]:
+def _strip(context: PanelContext, left_over: list[ColouredText]) -> list[Action]:
     """Above the line, at its right end; a click takes the message away."""
     viewport = imgui.get_main_viewport()
     room, bottom = viewport.size.x - context.px(48), viewport.pos.y + viewport.size.y - context.px(HEIGHT + 6)

@@ -11,7 +11,7 @@ from app.commands import SetSurface
 from app.document import ObjectState
 from engine.material.parameters import Parameter
 from engine.scene.surface_kinds import SURFACES
-from ui.panels import fields, widgets
+from ui.panels import number_fields, widgets
 from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag
 from ui.panels.context import PanelContext
 from ui.panels.material import number_format
@@ -92,13 +92,13 @@ def _choice(context: PanelContext, state: ObjectState, parameter: Parameter, val
 
 
 def _slider(context: PanelContext, state: ObjectState, parameter: Parameter, value: float) -> list[Action]:
-    hand, moved = fields.slider(
+    touch, moved = number_fields.slider(
         context, parameter.name, value, parameter.minimum, parameter.maximum, number_format(parameter),
         parameter.logarithmic, handle=f"surface.{parameter.name}", title=parameter.label,
-        pixels_to_double=fields.PIXELS_TO_DOUBLE if parameter.logarithmic else None,
+        pixels_to_double=number_fields.PIXELS_TO_DOUBLE if parameter.logarithmic else None,
     )  # fmt: skip
     widgets.tooltip(parameter.tooltip)
-    return _edits(hand, state, parameter, moved)
+    return _edits(touch, state, parameter, moved)
 
 
 def _pair(context: PanelContext, state: ObjectState, parameter: Parameter, value: tuple[float, float]) -> list[Action]:
@@ -107,12 +107,12 @@ def _pair(context: PanelContext, state: ObjectState, parameter: Parameter, value
     room = imgui.get_content_region_avail().x - gap
     for index, axis in enumerate("uv"):
         imgui.set_next_item_width(0.5 * room)
-        hand, moved = fields.number(
+        touch, moved = number_fields.number(
             context, f"{parameter.name} {axis}", value[index], f"{axis} × %.3g", f"surface.{parameter.name}.{axis}",
             parameter.minimum, parameter.maximum, title=parameter.label,
         )  # fmt: skip
         widgets.tooltip(f"{parameter.tooltip} Drag sideways, or double-click to type.")
-        actions += _edits(hand, state, parameter, (moved, value[1]) if index == 0 else (value[0], moved))
+        actions += _edits(touch, state, parameter, (moved, value[1]) if index == 0 else (value[0], moved))
         if index == 0:
             imgui.same_line(0.0, gap)
     return actions
@@ -137,14 +137,14 @@ def _file(context: PanelContext, state: ObjectState, parameter: Parameter, file:
     return actions
 
 
-def _edits(hand: fields.Touch, state: ObjectState, parameter: Parameter, value: object) -> list[Action]:
+def _edits(touch: number_fields.Touch, state: ObjectState, parameter: Parameter, value: object) -> list[Action]:
     """One drag of a control as one step of the history."""
     actions: list[Action] = []
-    if hand.began:
+    if touch.began:
         actions.append(BeginDrag(f"{state.name} {parameter.label.lower()}"))
-    if hand.changed:
+    if touch.changed:
         actions.append(_set(state, parameter, value))
-    if hand.ended:
+    if touch.ended:
         actions.append(EndDrag())
     return actions
 

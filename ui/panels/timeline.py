@@ -8,7 +8,7 @@ from app.commands import SetTime
 from app.timeline import Timeline, timeline
 from app.view_state import SetView
 from ui import theme as look
-from ui.panels import fields, widgets
+from ui.panels import number_fields, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, Play
 from ui.panels.context import PanelContext
 from ui.theme import Icon
@@ -32,12 +32,12 @@ def draw(context: PanelContext, corner: ImVec2, room: ImVec2) -> tuple[float, li
     imgui.same_line()
     actions += _scrub(context, line, lower.x - padding)
     imgui.same_line()
-    actions += _ways(context, line)
+    actions += _playback_options(context, line)
     imgui.set_cursor_screen_pos(corner)
     return height, actions
 
 
-def toggled(context: PanelContext) -> list[Action]:
+def toggle_playback(context: PanelContext) -> list[Action]:
     """Play, or stop; nothing where nothing is animated."""
     is_animated = timeline(context.document, context.view) is not None
     return [Play(context.view.playing is None)] if is_animated else []
@@ -46,13 +46,13 @@ def toggled(context: PanelContext) -> list[Action]:
 def _play(context: PanelContext) -> list[Action]:
     plays = context.view.playing is not None
     icon, hint = (Icon.PAUSE, "Stop here (Space).") if plays else (Icon.RESUME, "Play (Space).")
-    return toggled(context) if widgets.icon_button(context, "timeline.play", icon, hint, lit=plays) else []
+    return toggle_playback(context) if widgets.icon_button(context, "timeline.play", icon, hint, lit=plays) else []
 
 
 def _scrub(context: PanelContext, line: Timeline, end: float) -> list[Action]:
     """The time under the hand: one drag is one step of the history."""
-    imgui.set_next_item_width(max(end - imgui.get_cursor_screen_pos().x - _width_of_ways(context, line), 1.0))
-    hand, time = fields.slider(
+    imgui.set_next_item_width(max(end - imgui.get_cursor_screen_pos().x - _options_width(context, line), 1.0))
+    hand, time = number_fields.slider(
         context, "time", line.time or 0.0, 0.0, max(line.duration, 1e-3), f"%.2f s of {line.duration:.2f} s",
         handle="timeline.time", title="Time", jumps=True,
     )  # fmt: skip
@@ -67,7 +67,7 @@ def _scrub(context: PanelContext, line: Timeline, end: float) -> list[Action]:
     return actions
 
 
-def _ways(context: PanelContext, line: Timeline) -> list[Action]:
+def _playback_options(context: PanelContext, line: Timeline) -> list[Action]:
     """Which animation, whether it begins anew, and back to the pose of the file."""
     actions: list[Action] = []
     if len(line.clips) > 1:
@@ -89,7 +89,7 @@ def _ways(context: PanelContext, line: Timeline) -> list[Action]:
     return actions
 
 
-def _width_of_ways(context: PanelContext, line: Timeline) -> float:
+def _options_width(context: PanelContext, line: Timeline) -> float:
     gap = imgui.get_style().item_spacing.x
     clip = context.px(_CLIP_WIDTH) + gap if len(line.clips) > 1 else 0.0
     return gap + clip + 2.0 * imgui.get_frame_height()

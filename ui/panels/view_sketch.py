@@ -20,7 +20,7 @@ from engine.scene.description import Camera
 from ui import theme as look
 from ui.panels.context import PanelContext
 from ui.panels.picture import Picture
-from ui.panels.picture_place import Placed
+from ui.panels.viewport_layout import PictureRect
 
 # Corners are numbered by bits: 1 for the larger x, 2 for y, 4 for z. Edges join those that differ in one of them.
 CORNERS = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
@@ -32,7 +32,7 @@ N_CELLS = 8  # across a picture that is turned, each drawn without perspective
 Float64Array = NDArray[np.float64]
 
 
-def draw(context: PanelContext, placed: Placed, picture: Picture) -> None:
+def draw(context: PanelContext, placed: PictureRect, picture: Picture) -> None:
     """Over the picture, in the panel's draw list."""
     if not context.status.is_away or context.status.follows_input or not has_moved(context):
         return
@@ -43,7 +43,7 @@ def draw(context: PanelContext, placed: Placed, picture: Picture) -> None:
         _draw_boxes(context, placed)
 
 
-def _draw_turned(placed: Placed, picture: Picture, grid: Float64Array | None) -> None:
+def _draw_turned(placed: PictureRect, picture: Picture, grid: Float64Array | None) -> None:
     """The picture on a grid of `turned_grid`; as it is where there is none."""
     if grid is None:
         return
@@ -63,7 +63,7 @@ def _draw_turned(placed: Placed, picture: Picture, grid: Float64Array | None) ->
     draw_list.pop_clip_rect()
 
 
-def _draw_boxes(context: PanelContext, placed: Placed) -> None:
+def _draw_boxes(context: PanelContext, placed: PictureRect) -> None:
     draw_list = imgui.get_window_draw_list()
     end = ImVec2(placed.x + placed.width, placed.y + placed.height)
     draw_list.add_rect_filled(ImVec2(placed.x, placed.y), end, look.pack(look.grey(0, 0.5)))
@@ -72,7 +72,7 @@ def _draw_boxes(context: PanelContext, placed: Placed) -> None:
         box = context.box_of(state.name)
         is_selected = selected is not None and selected.object == state.name
         ink = look.pack(look.ACCENT if is_selected else look.grey(225, 0.8))
-        for (x0, y0), (x1, y1) in [] if box is None else seen_edges(box, context.camera, (placed.width, placed.height)):
+        for (x0, y0), (x1, y1) in [] if box is None else visible_edges(box, context.camera, (placed.width, placed.height)):
             start, stop = ImVec2(placed.x + x0, placed.y + y0), ImVec2(placed.x + x1, placed.y + y1)
             draw_list.add_line(start, stop, ink, context.px(2.0 if is_selected else 1.2))
 
@@ -98,7 +98,7 @@ def turned_grid(seen: Camera, camera: Camera, size: tuple[float, float]) -> Floa
     return project(camera, (width, height), points)
 
 
-def seen_edges(box: Float64Array, camera: Camera, size: tuple[float, float]) -> Float64Array:
+def visible_edges(box: Float64Array, camera: Camera, size: tuple[float, float]) -> Float64Array:
     """A box (2, 3) as lines (E, 2, 2) in a picture of so many pixels across and down: those parts of its twelve edges
     that are before the camera."""
     corners = np.where(CORNERS, box[1], box[0]) - np.array(camera.position)

@@ -11,14 +11,14 @@ from app.editor_status import Status
 from app.view_state import SetView
 from engine.material.layer import object_of
 from ui import theme as look
-from ui.panels import error_legend, orbit_camera, paint, picture_handles, surface_plot, view_sketch, widgets
-from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, Select, SetPanel
+from ui.panels import error_legend, camera_gestures, paint, picture_handles, surface_plot, view_sketch, widgets
+from ui.panels.actions import Action, BeginDrag, EndDrag, HoldGrip, Select, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.library import apply, dropped_material
 from ui.panels.picture import Picture
 from ui.panels.picture_handles import PictureHandle
-from ui.panels.picture_place import PAN, Placed, Room, gestures, room_of
-from ui.panels.state import Grip, PaintGrip
+from ui.panels.viewport_layout import PAN, PictureRect, ViewportRect, gestures, viewport_rect
+from ui.panels.window_state import Grip, PaintGrip
 from ui.theme import Icon
 
 DEGREES_PER_PIXEL = 0.5
@@ -52,7 +52,7 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     if picture is None:
         _draw_waiting(context, corner, room, 0.5)
         return []
-    space = room_of(corner, room, picture)
+    space = viewport_rect(corner, room, picture)
     placed = space.place(context.view)
     draw_list.push_clip_rect(corner, end, True)
     upper, lower = picture.corners()
@@ -63,7 +63,7 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     view_sketch.draw(context, placed, picture)
     handles = picture_handles.handles_of(context, placed)
     picture_handles.draw(context, handles)
-    actions = _hand(context, picture, space, placed, handles)
+    actions = _gestures(context, picture, space, placed, handles)
     if context.view.compare is not None:
         _draw_divider(context, placed, corner.y, end.y)
     surface_plot.draw(context, placed.x, placed.y, placed.scale)
@@ -77,23 +77,23 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     return actions
 
 
-def _hand(
-    context: PanelContext, picture: Picture, space: Room, placed: Placed, handles: list[PictureHandle]
+def _gestures(
+    context: PanelContext, picture: Picture, space: ViewportRect, placed: PictureRect, handles: list[PictureHandle]
 ) -> list[Action]:
     """What the hand does over the picture: it moves the camera, or the picture in its panel, or is at work in it."""
-    moved = orbit_camera.navigate(context, placed, picture)
+    moved = camera_gestures.navigate(context, placed, picture)
     if moved is not None:
-        clicked = orbit_camera.was_a_click(context, moved)
+        clicked = camera_gestures.was_a_click(context, moved)
         return [*moved, *_pick_lobe(context, picture, placed)] if clicked else moved
     return gestures(context, space, placed) or _interact(context, picture, placed, handles)
 
 
-def divider_x(context: PanelContext, placed: Placed) -> float:
+def divider_x(context: PanelContext, placed: PictureRect) -> float:
     """Screen column of the A/B divider."""
     return placed.x + context.view.compare_divider * placed.width
 
 
-def _interact(context: PanelContext, picture: Picture, placed: Placed, handles: list[PictureHandle]) -> list[Action]:
+def _interact(context: PanelContext, picture: Picture, placed: PictureRect, handles: list[PictureHandle]) -> list[Action]:
     mouse = imgui.get_mouse_pos()
     grip = context.state.grip
     comparing = context.view.compare is not None
@@ -104,7 +104,7 @@ def _interact(context: PanelContext, picture: Picture, placed: Placed, handles: 
     actions: list[Action] = []
     if grip is not None and grip.handle == PAN:
         return actions
-    handle = picture_handles.held(context, handles) or picture_handles.under_mouse(context, handles)
+    handle = picture_handles.held_handle(context, handles) or picture_handles.under_mouse(context, handles)
     if handle is not None and imgui.is_item_hovered() and grip is None:
         picture_handles.hover(handle)
         actions += [SetView.of(hovered=None)] if context.view.hovered is not None else []
@@ -117,15 +117,15 @@ def _interact(context: PanelContext, picture: Picture, placed: Placed, handles: 
     elif imgui.is_item_activated():
         actions += _take_hold(context, picture, placed, on_divider)
     elif imgui.is_item_active() and grip is not None and handle is not None and handle.name == grip.handle:
-        actions += picture_handles.dragged(context, handle)
+        actions += picture_handles.drag_actions(context, handle)
     elif imgui.is_item_active() and grip is not None:
         actions += _drag(context, picture, placed, grip, mouse)
     if imgui.is_item_deactivated() and grip is not None:
-        actions += [EndDrag(), Hold(None)]
+        actions += [EndDrag(), HoldGrip(None)]
     return actions + _drop(context, picture, placed)
 
 
-def _drop(context: PanelContext, picture: Picture, placed: Placed) -> list[Action]:
+def _drop(context: PanelContext, picture: Picture, placed: PictureRect) -> list[Action]:
     """A material of the library over the picture: the object that would take it is outlined, and takes it."""
     if not imgui.begin_drag_drop_target():
         return []
@@ -140,7 +140,7 @@ def _drop(context: PanelContext, picture: Picture, placed: Placed) -> list[Actio
     return actions
 
 
-def _hover(context: PanelContext, picture: Picture, placed: Placed, on_divider: bool) -> list[Action]:
+def _hover(context: PanelContext, picture: Picture, placed: PictureRect, on_divider: bool) -> list[Action]:
     if on_divider:
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
         widgets.tooltip(_comparison_hint(context))
@@ -148,7 +148,7 @@ def _hover(context: PanelContext, picture: Picture, placed: Placed, on_divider: 
     if _turns_light():
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
         return []
-    if paint.painted_key(context) is not None:
+    if paint.painting_layer_key(context) is not None:
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
         paint.draw_circle(context, placed.scale)
         return [SetView.of(hovered=None)] if context.view.hovered is not None else []
@@ -180,19 +180,19 @@ def _draw_name(context: PanelContext, name: str, mouse: ImVec2) -> None:
     _plate(context, imgui.get_foreground_draw_list(), place, name, look.TEXT)
 
 
-def _take_hold(context: PanelContext, picture: Picture, placed: Placed, on_divider: bool) -> list[Action]:
+def _take_hold(context: PanelContext, picture: Picture, placed: PictureRect, on_divider: bool) -> list[Action]:
     mouse = imgui.get_mouse_pos()
     if on_divider:
-        return [Hold(Grip("divider", (mouse.x - divider_x(context, placed), 0.0)))]
+        return [HoldGrip(Grip("divider", (mouse.x - divider_x(context, placed), 0.0)))]
     if _turns_light():
         grip = Grip("rotation", (mouse.x, context.document.light.rotation))
-        return [BeginDrag("rotate the environment"), Hold(grip)]
-    if paint.painted_key(context) is not None:
+        return [BeginDrag("rotate the environment"), HoldGrip(grip)]
+    if paint.painting_layer_key(context) is not None:
         paint.draw_circle(context, placed.scale)
         return paint.begin(context, placed.point(mouse.x, mouse.y))
     if imgui.get_io().key_alt or context.state.picks_lobe:
         picked = _pick_lobe(context, picture, placed)
-        return [*picked, SetPanel({"picks_lobe": False}), Hold(Grip("lobe", (0.0, 0.0)))]
+        return [*picked, SetPanel({"picks_lobe": False}), HoldGrip(Grip("lobe", (0.0, 0.0)))]
     return [Select(_object_at(context, placed.pixel(mouse.x, mouse.y, picture)))]
 
 
@@ -204,7 +204,7 @@ def _object_at(context: PanelContext, pixel: tuple[int, int] | None) -> str | No
     return None if pixel is None or has_moved_on else context.object_at(*pixel)
 
 
-def _pick_lobe(context: PanelContext, picture: Picture, placed: Placed) -> list[Action]:
+def _pick_lobe(context: PanelContext, picture: Picture, placed: PictureRect) -> list[Action]:
     """The lobe of what is under the mouse, of the object's selected layer; beside all objects none."""
     mouse = imgui.get_mouse_pos()
     pixel = placed.pixel(mouse.x, mouse.y, picture)
@@ -216,7 +216,7 @@ def _pick_lobe(context: PanelContext, picture: Picture, placed: Placed) -> list[
     return [*other, SetView.of(lobe_pixel=pixel)] if pixel != context.view.lobe_pixel else other
 
 
-def _drag(context: PanelContext, picture: Picture, placed: Placed, grip: Grip, mouse: ImVec2) -> list[Action]:
+def _drag(context: PanelContext, picture: Picture, placed: PictureRect, grip: Grip, mouse: ImVec2) -> list[Action]:
     if isinstance(grip, PaintGrip):
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
         paint.draw_circle(context, placed.scale)
@@ -230,7 +230,7 @@ def _drag(context: PanelContext, picture: Picture, placed: Placed, grip: Grip, m
     return _pick_lobe(context, picture, placed) if grip.handle == "lobe" else []
 
 
-def _draw_divider(context: PanelContext, placed: Placed, upper: float, lower: float) -> None:
+def _draw_divider(context: PanelContext, placed: PictureRect, upper: float, lower: float) -> None:
     """The divider with its handle and letters, within the part of the picture that is seen."""
     draw_list = imgui.get_window_draw_list()
     x = round(divider_x(context, placed)) + 0.5

@@ -202,14 +202,14 @@ def align_right(width: float) -> None:
     imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(0.0, imgui.get_content_region_avail().x - width))
 
 
-def go_on(width: float) -> None:
+def same_line_if_room(width: float) -> None:
     """Go on in the same line, or below it where what follows, `width` pixels wide, has no room."""
     imgui.same_line()
     if imgui.get_content_region_avail().x < width:
         imgui.new_line()
 
 
-def go_right(width: float) -> None:
+def same_line_at_right(width: float) -> None:
     """Go on at the right edge of the same line, or below it where what follows, `width` pixels wide, has no room."""
     imgui.same_line()
     if imgui.get_content_region_avail().x < width:

@@ -4,7 +4,7 @@
     Alt left drag orbits, Alt middle pans, Alt right nearer or farther  as in Maya
     the wheel goes nearer what is under the mouse; or two fingers orbit, Shift pan, Ctrl nearer or farther
 
-What the picture had on these before is held with Ctrl and Alt (`ui.panels.picture_place`). Drags are measured from
+What the picture had on these before is held with Ctrl and Alt (`ui.panels.viewport_layout`). Drags are measured from
 where they began, so that a hand that returns is back to the last bit; the scene goes with the hand, at the depth of
 what it took hold of.
 """
@@ -32,11 +32,11 @@ from engine.scene.camera_moves import (
     view_from_side,
 )
 from engine.scene.description import Camera
-from ui.panels.actions import Action, BeginLook, DragLook, EndLook, Hold, LookFromThere, SetPanel
+from ui.panels.actions import Action, BeginCameraDrag, DragCamera, EndCameraDrag, HoldGrip, MoveCameraTo, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.picture import Picture
-from ui.panels.picture_place import Placed
-from ui.panels.state import Grip, ScrollTurn
+from ui.panels.viewport_layout import PictureRect
+from ui.panels.window_state import Grip, ScrollTurn
 
 Gesture = Literal["orbit", "pan", "dolly"]
 # Of mouse buttons (0 left, 1 right, 2 middle) with keys held.
@@ -84,7 +84,7 @@ def held_keys() -> str:
     return "+".join(name for name, is_held in held.items() if is_held)
 
 
-def navigate(context: PanelContext, placed: Placed, picture: Picture) -> list[Action] | None:
+def navigate(context: PanelContext, placed: PictureRect, picture: Picture) -> list[Action] | None:
     """What a hand over the picture, the item drawn last, does to the camera; None where it does something else."""
     grip = context.state.grip
     if isinstance(grip, CameraGrip):
@@ -100,7 +100,7 @@ def navigate(context: PanelContext, placed: Placed, picture: Picture) -> list[Ac
 def was_a_click(context: PanelContext, actions: list[Action]) -> bool:
     """Whether a left button that could have moved the camera was let go where it was pressed."""
     grip = context.state.grip
-    return isinstance(grip, CameraGrip) and grip.button == 0 and not grip.begun and Hold(None) in actions
+    return isinstance(grip, CameraGrip) and grip.button == 0 and not grip.begun and HoldGrip(None) in actions
 
 
 def command(context: PanelContext, name: str) -> list[Action]:
@@ -132,36 +132,36 @@ def _frame(context: PanelContext, name: str | None) -> list[Action]:
 
 
 def _there(context: PanelContext, camera: Camera, label: str) -> list[Action]:
-    return [LookFromThere(Viewpoint(camera, context.view.resolution), label)]
+    return [MoveCameraTo(Viewpoint(camera, context.view.resolution), label)]
 
 
 # --------------------------------------------------------------------------------------------------------------- drags
 
 
-def _take_hold(context: PanelContext, gesture: Gesture, button: int, placed: Placed, picture: Picture) -> list[Action]:
+def _take_hold(context: PanelContext, gesture: Gesture, button: int, placed: PictureRect, picture: Picture) -> list[Action]:
     mouse = imgui.get_mouse_pos()
     depth = _depth_at(context, placed.pixel(mouse.x, mouse.y, picture))
     grip = CameraGrip("camera", (mouse.x, mouse.y), gesture, button, context.camera, depth)
-    return [Hold(grip), SetView.of(hovered=None)]
+    return [HoldGrip(grip), SetView.of(hovered=None)]
 
 
-def _drag(context: PanelContext, grip: CameraGrip, placed: Placed) -> list[Action]:
+def _drag(context: PanelContext, grip: CameraGrip, placed: PictureRect) -> list[Action]:
     imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
     mouse = imgui.get_mouse_pos()
     across, down = mouse.x - grip.offset[0], mouse.y - grip.offset[1]
     actions: list[Action] = []
     if not grip.begun and math.hypot(across, down) >= context.px(DRAG_DISTANCE):
         grip = replace(grip, begun=True)
-        actions += [Hold(grip), BeginLook(grip.gesture)]
+        actions += [HoldGrip(grip), BeginCameraDrag(grip.gesture)]
     if grip.begun:
-        camera = dragged(grip, across, down, context.theme.scale, placed.height)
-        actions.append(DragLook(Viewpoint(camera, context.view.resolution)))
+        camera = drag_camera(grip, across, down, context.theme.scale, placed.height)
+        actions.append(DragCamera(Viewpoint(camera, context.view.resolution)))
     if not imgui.is_mouse_down(grip.button):
-        actions += [EndLook(), Hold(None)]
+        actions += [EndCameraDrag(), HoldGrip(None)]
     return actions
 
 
-def dragged(grip: CameraGrip, across: float, down: float, scale: float, height: float) -> Camera:
+def drag_camera(grip: CameraGrip, across: float, down: float, scale: float, height: float) -> Camera:
     """The camera when the mouse has gone so many pixels right and down; height: of the picture on screen."""
     if across == down == 0.0:
         return grip.camera  # to the last bit
@@ -183,19 +183,19 @@ def _depth_at(context: PanelContext, pixel: tuple[int, int] | None) -> float:
 # -------------------------------------------------------------------------------------------------------------- scroll
 
 
-def _scroll(context: PanelContext, placed: Placed, picture: Picture) -> list[Action] | None:
+def _scroll(context: PanelContext, placed: PictureRect, picture: Picture) -> list[Action] | None:
     io = imgui.get_io()
     x, y = io.mouse_wheel_h, io.mouse_wheel
     gesture = SCROLLS[context.preferences.scroll].get(held_keys())
     if gesture is None or not (x or y):
         return None
     turn = _turn(context, gesture, placed, picture)
-    camera = scrolled(context.camera, gesture, x, y, turn.about)
+    camera = scroll_camera(context.camera, gesture, x, y, turn.about)
     look = Viewpoint(camera, context.view.resolution)
-    return [LookFromThere(look, gesture, f"scroll from {turn.began}"), SetPanel({"scroll": turn})]
+    return [MoveCameraTo(look, gesture, f"scroll from {turn.began}"), SetPanel({"scroll": turn})]
 
 
-def _turn(context: PanelContext, gesture: Gesture, placed: Placed, picture: Picture) -> ScrollTurn:
+def _turn(context: PanelContext, gesture: Gesture, placed: PictureRect, picture: Picture) -> ScrollTurn:
     """The turn of the wheel that goes on, or a new one; it keeps to the point that it began about."""
     mouse, turn = imgui.get_mouse_pos(), context.state.scroll
     place = (mouse.x, mouse.y)
@@ -207,7 +207,7 @@ def _turn(context: PanelContext, gesture: Gesture, placed: Placed, picture: Pict
     return ScrollTurn(gesture, context.now, context.now, place, (float(about[0]), float(about[1]), float(about[2])))
 
 
-def scrolled(camera: Camera, gesture: Gesture, x: float, y: float, about: tuple[float, float, float]) -> Camera:
+def scroll_camera(camera: Camera, gesture: Gesture, x: float, y: float, about: tuple[float, float, float]) -> Camera:
     """The camera after so many notches right and away from the hand, or as far with two fingers; about: the point that
     a dolly leaves where it is in the picture."""
     if gesture == "orbit":

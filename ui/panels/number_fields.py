@@ -16,7 +16,7 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 
 from ui import theme as look
 from ui.panels.context import HeldField, PanelContext
-from ui.panels.travel import Travel
+from ui.panels.drag_travel import Travel
 
 # Pixels at scale 1 after which a press is a drag.
 DRAG_DISTANCE = 3.0
@@ -181,7 +181,7 @@ def _control(
     hovered = imgui.is_mouse_hovering_rect(corner, ImVec2(corner.x + size.x, corner.y + size.y))
     hovered = hovered and imgui.is_window_hovered() and not _is_disabled()
     if _is_typed(field, hovered):
-        return _typed(context, field)
+        return _typed_text(context, field)
     ground(hovered)
     imguis = imgui.get_current_context().temp_input_id == imgui.get_id(f"##{field.name}") != 0
     clear = ImVec4(0, 0, 0, 0)
@@ -209,7 +209,7 @@ def _is_typed(field: _Field, hovered: bool) -> bool:
     return hovered and clicks > 0 and (clicks % 2 == 0 or bool(imgui.get_io().key_ctrl))
 
 
-def _typed(context: PanelContext, field: _Field) -> tuple[Touch, float]:
+def _typed_text(context: PanelContext, field: _Field) -> tuple[Touch, float]:
     """The number as text; the press that opened it has put the keyboard into it."""
     shown, unit = field.parts()
     imgui.set_next_item_width(field.size.x)
@@ -250,7 +250,7 @@ def _moved(context: PanelContext, field: _Field, law: Law, changed: bool, keyed:
     item, active = imgui.get_item_id(), imgui.is_item_active()
     if context.fields.is_held(item):
         if active:
-            return _dragged(context, field)
+            return _dragged_value(context, field)
         context.fields.held = None
         return Touch(ended=True), field.value
     if active and imgui.get_current_context().active_id_source == imgui.internal.InputSource.mouse:
@@ -260,7 +260,7 @@ def _moved(context: PanelContext, field: _Field, law: Law, changed: bool, keyed:
         pressed = (mouse.x - gone.x, mouse.y - gone.y)
         start = field.value if field.at is None else field.at(pressed[0])
         context.fields.held = HeldField(item, start, Travel(pressed, fine=imgui.get_io().key_shift), law)
-        hand, to = _dragged(context, field)
+        hand, to = _dragged_value(context, field)
         return replace(hand, began=True), to
     if field.at is not None and imgui.is_item_deactivated() and imgui.is_mouse_released(0):
         return WHOLE, field.at(imgui.get_mouse_pos().x)
@@ -269,13 +269,13 @@ def _moved(context: PanelContext, field: _Field, law: Law, changed: bool, keyed:
     return Touch(changed, imgui.is_item_activated(), ended), keyed
 
 
-def _dragged(context: PanelContext, field: _Field) -> tuple[Touch, float]:
+def _dragged_value(context: PanelContext, field: _Field) -> tuple[Touch, float]:
     """The value that the hand has come to, measured from where the drag began."""
     held, mouse = context.fields.held, imgui.get_mouse_pos()
     assert held is not None
     at = (mouse.x, mouse.y)
-    held.travel = held.travel.going_on(at, imgui.get_io().key_shift)
-    gone, _ = held.travel.moved(at)
+    held.travel = held.travel.with_fine(at, imgui.get_io().key_shift)
+    gone, _ = held.travel.distance_to(at)
     to = held.law(held.start, gone) if gone else held.start
     return Touch(changed=to != field.value), to
 

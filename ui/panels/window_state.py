@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from engine.curve.operators import Operator, TabulatedCurve
-from ui.panels.travel import Travel
+from ui.panels.drag_travel import Travel
 
 if TYPE_CHECKING:
     from ui.panels.actions import Action
@@ -99,7 +99,7 @@ class KeyGrip(CurveGrip):
 
 
 @dataclass(frozen=True)
-class Notice:
+class StatusMessage:
     """One line for the person, with the time it was shown (seconds of the window's clock)."""
 
     text: str
@@ -109,7 +109,7 @@ class Notice:
 
 @dataclass(frozen=True)
 class FileQuestion:
-    """A file is being asked for: why (a key of `ui.panels.dialogs.TITLES`), where, and the name so far; of an
+    """A file is being asked for: why (a key of `ui.panels.file_dialog.TITLES`), where, and the name so far; of an
     image for which layer, of a measurement whether it becomes cloth, of a picture whether it has 16 bits.
 
     refusal: what is wrong with what was entered last, "" where nothing is. typed: the folder entered in vain, in the
@@ -140,7 +140,7 @@ class PanelState:
     """The window's own state.
 
     `resolution` is what the picture is about to get, None while nobody asks for another.
-    `leaving` is the action that waits for what becomes of unsaved edits; `shows_recoveries`: those that were left
+    `pending_action` is the action that waits for what becomes of unsaved edits; `shows_recoveries`: those that were left
     behind when the program ended are listed.
 
     `shows_images`: the material panel has its rows for images, also where a layer has none.
@@ -150,7 +150,7 @@ class PanelState:
     the kept view `renames` is being given another name.
     `picks_lobe`: the next click on the picture says where it carries the lobe.
     `paints`: dragging over the selected object paints its layer's weight map, with `brush`.
-    `alone`: the picture has the place of all panels.
+    `single_panel`: the picture has the place of all panels.
     `front` are panels that come before those they share their places with, in the coming frame.
     """
 
@@ -161,12 +161,12 @@ class PanelState:
     shows_camera: bool = False
     renames: str | None = None
     front: tuple[str, ...] = ()
-    alone: bool = False
+    single_panel: bool = False
     picks_lobe: bool = False
-    notice: Notice | None = None
+    message: StatusMessage | None = None
     question: FileQuestion | None = None
     resolution: tuple[int, int] | None = None
-    leaving: Action | None = None
+    pending_action: Action | None = None
     shows_recoveries: bool = True
     library: LibraryState = LibraryState()
     shows_images: bool = False

@@ -10,7 +10,7 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 
 from engine.colour import decode_srgb, encode_srgb
 from ui import theme as look
-from ui.panels import fields, widgets
+from ui.panels import number_fields, widgets
 from ui.panels.context import PanelContext
 
 RGB = tuple[float, float, float]
@@ -18,7 +18,7 @@ GAP = 4.0
 
 
 @dataclass(frozen=True)
-class Numbers:
+class NumberTriple:
     """Three numbers of a kind: `handle` for scripts, `title` and `hint` for a person; `speed` a pixel of a drag."""
 
     handle: str
@@ -30,7 +30,7 @@ class Numbers:
     text: str
 
 
-def row(context: PanelContext, numbers: Numbers, value: RGB, swatch: bool) -> Iterator[tuple[fields.Touch, RGB]]:
+def row(context: PanelContext, numbers: NumberTriple, value: RGB, swatch: bool) -> Iterator[tuple[number_fields.Touch, RGB]]:
     """What a hand did with each, and the colour that makes; with room for a swatch."""
     height, gap = imgui.get_frame_height(), context.px(GAP)
     room = imgui.get_content_region_avail().x - (height + gap if swatch else 0.0)
@@ -39,7 +39,7 @@ def row(context: PanelContext, numbers: Numbers, value: RGB, swatch: bool) -> It
         imgui.set_next_item_width(width)
         corner = imgui.get_cursor_screen_pos()
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(gap, imgui.get_style().frame_padding.y))
-        hand, moved = fields.number(
+        touch, moved = number_fields.number(
             context, str(channel), value[channel], numbers.text, f"{numbers.handle}.{'rgb'[channel]}",
             numbers.low, numbers.high, numbers.speed, f"{numbers.title}, {('red', 'green', 'blue')[channel]}",
         )  # fmt: skip
@@ -47,7 +47,7 @@ def row(context: PanelContext, numbers: Numbers, value: RGB, swatch: bool) -> It
         widgets.tooltip(numbers.hint)
         _mark(context, corner, width, height, look.CHANNELS[channel])
         red, green, blue = (moved if each == channel else value[each] for each in range(3))
-        yield hand, (red, green, blue)
+        yield touch, (red, green, blue)
         if channel < 2 or swatch:
             imgui.same_line(0.0, gap)
 
@@ -58,7 +58,7 @@ def _mark(context: PanelContext, corner: ImVec2, width: float, height: float, in
     imgui.get_window_draw_list().add_rect_filled(low, high, look.pack(look.with_alpha(ink, 0.75)))
 
 
-def swatch(context: PanelContext, numbers: Numbers, value: RGB, hint: str) -> tuple[fields.Touch, RGB]:
+def swatch(context: PanelContext, numbers: NumberTriple, value: RGB, hint: str) -> tuple[number_fields.Touch, RGB]:
     """A square of a colour, 0 to 1, and the wheel that a click on it opens: what a hand did there, what it picked."""
     shown = encode_srgb(np.clip(value, 0.0, 1.0)).tolist()
     if imgui.color_button("##swatch", ImVec4(shown[0], shown[1], shown[2], 1.0), imgui.ColorEditFlags_.no_tooltip):
@@ -66,11 +66,11 @@ def swatch(context: PanelContext, numbers: Numbers, value: RGB, hint: str) -> tu
     context.handles.note_item(f"{numbers.handle}.swatch")
     widgets.tooltip(hint)
     if not imgui.begin_popup("picker"):
-        return fields.Touch(), value
+        return number_fields.Touch(), value
     flags = imgui.ColorEditFlags_.picker_hue_wheel | imgui.ColorEditFlags_.no_side_preview
     imgui.set_next_item_width(context.px(190))
     changed, picked = imgui.color_picker3("##wheel", shown, flags)
-    hand = fields.touch(changed)
+    touch = number_fields.touch(changed)
     imgui.end_popup()
     red, green, blue = decode_srgb(np.array(picked, np.float64)).tolist()
-    return hand, (red, green, blue)
+    return touch, (red, green, blue)

@@ -32,7 +32,7 @@ def is_typing() -> bool:
     return imgui.get_io().want_text_input and imgui.internal.get_active_id() != 0
 
 
-def is_imguis() -> bool:
+def imgui_takes_escape() -> bool:
     """Whether imgui has something to let go of by Esc, asked before a pass; if not it is kept from seeing one."""
     state = imgui.get_current_context()
     if keys_are_taken() or imgui.internal.get_active_id() != 0 or imgui.get_io().nav_visible:
@@ -41,7 +41,7 @@ def is_imguis() -> bool:
     return state.drag_drop_active
 
 
-def answer(context: PanelContext, is_imguis: bool, is_dragging: bool) -> list[Action]:
+def answer_escape(context: PanelContext, is_imguis: bool, is_dragging: bool) -> list[Action]:
     """What a press of Esc does, beside what imgui lets go of."""
     if is_dragging:
         return [CancelDrag()]
@@ -53,7 +53,7 @@ def answer(context: PanelContext, is_imguis: bool, is_dragging: bool) -> list[Ac
         if not imgui.get_current_context().open_popup_stack.size():
             _leave_no_frame()
         return []
-    return next((actions for way_out in WAYS_OUT if (actions := way_out(context))), [])
+    return next((actions for way_out in ESCAPE_ACTIONS if (actions := way_out(context))), [])
 
 
 def _leave_no_frame() -> None:
@@ -63,8 +63,8 @@ def _leave_no_frame() -> None:
     imgui.set_nav_cursor_visible(False)
 
 
-def _leaving(context: PanelContext) -> list[Action]:
-    return [SetPanel({"leaving": None})] if context.state.leaving is not None else []
+def _cancel_unsaved_dialog(context: PanelContext) -> list[Action]:
+    return [SetPanel({"leaving": None})] if context.state.pending_action is not None else []
 
 
 def _resolution(context: PanelContext) -> list[Action]:
@@ -79,8 +79,8 @@ def _camera(context: PanelContext) -> list[Action]:
     return [SetPanel({"shows_camera": False, "renames": None})] if context.state.shows_camera else []
 
 
-def _alone(context: PanelContext) -> list[Action]:
-    return [SetPanel({"alone": False})] if context.state.alone else []
+def _leave_single_panel(context: PanelContext) -> list[Action]:
+    return [SetPanel({"alone": False})] if context.state.single_panel else []
 
 
 def _brush(context: PanelContext) -> list[Action]:
@@ -91,8 +91,8 @@ def _pick(context: PanelContext) -> list[Action]:
     return [SetPanel({"picks_lobe": False})] if context.state.picks_lobe else []
 
 
-def _notice(context: PanelContext) -> list[Action]:
-    notice = context.state.notice
+def _dismiss_message(context: PanelContext) -> list[Action]:
+    notice = context.state.message
     return [SetPanel({"notice": None})] if notice is not None and notice.is_error else []
 
 
@@ -108,6 +108,6 @@ def _selection(context: PanelContext) -> list[Action]:
     return [Select(None)] if context.view.selected is not None else []
 
 
-WAYS_OUT: tuple[Callable[[PanelContext], list[Action]], ...] = (
-    _leaving, _resolution, _shortcuts, _brush, _camera, _alone, _pick, _notice, _operator, _lobe, _selection,
+ESCAPE_ACTIONS: tuple[Callable[[PanelContext], list[Action]], ...] = (
+    _cancel_unsaved_dialog, _resolution, _shortcuts, _brush, _camera, _leave_single_panel, _pick, _dismiss_message, _operator, _lobe, _selection,
 )  # fmt: skip

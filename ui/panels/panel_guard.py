@@ -12,7 +12,7 @@ from ui.panels.actions import Action
 from ui.panels.context import PanelContext
 
 
-def guarded(
+def draw_guarded(
     barrier: Barrier, name: str, draw: Callable[[PanelContext], list[Action]], context: PanelContext
 ) -> list[Action] | None:
     """What a panel asks for; None where it fails, or lately failed on the same."""

@@ -59,7 +59,7 @@ def _places(context: PanelContext) -> dict[int, list[Panel]]:
 def draw_strip(context: PanelContext) -> list[Action]:
     """The names of what is folded away, along the foot of the window; a click brings a panel back."""
     folded = [panel for panel in PANELS if not context.view.panel_open(panel.key)]
-    if not folded or context.state.alone:
+    if not folded or context.state.single_panel:
         return []
     actions: list[Action] = []
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(context.px(8), context.px(2)))

@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 from app.machine.memory import bytes_for, gib, memory_bytes
 from engine.scene.description import MAX_RESOLUTION
 from ui import theme as look
-from ui.panels import fields, widgets
+from ui.panels import number_fields, widgets
 from ui.panels.actions import Action, Resize, SetPanel
 from ui.panels.context import PanelContext
 
@@ -27,7 +27,7 @@ def draw(context: PanelContext) -> list[Action]:
     top = ImVec2(viewport.get_work_center().x, viewport.work_pos.y + context.px(12))
     with widgets.strip(context, "Resolution###resolution", top, ImVec2(0.5, 0.0), ImVec2(14, 12)) as is_seen:
         if is_seen:
-            presets = [scaled(context.own_resolution, share) for share, _ in PRESETS]
+            presets = [scale_size(context.own_resolution, share) for share, _ in PRESETS]
             chosen = presets.index(size) if size in presets else -1
             pressed = widgets.segments(context, "resolution", [(text, HINT) for _, text in PRESETS], chosen, least=44.0)
             asked = _numbers(context, size) if pressed is None else presets[pressed]
@@ -37,7 +37,7 @@ def draw(context: PanelContext) -> list[Action]:
     return actions
 
 
-def scaled(size: Size, share: float) -> Size:
+def scale_size(size: Size, share: float) -> Size:
     """A size times a number, held to what a scene may have."""
     width, height = (min(max(round(side * share), 1), MAX_RESOLUTION) for side in size)
     return width, height
@@ -51,7 +51,7 @@ def _numbers(context: PanelContext, size: Size) -> Size:
             imgui.text_unformatted("x")
             imgui.same_line()
         imgui.set_next_item_width(context.px(FIELD))
-        hand, moved = fields.number(context, name, sides[index], "%.0f", f"resolution.{name}", 1, MAX_RESOLUTION, 2.0)
+        hand, moved = number_fields.number(context, name, sides[index], "%.0f", f"resolution.{name}", 1, MAX_RESOLUTION, 2.0)
         widgets.tooltip(f"The picture's {name} in pixels, 1 to {MAX_RESOLUTION}. Drag, or double-click to type.")
         sides[index] = round(moved) if hand.changed else sides[index]
     return sides[0], sides[1]

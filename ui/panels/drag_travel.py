@@ -20,7 +20,7 @@ class Travel:
     before: Place = (0.0, 0.0)
     fine: bool = False
 
-    def moved(self, mouse: Place) -> Place:
+    def distance_to(self, mouse: Place) -> Place:
         """Pixels right and down in all, with the mouse there."""
         rate = FINE if self.fine else 1.0
         across, down = (
@@ -28,6 +28,6 @@ class Travel:
         )
         return across, down
 
-    def going_on(self, mouse: Place, fine: bool) -> Travel:
+    def with_fine(self, mouse: Place, fine: bool) -> Travel:
         """This travel with Shift held (`fine`) or not from here on."""
-        return self if fine == self.fine else Travel(mouse, self.moved(mouse), fine)
+        return self if fine == self.fine else Travel(mouse, self.distance_to(mouse), fine)

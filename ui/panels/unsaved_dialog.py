@@ -15,7 +15,7 @@ from app.files.journal import Recovery
 from app.machine.paths import display_name
 from ui import theme as look
 from ui.panels import widgets
-from ui.panels.actions import Action, Leave, Quit, Recover, SetPanel
+from ui.panels.actions import Action, AnswerUnsaved, Quit, Recover, SetPanel
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
@@ -26,7 +26,7 @@ def draw(context: PanelContext) -> list[Action]:
     """The question, else the list; nothing while a file is being chosen."""
     if context.state.question is not None:
         return []
-    if context.state.leaving is not None:
+    if context.state.pending_action is not None:
         return _draw_question(context)
     return _draw_recoveries(context) if context.state.shows_recoveries and context.recoveries else []
 
@@ -45,22 +45,22 @@ def _draw_question(context: PanelContext) -> list[Action]:
     with _window(context, "Unsaved###leaving") as is_seen:
         if is_seen:
             imgui.text_unformatted(f"{Icon.WARNING}  {context.name} has edits that are not saved.")
-            if isinstance(context.state.leaving, Quit):
+            if isinstance(context.state.pending_action, Quit):
                 widgets.caption("Close the window once more to keep them for the next start.")
             imgui.spacing()
             actions += _answers(context)
     if imgui.is_key_pressed(imgui.Key.enter, False) and not context.keys_taken:
-        return [Leave(saves=True)]
+        return [AnswerUnsaved(is_saved=True)]
     return actions
 
 
 def _answers(context: PanelContext) -> list[Action]:
     actions: list[Action] = []
     if widgets.text_button(context, "leave.save", "Save", "Save the session, then go on. (Enter)"):
-        actions.append(Leave(saves=True))
+        actions.append(AnswerUnsaved(is_saved=True))
     imgui.same_line()
     if widgets.text_button(context, "leave.discard", "Discard", "Throw these edits away for good, and go on."):
-        actions.append(Leave(saves=False))
+        actions.append(AnswerUnsaved(is_saved=False))
     imgui.same_line()
     if widgets.text_button(context, "leave.cancel", "Cancel", "Stay here. (Esc)"):
         actions.append(SetPanel({"leaving": None}))

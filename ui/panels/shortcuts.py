@@ -13,7 +13,7 @@ from app.solo import toggle_solo
 from app.view_state import SetView, Tool
 from engine.scene.builtin import DEFAULT_SCENE
 from ui import theme as look
-from ui.panels import orbit_camera, paint, timeline
+from ui.panels import camera_gestures, paint, timeline
 from ui.panels.actions import (
     Action,
     AskFile,
@@ -22,16 +22,16 @@ from ui.panels.actions import (
     Paste,
     Quit,
     Redo,
-    RedoLook,
+    RedoCamera,
     SaveSession,
     Screenshot,
     SetPanel,
     ShowPanel,
     Undo,
-    UndoLook,
+    UndoCamera,
 )
 from ui.panels.context import PanelContext
-from ui.panels.curve_gestures import Hand, hand_of, tool_of
+from ui.panels.curve_gestures import OperatorGroup, operators_in_use, tool_of
 
 TWO_COLUMNS, THREE_COLUMNS, KEYS_WIDTH = 840.0, 1200.0, 106.0
 CTRL, SHIFT, ALT = (int(key) for key in (imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.mod_alt))
@@ -150,10 +150,10 @@ SHORTCUTS = (
 )
 # Steps, of which a key that is held makes one after the other.
 REPEATED = frozenset(
-    {"undo", "redo", "undo_look", "redo_look", "darker", "brighter", "nearer", "farther", *orbit_camera.TURNS}
+    {"undo", "redo", "undo_look", "redo_look", "darker", "brighter", "nearer", "farther", *camera_gestures.TURNS}
 )
 CAMERA_MOVES = frozenset(
-    {"frame", "frame_all", "nearer", "farther", "own_view", "level", *orbit_camera.SIDES, *orbit_camera.TURNS}
+    {"frame", "frame_all", "nearer", "farther", "own_view", "level", *camera_gestures.SIDES, *camera_gestures.TURNS}
 )
 # What would change document or view under a gesture's hand.
 EDITING = CAMERA_MOVES | {"undo", "redo", "undo_look", "redo_look", "mute", "delete", "paste", "paste_layers"}
@@ -199,14 +199,14 @@ def perform(context: PanelContext, name: str) -> list[Action]:
         "quit": [Quit()],
         "undo": [Undo()],
         "redo": [Redo()],
-        "undo_look": [UndoLook()],
-        "redo_look": [RedoLook()],
+        "undo_look": [UndoCamera()],
+        "redo_look": [RedoCamera()],
         "camera": [SetPanel({"shows_camera": not context.state.shows_camera, "renames": None})],
         "compare": [SetView.of(compare=None if view.compare is not None else context.document)],
         "error": [SetView.of(shows_error=not view.shows_error)],
         "orbit": [SetView.of(mode=_other_mode(context, "orbit"))],
         "deform": [SetView.of(mode=_other_mode(context, "deform"))],
-        "alone": [SetPanel({"alone": not context.state.alone})],
+        "alone": [SetPanel({"alone": not context.state.single_panel})],
         "whole": [SetView.of(fit=True)],
         "pixels": [SetView.of(fit=False, zoom=1.0, centre=(0.5, 0.5))],
         "darker": [SetView.of(exposure=view.exposure - 1.0 / 3.0)],
@@ -218,14 +218,14 @@ def perform(context: PanelContext, name: str) -> list[Action]:
         "paste": [Paste()],
         "paste_layers": [Paste(as_layers=True)],
     }
-    if name in ("darker", "brighter") and paint.painted_key(context) is not None:
-        return [paint.resized(context.state.brush, -1 if name == "darker" else 1)]
+    if name in ("darker", "brighter") and paint.painting_layer_key(context) is not None:
+        return [paint.resize_brush(context.state.brush, -1 if name == "darker" else 1)]
     if name in simple:
         return simple[name]
     if name in CAMERA_MOVES:
-        return orbit_camera.command(context, name)
+        return camera_gestures.command(context, name)
     if name in ("translate", "amplify") or name.startswith("axis_"):
-        return [SetView.of(active_tool=_tool(tool_of(_hand(context)), name), operator=None)]
+        return [SetView.of(active_tool=_tool(tool_of(_operators_in_use(context)), name), operator=None)]
     if name in ("copy_material", "copy_curve"):
         return _copy(context, name)
     return _on_operator(context, name)
@@ -233,7 +233,7 @@ def perform(context: PanelContext, name: str) -> list[Action]:
 
 def _play(context: PanelContext) -> list[Action]:
     """Where there is a line of time below the picture, it plays or stops."""
-    return timeline.toggled(context) if context.mode.strip else []
+    return timeline.toggle_playback(context) if context.mode.strip else []
 
 
 def _other_mode(context: PanelContext, name: str) -> str:
@@ -264,12 +264,12 @@ def _tool(tool: Tool, change: str) -> str:
     return f"{kind}_{change[5:]}" if change.startswith("axis_") else f"{change}_{axes}"
 
 
-def _hand(context: PanelContext) -> Hand:
+def _operators_in_use(context: PanelContext) -> OperatorGroup:
     """What is in hand on the selected curve."""
     selected = context.selected_layer
     if selected is None or selected.factor is None:
-        return hand_of((), context.view)
-    return hand_of(context.document.layer(selected.key).operators(selected.factor), context.view)
+        return operators_in_use((), context.view)
+    return operators_in_use(context.document.layer(selected.key).operators(selected.factor), context.view)
 
 
 def _on_operator(context: PanelContext, name: str) -> list[Action]:

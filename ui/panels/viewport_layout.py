@@ -1,7 +1,7 @@
 """Where the picture stands in its panel: fitted, or zoomed and shifted; and the gestures that change it.
 
 With Ctrl and Alt held the wheel zooms about the mouse and a drag moves the picture: without them both move the camera
-(`ui.panels.orbit_camera`). Rejected: leaving empty room beside a picture that is
+(`ui.panels.camera_gestures`). Rejected: leaving empty room beside a picture that is
 larger than its panel; it stops at its edges, so that it cannot be lost.
 """
 
@@ -12,17 +12,17 @@ from dataclasses import dataclass
 from imgui_bundle import ImVec2, imgui
 
 from app.view_state import LIMITS, SetView, ViewState
-from ui.panels.actions import Action, Hold
+from ui.panels.actions import Action, HoldGrip
 from ui.panels.context import PanelContext
 from ui.panels.picture import Picture
-from ui.panels.state import Grip
+from ui.panels.window_state import Grip
 
 PAN = "picture.pan"
 ZOOM_STEP = 1.2
 
 
 @dataclass(frozen=True)
-class Placed:
+class PictureRect:
     """Where the picture stands on screen: upper left corner, and screen pixels for each of the picture's."""
 
     x: float
@@ -42,7 +42,7 @@ class Placed:
 
 
 @dataclass(frozen=True)
-class Room:
+class ViewportRect:
     """The panel's inside: upper left corner and size on screen, for one picture."""
 
     x: float
@@ -56,7 +56,7 @@ class Room:
         """The scale at which all of the picture is seen, as large as its aspect allows."""
         return min(self.width / self.picture.width, self.height / self.picture.height)
 
-    def place(self, view: ViewState) -> Placed:
+    def place(self, view: ViewState) -> PictureRect:
         """The picture as the view has it."""
         if view.fit:
             return self.at(self.fitting, self.x, self.y)
@@ -64,11 +64,11 @@ class Room:
         width, height = scale * self.picture.width, scale * self.picture.height
         return self.at(scale, self.x + 0.5 * self.width - u * width, self.y + 0.5 * self.height - v * height)
 
-    def at(self, scale: float, x: float, y: float) -> Placed:
+    def at(self, scale: float, x: float, y: float) -> PictureRect:
         """The picture with its corner as near to a place as its size allows."""
         width, height = scale * self.picture.width, scale * self.picture.height
         left, top = _start(self.x, self.width, width, x), _start(self.y, self.height, height, y)
-        return Placed(round(left), round(top), round(width), round(height), scale)
+        return PictureRect(round(left), round(top), round(width), round(height), scale)
 
     def shown(self, scale: float, x: float, y: float) -> SetView:
         """The change of view that puts the picture's corner there."""
@@ -78,9 +78,9 @@ class Room:
         return SetView.of(fit=False, zoom=scale, centre=(u, v))
 
 
-def room_of(corner: ImVec2, size: ImVec2, picture: Picture) -> Room:
+def viewport_rect(corner: ImVec2, size: ImVec2, picture: Picture) -> ViewportRect:
     """The room of a panel."""
-    return Room(corner.x, corner.y, size.x, size.y, picture)
+    return ViewportRect(corner.x, corner.y, size.x, size.y, picture)
 
 
 def _start(corner: float, room: float, extent: float, wanted: float) -> float:
@@ -90,7 +90,7 @@ def _start(corner: float, room: float, extent: float, wanted: float) -> float:
     return min(max(wanted, corner + room - extent), corner)
 
 
-def zoomed(room: Room, placed: Placed, steps: float, x: float, y: float) -> SetView:
+def zoom_at(room: ViewportRect, placed: PictureRect, steps: float, x: float, y: float) -> SetView:
     """Larger by so many steps about a place on screen; no smaller than all of it, or than pixel for pixel."""
     least, most = min(room.fitting, 1.0), LIMITS["zoom"][1]
     scale = min(max(placed.scale * ZOOM_STEP**steps, least), most)
@@ -100,7 +100,7 @@ def zoomed(room: Room, placed: Placed, steps: float, x: float, y: float) -> SetV
     return room.shown(scale, x - column * scale, y - row * scale)
 
 
-def gestures(context: PanelContext, room: Room, placed: Placed) -> list[Action]:
+def gestures(context: PanelContext, room: ViewportRect, placed: PictureRect) -> list[Action]:
     """Zoom and pan, over the item drawn last."""
     io, grip = imgui.get_io(), context.state.grip
     mouse = imgui.get_mouse_pos()
@@ -109,14 +109,14 @@ def gestures(context: PanelContext, room: Room, placed: Placed) -> list[Action]:
     if not (imgui.is_item_hovered() and io.key_ctrl and io.key_alt):
         return []
     if imgui.is_mouse_clicked(0) or imgui.is_mouse_clicked(2):
-        return [Hold(Grip(PAN, (mouse.x - placed.x, mouse.y - placed.y)))]
+        return [HoldGrip(Grip(PAN, (mouse.x - placed.x, mouse.y - placed.y)))]
     wheel = io.mouse_wheel
-    return [zoomed(room, placed, wheel, mouse.x, mouse.y)] if wheel else []
+    return [zoom_at(room, placed, wheel, mouse.x, mouse.y)] if wheel else []
 
 
-def _pan(room: Room, placed: Placed, grip: Grip, mouse: ImVec2) -> list[Action]:
+def _pan(room: ViewportRect, placed: PictureRect, grip: Grip, mouse: ImVec2) -> list[Action]:
     if not (imgui.is_mouse_down(0) or imgui.is_mouse_down(2)):
-        return [Hold(None)]
+        return [HoldGrip(None)]
     imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
     x, y = mouse.x - grip.offset[0], mouse.y - grip.offset[1]
     moved = room.at(placed.scale, x, y)

@@ -30,7 +30,7 @@ from ui.panels.actions import (
     SetPanel,
 )
 from ui.panels.context import PanelContext
-from ui.panels.state import FileQuestion
+from ui.panels.window_state import FileQuestion
 
 TITLES = {
     "open_scene": "Open a scene, a session or a mesh",
@@ -153,7 +153,7 @@ def _measured_line(context: PanelContext, question: FileQuestion) -> list[Action
     imgui.text("Import as")
     imgui.same_line()
     pressed = widgets.segments(context, "files.measured", MEASURED_CHOICES, int(question.cloth))
-    return [] if pressed is None else [_asked(replace(question, cloth=pressed == 1))]
+    return [] if pressed is None else [_input_line(replace(question, cloth=pressed == 1))]
 
 
 def _picture_line(context: PanelContext, question: FileQuestion) -> list[Action]:
@@ -167,7 +167,7 @@ def _picture_line(context: PanelContext, question: FileQuestion) -> list[Action]
         return []
     ending = ENDINGS["save_picture"][pressed == 2]
     name = str(Path(question.name or "picture").with_suffix(ending))
-    return [_asked(replace(question, name=name, deep=pressed == 1))]
+    return [_input_line(replace(question, name=name, deep=pressed == 1))]
 
 
 def _folder_line(context: PanelContext, question: FileQuestion) -> list[Action]:
@@ -175,12 +175,12 @@ def _folder_line(context: PanelContext, question: FileQuestion) -> list[Action]:
     parent = question.folder.parent
     hint = "The folder above."
     if widgets.text_button(context, "files.up", "Up", hint, enabled=parent != question.folder):
-        actions.append(_asked(_in_folder(question, parent)))
+        actions.append(_input_line(_in_folder(question, parent)))
     imgui.same_line()
     imgui.set_next_item_width(-1.0)
     if question.focus == "folder":
         imgui.set_keyboard_focus_here()
-        actions.append(_asked(replace(question, focus="")))
+        actions.append(_input_line(replace(question, focus="")))
     shown = question.typed or str(question.folder)
     confirmed, typed = imgui.input_text("##folder", shown, PATH_FLAGS)
     context.handles.note_item("files.folder")
@@ -188,8 +188,8 @@ def _folder_line(context: PanelContext, question: FileQuestion) -> list[Action]:
     if not confirmed:
         return actions
     if os.path.isdir(folder := os.path.expanduser(typed)):
-        return [_asked(_in_folder(question, Path(folder)))]
-    return [_asked(replace(question, typed=typed, refusal="there is no such folder", focus="folder"))]
+        return [_input_line(_in_folder(question, Path(folder)))]
+    return [_input_line(replace(question, typed=typed, refusal="there is no such folder", focus="folder"))]
 
 
 def _in_folder(question: FileQuestion, folder: Path) -> FileQuestion:
@@ -203,9 +203,9 @@ def _entry(context: PanelContext, question: FileQuestion, entry: DirectoryEntry)
     if not pressed:
         return []
     if entry.is_folder:
-        return [_asked(_in_folder(question, entry.path))] if imgui.is_mouse_double_clicked(0) else []
+        return [_input_line(_in_folder(question, entry.path))] if imgui.is_mouse_double_clicked(0) else []
     chosen = replace(question, name=entry.path.name, refusal="")
-    return [_asked(chosen), *([answer(chosen, entry.path)] if imgui.is_mouse_double_clicked(0) else [])]
+    return [_input_line(chosen), *([answer(chosen, entry.path)] if imgui.is_mouse_double_clicked(0) else [])]
 
 
 def _name_line(context: PanelContext, question: FileQuestion) -> list[Action]:
@@ -226,11 +226,11 @@ def _name_line(context: PanelContext, question: FileQuestion) -> list[Action]:
         imgui.set_nav_cursor_visible(False)  # imgui would frame a control of the panel that was last in use
         path = question.folder / os.path.expanduser(typed)
         if os.path.isdir(path):
-            return [_asked(replace(_in_folder(question, path), name="", focus="name"))]
-        return [_asked(replace(question, name=typed)), answer(question, path)]
+            return [_input_line(replace(_in_folder(question, path), name="", focus="name"))]
+        return [_input_line(replace(question, name=typed)), answer(question, path)]
     refusal = question.refusal if typed == question.name else ""
     edited = replace(question, name=typed, refusal=refusal)
-    return [_asked(edited)] if edited != asked else []
+    return [_input_line(edited)] if edited != asked else []
 
 
 def _verb(question: FileQuestion) -> tuple[str, str]:
@@ -266,11 +266,11 @@ def dropped(question: FileQuestion, path: Path) -> list[Action]:
     """What a file or folder means that is dropped on the window while a file is asked for: what is to be opened, or
     the folder and name of what is to be saved."""
     if os.path.isdir(path):
-        return [_asked(replace(_in_folder(question, path), focus="name"))]
+        return [_input_line(replace(_in_folder(question, path), focus="name"))]
     if question.purpose.startswith("save"):
-        return [_asked(replace(_in_folder(question, path.parent), name=path.name, focus="name"))]
-    return [_asked(replace(question, name=str(path))), answer(question, path)]
+        return [_input_line(replace(_in_folder(question, path.parent), name=path.name, focus="name"))]
+    return [_input_line(replace(question, name=str(path))), answer(question, path)]
 
 
-def _asked(question: FileQuestion) -> Action:
+def _input_line(question: FileQuestion) -> Action:
     return SetPanel({"question": question})
