@@ -68,7 +68,7 @@ def _started_worker() -> StartedWorker | None:
 def main() -> int:
     """Run the program on its command line; the exit status: 0, 1 (the work failed), 2 (usage), 130 (Ctrl-C)."""
     try:
-        from app.cli.console import run_guarded, escape_unprintable
+        from app.cli.console import escape_unprintable, run_guarded
         from app.machine.kernel_cache import use_kernel_cache
 
         escape_unprintable()

@@ -76,7 +76,9 @@ class Barrier:
         before = self._faults.get(part)
         self._faults[part] = _Fault(said, made_of, now + RETRY_SECONDS)
         if before is None or not before.suppresses(said, now):
-            self.on_fault(f"{part} failed: a defect of Insitu. Your edits are safe; undo the last one{_log_fault(part, error)}")
+            self.on_fault(
+                f"{part} failed: a defect of Insitu. Your edits are safe; undo the last one{_log_fault(part, error)}"
+            )
 
 
 def _log_fault(part: str, error: Exception) -> str:

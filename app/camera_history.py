@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from app.document import Document
 from app.history import History
-from app.view_controller import ViewController
 from app.machine.memory import require_memory_for
+from app.view_controller import ViewController
 from app.view_state import SetViewpoint, Viewpoint, ViewState
 from engine.errors import InsituError
 from engine.scene.description import Camera, SceneDescription
@@ -38,7 +38,8 @@ class CameraHost(Protocol):
 
 
 class CameraHistory:
-    """The looks at one scene. `controller` is told when a hand lets go, so that the view need not rest before it is traced.
+    """The looks at one scene. `controller` is told when a hand lets go, so that the view need not rest before it is
+    traced.
 
     own_camera, own_resolution: those of the scene's file; history: that of the view, the document's stays.
     """

@@ -21,7 +21,7 @@ from app.described_layers import layers_from_descriptions
 from app.linked_layers import linked_indices, with_layer
 from app.machine.paths import is_file_name
 from engine.deform.deformers import KINDS
-from engine.deform.pose import Deformation, Moment, Poses, Motion, without_identity
+from engine.deform.pose import Deformation, Moment, Motion, Poses, without_identity
 from engine.errors import InsituError
 from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject, bump_fields
 from engine.material.layer import Layer

@@ -17,46 +17,46 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from app.barrier import Barrier
+from app.camera_history import CameraHistory
 from app.commands import EditCommand
 from app.commands.material import SetMaterial
-from app.effective_settings import effective_view
 from app.document import Document, Selection
+from app.editor_status import Status, StatusMetrics
+from app.effective_settings import effective_view
 from app.export.names import written_names
+from app.export_requests import material_export_request, scene_export_request
 from app.files.journal import Journal, Recovery
 from app.files.session_keeper import SessionStore
 from app.history import History
-from app.camera_history import CameraHistory
 from app.machine.atomic import require_folder, require_place
 from app.machine.inputs import add_inputs
-from app.machine.paths import is_file_name, display_name
+from app.machine.paths import display_name, is_file_name
+from app.measured_import import PendingMeasurement, describe_reading, import_measured
 from app.messages import (
     CancelRequests,
-    RequestFailed,
     FilesWritten,
     MeasurementsRead,
-    WorkerWarnings,
     Progress,
     Request,
+    RequestFailed,
     Response,
     SceneOpened,
-    ViewTraced,
     SkyImage,
     TableFetched,
+    ViewTraced,
     WorkerRestarted,
+    WorkerWarnings,
 )
-from app.mode import Shared, Mode, ModeController
+from app.mode import Mode, ModeController, Shared
 from app.modes import MODES
 from app.named_files import files_of_document
 from app.opening import Opening
 from app.picture_events import PictureEvent
 from app.player import Player
-from app.measured_import import PendingMeasurement, describe_reading, import_measured
 from app.scene_controller import SceneController
-from app.selection import selection_after_edit, operator_after_edit, layer_shown, selection_of
-from app.editor_status import StatusMetrics, Status
+from app.selection import layer_shown, operator_after_edit, selection_after_edit, selection_of
 from app.table_controller import TableController
 from app.view_state import OpenPanel, SetView, ViewCommand, ViewState
-from app.export_requests import material_export_request, scene_export_request
 from engine.errors import InsituError, plain_line
 from engine.planner import planned_edge_rays
 

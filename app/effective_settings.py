@@ -12,8 +12,8 @@ from typing import Any
 from app.commands.plan import OverrideLine
 from app.document import Document
 from app.view_state import SetView, ViewState
-from engine.planner import NEEDED_LINES, RenderSettings
 from engine.plan_lines import MODE_LINES, LineValue
+from engine.planner import NEEDED_LINES, RenderSettings
 
 # The knobs of the view that a line of the plan stands over.
 KNOBS = {

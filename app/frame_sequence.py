@@ -28,8 +28,8 @@ from engine.indirect.series import BounceSeries
 from engine.planner import N_LIGHTS, N_PATCHES
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import Camera
-from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene
 
 Report = Callable[[StillProgress], None]
 Picture = NDArray[np.float32]
@@ -81,7 +81,9 @@ def drawer_of(project: Project, frames: Frames) -> Drawer:
     """Who draws these frames. Raises InsituError where the scene has no animation."""
     if not frames.animated:
         seen = [project.scene.from_camera(camera) for camera in cameras(own_camera(project.scene), frames.count)]
-        return _OrbitFrames(project, frames, seen) if frames.mode == "orbit" else _PlacementFrames(project, frames, seen)
+        return (
+            _OrbitFrames(project, frames, seen) if frames.mode == "orbit" else _PlacementFrames(project, frames, seen)
+        )
     poses = poses_of(project, frames.count)
     if frames.mode == "deform":
         return _DeformFrames(project, frames, poses)

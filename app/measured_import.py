@@ -15,10 +15,10 @@ from app.document import Document
 from app.linked_layers import Layers
 from app.measurements import FILE, measurement_in, unread_files, with_measurements
 from app.messages import MeasurementsRead, ReadMeasured, Request
-from engine.safe_files import resolved
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.measured.measurement import Measurement
+from engine.safe_files import resolved
 
 
 def measured_layers(file: Path, cloth: bool = False) -> Layers:

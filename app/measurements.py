@@ -51,7 +51,9 @@ def document_with_measurements(document: Document, found: Mapping[str, Measureme
     """The document with what was read of its layers' files."""
     if not found:
         return document
-    return replace(document, objects=tuple(replace(o, layers=with_measurements(o.layers, found)) for o in document.objects))
+    return replace(
+        document, objects=tuple(replace(o, layers=with_measurements(o.layers, found)) for o in document.objects)
+    )
 
 
 def with_full_paths(layers: Layers, folder: Path) -> Layers:

@@ -44,9 +44,10 @@ class Request(Message):
 
     What the two processes need to know of a kind it says itself. `built_on`: kinds that it means nothing without.
     `priority`: it is served between the steps of long ones, which none of it may be; the lower number goes first; None:
-    it is a long one. `answered_once`: answered once and for all, not again to a worker that is started anew. `exclusive`: nothing is
-    served before it is done, but what is served at `served_anytime`. `is_stopped_by_user`: a person who stops the work means it as well.
-    `is_foreground`: a person waits for the answer; of all others the processors are left to whoever wants them.
+    it is a long one. `answered_once`: answered once and for all, not again to a worker that is started anew.
+    `exclusive`: nothing is served before it is done, but what is served at `served_anytime`. `is_stopped_by_user`: a
+    person who stops the work means it as well. `is_foreground`: a person waits for the answer; of all others the
+    processors are left to whoever wants them.
     """
 
     built_on: ClassVar[tuple[type[Request], ...]] = ()

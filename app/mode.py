@@ -1,7 +1,8 @@
 """What a mode is: a way to make pictures of one document. Three roles, each told from here, and a name for each.
 
     window's process                 worker                        window's process, GL
-    ModeController ── requests ──► ModeWorker ── responses ──► ModeController ── picture events ──► PictureSource (`ui.picture_feed`)
+    ModeController ── requests ──► ModeWorker ── responses ──► ModeController ── picture events ──► PictureSource
+    (`ui.picture_feed`)
 
 The editor knows modes by this module alone, and one talk at a time: that of the mode a person has chosen. Each of a
 talk's methods is what happens to the editor; those that a mode has no use for it leaves as they are here. `app.modes`
@@ -17,17 +18,17 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 from app.barrier import Barrier
 from app.commands import EditCommand
 from app.document import Document
+from app.editor_status import Status, StatusMetrics
 from app.history import History
 from app.messages import Request, Response
 from app.picture_events import PictureEvent, SkyChanged
-from app.editor_status import StatusMetrics, Status
 from app.view_state import ViewState
 from engine.material.layer import Layer
 from engine.scene.description import SceneDescription
 
 if TYPE_CHECKING:
-    from app.jobs.worker_context import WorkerContext
     from app.jobs.schedule import Handlers
+    from app.jobs.worker_context import WorkerContext
 
 
 Shared = TypeVar("Shared")

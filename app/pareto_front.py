@@ -1,7 +1,7 @@
 """From speed to accuracy along what was measured: the settings of each mode's knobs that nothing beats in both.
 
-The table `load_front.toml` is written by `app.measure.front` and says where its numbers are from. A mode's knobs are fields
-of the view: where they stand says where the slider does, and nothing else is kept.
+The table `front.toml` is written by `app.measure.front` and says where its numbers are from. A mode's knobs are
+fields of the view: where they stand says where the slider does, and nothing else is kept.
 """
 
 from __future__ import annotations

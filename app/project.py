@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from app.commands.light import emission_of, set_environment_file
-from app.commands.plan import override_from_value, active_overrides
-from app.effective_settings import effective_view
+from app.commands.plan import active_overrides, override_from_value
 from app.document import Document, document_from_description, reflecting_layers
+from app.effective_settings import effective_view
 from app.files.bookmarks import find_bookmark
 from app.files.session import Session, fit_session, load_session
 from app.machine.inputs import set_inputs
@@ -25,8 +25,8 @@ from app.view_state import AS_PLANNED, Viewpoint, ViewState
 from engine.colour import ToneMapping
 from engine.errors import InsituError, LoadError
 from engine.material.layer import object_of
-from engine.planner import N_LIGHTS, N_PATCHES
 from engine.plan_lines import EDGE_RAYS, LineValue
+from engine.planner import N_LIGHTS, N_PATCHES
 from engine.scene.builtin import DEFAULT_SCENE, scene_path
 from engine.scene.toml_text import parse_toml
 
@@ -238,14 +238,16 @@ def read_measurements(document: Document, folder: Path | None = None, scene: Pat
         return document
     from app.jobs.cache import ArrayCache
     from app.jobs.measured_tasks import described_paths
-    from engine.measured.tables import read_measurement
     from engine.generators import run_to_end
+    from engine.measured.tables import read_measurement
 
     paths = {name: Path(name) for name in names}
     if folder is not None and scene is not None:
         paths = described_paths(names, folder, scene)
     store = ArrayCache()
-    return document_with_measurements(document, {name: run_to_end(read_measurement(path, store)) for name, path in paths.items()})
+    return document_with_measurements(
+        document, {name: run_to_end(read_measurement(path, store)) for name, path in paths.items()}
+    )
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:

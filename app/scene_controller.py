@@ -10,23 +10,23 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
+from app.camera_history import CameraHistory
 from app.commands import EditCommand
 from app.commands.light import set_environment_file
 from app.document import Document, Selection
+from app.editor_status import StatusMetrics
 from app.files.session import Session
 from app.files.session_keeper import SessionStore
 from app.history import History
-from app.view_controller import ViewController, describe_empty_frame
-from app.camera_history import CameraHistory
-from app.machine.inputs import set_inputs, add_inputs
-from app.messages import RequestFailed, Request, SceneOpened, ViewTraced, SkyImage
+from app.machine.inputs import add_inputs, set_inputs
+from app.messages import Request, RequestFailed, SceneOpened, SkyImage, ViewTraced
 from app.mode import ModeController, OpenedScene
 from app.named_files import files_of_document
 from app.opening import Opening
 from app.picture_events import PictureEvent, SceneFrame, SkyChanged
 from app.selection import initial_selection
-from app.editor_status import StatusMetrics
 from app.timeline import visible_poses
+from app.view_controller import ViewController, describe_empty_frame
 from app.view_state import ViewState
 from engine.errors import InsituError
 from engine.scene.builtin import DEFAULT_SCENE
@@ -80,7 +80,9 @@ class SceneController:
         host = self._host
         host.controller.scene_closed()
         id = host.send(opening.request())
-        self.tracing.request_view(opening.initial_view(host.resolution), id, opening.poses, opening.bumps, host.view.n_edge_rays)
+        self.tracing.request_view(
+            opening.initial_view(host.resolution), id, opening.poses, opening.bumps, host.view.n_edge_rays
+        )
         self._opening = replace(opening, id=id)
         host.metrics.progress = None
 

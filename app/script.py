@@ -25,12 +25,12 @@ from app.files.bookmarks import MAX_NAME, is_name
 from engine.colour import ToneMapping, find_view
 from engine.deform.deformers import KINDS
 from engine.errors import LoadError
-from engine.safe_files import resolved
 from engine.plan_lines import LineValue
+from engine.safe_files import resolved
 from engine.scene.camera_moves import Side
-from engine.scene.validation_errors import first_validation_error
 from engine.scene.description import Number, Parameter, Text
 from engine.scene.toml_text import load_toml
+from engine.scene.validation_errors import first_validation_error
 
 MAX_SCRIPT_BYTES = 2**20
 MAX_STEPS = 10_000

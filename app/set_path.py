@@ -17,8 +17,8 @@ from app.document import EMISSION, FRESNEL_TERM, MATERIAL, TIME, Document, Targe
 from app.files.library import Library
 from app.files.material_file import load_material
 from app.machine.paths import is_file_name
-from app.probe_file import likely_mapping
 from app.measured_import import import_measured
+from app.probe_file import likely_mapping
 from engine.errors import InsituError, LoadError
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 

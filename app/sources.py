@@ -1,7 +1,7 @@
 """What a person can name to be opened: by its ending, before anything of it is read.
 
-A scene is a built-in one's name, a scene file, or a mesh, which stands on a floor of its own (`engine.scene.mesh_scene`). A
-session names a scene. Light alone opens the built-in scene under it.
+A scene is a built-in one's name, a scene file, or a mesh, which stands on a floor of its own
+(`engine.scene.mesh_scene`). A session names a scene. Light alone opens the built-in scene under it.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from pathlib import Path
 
 from app.machine.paths import full_path
 from engine.errors import InsituError
-from engine.safe_files import exists, resolved
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
+from engine.safe_files import exists, resolved
 from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
 from engine.scene.mesh import MESH_ENDINGS
 

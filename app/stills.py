@@ -23,6 +23,7 @@ from engine.deform.deform_engine import N_LOBES, Deform
 from engine.deform.deform_still import render_deform
 from engine.deform.transfer import N_RAYS as DEFORM_RAYS
 from engine.errors import InsituError
+from engine.generators import run_to_end
 from engine.indirect.clamping import BRIGHTEST, clamp_radiance
 from engine.indirect.sampling_settings import STILL
 from engine.indirect.series import BounceSeries
@@ -31,12 +32,11 @@ from engine.orbit.orbit_engine import Orbit
 from engine.orbit.orbit_still import render_orbit
 from engine.planner import N_LIGHTS, N_PATCHES, Plan, plan_scene
 from engine.render.bounce_plan import planned_bounces
-from engine.render.error_estimate import estimate_error, estimate_drawn_errors
-from engine.render.picture_files import exr_bytes, png_bytes
-from engine.render.still_indirect import find_indirect, noise_in, reflected_light
+from engine.render.error_estimate import estimate_drawn_errors, estimate_error
 from engine.render.light_pilot import with_light_budget
 from engine.render.path_tracer import N_SAMPLES, render_paths
 from engine.render.picture_error import ErrorEstimate
+from engine.render.picture_files import exr_bytes, png_bytes
 from engine.render.still import (
     REFERENCE_LEVEL,
     StillLayer,
@@ -48,9 +48,9 @@ from engine.render.still import (
     still_quality,
     with_maps,
 )
-from engine.scene.scene_loader import Scene
+from engine.render.still_indirect import find_indirect, noise_in, reflected_light
 from engine.scene.raycaster import RayCaster
-from engine.generators import run_to_end
+from engine.scene.scene_loader import Scene
 from engine.transport.pipeline import Placement
 
 REFERENCE_PATCHES = 1024
@@ -166,7 +166,9 @@ def judge_picture(project: Project, picture: NDArray[np.float32], series: Bounce
     wanted = series.n_bounces if series else chosen_bounces(project, plan)
     n_bounces = planned_bounces(placement, project.indexed_layers, wanted).n_bounces
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
-    (judged,) = run_to_end(estimate_drawn_errors(placement, layers, project.sky, n_bounces, [picture / np.float32(intensity)]))
+    (judged,) = run_to_end(
+        estimate_drawn_errors(placement, layers, project.sky, n_bounces, [picture / np.float32(intensity)])
+    )
     return "" if judged.estimate is None else judged.estimate.text
 
 

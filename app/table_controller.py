@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from app.messages import RequestFailed, FetchTable, Request, TableFetched
+from app.messages import FetchTable, Request, RequestFailed, TableFetched
 from engine.measured.measurement import Measurement
 
 Samples = NDArray[np.float32]

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from app.messages import SetCamera, Request, Response
+from app.messages import Request, Response, SetCamera
 from app.view_state import Viewpoint
 from engine.deform.pose import Poses
 from engine.material.bumps import BumpsByObject
@@ -32,8 +32,8 @@ class TracedView(NamedTuple):
 class ViewController:
     """The talk with the worker about the view. ``send`` hands a request over and returns its id.
 
-    ``traced`` is the look whose picture there is, of the scene that the request ``scene`` opened, by the request ``id``;
-    ``has_resized``: it has other pixels than the one before. ``is_away``: the view is another one.
+    ``traced`` is the look whose picture there is, of the scene that the request ``scene`` opened, by the request
+    ``id``; ``has_resized``: it has other pixels than the one before. ``is_away``: the view is another one.
     """
 
     def __init__(self, send: Callable[[Request], int]) -> None:

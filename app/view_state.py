@@ -75,8 +75,8 @@ class ViewState:
     ``n_lights`` cut the environment in the finished picture, ``n_patches`` what shines in the scene; ``n_bounces`` are
     the reflections between light and eye (``AS_PLANNED`` until the worker has found how many the scene requires),
     the second of at most ``second_bands`` bands a curve (1: by albedo; None: as many as it has), ``precision`` is that
-    of transport on the GPU; ``n_fan_rays`` of `engine.plan_lines.HEMISPHERE_RAYS` has a fan of indirect light (0: as many as
-    are needed); ``n_edge_rays`` of `engine.planner.EDGE_RAYS` go through a pixel at an edge (None: as many as
+    of transport on the GPU; ``n_fan_rays`` of `engine.plan_lines.HEMISPHERE_RAYS` has a fan of indirect light (0: as
+    many as are needed); ``n_edge_rays`` of `engine.planner.EDGE_RAYS` go through a pixel at an edge (None: as many as
     the scene requires). Orbit has ``n_points`` beside the meshes' own, and
     keeps ``n_coefficients`` of light at each; Deform sends ``n_rays`` from each
     and keeps ``n_lobes``.

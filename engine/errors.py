@@ -3,7 +3,8 @@
 A loader never lets a traceback of a foreign library through; it raises `LoadError`, which names the file, the thing in
 it, the value found and the range expected. `InsituError` is the common ancestor: whoever shows errors to a person
 catches it alone, anything else is a defect of ours. Lines for a person are made by `plain_line`, whatever is in them:
-messages when they are raised, what else a terminal or the window shows where it is shown (`console.print_line`, `StatusMetrics`).
+messages when they are raised, what else a terminal or the window shows where it is shown (`console.print_line`,
+`StatusMetrics`).
 """
 
 from __future__ import annotations

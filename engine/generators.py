@@ -39,7 +39,9 @@ class StepRunner(Generic[Result]):
         return False
 
 
-def map_steps(steps: Generator[Step, None, Result], word: Callable[[Step], StepValue]) -> Generator[StepValue, None, Result]:
+def map_steps(
+    steps: Generator[Step, None, Result], word: Callable[[Step], StepValue]
+) -> Generator[StepValue, None, Result]:
     """The same computation, each of its steps told in the caller's words."""
     while True:
         try:

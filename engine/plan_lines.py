@@ -1,7 +1,8 @@
 """The lines of a plan that a person may set, by name, and what to: one table for window, sessions and commands.
 
 "lights", "patches", "sphere", "precision", "bounces", "rays", "edges" are of the whole picture; "teapot.1.theta_h" is
-of one curve, by its layer's key and its name: as many bands. What a scene has of them `engine.planner` says. "points" and
+of one curve, by its layer's key and its name: as many bands. What a scene has of them `engine.planner` says. "points"
+and
 "coefficients" are Orbit's, "transfer_rays" and "lobes" Deform's.
 """
 

@@ -33,7 +33,7 @@ from engine.errors import InsituError
 from engine.material import MODELS, kinds
 from engine.material.layer import Layer
 from engine.material.model import Model
-from engine.plan_lines import MODE_LINES, MAX_BANDS_OVERRIDDEN, PICTURE_LINES, LineValue, checked_bands, checked_line
+from engine.plan_lines import MAX_BANDS_OVERRIDDEN, MODE_LINES, PICTURE_LINES, LineValue, checked_bands, checked_line
 
 if TYPE_CHECKING:
     from engine.scene.description import SceneDescription
@@ -139,9 +139,9 @@ class Cost:
 class Plan:
     """What will be computed for one scene. `reasons` says why, by line; `overridden` which lines a person set.
 
-    bounces: None until a pilot has said (`engine.render.bounce_plan`); n_rays: a fan of indirect light, 0 for as many as it
-    needs when it is found (`engine.indirect.sampling_settings`); n_edge_rays: one of `engine.plan_lines.EDGE_RAYS`;
-    is_still: nothing of it is edited afterwards.
+    bounces: None until a pilot has said (`engine.render.bounce_plan`); n_rays: a fan of indirect light, 0 for as many
+    as it needs when it is found (`engine.indirect.sampling_settings`); n_edge_rays: one of
+    `engine.plan_lines.EDGE_RAYS`; is_still: nothing of it is edited afterwards.
     """
 
     layers: tuple[LayerPlan, ...]

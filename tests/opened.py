@@ -5,7 +5,7 @@ from __future__ import annotations
 from app.editor import WorkerClient
 from app.jobs.in_process import InProcessClient
 from app.jobs.schedule import RequestHandler
-from app.messages import SetCamera, OpenScene, Request, Response
+from app.messages import OpenScene, Request, Response, SetCamera
 from engine.scene.description import Camera
 
 

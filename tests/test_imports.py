@@ -121,7 +121,12 @@ def test_relative_imports_are_resolved(tmp_path: Path, monkeypatch: pytest.Monke
     file = tmp_path / "engine" / "curve" / "a.py"
     file.write_text("from ...ui import window\nfrom . import b\nfrom ..light.lights import cut\nimport app.cli\n")
     # Three dots climb out of engine.curve to the top, one dot stays in it, two dots reach engine.
-    assert imported_modules(file) == [(1, "ui"), (2, "engine.curve"), (3, "engine.light.triangle_lights"), (4, "app.cli")]
+    assert imported_modules(file) == [
+        (1, "ui"),
+        (2, "engine.curve"),
+        (3, "engine.light.triangle_lights"),
+        (4, "app.cli"),
+    ]
 
 
 @pytest.mark.parametrize(

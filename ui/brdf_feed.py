@@ -32,9 +32,9 @@ from ui.gl.passes import Passes
 from ui.gl.textures import TextureMemory
 from ui.panels.brdf_board import BrdfBoard, Part
 from ui.panels.picture import Picture
-from ui.tone_view import ToneView
 from ui.surface_lobe import SurfacePoint, surface_lobe
 from ui.table_feed import TableFeed
+from ui.tone_view import ToneView
 
 # Of the time while a hand edits, what parts may take.
 EDITING_SHARE = 0.25

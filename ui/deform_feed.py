@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import moderngl
 
-from app.deform.deform_events import PoseArrived
 from app.deform.deform_controller import DeformController
+from app.deform.deform_events import PoseArrived
 from app.editor import Editor
 from app.picture_events import PictureEvent
 from ui.gl.context import GraphicsError
 from ui.gl.deform.posed_picture import PosedPicture
-from ui.orbit_feed import OrbitFeed, MovingRenderer
+from ui.orbit_feed import MovingRenderer, OrbitFeed
 
 
 class DeformFeed(OrbitFeed):

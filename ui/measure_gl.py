@@ -35,13 +35,13 @@ from engine.errors import InsituError
 from engine.material.layer import object_of, place_of
 from engine.planner import Precision
 from ui.gl.context import create_headless_context, describe_context
-from ui.gl.placement.renderer import PlacementRenderer, UpdateReport
 from ui.gl.display import DisplayView
+from ui.gl.placement.renderer import PlacementRenderer, UpdateReport
 from ui.headless import POLL_SECONDS, HeadlessWindow
+from ui.launch_times import launch_times_from
 from ui.measurement_program import exit_status, resolution_of, write_found
 from ui.picture_feed import CURVE_POLL_SECONDS, PictureFeed
 from ui.placement_feed import PlacementFeed
-from ui.launch_times import launch_times_from
 
 EXACT_SECONDS = 3600.0
 ALL_TERMS = (1, 2, 4, 8, 16, 32, 64, 128)

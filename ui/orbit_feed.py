@@ -18,18 +18,18 @@ import moderngl
 import numpy as np
 
 from app.editor import Editor
-from app.orbit.orbit_events import OrbitPartArrived, OrbitPicture
 from app.orbit.orbit_controller import OrbitController
+from app.orbit.orbit_events import OrbitPartArrived, OrbitPicture
 from app.picture_events import PictureEvent, SceneFrame
 from ui.gl.context import GraphicsError
+from ui.gl.display import DisplayView
 from ui.gl.gpu_drawing import shader_bytes
 from ui.gl.orbit.canvas import PictureCanvas
 from ui.gl.orbit.shaded_picture import ShadedPicture
-from ui.gl.display import DisplayView
 from ui.picture_feed import PictureSource
 from ui.placement_feed import PlacementFeed, stops
-from ui.tone_view import ToneView
 from ui.still_saver import ViewportStill
+from ui.tone_view import ToneView
 
 FADE_SECONDS = 0.25
 

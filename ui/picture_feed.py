@@ -22,9 +22,9 @@ from typing import Protocol
 import moderngl
 
 from app.editor import Editor
+from app.lazy_import import import_named
 from app.mode import Mode
 from app.modes import MODES
-from app.lazy_import import import_named
 from app.picture_events import PictureEvent, SceneFrame, SkyChanged
 from engine.scene.description import Camera
 from ui.brush_dabs import SurfaceSpot

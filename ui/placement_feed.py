@@ -22,6 +22,7 @@ from app.commands.light import emission_of
 from app.document import RGB, Document, LightState, ObjectState, layer_key
 from app.editor import Editor
 from app.picture_events import PictureEvent, SceneFrame, SkyChanged
+from app.placement.placement_controller import PlacementController
 from app.placement.placement_events import (
     ComparisonRefined,
     Footprint,
@@ -32,19 +33,18 @@ from app.placement.placement_events import (
     TransportReady,
 )
 from app.placement.placement_status import RenderReport
-from app.placement.placement_controller import PlacementController
 from app.solo import is_layer_visible
 from engine.curve.wavelet import forward
 from engine.material.layer import object_of
 from engine.render.headlight_shading import headlight_colour, headlight_radiance
-from ui.gl.placement.layers import ComparedAppearance
-from ui.gl.placement.shader_warm_up import warm_up
-from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.display import DisplayView
+from ui.gl.placement.layers import ComparedAppearance
+from ui.gl.placement.renderer import PlacementRenderer
+from ui.gl.placement.shader_warm_up import warm_up
 from ui.map_feed import MapFeed
 from ui.picture_feed import PictureSource
-from ui.tone_view import ToneView
 from ui.still_saver import ViewportStill
+from ui.tone_view import ToneView
 
 UPLOAD_SHARE = 0.5
 # Of the frame's time, what refinement gets however long the rest takes.

@@ -16,13 +16,13 @@ from app.commands.paint import Paint
 from app.commands.plan import override_from_value
 from app.commands.poses import SetTime, with_amounts
 from app.commands.series import set_series
-from app.effective_settings import override_lines_of
 from app.document import layer_key, split_key
 from app.editor import Editor, WorkerClient
+from app.effective_settings import override_lines_of
 from app.files.bookmarks import find_bookmark
-from app.pareto_front import load_front
 from app.jobs.client import Client
 from app.machine.atomic import make_folder_of, require_place
+from app.pareto_front import load_front
 from app.placement.placement_status import PlacementStatus
 from app.script import (
     AssertErrorBelow,
@@ -35,13 +35,13 @@ from app.script import (
     DragPoints,
     GoToView,
     ImportFile,
-    SaveViewStep,
     MoveCamera,
     OverrideLines,
     PaintStroke,
     PickLobe,
     RedoSteps,
     RotateLight,
+    SaveViewStep,
     SelectPath,
     SetAccuracy,
     SetValues,
@@ -134,7 +134,9 @@ def wait_for_scene(window: HeadlessWindow, editor: Editor, timeout: float = WAIT
         raise ScriptError(editor.status.message)
 
 
-def wait_for_picture(window: HeadlessWindow, editor: Editor, picture: AwaitedPicture, timeout: float = WAIT_SECONDS) -> None:
+def wait_for_picture(
+    window: HeadlessWindow, editor: Editor, picture: AwaitedPicture, timeout: float = WAIT_SECONDS
+) -> None:
     """Until the first shaded, Orbit's own, or the exact picture is shown, or how far off that is."""
 
     def there() -> bool:
@@ -177,7 +179,11 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
             _refused(editor.do(SetView.of(tone_mapping=step.view)))
             window.run_until(lambda: is_table_ready(step.view), WAIT_SECONDS)
         case GoToView():
-            _refused(editor.camera_history.set_viewpoint(find_bookmark(editor.view.bookmarks, step.name).viewpoint, step.name))
+            _refused(
+                editor.camera_history.set_viewpoint(
+                    find_bookmark(editor.view.bookmarks, step.name).viewpoint, step.name
+                )
+            )
         case SaveViewStep():
             window.shell.do(SaveView(step.name))
         case MoveCamera():
@@ -200,7 +206,9 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
             for line, value in step.lines:
                 _refused(editor.do(override_from_value(line, value)))
         case SetAccuracy():
-            for command in override_lines_of(load_front().nearest_point(editor.mode.name, step.share).command, editor.document):
+            for command in override_lines_of(
+                load_front().nearest_point(editor.mode.name, step.share).command, editor.document
+            ):
                 _refused(editor.do(command))
         case UndoSteps():
             _repeat(editor.undo, step.count, "undo")

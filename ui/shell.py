@@ -36,23 +36,23 @@ from engine.errors import InsituError
 from ui import theme
 from ui.action_handler import ActionHandler, FrameOutcome
 from ui.brdf_feed import BrdfFeed
+from ui.display_names import with_display_names
 from ui.dock_layout import Docking
 from ui.event_queue import ALTS, EventQueue
+from ui.frame_pacing import REDRAW_SECONDS, FramePacing
 from ui.gl.error_overlay import ErrorOverlay
 from ui.gl.interface import InterfaceRenderer
 from ui.gl.thumbnails import Thumbnails
-from ui.frame_pacing import REDRAW_SECONDS, FramePacing
 from ui.panel_windows import draw_panels
-from ui.panels import file_dialog, escape_key
+from ui.panels import escape_key, file_dialog
 from ui.panels import shortcuts as shortcuts
 from ui.panels.actions import Action, CancelDrag, SavePicture, SetPanel
 from ui.panels.brdf_board import BrdfBoard
 from ui.panels.context import Fields, Handles, PanelContext
 from ui.panels.panel_guard import close_what_is_open, depth_now, draw_guarded
 from ui.panels.picture import Picture
-from ui.panels.window_state import StatusMessage, PanelState
+from ui.panels.window_state import PanelState, StatusMessage
 from ui.picture_feed import PictureFeed
-from ui.display_names import with_display_names
 from ui.still_saver import StillSaver
 from ui.surface_lobe import SurfacePoint
 from ui.table_feed import TableFeed
@@ -303,7 +303,7 @@ class Shell:
     def _refusal(self, now: float) -> list[Action]:
         """The line that says why a number typed was not taken."""
         refusal, self._fields.refusal = self._fields.refusal, ""
-        return [SetPanel({"notice": StatusMessage(refusal, now, True)})] if refusal else []
+        return [SetPanel({"message": StatusMessage(refusal, now, True)})] if refusal else []
 
     def idle(self, now: float) -> bool:
         """Between frames: take the worker's answers. Whether there is something new to draw."""
@@ -446,7 +446,9 @@ class Shell:
             mode=editor.mode,
             modes=editor.modes,
             status=replace(
-                status, text=with_display_names(document, status.text), missing_note=with_display_names(document, status.missing_note)
+                status,
+                text=with_display_names(document, status.text),
+                missing_note=with_display_names(document, status.missing_note),
             ),
             state=self.state,
             theme=self.theme,

@@ -34,12 +34,12 @@ from engine.render.picture_files import pixels_png
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from ui.gl.context import REQUIRED_VERSION, GraphicsError, create_window_context, spare_full_disk
 from ui.glfw_keys import KEYS, as_printed, held, key_changes
+from ui.launch_times import launch_times_from
 from ui.layout import LEAST_SIZE
 from ui.panels.actions import Quit
 from ui.panels.maps import image_at
 from ui.picture_feed import CURVE_POLL_SECONDS, PictureFeed
 from ui.shell import TITLE, FrameResult, Shell
-from ui.launch_times import launch_times_from
 
 WORKER_POLL_SECONDS = 0.05
 # While the first picture is awaited.

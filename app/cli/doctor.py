@@ -18,10 +18,10 @@ from typing import Literal
 
 from app.cli.frontend import Frontend
 from app.jobs.cache import cache_folder
+from app.lazy_import import IMPORT_FOLDER, qualified
 from app.machine.memory import gib, memory_bytes
 from app.machine.paths import state_directory
 from app.machine.system import HAS_ANONYMOUS_FILES, anonymous_file, reserve
-from app.lazy_import import IMPORT_FOLDER, qualified
 from engine.errors import InsituError
 from engine.threads import n_cores
 

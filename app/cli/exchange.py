@@ -10,7 +10,7 @@ import typer
 
 from app.cli.console import print_line
 from app.cli.options import SCENE_HELP, Bounces, Resolution, Values, assignments
-from app.cli.output import progress, print_notes
+from app.cli.output import print_notes, progress
 from app.machine.atomic import require_folder, require_place
 from app.project import open_project
 

@@ -18,13 +18,13 @@ from app.cli.options import (
     Accuracy,
     Bounces,
     Edges,
-    SavedView,
     Lights,
     Override,
     Patches,
     Resolution,
     Rotation,
     Samples,
+    SavedView,
     Scene,
     Scheduler,
     Series,
@@ -35,7 +35,7 @@ from app.cli.options import (
     lines,
     window_size,
 )
-from app.cli.output import progress, print_project_notes
+from app.cli.output import print_project_notes, progress
 from app.machine.atomic import require_folder, require_place
 from app.machine.paths import state_problem
 from app.project import ProjectSpec
@@ -43,8 +43,8 @@ from app.sources import find_source
 from engine.colour import find_view
 from engine.errors import InsituError
 from engine.indirect.series import BounceSeries, parse_series
-from engine.planner import N_LIGHTS, N_PATCHES
 from engine.plan_lines import MODE_LINES
+from engine.planner import N_LIGHTS, N_PATCHES
 from engine.scene.builtin import DEFAULT_SCENE
 
 if TYPE_CHECKING:

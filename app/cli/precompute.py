@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, TypeVar
 
 from app.effective_settings import effective_settings
 from app.jobs.cache import ArrayCache
-from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
-from app.messages import RequestFailed, SetCamera, OpenScene, Progress, Response, SceneOpened, ViewTraced
+from app.jobs.in_process import InProcessClient
+from app.messages import OpenScene, Progress, RequestFailed, Response, SceneOpened, SetCamera, ViewTraced
 from app.placement.curves import Curves
 from app.placement.placement_messages import ErrorEstimated, EstimateError, StageDone
 from app.placement.transport_controller import TransportController

@@ -13,7 +13,7 @@ from app.cli.console import FAILED, INTERRUPTED, USAGE, print_error, print_line
 from app.cli.exchange import export, export_brdf, import_brdf
 from app.cli.frontend import Frontend
 from app.cli.options import LIGHTS, Lights, Override, Resolution, Scene, Scheduler, Values, assignments, lines
-from app.cli.output import describe_check, describe_plan, memory_note, progress, print_project_notes
+from app.cli.output import describe_check, describe_plan, memory_note, print_project_notes, progress
 from app.cli.pictures import render, screenshot
 from app.machine.memory import available_memory
 from app.project import ProjectSpec

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from app.cluster.cluster_jobs import ViewJob, compute_light, find_indirect, project_tiles
 from app.cluster.dask import Cluster
-from app.cluster.cluster_jobs import ViewJob, find_indirect, project_tiles, compute_light
 from app.jobs.executor import IndirectSteps, LightSteps
 from app.messages import Progress
 from app.scene_state import LayerState
@@ -57,7 +57,9 @@ class ClusterExecutor:
         for found in self._cluster.results(tasks):
             yield from [None] if found is None else found[1]
 
-    def find_indirect(self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> IndirectSteps | None:
+    def find_indirect(
+        self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int
+    ) -> IndirectSteps | None:
         task = self._cluster.submit(find_indirect, self._job, tuple(layers), lit_by, n_bounces, n_rays)
         return self._wait_for_result(task, Progress("indirect light", 0.0, text="on one worker"))
 

@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from app.cluster.scene_bundle import SceneBundle
-from app.cluster.program import describe_mismatch, program_digest
 from app.cluster.file_cache import FileCache, fetch_piece
+from app.cluster.program import describe_mismatch, program_digest
+from app.cluster.scene_bundle import SceneBundle
 from app.jobs.cache import ArrayCache
-from app.messages import SetCamera, OpenScene
+from app.messages import OpenScene, SetCamera
 from app.scene_state import LayerState, SceneState
 from engine.errors import InsituError
 from engine.safe_files import redirect_files
@@ -82,9 +82,7 @@ def compute_light(job: ViewJob, quality: Quality) -> VisibleLight:
         return run_to_end(context.open_placement.light(context.sky(job.scene.light), quality))
 
 
-def project_tiles(
-    job: ViewJob, light: VisibleLight, layer: LayerShape, rows: np.ndarray, begin: int
-) -> list[BandTile]:
+def project_tiles(job: ViewJob, light: VisibleLight, layer: LayerShape, rows: np.ndarray, begin: int) -> list[BandTile]:
     """The tiles of some points of a layer that follow each other; `begin`: which of the layer's the first is."""
     with _exclusive_task(job):
         hits = _open_once(job, lambda: _worker_context(job)).open_placement.hits
@@ -145,8 +143,8 @@ def _drawer(job: FrameJob) -> Drawer:
 
 def _worker_context(job: ViewJob) -> WorkerContext:
     """A worker's bench with the view open on it, and the tables of its measured layers read."""
-    from app.jobs.measured_tasks import ensure_tables
     from app.jobs.dispatcher import RequestDispatcher
+    from app.jobs.measured_tasks import ensure_tables
 
     tasks = RequestDispatcher(ArrayCache(), fills=True)
     for request in (job.open, job.camera_request):

@@ -8,17 +8,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from app.messages import SetCamera, OpenScene
+from app.messages import OpenScene, SetCamera
 from app.project import Project, ProjectSpec
 from app.scene_state import scene_state
 from app.stills import StillProgress
 from engine.errors import InsituError
-from engine.safe_files import record_files
 from engine.material.layer_maps import Images
+from engine.safe_files import record_files
 
 if TYPE_CHECKING:
-    from app.cluster.dask import Cluster
     from app.cluster.cluster_executor import ClusterExecutor
+    from app.cluster.dask import Cluster
     from app.cluster.scene_bundle import SceneBundle
     from app.document import Document
     from app.frame_sequence import Frames, Picture, Report
@@ -51,8 +51,8 @@ class ClusterProject:
 
     def executor(self, scene: OpenScene, view: SetCamera, document: Document) -> ClusterExecutor:
         """Who does the long work on this view of a document's scene; requests without a number yet."""
-        from app.cluster.cluster_jobs import ViewJob
         from app.cluster.cluster_executor import ClusterExecutor
+        from app.cluster.cluster_jobs import ViewJob
 
         scene, view = replace(scene, id=1), replace(view, scene=1, id=2)
         return ClusterExecutor(self.cluster, ViewJob(*self.named, scene, view, scene_state(document)))

@@ -23,9 +23,9 @@ from typing import Any
 from distributed import Client, Future, KilledWorker
 from distributed.comm import CommClosedError
 
-from app.cluster.scene_bundle import SceneBundle, bundle_files, pieces_of
+from app.cluster.file_cache import missing_pieces, store_piece
 from app.cluster.program import QUESTION, describe_mismatch, program_digest
-from app.cluster.file_cache import store_piece, missing_pieces
+from app.cluster.scene_bundle import SceneBundle, bundle_files, pieces_of
 from engine.errors import InsituError
 from engine.safe_files import portable_name
 

@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from app.cluster.scene_bundle import SceneBundle, BundledFile, digest_of, pieces_of
+from app.cluster.scene_bundle import BundledFile, SceneBundle, digest_of, pieces_of
 from app.jobs.cache import cache_folder
 from app.machine.atomic import make_private_folder, replacing
 from engine.errors import InsituError

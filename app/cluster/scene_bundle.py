@@ -45,7 +45,9 @@ class SceneBundle:
 def bundle_files(paths: Iterable[Path]) -> SceneBundle:
     """The parcel of these files. Raises OSError where one cannot be read."""
     named = {portable_name(path): path for path in paths}
-    return SceneBundle(tuple(BundledFile(name, tuple(map(digest_of, pieces_of(named[name])))) for name in sorted(named)))
+    return SceneBundle(
+        tuple(BundledFile(name, tuple(map(digest_of, pieces_of(named[name])))) for name in sorted(named))
+    )
 
 
 def pieces_of(path: Path) -> Iterator[bytes]:

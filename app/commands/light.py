@@ -9,8 +9,8 @@ from typing import Any, cast
 from app.document import RGB, Document, LightState, Mapping
 from app.probe_file import likely_mapping, probe_size
 from engine.errors import InsituError, LoadError
-from engine.safe_files import resolved
 from engine.material.parameters import Parameter
+from engine.safe_files import resolved
 
 MAX_INTENSITY = 1e6
 EMISSION = Parameter(

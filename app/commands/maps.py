@@ -1,4 +1,5 @@
-"""Edits of a layer's texture and weight map (`engine.material.layer_maps`), and the names that documents have for files."""
+"""Edits of a layer's texture and weight map (`engine.material.layer_maps`), and the names that documents have for
+files."""
 
 from __future__ import annotations
 
@@ -10,8 +11,8 @@ from typing import Any
 from app.commands.layers import editable_layer
 from app.document import Document
 from app.linked_layers import Layers
-from engine.safe_files import resolved
 from engine.material.layer_maps import set_map_field, split_image_name
+from engine.safe_files import resolved
 from engine.scene.builtin import scene_path
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".exr")

@@ -8,26 +8,26 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from app.deform.deform_events import PoseArrived
 from app.deform.accepted_surfaces import AcceptedSurfaces
+from app.deform.deform_events import PoseArrived
 from app.deform.deform_messages import (
     DeformLoss,
     DrawDeform,
     EstimateDeform,
+    PathPreview,
     PathsTraced,
     PoseExported,
     PrepareDeform,
-    PathPreview,
 )
 from app.deform.deform_status import DeformStatus
 from app.document import Document
-from app.messages import RequestFailed, Request, Response
-from app.mode import EditorServices
-from app.orbit.orbit_messages import AnimationOffsets, DrawHeadlight, OrbitProgress, OrbitPictureDrawn
-from app.orbit.orbit_controller import IDLE_SECONDS, OrbitController
-from app.orbit.desired_state import PictureRequest, DesiredOrbit
-from app.picture_events import PictureEvent
 from app.editor_status import PictureState, Status
+from app.messages import Request, RequestFailed, Response
+from app.mode import EditorServices
+from app.orbit.desired_state import DesiredOrbit, PictureRequest
+from app.orbit.orbit_controller import IDLE_SECONDS, OrbitController
+from app.orbit.orbit_messages import AnimationOffsets, DrawHeadlight, OrbitPictureDrawn, OrbitProgress
+from app.picture_events import PictureEvent
 from app.timeline import visible_poses
 from app.view_state import ViewState
 from engine.deform.gpu_parts import NO_PARTS, Numbers
@@ -110,7 +110,7 @@ class DeformController(OrbitController):
         told = super().status(status)
         if told.shown_by != self.title:
             return told
-        own: dict[str, object] = {"lost": self._lost, "alone": self._deform_only, "carried": self._carried}
+        own: dict[str, object] = {"lost": self._lost, "deform_only": self._deform_only, "carried": self._carried}
         own["unjudged"] = self._no_estimate_reason
         if self._picture == "refining" and self._split is not None:
             n, of = (self._traced.n_passes, self._traced.of) if self._traced.id == self._prepare_id else (0, 1)
@@ -126,7 +126,9 @@ class DeformController(OrbitController):
     @property
     def _awaits_paths(self) -> bool:
         done = self._traced.id == self._prepare_id and self._traced.n_passes >= self._traced.of
-        return self._split is not None and not (done and isinstance(self._desired, DesiredDeform) and self._desired.traced)
+        return self._split is not None and not (
+            done and isinstance(self._desired, DesiredDeform) and self._desired.traced
+        )
 
     @property
     def is_running(self) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
-from app.messages import SetCamera, OpenScene, Request, Response
+from app.messages import OpenScene, Request, Response, SetCamera
 from app.orbit.orbit_messages import EstimateDrawn, OrbitPictureDrawn, Quality
 
 if TYPE_CHECKING:
@@ -50,8 +50,8 @@ class PrepareDeform(Request):
 @dataclass(frozen=True)
 class DrawDeform(Request):
     """Draw the scene from a camera, in so many pixels (width, height), in poses, of what is ready; answered by
-    `OrbitPictureDrawn` or `OrbitNotReady`. split, fit_error: see `ViewState`. known: where the window draws it itself, the
-    numbers of the parts that it has (`engine.deform.gpu_parts`); then answered by `PoseExported`."""
+    `OrbitPictureDrawn` or `OrbitNotReady`. split, fit_error: see `ViewState`. known: where the window draws it itself,
+    the numbers of the parts that it has (`engine.deform.gpu_parts`); then answered by `PoseExported`."""
 
     built_on = (OpenScene,)
     priority = 0

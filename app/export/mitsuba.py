@@ -25,11 +25,11 @@ from app.export.names import stem_of, written_names
 from app.export.xml_parts import add, add_numbers
 from app.machine.atomic import replacing_folder, require_folder, write_atomically
 from app.project import Project
-from engine.material.layer import Layer, object_of
-from engine.render.picture_files import exr_bytes
-from engine.render.map_sampler import mean_factor
-from engine.scene.local_frames import object_axes
 from engine.generators import run_to_end
+from engine.material.layer import Layer, object_of
+from engine.render.map_sampler import mean_factor
+from engine.render.picture_files import exr_bytes
+from engine.scene.local_frames import object_axes
 
 RENDER = Path(__file__).with_name("render.py")
 MITSUBA = "3.5.0"

@@ -30,9 +30,9 @@ from app.machine.atomic import save_file
 from app.measurements import with_full_paths
 from engine.errors import InsituError, LoadError
 from engine.safe_files import resolved
-from engine.scene.validation_errors import first_validation_error
 from engine.scene.description import LayerDescription, Text
 from engine.scene.toml_text import check_version, load_toml, parse_toml, toml_lines, toml_value
+from engine.scene.validation_errors import first_validation_error
 
 MATERIAL_VERSION = 1
 MAX_MATERIAL_BYTES = 4 * 2**20

@@ -32,16 +32,16 @@ from app.view_state import AS_PLANNED, Bookmark, SetView, Viewpoint, ViewState
 from engine.colour import ToneMapping
 from engine.deform.pose import MAX_GROWTH, Deformation, Moment, largest_growth
 from engine.errors import InsituError, LoadError, describe_value
-from engine.safe_files import read_regular_file, resolved
 from engine.material.bumps import Bumps, bump_parts, bumps_of_parts
 from engine.material.layer import object_of, place_of
 from engine.material.parameters import ParameterError
-from engine.planner import N_PATCHES
 from engine.plan_lines import PICTURE_LINES, LineValue, checked_bands, checked_line
-from engine.scene.validation_errors import first_validation_error
+from engine.planner import N_PATCHES
+from engine.safe_files import read_regular_file, resolved
 from engine.scene.description import MAX_BOUNCES, MAX_OBJECTS, Camera, Name, Number, Pixels, Radiance, Text
 from engine.scene.surface_kinds import DeformSurface
 from engine.scene.toml_text import check_version, parse_toml_bytes, toml_lines, toml_value
+from engine.scene.validation_errors import first_validation_error
 
 SUFFIX = SESSION_ENDING
 SESSION_VERSION = 1

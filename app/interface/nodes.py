@@ -26,9 +26,9 @@ from engine.material.bumps import bump_fields
 from engine.material.layer import Layer
 from engine.material.layer_maps import map_fields
 from engine.scene.camera_moves import orbit_camera
-from engine.scene.validation_errors import first_validation_error
 from engine.scene.description import Camera
 from engine.scene.surface_kinds import SURFACES
+from engine.scene.validation_errors import first_validation_error
 
 Region = tuple[float, float] | tuple[float, float, float, float]
 EVERYWHERE: Region = (0.0, 0.0, HALF_PI, HALF_PI)

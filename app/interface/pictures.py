@@ -8,9 +8,10 @@ import numpy as np
 
 from app.interface.placement import Picture, PlacementPictures
 from app.project import Project
-from app.stills import layers_by_object, plan_still, prepared_deform, prepared_orbit, render_project, chosen_bounces
+from app.stills import chosen_bounces, layers_by_object, plan_still, prepared_deform, prepared_orbit, render_project
 from engine.deform.deform_engine import Deform
 from engine.errors import InsituError
+from engine.generators import run_to_end
 from engine.indirect.clamping import BRIGHTEST, clamp_radiance
 from engine.indirect.series import BounceSeries
 from engine.orbit.orbit_engine import Orbit
@@ -18,7 +19,6 @@ from engine.render.bounce_plan import planned_bounces
 from engine.render.error_estimate import estimate_drawn_errors
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import still_layers, with_maps
-from engine.generators import run_to_end
 from engine.transport.pipeline import Placement
 
 Mode = Literal["placement", "orbit", "deform", "paths"]

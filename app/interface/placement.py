@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 
 from app.project import Project
 from app.stills import chosen_bounces
+from engine.generators import run_to_end
 from engine.indirect.clamping import BRIGHTEST, clamp_radiance
-from engine.indirect.sampling_settings import STILL
 from engine.indirect.indirect_light import IndirectLight
 from engine.indirect.representation import GatherPolynomial
+from engine.indirect.sampling_settings import STILL
 from engine.indirect.series import BounceSeries
 from engine.material.layer import Layer, object_of
 from engine.material.layer_maps import Images
@@ -34,13 +35,12 @@ from engine.planner import LayerPlan, Plan, plan_scene
 from engine.render._layer_kernels import add_points
 from engine.render.bounce_plan import planned_bounces
 from engine.render.error_estimate import estimate_error
-from engine.render.still_indirect import find_indirect, noise_in, reflected_light
 from engine.render.layer_transport import LayerTransport
 from engine.render.light_pilot import with_light_budget
-from engine.render.picture_error import ErrorEstimate
-from engine.render.still import StillLayer, compose, curves_of, view_factors, shape_of, still_quality
 from engine.render.map_sampler import MapSampler, MapSamples
-from engine.generators import run_to_end
+from engine.render.picture_error import ErrorEstimate
+from engine.render.still import StillLayer, compose, curves_of, shape_of, still_quality, view_factors
+from engine.render.still_indirect import find_indirect, noise_in, reflected_light
 from engine.transport.bandstore import join_tiles
 from engine.transport.pipeline import Placement, Quality, SkyState
 from engine.transport.projection import LayerShape, VisibleLight, project_layer

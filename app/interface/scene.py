@@ -20,9 +20,9 @@ from app.sources import SESSION_ENDING, find_source, source_of
 from app.stills import ENDINGS, check_output, write_picture
 from app.view_state import Viewpoint, ViewState
 from engine.errors import InsituError
-from engine.render.picture_files import png_bytes
 from engine.render.path_tracer import N_SAMPLES
 from engine.render.picture_error import ErrorEstimate
+from engine.render.picture_files import png_bytes
 from engine.scene.builtin import DEFAULT_SCENE
 
 MAX_SIDE = 16384

@@ -25,7 +25,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-from app.machine.system import HAS_THREAD_PRIORITIES, use_batch_scheduling, lower_priority
+from app.machine.system import HAS_THREAD_PRIORITIES, lower_priority, use_batch_scheduling
 
 Result = TypeVar("Result")
 LITTLE = 3

@@ -14,10 +14,19 @@ from types import TracebackType
 from typing import Self
 
 from app.jobs.channel import ChannelClosed, ChannelError
+from app.jobs.pending_requests import PendingRequests
 from app.jobs.process import HEARTBEAT_SECONDS, TASKS, StartedWorker, WorkerProcess, start_worker
 from app.jobs.shared_arrays import BlockError, Method, OutOfMemory
-from app.jobs.pending_requests import PendingRequests
-from app.messages import CancelRequests, RequestFailed, Heartbeat, Request, Response, Shutdown, WorkerRestarted, with_numbers
+from app.messages import (
+    CancelRequests,
+    Heartbeat,
+    Request,
+    RequestFailed,
+    Response,
+    Shutdown,
+    WorkerRestarted,
+    with_numbers,
+)
 
 _MAX_CRASHES = 3  # in succession on one request
 _START_TIMEOUT = 30.0  # seconds for the first sign of life: a cold disk, a busy machine

@@ -16,20 +16,20 @@ from app.deform.deform_messages import (
     DeformLoss,
     DrawDeform,
     EstimateDeform,
+    PathPreview,
     PathsTraced,
     PoseExported,
     PrepareDeform,
-    PathPreview,
 )
-from app.jobs.worker_context import WorkerContext
 from app.jobs.cache import ArrayCache, content_key
 from app.jobs.kernels import DEFORM, FIRST_TIME, are_compiled, note_compiled
 from app.jobs.measured_tasks import ensure_tables
 from app.jobs.orbit_worker import layers_by_object, until_compiled
 from app.jobs.schedule import Handlers, Steps
+from app.jobs.worker_context import WorkerContext
 from app.messages import Progress
 from app.mode import ModeWorker
-from app.orbit.orbit_messages import OrbitProgress, OrbitPictureDrawn, OrbitNotReady
+from app.orbit.orbit_messages import OrbitNotReady, OrbitPictureDrawn, OrbitProgress
 from engine.scene.description import CameraDescription
 from engine.scene.scene_loader import Scene
 from engine.stored_arrays import ArrayReader, Arrays, UnsoundArrays

@@ -8,30 +8,30 @@ from pathlib import Path
 from typing import Any
 
 from app.document import document_from_description
-from app.jobs.worker_context import WorkerContext
 from app.jobs.cache import ArrayCache
-from app.jobs.kernels import Kernels
 from app.jobs.executor import Executor
+from app.jobs.kernels import Kernels
 from app.jobs.measured_tasks import described_paths, fetch_table, read_files, read_for, write_file
 from app.jobs.schedule import Steps
+from app.jobs.worker_context import WorkerContext
+from app.lazy_import import import_named
 from app.measurements import document_with_measurements, layers_of_document, unread_files, with_measurements
 from app.messages import (
     FetchTable,
-    SetCamera,
     OpenScene,
     Progress,
     ReadMeasured,
     Request,
     SceneOpened,
+    SetCamera,
     ViewTraced,
     WriteFiles,
 )
 from app.mode import Mode
 from app.modes import MODES
-from app.lazy_import import import_named
 from engine.scene.builtin import scene_path
-from engine.scene.scene_loader import load_scene
 from engine.scene.picture_frame import picture_frame
+from engine.scene.scene_loader import load_scene
 
 
 class RequestDispatcher:

@@ -13,22 +13,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.jobs.worker_context import WorkerContext
 from app.jobs.kernels import ESTIMATE
 from app.jobs.layer_data import STAGES, LayerData, shape_of
+from app.jobs.worker_context import WorkerContext
 from app.messages import Response
 from app.orbit.orbit_messages import DrawnErrorEstimated, EstimateDrawn
 from app.placement.placement_messages import ErrorEstimated, EstimateError
 from app.scene_state import LayerState
 from engine.errors import InsituError
+from engine.generators import map_steps
 from engine.indirect.indirect_light import IndirectLight
 from engine.planner import band_counts
-from engine.render.error_estimate import MAP_POINTS, N_POINTS, PointErrors, estimate_point_errors, estimate_drawn_errors
+from engine.render.error_estimate import MAP_POINTS, N_POINTS, PointErrors, estimate_drawn_errors, estimate_point_errors
 from engine.render.error_map import Colours, error_colours
-from engine.render.still_indirect import noise_in, reflected_light
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import StillLayer, view_factors, with_maps
-from engine.generators import map_steps
+from engine.render.still_indirect import noise_in, reflected_light
 from engine.transport.pipeline import FINAL, Placement, Quality, final_quality
 
 DrawSteps = Generator[object, None, NDArray[np.float32]]
@@ -65,7 +65,9 @@ def estimate_error(
         noise = yield from map_steps(noise_in(found, layers, request.second_bands), lambda step: None)
     sky = context.sky(first.lit_by.light)
     n_points = MAP_POINTS if request.has_map else N_POINTS
-    judging = estimate_point_errors(placement, layers, sky, quality, n_bounces, radiance, indirect, n_points=n_points, noise=noise)
+    judging = estimate_point_errors(
+        placement, layers, sky, quality, n_bounces, radiance, indirect, n_points=n_points, noise=noise
+    )
     judged = yield from map_steps(judging, lambda step: None)  # without a word: nobody waits for it
     yield ErrorEstimated(judged.estimate, (yield from _colours(request.has_map, placement, judged)))
 

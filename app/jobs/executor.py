@@ -1,4 +1,5 @@
-"""Who does the long work on a view of a scene: this process, or others that are asked to (`app.cluster.cluster_executor`)."""
+"""Who does the long work on a view of a scene: this process, or others that are asked to
+(`app.cluster.cluster_executor`)."""
 
 from __future__ import annotations
 
@@ -33,7 +34,9 @@ class Executor(Protocol):
     ) -> Iterator[BandTile | None]:  # fmt: skip
         """The tiles of a layer's points as they are made, in any order, but those to skip; None while there is none."""
 
-    def find_indirect(self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> IndirectSteps | None:
+    def find_indirect(
+        self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int
+    ) -> IndirectSteps | None:
         """The fine indirect light, as it is kept on disk; None: it is to be found here."""
 
 
@@ -49,5 +52,7 @@ class LocalExecutor:
     ) -> Iterator[BandTile | None]:  # fmt: skip
         return project_layer(placement.hits, rows, light, layer, skip)
 
-    def find_indirect(self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> IndirectSteps | None:
+    def find_indirect(
+        self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int
+    ) -> IndirectSteps | None:
         return None

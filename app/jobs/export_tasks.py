@@ -13,9 +13,9 @@ from app.measurements import layers_of_document
 from app.messages import FilesWritten, Progress, Response, WriteFiles
 from app.named_files import files_of_document
 from app.project import Project
+from engine.generators import map_steps
 from engine.measured.tables import ArrayStore
 from engine.scene.scene_loader import Scene
-from engine.generators import map_steps
 
 STAGE = "export"
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import itertools
 import time
 
-from app.jobs.schedule import RequestHandler, Schedule
 from app.jobs.pending_requests import PendingRequests
+from app.jobs.schedule import RequestHandler, Schedule
 from app.messages import Request, Response, with_numbers
 
 

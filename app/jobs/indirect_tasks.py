@@ -22,20 +22,26 @@ from app.jobs.cache import ArrayCache, content_key
 from app.jobs.executor import IndirectSteps
 from app.jobs.tiles import Tiles
 from app.messages import Progress, Response
-from app.placement.placement_messages import BouncesPlanned, FreezeIndirect, IndirectFrozen, IndirectFound, IndirectNoise
+from app.placement.placement_messages import (
+    BouncesPlanned,
+    FreezeIndirect,
+    IndirectFound,
+    IndirectFrozen,
+    IndirectNoise,
+)
 from app.scene_state import LayerState
+from engine.generators import map_steps
 from engine.indirect.albedo import albedo_bands
-from engine.indirect.sampling_settings import FINE, ROUGH, SamplingSettings
-from engine.indirect.irradiance import NO_OBJECT
 from engine.indirect.indirect_layers import IndirectLayer, indirect_layer
 from engine.indirect.indirect_light import IndirectLight
+from engine.indirect.irradiance import NO_OBJECT
 from engine.indirect.representation import GatherPolynomial, SelectedCurve
+from engine.indirect.sampling_settings import FINE, ROUGH, SamplingSettings
 from engine.indirect.solver import Solver, relit
 from engine.indirect.stored_light import NAMES, arrays_of
 from engine.material.layer import Layer, object_of
 from engine.render.bounce_plan import planned_bounces
 from engine.render.still_indirect import direct_mean
-from engine.generators import map_steps
 from engine.stored_arrays import Arrays
 from engine.transport.pipeline import Placement, SkyState
 
@@ -190,7 +196,11 @@ class IndirectTasks:
         return found.lit_by == lit_by and n_bounces in (0, found.light.n_bounces)
 
     def _cache_light(self, found: _FoundLight) -> Steps:
-        self._representations = self._representations.with_light(found.light) if self._representations is not None else GatherPolynomial(found.light)
+        self._representations = (
+            self._representations.with_light(found.light)
+            if self._representations is not None
+            else GatherPolynomial(found.light)
+        )
         self._found = found = replace(found, number=next(self._numbers))
         yield self._found_message(found)
         if self._freeze_request is not None:
@@ -209,7 +219,9 @@ class IndirectTasks:
         layers = {each.key: self._reflecting(each, desired.second_bands) for each in desired.scene.visible}
         edited = NO_OBJECT if desired.key is None else self._placement.scene.object_index(object_of(desired.key))
         seen = _layer_visibility(found, desired)
-        self._representations = GatherPolynomial(seen) if self._representations is None else self._representations.with_light(seen)
+        self._representations = (
+            GatherPolynomial(seen) if self._representations is None else self._representations.with_light(seen)
+        )
         selected = None
         if desired.key in layers and desired.factor is not None:
             selected = SelectedCurve(list(layers).index(desired.key), desired.factor)
@@ -221,7 +233,9 @@ class IndirectTasks:
             for each in desired.scene.visible if self._object(each) == edited
         }  # fmt: skip
         unit = found.light.unit
-        yield IndirectFrozen(found.number, desired.serial, desired.key, desired.factor, reflected, frozen.bands, albedos, unit)
+        yield IndirectFrozen(
+            found.number, desired.serial, desired.key, desired.factor, reflected, frozen.bands, albedos, unit
+        )
 
     def _noise(self, found: _FoundLight, desired: FreezeIndirect) -> Steps:
         """Of the light as its layers look: a curve that is lifted may show what was lost in the rest."""
@@ -253,7 +267,9 @@ def _drop_progress(steps: Generator[object, None, Value]) -> Generator[None, Non
     return map_steps(steps, lambda step: None)
 
 
-def _as_progress(steps: Generator[tuple[float, str], None, IndirectLight]) -> Generator[Response | None, None, IndirectLight]:
+def _as_progress(
+    steps: Generator[tuple[float, str], None, IndirectLight],
+) -> Generator[Response | None, None, IndirectLight]:
     """The steps of a solver as progress, which goes on where it begins anew."""
     most = 0.0
 

@@ -11,22 +11,29 @@ from pathlib import Path
 
 from PIL import Image
 
-from app.deform.deform_messages import DrawDeform, PrepareDeform, PathPreview
+from app.deform.deform_messages import DrawDeform, PathPreview, PrepareDeform
 from app.document import Document, document_from_description
 from app.jobs.cache import ArrayCache
 from app.jobs.deform_worker import DeformWorker
+from app.jobs.dispatcher import RequestDispatcher
 from app.jobs.in_process import InProcessClient
 from app.jobs.kernels import DEFORM, ESTIMATE, INDIRECT, ORBIT, PAINTING, RELIGHTING
-from app.jobs.dispatcher import RequestDispatcher
-from app.messages import RequestFailed, SetCamera, OpenScene, Request
+from app.messages import OpenScene, Request, RequestFailed, SetCamera
 from app.modes import DEFORM as DEFORM_MODE
 from app.modes import MODES
 from app.orbit.orbit_messages import DrawOrbit, PrepareOrbit
-from app.placement.placement_messages import ComputeTransport, EstimateError, FreezeIndirect, PrepareRelighting, SampleMaps
+from app.placement.placement_messages import (
+    ComputeTransport,
+    EstimateError,
+    FreezeIndirect,
+    PrepareRelighting,
+    SampleMaps,
+)
 from app.scene_state import LayerState, SceneState, layer_state, scene_state
 from engine.deform.gpu_parts import NO_PARTS
 from engine.deform.pose import Deformation, Moment
 from engine.deform.wrinkle import wrinkles
+from engine.generators import run_to_end
 from engine.material.layer_maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.planner import RenderSettings, band_counts
@@ -34,7 +41,6 @@ from engine.scene.builtin import ASSETS
 from engine.scene.description import SceneDescription, parse_description
 from engine.scene.surface_kinds import DeformSurface, Detail, Membrane, Subsurface
 from engine.scene.toml_text import parse_toml
-from engine.generators import run_to_end
 
 _SCENE = """version = 1
 name = "rehearsal"
@@ -145,7 +151,9 @@ def _warm_up_orbit(client: InProcessClient, folder: Path) -> None:
 
 def rehearse_deform() -> None:
     """Go through what Deform needs, by a worker's tasks of few points."""
-    modes = [replace(mode, worker="app.jobs.kernel_warm_up:SmallDeform") if mode is DEFORM_MODE else mode for mode in MODES]
+    modes = [
+        replace(mode, worker="app.jobs.kernel_warm_up:SmallDeform") if mode is DEFORM_MODE else mode for mode in MODES
+    ]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         _draw_bent(InProcessClient(RequestDispatcher(ArrayCache(folder / "cache"), modes=modes)), folder)

@@ -29,11 +29,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from app.jobs.background import LAST, yield_to_window, step_behind
+from app.jobs.background import LAST, step_behind, yield_to_window
+from app.lazy_import import qualified
 from app.machine.installed_kernels import keep_installed, take_installed
 from app.machine.kernel_cache import NUMBA_VARIABLE, kernel_digest, kernel_folders, use_kernel_cache
 from app.machine.system import end_with_parent
-from app.lazy_import import qualified
 
 if TYPE_CHECKING:
     from app.jobs.dispatcher import RequestDispatcher

@@ -16,7 +16,7 @@ from app.document import LightState
 from app.messages import Response
 from app.placement.placement_messages import LayerPicture, LayerTransport
 from app.scene_state import LayerState
-from engine.planner import RenderSettings, Precision
+from engine.planner import Precision, RenderSettings
 from engine.stored_arrays import Arrays
 from engine.transport.bandstore import BandStore, BandTile, arrays_of_file, join_tiles, store_from_arrays
 from engine.transport.fixed_picture import FixedPicture, join_pictures, picture_of_file, picture_of_tile

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from app.jobs.layer_data import Part, join_tile_contents, tile_content, part_of_file, picture_of_part, shape_of
+from app.jobs.layer_data import Part, join_tile_contents, part_of_file, picture_of_part, shape_of, tile_content
 from app.jobs.tiles import Tiles
 from app.scene_state import LayerState
 from engine.stored_arrays import Writable

@@ -15,9 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from app.document import document_from_description
-from app.jobs.worker_context import WorkerContext
 from app.jobs.cache import content_key
 from app.jobs.layer_data import shape_of
+from app.jobs.worker_context import WorkerContext
 from app.placement.placement_messages import ComputeTransport
 from app.scene_state import LayerState
 from engine.material.layer import Layer

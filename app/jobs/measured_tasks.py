@@ -10,8 +10,8 @@ from pathlib import Path
 from app.files.brdf_files import export_steps
 from app.measurements import measured_files, with_measurements
 from app.messages import (
-    FilesWritten,
     FetchTable,
+    FilesWritten,
     MeasurementsRead,
     Progress,
     ReadMeasured,
@@ -20,13 +20,13 @@ from app.messages import (
     WriteFiles,
 )
 from engine.errors import InsituError
-from engine.safe_files import resolve_inside
+from engine.generators import map_steps
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 from engine.measured.tables import ArrayStore, is_table_loaded, read_measurement, table_of
 from engine.planner import band_counts
 from engine.render.tabulate import untabulated_features
-from engine.generators import map_steps
+from engine.safe_files import resolve_inside
 
 STAGE = "measured BRDF"
 

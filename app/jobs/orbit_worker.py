@@ -14,38 +14,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document import RGB
-from app.jobs.worker_context import WorkerContext
 from app.jobs.cache import content_key
 from app.jobs.kernels import COMPILING, FIRST_TIME, ORBIT, are_compiled, note_compiled
 from app.jobs.measured_tasks import ensure_tables
 from app.jobs.schedule import Handlers, Steps
+from app.jobs.worker_context import WorkerContext
 from app.machine.memory import orbit_bytes, orbit_slice_bytes
-from app.messages import WorkerWarnings, Progress
+from app.messages import Progress, WorkerWarnings
 from app.mode import ModeWorker
 from app.orbit.orbit_messages import (
-    DrawOrbit,
     DrawHeadlight,
+    DrawOrbit,
     EstimateOrbit,
-    PrioritizeView,
-    OrbitProgress,
-    OrbitPictureDrawn,
-    OrbitPartExported,
     OrbitNotReady,
+    OrbitPartExported,
+    OrbitPictureDrawn,
+    OrbitProgress,
     PrepareOrbit,
+    PrioritizeView,
 )
 from app.scene_state import LayerState
 from engine.deform.pose import Poses
 from engine.deform.posed_scene import pose_scene
+from engine.generators import map_steps
 from engine.material.bumps import Bumps
 from engine.material.layer import Layer
-from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
-from engine.generators import map_steps
+from engine.scene.scene_loader import Scene
 from engine.transport.pipeline import SkyState
 
 if TYPE_CHECKING:
-    from engine.orbit.orbit_engine import Orbit
     from engine.orbit.gpu_export import PointExporter
+    from engine.orbit.orbit_engine import Orbit
     from engine.render.still import StillProgress
 
 STAGE = "orbit"
@@ -163,7 +163,9 @@ class OrbitWorker(ModeWorker):
             scene.from_camera(request.camera, request.resolution),
             layers_by_object(scene, request.scene.layers),
         )
-        picture = yield from map_steps(headlight_picture(seen, caster, layers, sky, request.resolution), lambda step: None)
+        picture = yield from map_steps(
+            headlight_picture(seen, caster, layers, sky, request.resolution), lambda step: None
+        )
         yield OrbitPictureDrawn(picture, 0, 0, False, time.monotonic() - started)
 
     def _estimate(self, request: EstimateOrbit) -> Steps:
@@ -173,7 +175,9 @@ class OrbitWorker(ModeWorker):
         if orbit is None or not orbit.is_ready:
             yield OrbitNotReady()
             return
-        yield from estimate_drawn_error(request, self._context, orbit.n_bounces, lambda wanted: _draw_steps(orbit, wanted))
+        yield from estimate_drawn_error(
+            request, self._context, orbit.n_bounces, lambda wanted: _draw_steps(orbit, wanted)
+        )
 
     def _posed_scene(self, poses: Poses | None) -> tuple[Scene, RayCaster]:
         """The scene in these poses, None: as it is open, and its rays."""

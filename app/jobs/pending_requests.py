@@ -8,7 +8,17 @@ or cancelled, once more to a worker that does not see it so: what came after mad
 
 from __future__ import annotations
 
-from app.messages import CancelRequests, RequestFailed, SetCamera, WorkerWarnings, OpenScene, Progress, Request, Response, ViewTraced
+from app.messages import (
+    CancelRequests,
+    OpenScene,
+    Progress,
+    Request,
+    RequestFailed,
+    Response,
+    SetCamera,
+    ViewTraced,
+    WorkerWarnings,
+)
 
 
 class PendingRequests:
@@ -47,7 +57,9 @@ class PendingRequests:
 
     def is_current(self, response: Response) -> bool:
         """Whether it still counts; what is said of the cache is true whatever was asked since."""
-        return isinstance(response, WorkerWarnings) or any(request.id == response.id for request in self._requests.values())
+        return isinstance(response, WorkerWarnings) or any(
+            request.id == response.id for request in self._requests.values()
+        )
 
     def settle(self, response: Response) -> None:
         """Note a current answer: a request that failed, or was answered once and for all, stands no longer."""

@@ -21,15 +21,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.jobs.band_planning import plan_bands
-from app.jobs.worker_context import CACHE_VERSION, WorkerContext
 from app.jobs.cache import content_key
 from app.jobs.kernels import COMPILING, ESTIMATE, FIRST_TIME, INDIRECT, PAINTING, RELIGHTING
-from app.jobs.layer_data import RELIT, STAGES, LayerData, LightingState, both_curves, join_tile_contents, tile_content, shape_of, store_of
+from app.jobs.layer_data import (
+    RELIT,
+    STAGES,
+    LayerData,
+    LightingState,
+    both_curves,
+    join_tile_contents,
+    shape_of,
+    store_of,
+    tile_content,
+)
 from app.jobs.layer_tiles import LayerTiles
 from app.jobs.light_plan import LightBudgets
 from app.jobs.measured_tasks import ensure_tables
 from app.jobs.relighting import Relighting
 from app.jobs.schedule import Handlers, Steps
+from app.jobs.worker_context import CACHE_VERSION, WorkerContext
 from app.messages import Progress, Response
 from app.mode import ModeWorker
 from app.placement.placement_messages import (
@@ -46,12 +56,12 @@ from app.placement.placement_messages import (
     StageFootprint,
 )
 from app.scene_state import LayerState
+from engine.generators import map_steps
 from engine.light.environment import downsample
 from engine.material.layer import Layer
-from engine.planner import RenderSettings, Precision, band_counts
+from engine.planner import Precision, RenderSettings, band_counts
 from engine.render.light_pilot import LightBudget
 from engine.scene.scene_loader import Scene
-from engine.generators import map_steps
 from engine.stored_arrays import ArrayReader, Arrays, n_bytes_of
 from engine.transport.bandstore import BandStore
 from engine.transport.fixed_picture import FixedPicture
@@ -180,7 +190,9 @@ class PlacementWorker(ModeWorker):
         need = self._light_plans.cached_budget(request, sky)
         if need is not None:
             yield from _light_plan_message(need, settings)
-            yield from self._send_cached(placement, request, sky, replace(lit_by, planned_settings=need.limit_settings(settings)))
+            yield from self._send_cached(
+                placement, request, sky, replace(lit_by, planned_settings=need.limit_settings(settings))
+            )
         yield from self._send_relit(request, sky, lit_by)
         n_bounces, bounces_told, bounces_found = settings.n_bounces, settings.n_bounces == 1, False
         begun = time.process_time()
@@ -244,13 +256,17 @@ class PlacementWorker(ModeWorker):
                 if not is_told or factor is not None and work.key not in request.held_curves:
                     yield from self._answers(data, factor, self._precision, picture=not is_told)
 
-    def _send_cached(self, placement: Placement, request: ComputeTransport, sky: SkyState, lit_by: LightingState) -> Steps:
+    def _send_cached(
+        self, placement: Placement, request: ComputeTransport, sky: SkyState, lit_by: LightingState
+    ) -> Steps:
         """Answer with what the disk has of the last stage: a view that was computed before is there at once."""
         quality, _ = _stages(request)[-1]
         if quality.name == FINAL.name and lit_by.planned_settings is not None:
             quality = final_quality(lit_by.planned_settings)
         light_key = self._light_key(sky, placement.scene, quality)
-        unit = None if quality.name != FINAL.name or self._context.fills else self._cache.get(_unit_key(light_key), _unit)
+        unit = (
+            None if quality.name != FINAL.name or self._context.fills else self._cache.get(_unit_key(light_key), _unit)
+        )
         if unit is None:
             return
         for work in self._selected_first(request):

@@ -14,8 +14,8 @@ import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from app.machine.system import start_with_socket
 from app.lazy_import import IMPORT_FOLDER, qualified
+from app.machine.system import start_with_socket
 
 if TYPE_CHECKING:
     from app.jobs.shared_arrays import Method

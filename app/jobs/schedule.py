@@ -12,7 +12,7 @@ import logging
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Protocol
 
-from app.messages import CancelRequests, RequestFailed, Request, Response, with_numbers
+from app.messages import CancelRequests, Request, RequestFailed, Response, with_numbers
 from engine.errors import InsituError
 
 _log = logging.getLogger("insitu.jobs")
@@ -115,7 +115,9 @@ class Schedule:
 
     def _serves(self, kind: type[Request]) -> bool:
         """Whether nothing is under way that a quick kind waits for, such as the opening of a scene."""
-        return self._long is None or (self._long.is_started and (kind.served_anytime or not self._long.request.exclusive))
+        return self._long is None or (
+            self._long.is_started and (kind.served_anytime or not self._long.request.exclusive)
+        )
 
     def _finish(self, job: _Job) -> None:
         if self._quick.pop(type(job.request), None) is None:

@@ -23,12 +23,12 @@ from app.jobs.background import Background
 from app.jobs.channel import Channel, ChannelClosed
 from app.jobs.schedule import Schedule
 from app.jobs.shared_arrays import OutOfMemory, sweep_dead_blocks
+from app.lazy_import import import_named
 from app.machine.atomic import private_opener
 from app.machine.kernel_cache import use_kernel_cache
 from app.machine.paths import log_directory
 from app.machine.system import end_with_parent, inherited_socket, keep_memory_compact, release_memory
-from app.messages import RequestFailed, Heartbeat, Request, Shutdown
-from app.lazy_import import import_named
+from app.messages import Heartbeat, Request, RequestFailed, Shutdown
 
 _LARGEST_LOG = 1 << 20
 IDLE_SECONDS = 1.0  # after which memory goes back to the system

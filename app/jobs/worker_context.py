@@ -15,9 +15,9 @@ import numpy as np
 
 from app.document import LightState
 from app.jobs.cache import ArrayCache, content_key
+from app.jobs.executor import Executor, LocalExecutor
 from app.jobs.kernels import Kernels
-from app.jobs.executor import LocalExecutor, Executor
-from app.messages import SetCamera, WorkerWarnings, SkyImage
+from app.messages import SetCamera, SkyImage, WorkerWarnings
 from app.sky import sky_of
 from engine.deform.pose import Poses
 from engine.deform.posed_scene import pose_scene
@@ -25,8 +25,8 @@ from engine.errors import InsituError
 from engine.light.environment import Environment, downsample, load_environment
 from engine.planner import planned_edge_rays
 from engine.scene.primary_hits import trace_primary_steps
-from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene
 from engine.transport.pipeline import Placement, SkyState
 
 # Raised when anything that changes the numbers in a cached array changes.

@@ -19,8 +19,8 @@ from pathlib import Path
 
 import platformdirs
 
-from app.machine.atomic import make_private_folder
 from app.lazy_import import qualified
+from app.machine.atomic import make_private_folder
 
 NUMBA_VARIABLE = "NUMBA_CACHE_DIR"
 _ROOT = Path(__file__).resolve().parents[2]

@@ -28,7 +28,9 @@ def state_directory() -> Path:
     Where it cannot be made it is named all the same: whoever reads finds nothing there, whoever writes says why not.
     """
     configured = os.environ.get(STATE_VARIABLE)
-    return _make_folder(Path(configured) if configured else Path(platformdirs.user_state_dir(APPLICATION, appauthor=False)))
+    return _make_folder(
+        Path(configured) if configured else Path(platformdirs.user_state_dir(APPLICATION, appauthor=False))
+    )
 
 
 def state_problem() -> str:

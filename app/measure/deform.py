@@ -18,23 +18,23 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from app.lazy_import import qualified
 from app.measure.figures import Figure, NotMeasured, not_measured
 from app.measure.launches import run_program
-from app.lazy_import import qualified
-from engine.deform.fit_errors import MESH, fit_errors, random_vectors, shadowed_mesh
-from engine.deform.deform_engine import N_LOBES, ORDER, Deform, band_light_of, finish_deform
 from engine.deform.bending_points import BendingPoints, bending_points
+from engine.deform.deform_engine import N_LOBES, ORDER, Deform, band_light_of, finish_deform
+from engine.deform.fit_errors import MESH, fit_errors, random_vectors, shadowed_mesh
 from engine.deform.pose import Deformation, deform
 from engine.deform.shading import Lobes, lobes, shade
-from engine.deform.transfer import N_RAYS, TransferPoints, simulate_shadows, rotate_transfer
+from engine.deform.transfer import N_RAYS, TransferPoints, rotate_transfer, simulate_shadows
 from engine.deform.zonal import fit
+from engine.generators import run_to_end
 from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.surface_points import surface_points
-from engine.generators import run_to_end
 from engine.transport.pipeline import SkyState
 
 Float64Array = NDArray[np.float64]

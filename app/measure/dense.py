@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from app.measure.multisets import NONE, Multisets
 from engine.errors import InsituError
-from engine.indirect.irradiance import NO_OBJECT, CacheLight, bounce_radiosity
+from engine.generators import run_to_end
 from engine.indirect.indirect_layers import IndirectLayer, albedos_of
 from engine.indirect.indirect_light import IndirectLight
+from engine.indirect.irradiance import NO_OBJECT, CacheLight, bounce_radiosity
 from engine.indirect.reflection import OutgoingRadiance
 from engine.indirect.representation import Freezing, FrozenLight, SelectedCurve
-from engine.generators import run_to_end
 
 
 class DenseTensor:
@@ -31,8 +31,12 @@ class DenseTensor:
         self._n_bounces, self._n_objects = light.n_bounces, len(light.points.lobe_axes)
         self._objects = sorted({layer.i_object for layer in layers})
         self._sets = Multisets(len(self._objects), light.n_bounces - 1)
-        sent = OutgoingRadiance(radiosity_by_multiset(light.light, self._objects, self._sets, light.n_bounces)[:, 1:], None)
-        self._tensors = [run_to_end(light.points.hemisphere_samples(each.i_object).by_band(each.curves, 0, sent)) for each in layers]
+        sent = OutgoingRadiance(
+            radiosity_by_multiset(light.light, self._objects, self._sets, light.n_bounces)[:, 1:], None
+        )
+        self._tensors = [
+            run_to_end(light.points.hemisphere_samples(each.i_object).by_band(each.curves, 0, sent)) for each in layers
+        ]
 
     @property
     def n_bytes(self) -> int:

@@ -24,10 +24,10 @@ from app.measure.speed import precompute_on
 from app.measure.subject import Subject
 from app.project import Project, open_project
 from app.stills import layers_by_object, plan_still, render_picture
+from engine.generators import run_to_end
 from engine.indirect.series import BounceSeries
 from engine.render.path_tracer import trace_halves
 from engine.render.still import compose
-from engine.generators import run_to_end
 from engine.transport.pipeline import FINAL, Placement
 
 SCENES = ("teatray", "bunny")
@@ -97,7 +97,9 @@ def averaged_paths(project: Project, effort: EdgeEffort) -> Radiance:
     (width, height), n = project.scene.resolution, effort.n_times
     placement = Placement(replace(project.scene, resolution=(n * width, n * height)))
     rows = np.arange(len(placement.hits.pixel))
-    halves = run_to_end(trace_halves(placement, layers_by_object(project), project.sky, 1, effort.n_samples, _SEED, rows))
+    halves = run_to_end(
+        trace_halves(placement, layers_by_object(project), project.sky, 1, effort.n_samples, _SEED, rows)
+    )
     pictures = [compose(placement, half, project.sky) for half in halves[:, :, 1]]
     return np.stack([box_averaged(picture, n) for picture in pictures])
 

@@ -21,20 +21,20 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.pareto_front import FRONT_FILE, FrontPoint, format_front
 from app.measure.knobs_deform import Bench, DeformKnobs
 from app.measure.machine import machine_facts
+from app.pareto_front import FRONT_FILE, FrontPoint, format_front
 from app.project import Project, open_project, with_edges
 from app.stills import layers_by_object, plan_still, still_quality
 from engine.deform.deform_engine import N_POINTS
+from engine.generators import run_to_end
 from engine.indirect.sampling_settings import FINE
 from engine.indirect.series import BounceSeries
 from engine.orbit.orbit_engine import Orbit
 from engine.render.bounce_plan import planned_bounces
-from engine.render.error_estimate import estimate_point_errors, estimate_drawn_errors
-from engine.render.still_indirect import indirect_radiance
+from engine.render.error_estimate import estimate_drawn_errors, estimate_point_errors
 from engine.render.still import StillLayer, reflect_layers, still_layers, with_maps
-from engine.generators import run_to_end
+from engine.render.still_indirect import indirect_radiance
 from engine.transport.pipeline import Placement, Quality
 
 

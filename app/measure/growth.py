@@ -78,7 +78,9 @@ def memory_of(scene: Scene, n_objects: int) -> GrowthRow:
     for _ in tasks.find(wanted.visible, sky_of(scene, document.light), "its own light", N_BOUNCES, is_last=True):
         pass
     frozen = next(
-        answer for answer in tasks.freeze(FreezeIndirect(wanted, wanted.visible[0].key, 0)) if isinstance(answer, IndirectFrozen)
+        answer
+        for answer in tasks.freeze(FreezeIndirect(wanted, wanted.visible[0].key, 0))
+        if isinstance(answer, IndirectFrozen)
     )
     handed_out = frozen.bands.nbytes + sum(array.nbytes for array in frozen.reflected.values())
     return GrowthRow(n_objects, tasks.n_bytes / 1e6, handed_out / 1e6)

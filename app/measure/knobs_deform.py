@@ -20,17 +20,24 @@ from app.measure.deform import BEND, relief, varied_sky
 from app.measure.knobs import Knob, Shown
 from app.measure.sweep import MIB
 from app.view_state import ViewState
-from engine.deform.deform_engine import N_LOBES, ORDER
 from engine.deform.bending_points import bending_points
+from engine.deform.deform_engine import N_LOBES, ORDER
 from engine.deform.pose import deform
 from engine.deform.shading import band_light, lobes, shade
-from engine.deform.transfer import N_RAYS, TransferPoints, cosine_directions, ray_blocks, simulate_shadows, rotate_transfer
+from engine.deform.transfer import (
+    N_RAYS,
+    TransferPoints,
+    cosine_directions,
+    ray_blocks,
+    rotate_transfer,
+    simulate_shadows,
+)
 from engine.deform.zonal import MAX_LOBES, fit
+from engine.generators import run_to_end
 from engine.light.environment import triangle_integrals
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points
 from engine.sphere.harmonics import project
-from engine.generators import run_to_end
 
 Float64Array = NDArray[np.float64]
 

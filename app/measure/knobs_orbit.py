@@ -22,8 +22,8 @@ from app.measure.subject import Subject
 from app.measure.sweep import MIB
 from app.measure.truncation import Float64Array, direct_factors
 from app.project import Project
-from engine.orbit.view_radiance import N_MOVING, Quality
 from engine.orbit.orbit_engine import N_COEFFICIENTS, N_POINTS, Orbit
+from engine.orbit.view_radiance import N_MOVING, Quality
 from engine.sphere.haar import Rule, forward, inverse, select_coefficients
 from engine.stored_arrays import Arrays
 from engine.transport.pipeline import Placement

@@ -27,13 +27,13 @@ from app.project import Project, open_project
 from app.stills import layers_by_object, plan_still
 from engine.curve.operators import Operator
 from engine.curve.wavelet import forward
+from engine.generators import run_to_end
 from engine.indirect.sampling_settings import FINE, ROUGH, STILL, SamplingSettings
 from engine.indirect.series import BounceSeries, parse_series
 from engine.material.layer import Layer
-from engine.render.still_indirect import indirect_radiance
 from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, still_layers, with_maps
-from engine.generators import run_to_end
+from engine.render.still_indirect import indirect_radiance
 from engine.transport.pipeline import FINAL, Placement, Quality
 from engine.visibility.point_visibility import brute_force_visibility
 from engine.visibility.targets import VISIBILITY_LEVEL
@@ -299,7 +299,8 @@ class _Indirect:
         )  # fmt: skip
         yield self._knob(
             "gather rays", self._effort.rays,
-            lambda n: self._shown(WHOLE_SERIES, replace(fine, n_rays=n, n_glossy_hits=min(fine.n_glossy_hits, n))), fine.n_rays,
+            lambda n: self._shown(WHOLE_SERIES, replace(fine, n_rays=n, n_glossy_hits=min(fine.n_glossy_hits, n))),
+            fine.n_rays,
             f"indirect light, {fine.name}",
         )  # fmt: skip
         yield self._knob(

@@ -24,9 +24,9 @@ import numpy as np
 
 from app.cli.planning import plan_project
 from app.jobs.cache import CACHE_VARIABLE, ArrayCache
+from app.lazy_import import qualified
 from app.machine.atomic import save_file
 from app.measure.accuracy import REFERENCES, reference_folder
-from app.lazy_import import qualified
 from app.project import ProjectSpec, open_project
 from engine.errors import InsituError
 from engine.planner import Plan

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from app.document import document_from_description
 from app.jobs.cache import ArrayCache
-from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
+from app.jobs.in_process import InProcessClient
 from app.measure.accuracy import errors
 from app.measure.figures import Figure, NotMeasured, not_measured
-from app.messages import RequestFailed, SetCamera, OpenScene, Request, Response
+from app.messages import OpenScene, Request, RequestFailed, Response, SetCamera
 from app.placement.placement_messages import ComputeTransport, LayerPicture, PrepareRelighting, RelightingPrepared
 from app.project import open_project
 from app.scene_state import SceneState, layer_state, scene_state

@@ -26,15 +26,15 @@ from app.measure.growth import SOURCE, cut
 from app.measure.knobs import Knob, Shown
 from app.measure.subject import at_most, open_subject
 from app.sky import sky_of
-from engine.indirect.sampling_settings import ROUGH, SamplingSettings
+from engine.generators import run_to_end
 from engine.indirect.indirect_layers import IndirectLayer, diffuse_slant, indirect_layer
 from engine.indirect.indirect_light import IndirectLight
 from engine.indirect.representation import FrozenLight, GatherPolynomial, Representation, SelectedCurve
+from engine.indirect.sampling_settings import ROUGH, SamplingSettings
 from engine.indirect.solver import Solver
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.scene.scene_loader import Scene
-from engine.generators import run_to_end
 from engine.transport.pipeline import Placement
 
 CSV = "indirect_representations.csv"
@@ -111,7 +111,9 @@ def edited_pictures(
     curve = layers[0].curves.curves[0] * np.linspace(0.2, 1.5, N_BANDS)[:, None]
     albedo = layers[0].albedo * 0.7
     edited = replace(layers[0], curves=replace(layers[0].curves, curves=(curve,)), albedo=albedo)
-    [plain] = run_to_end(light.points.hemisphere_samples(0).reflect([edited.curves], light.outgoing_radiance([edited, *layers[1:]])))
+    [plain] = run_to_end(
+        light.points.hemisphere_samples(0).reflect([edited.curves], light.outgoing_radiance([edited, *layers[1:]]))
+    )
     powers = albedo ** np.arange(frozen.bands.shape[2])[:, None]
     return np.einsum("cjnp,jc,nc->pc", frozen.bands, curve, powers), plain[:, 0]
 

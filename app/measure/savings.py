@@ -3,9 +3,9 @@
 Everything on is the most of each line that a plan takes by itself: as many lights and patches, shadows from every
 direction, 128 bands a curve, four bounces, all rays of the indirect light; as planned are as many bounces as the pilot
 finds, whatever the scene says. Edges are alike in both, and light of further bounces is found as finely as an editor
-does. Errors are those against four bounces, by the same looks at the same points (`compare_errors`): pictures that differ
-by chance alone are not taken for worse. Seconds are those of the processors, from the triangles to the picture, the
-pilots included.
+does. Errors are those against four bounces, by the same looks at the same points (`compare_errors`): pictures that
+differ by chance alone are not taken for worse. Seconds are those of the processors, from the triangles to the picture,
+the pilots included.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from numpy.typing import NDArray
 from app.machine.atomic import save_file
 from app.project import Project, open_project
 from app.stills import plan_still
+from engine.generators import run_to_end
 from engine.indirect.sampling_settings import FINE
 from engine.indirect.series import BounceSeries
 from engine.planner import MOST_BANDS, Plan
 from engine.render.bounce_plan import MOST_PLANNED, planned_bounces
 from engine.render.error_estimate import compare_errors
-from engine.render.still_indirect import find_indirect, reflected_light
 from engine.render.light_pilot import with_light_budget
 from engine.render.still import StillLayer, reflect_layers, still_layers, still_quality, with_maps
+from engine.render.still_indirect import find_indirect, reflected_light
 from engine.scene.builtin import builtin_scenes
-from engine.generators import run_to_end
 from engine.transport.pipeline import Placement
 
 # Of pictures that are compared, and of those that only have kernels read.

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.measure.subject import Subject, layer_bands, layer_shape
+from engine.generators import run_to_end
 from engine.material.layer import Layer
 from engine.scene.primary_hits import PrimaryHits
-from engine.generators import run_to_end
 from engine.transport.bandstore import BandStore, join_tiles
 from engine.transport.pipeline import Placement, Quality
 from engine.transport.projection import VisibleLight, project_layer

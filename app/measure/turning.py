@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from app.machine.atomic import save_file
 from app.project import Project, open_project
+from engine.generators import run_to_end
 from engine.material.layer import Layer
 from engine.sphere.haar import levels_of_coefficients
-from engine.generators import run_to_end
 from engine.transport.pipeline import FINAL, Placement
 from engine.transport.relight import MEAN_TERMS, RowMaker, light_coefficients, turning_effects
 from engine.visibility.targets import VISIBILITY_LEVEL

@@ -2,7 +2,8 @@
 
 Scenes after the thesis' own, made by this project, but for the bunny, which is the reference's where it is at hand and
 a carved head else. Up to 400 directions are lights cut from the scene's own sky [Agarwal03], as in the thesis; more are
-the geodesic sphere's. "ours" is what the engine does, `engine.visibility.coherent_grid`. docs/visibility.md has what came of it.
+the geodesic sphere's. "ours" is what the engine does, `engine.visibility.coherent_grid`. docs/visibility.md has what
+came of it.
 
 Time is the processor's, of visibility alone, on rays of one thread each.
 """

@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from app.messages import CancelRequests, RequestFailed, Request
-from app.orbit.orbit_messages import DrawnErrorEstimated, EstimateDrawn
+from app.messages import CancelRequests, Request, RequestFailed
 from app.orbit.desired_state import DesiredOrbit
+from app.orbit.orbit_messages import DrawnErrorEstimated, EstimateDrawn
 from app.view_state import Viewpoint
 from engine.deform.pose import Poses
 from engine.render.picture_error import ErrorEstimate
@@ -80,7 +80,9 @@ class DrawnErrorController:
     def moving(self, desired: DesiredOrbit) -> ErrorEstimate | None:
         """Of pictures of this from anywhere while something moves; None while that is not known."""
         of = self._estimate_of
-        return self._estimate.moving if self._estimate is not None and of is not None and of.desired == desired else None
+        return (
+            self._estimate.moving if self._estimate is not None and of is not None and of.desired == desired else None
+        )
 
     def receive(self, response: DrawnErrorEstimated) -> None:
         """The answer."""

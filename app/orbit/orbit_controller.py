@@ -1,7 +1,7 @@
 """Orbit's talk with the worker: pictures while something moves, Placement's once nothing does.
 
-    document, view ─► PrepareOrbit ─► OrbitProgress ─► DrawOrbit ─► OrbitPictureDrawn ─► OrbitPicture     a new one each frame
-    the view rests, its picture is whole ─► PlacementController ─► Placement's events                    fades in over that
+    document, view ─► PrepareOrbit ─► OrbitProgress ─► DrawOrbit ─► OrbitPictureDrawn ─► OrbitPicture    each frame
+    the view rests, its picture is whole ─► PlacementController ─► Placement's events          fades in over that
 
 As in Placement, states are compared and not events followed: what the document and the view want, what was asked for,
 what has come. One picture is under way at a time; the next has the camera, light and materials of then, so that nothing
@@ -25,33 +25,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.commands import EditCommand
-from app.effective_settings import effective_view
 from app.document import Document
-from app.messages import CancelRequests, RequestFailed, Request, Response
+from app.editor_status import PictureState, Status
+from app.effective_settings import effective_view
+from app.messages import CancelRequests, Request, RequestFailed, Response
 from app.mode import EditorServices, ModeController, OpenedScene
+from app.orbit.desired_state import WINDOW_SECONDS, WINDOW_STEPS, DesiredOrbit, PictureRequest, QualityPacer, ReadyState
 from app.orbit.error_controller import DrawnErrorController, ShownPicture
 from app.orbit.orbit_events import OrbitPartArrived, OrbitPicture
 from app.orbit.orbit_messages import (
+    DrawHeadlight,
     DrawnErrorEstimated,
     DrawOrbit,
-    DrawHeadlight,
     EstimateDrawn,
     EstimateOrbit,
-    PrioritizeView,
-    OrbitProgress,
-    OrbitPictureDrawn,
-    OrbitPartExported,
     OrbitNotReady,
+    OrbitPartExported,
+    OrbitPictureDrawn,
+    OrbitProgress,
     PrepareOrbit,
+    PrioritizeView,
     Quality,
 )
 from app.orbit.orbit_status import OrbitStatus
-from app.orbit.desired_state import WINDOW_SECONDS, WINDOW_STEPS, PictureRequest, ReadyState, DesiredOrbit, QualityPacer
 from app.picture_events import PictureEvent
 from app.placement.accepted_light import AcceptedLight
-from app.placement.placement_messages import ComputeTransport
 from app.placement.placement_controller import PlacementController
-from app.editor_status import PictureState, Status
+from app.placement.placement_messages import ComputeTransport
 from app.view_state import Viewpoint, ViewState
 from engine.deform.pose import Poses
 from engine.material.layer import Layer
@@ -266,14 +266,20 @@ class OrbitController(ModeController):
             "image_error": None if estimate is None else estimate.overall,
         }
         told = vars(status) | said
-        return OrbitStatus(**told, drawn_resolution=resolution, drawn_seconds=self._seconds, is_headlight=self._is_headlight)
+        return OrbitStatus(
+            **told, drawn_resolution=resolution, drawn_seconds=self._seconds, is_headlight=self._is_headlight
+        )
 
     @property
     def _estimate(self) -> ErrorEstimate | None:
         """How far off the picture is that is shown: at rest by itself, else as those are that are drawn like it."""
         if self._shown is None or self._is_headlight or self._shown_picture is None or not self._can_be_estimated:
             return None
-        return self._error.at_rest(self._shown_picture) if self._is_whole else self._error.moving(self._shown_picture.desired)
+        return (
+            self._error.at_rest(self._shown_picture)
+            if self._is_whole
+            else self._error.moving(self._shown_picture.desired)
+        )
 
     @property
     def _error_colours(self) -> NDArray[np.uint8] | None:
@@ -310,7 +316,8 @@ class OrbitController(ModeController):
         """Whether Orbit shows all it can of the document and the view."""
         shown = self._shown
         return (
-            shown is not None and shown.quality == "rest" and (shown.viewpoint, shown.poses) == (self._viewpoint, self._poses)
+            shown is not None and shown.quality == "rest"
+            and (shown.viewpoint, shown.poses) == (self._viewpoint, self._poses)
             and shown.made_of == self._ready and self._is_ready_for_request and self._requested == self._desired
             and self._has_followed
         )  # fmt: skip
@@ -370,7 +377,11 @@ class OrbitController(ModeController):
         if not self._placement_follows:
             self._prepare()
             self._draw(now)
-            if self._is_whole and self._placement_can_show and not (self._hands_over_to_placement or self.is_away or self._is_stopped):
+            if (
+                self._is_whole
+                and self._placement_can_show
+                and not (self._hands_over_to_placement or self.is_away or self._is_stopped)
+            ):
                 self._hands_over_to_placement = True
                 self.placement.view_restored()
         elif not (self.placement.is_running or self._services.history.dragging):
@@ -424,7 +435,9 @@ class OrbitController(ModeController):
     @property
     def _is_requested(self) -> bool:
         """Whether Orbit was asked for this scene; how often light bounces Placement itself may have found out since."""
-        return self._requested is not None and self._desired is not None and self._requested.scene == self._desired.scene
+        return (
+            self._requested is not None and self._desired is not None and self._requested.scene == self._desired.scene
+        )
 
     def _hold_placement_back(self) -> None:
         """Placement asks for nothing until Orbit's picture is whole again."""
@@ -486,7 +499,9 @@ class OrbitController(ModeController):
         rests = now - self._moved_at >= IDLE_SECONDS
         quality: Quality = "rest" if rests and self._is_ready_for_request else "moving"
         resolution = whole if rests else self._pace.resolution(whole)
-        return PictureRequest(self._viewpoint, resolution, quality, self._ready, self._poses, self._split, self._fit_error)
+        return PictureRequest(
+            self._viewpoint, resolution, quality, self._ready, self._poses, self._split, self._fit_error
+        )
 
     def _desired_headlight_picture(self, now: float) -> PictureRequest | None:
         """Before there was any: where view or poses have moved on from those of the objects that are seen, how these
@@ -506,7 +521,11 @@ class OrbitController(ModeController):
     def _is_refinement(self, wanted: PictureRequest) -> bool:
         """Whether it shows the same as is seen, a little further computed."""
         shown = self._shown
-        if shown is None or (wanted.viewpoint, wanted.poses) != (shown.viewpoint, shown.poses) or wanted.made_of.is_done:
+        if (
+            shown is None
+            or (wanted.viewpoint, wanted.poses) != (shown.viewpoint, shown.poses)
+            or wanted.made_of.is_done
+        ):
             return False
         return shown.made_of.prepared == wanted.made_of.prepared
 

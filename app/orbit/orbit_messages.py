@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from app.messages import SetCamera, OpenScene, Request, Response
+from app.messages import OpenScene, Request, Response, SetCamera
 
 if TYPE_CHECKING:
     from app.scene_state import SceneState
@@ -26,8 +26,8 @@ class PrepareOrbit(Request):
     """From now on draw this scene, whose layers are those that are seen; and make ready all that pictures are drawn of,
     coarse first. Answered by `OrbitProgress` as often as pictures change by it. n_bounces: reflections between light
     and eye; 0: as many as the engine takes. listener: who draws moving pictures itself, and is told all that they are
-    drawn of by `OrbitPartExported` before that; another number has been told nothing; 0: nobody. most_bytes: of any one array.
-    n_points: beside the meshes' own; n_coefficients: of light that each keeps.
+    drawn of by `OrbitPartExported` before that; another number has been told nothing; 0: nobody. most_bytes: of any one
+    array. n_points: beside the meshes' own; n_coefficients: of light that each keeps.
 
     Another camera cancels it, for a camera is traced before anything slow goes on; what it has made ready stays.
     """
@@ -58,8 +58,8 @@ class PrioritizeView(Request):
 @dataclass(frozen=True)
 class DrawOrbit(Request):
     """Draw the scene from a camera, in so many pixels (width, height), of what is ready, while something moves by so
-    many coefficients of light a point; answered by `OrbitPictureDrawn` or `OrbitNotReady`. Built on the scene alone: a camera
-    is drawn long before what it sees has been traced."""
+    many coefficients of light a point; answered by `OrbitPictureDrawn` or `OrbitNotReady`. Built on the scene alone: a
+    camera is drawn long before what it sees has been traced."""
 
     built_on = (OpenScene,)
     priority = 0
@@ -76,8 +76,8 @@ class DrawOrbit(Request):
 @dataclass(frozen=True)
 class DrawHeadlight(Request):
     """Draw the scene from a camera, in so many pixels (width, height), in poses, None: as it is open, of nothing that
-    has to be made ready: its objects in light from the eye. Answered by `OrbitPictureDrawn` of version 0, or `OrbitNotReady`
-    where no scene is open yet. Not built on what was traced, as `DrawOrbit`."""
+    has to be made ready: its objects in light from the eye. Answered by `OrbitPictureDrawn` of version 0, or
+    `OrbitNotReady` where no scene is open yet. Not built on what was traced, as `DrawOrbit`."""
 
     built_on = (OpenScene,)
     priority = 0

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from app.document import Document
-from app.messages import RequestFailed, Request
+from app.messages import Request, RequestFailed
 from app.placement.placement_messages import BandsPlanned, PlanBands
 from engine.material.layer import Layer
 from engine.material.model import Model

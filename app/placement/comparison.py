@@ -27,11 +27,11 @@ from app.commands.light import emission_of
 from app.document import Document
 from app.messages import Request
 from app.picture_events import PictureEvent
-from app.placement.curves import Float64Array, Coefficients, Curves, view_curve_of
+from app.placement.curves import Coefficients, Curves, Float64Array, view_curve_of
+from app.placement.desired_state import same_coefficients
 from app.placement.placement_events import ComparisonRefined, LayerAppearance
 from app.placement.placement_messages import ContractTransport, LayerPicture
 from app.placement.transport_controller import CONTRACT_PATIENCE, TransportController
-from app.placement.desired_state import same_coefficients
 from app.scene_state import LayerState, layer_state
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
@@ -176,7 +176,9 @@ class Comparison:
         self._requested = PendingRadiance(self._send(ContractTransport(layer, None, revision=revision)), layer.key, now)
         self._ids.add(self._requested.id)
 
-    def _layer_appearances(self, compared: Document, differing: list[str], light_gain: Float64Array) -> Mapping[str, LayerAppearance]:
+    def _layer_appearances(
+        self, compared: Document, differing: list[str], light_gain: Float64Array
+    ) -> Mapping[str, LayerAppearance]:
         return {
             key: LayerAppearance(
                 layer.scale() * light_gain,

@@ -1,4 +1,5 @@
-"""What the editor wants of the worker, asked of it last, and got from it: the values that `transport_controller` compares."""
+"""What the editor wants of the worker, asked of it last, and got from it: the values that `transport_controller`
+compares."""
 
 from __future__ import annotations
 
@@ -8,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.document import RGB, Document, LightState
-from app.placement.curves import Float64Array, Coefficients, Curves
+from app.placement.curves import Coefficients, Curves, Float64Array
 from app.scene_state import LayerState
-from engine.planner import RenderSettings, Precision
+from engine.planner import Precision, RenderSettings
 
 Emission = tuple[tuple[str, RGB], ...]
 

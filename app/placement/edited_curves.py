@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from app.document import Document, Selection
 from app.linked_layers import linked_indices
 from app.placement.curves import Curves
-from app.placement.desired_state import ReadyCurve, DesiredCurve, ReadyLayer, same_coefficients
+from app.placement.desired_state import DesiredCurve, ReadyCurve, ReadyLayer, same_coefficients
 from engine.planner import Precision
 
 
@@ -24,7 +24,9 @@ def edited_layers(document: Document, selected: Selection | None) -> tuple[str, 
     state = document.object(selected.object)
     if state.is_lamp or not state.editable:
         return ()
-    others = [i for i in linked_indices(state.layers, selected.layer) if i != selected.layer and state.layers[i].visible]
+    others = [
+        i for i in linked_indices(state.layers, selected.layer) if i != selected.layer and state.layers[i].visible
+    ]
     sharing = [i for i in others if selected.factor in state.layers[i].model.curve_names]
     return tuple(f"{selected.object}.{i}" for i in (selected.layer, *sharing))
 

@@ -23,13 +23,13 @@ from numpy.typing import NDArray
 from app.document import Document, Selection
 from app.messages import Request
 from app.picture_events import PictureEvent
-from app.placement.curves import Float64Array, Curves, picture_identity
+from app.placement.curves import Curves, Float64Array, picture_identity
 from app.placement.edited_curves import edited_layers
 from app.placement.placement_events import Footprint, IndirectRadiance
-from app.placement.placement_messages import FreezeIndirect, IndirectFrozen, IndirectFound, IndirectNoise
+from app.placement.placement_messages import FreezeIndirect, IndirectFound, IndirectFrozen, IndirectNoise
 from app.scene_state import LayerState, SceneState
-from engine.indirect.clamping import unscaled, is_clamped
 from engine.indirect.albedo_from_curves import albedo_of
+from engine.indirect.clamping import is_clamped, unscaled
 from engine.material.layer import object_of
 
 FREEZE_PATIENCE = 5.0
@@ -83,10 +83,14 @@ class DesiredFreezing:
         """Whether its answer is one to the other as well."""
         if self is other:
             return True
-        mine, theirs = ((desired.key, desired.factor, desired.second, len(desired.reflectances)) for desired in (self, other))
+        mine, theirs = (
+            (desired.key, desired.factor, desired.second, len(desired.reflectances)) for desired in (self, other)
+        )
         if mine != theirs:
             return False
-        return all(self._alike(mine, theirs) for mine, theirs in zip(self.reflectances, other.reflectances, strict=True))
+        return all(
+            self._alike(mine, theirs) for mine, theirs in zip(self.reflectances, other.reflectances, strict=True)
+        )
 
     def same(self, other: DesiredFreezing) -> bool:
         """Whether it was also made with what the other has of the edited object's curves: glossy ones have a shape, and
@@ -204,7 +208,11 @@ class IndirectController:
     def receive_frozen(self, response: IndirectFrozen) -> None:
         """A freezing came; it is drawn with the footprint of its own samples."""
         found = self._found
-        if self._requested is None or found is None or (response.serial, response.number) != (self._serial, found.number):
+        if (
+            self._requested is None
+            or found is None
+            or (response.serial, response.number) != (self._serial, found.number)
+        ):
             return
         footprint = Footprint(found.rows, found.weights)
         if self._frozen is not None and self._frozen[1].number == response.number:
@@ -330,7 +338,9 @@ class IndirectController:
                 return
         self._requested, self._requested_at = (desired, revision), now
         self._serial += 1
-        self._send(FreezeIndirect(desired.scene, desired.key, desired.factor, desired.second, self._serial, revision=revision))
+        self._send(
+            FreezeIndirect(desired.scene, desired.key, desired.factor, desired.second, self._serial, revision=revision)
+        )
 
     def _radiances(
         self, document: Document, made_for: DesiredFreezing, frozen: IndirectFrozen, footprint: Footprint
@@ -362,7 +372,9 @@ class IndirectController:
         return total
 
 
-def _radiance(frozen: IndirectFrozen, key: str, albedo: Float64Array, curve: Float64Array | None) -> NDArray[np.float32]:
+def _radiance(
+    frozen: IndirectFrozen, key: str, albedo: Float64Array, curve: Float64Array | None
+) -> NDArray[np.float32]:
     """Indirect radiance (p,3) of one layer, without f_q and f_o."""
     # Powers in double precision: beyond single, what they multiply may be 0.
     if curve is None:

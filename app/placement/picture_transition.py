@@ -26,9 +26,9 @@ import numpy as np
 from app.commands.light import emission_of
 from app.document import SCENE_ENVIRONMENT, Document, layer_key
 from app.picture_events import PictureEvent, SkyChanged
-from app.placement.curves import Float64Array, Coefficients, Curves, picture_identity
-from app.placement.placement_events import LayerRadiance, TransportReady
+from app.placement.curves import Coefficients, Curves, Float64Array, picture_identity
 from app.placement.desired_state import DesiredTransport, brightening_factors, same_coefficients
+from app.placement.placement_events import LayerRadiance, TransportReady
 
 # Coarse to fine. Lit anew is as fine as a preview in its pixels, and has the exact picture's details beside.
 _RANK = {"drag": 0, "coarse": 1, "preview": 2, "relit": 3, "final": 4}
@@ -40,8 +40,8 @@ _ANY = -1
 class RequestedTransport:
     """The transport asked last: what it is of, the document then, and how far it and the document's other needs are.
 
-    is_drag: for a light in the hand. is_last: whether its last stage has come. has_other_parts: whether images and indirect
-    light of the document as it is now are there; is_finished: whether all of its picture is.
+    is_drag: for a light in the hand. is_last: whether its last stage has come. has_other_parts: whether images and
+    indirect light of the document as it is now are there; is_finished: whether all of its picture is.
     """
 
     desired: DesiredTransport
@@ -98,7 +98,9 @@ class PictureTransition:
     def light_gain(self) -> Float64Array:
         """How much brighter (3,) the emitters of the document drawn are than in its pictures, where they are all there
         is of light."""
-        factors = None if self._desired is None else brightening_factors(emission_of(self.drawn), self._desired.emission)
+        factors = (
+            None if self._desired is None else brightening_factors(emission_of(self.drawn), self._desired.emission)
+        )
         return np.ones(3) if factors is None else factors
 
     # ------------------------------------------------------------------------------------------------- what has come
@@ -127,7 +129,12 @@ class PictureTransition:
     # ------------------------------------------------------------------------------------------------- what is shown
 
     def update(
-        self, document: Document, asked: RequestedTransport | None, dragging: bool, edited: Iterable[str], factor: str | None
+        self,
+        document: Document,
+        asked: RequestedTransport | None,
+        dragging: bool,
+        edited: Iterable[str],
+        factor: str | None,
     ) -> list[PictureEvent]:
         """What takes its place on screen now, in one frame; `drawn` is then the document of the picture.
 

@@ -3,8 +3,8 @@
     document ─┬─► Curves ─► coefficients wanted ─► renderer
               └─► transport, indirect light, images, side A ─► requests ─► worker ─► answers ─► picture events
 
-Each of them compares what the document and the view want with what was asked for and has come (see `transport_controller`);
-this joins them, and says what all of it comes to for the person.
+Each of them compares what the document and the view want with what was asked for and has come (see
+`transport_controller`); this joins them, and says what all of it comes to for the person.
 """
 
 from __future__ import annotations
@@ -16,28 +16,29 @@ from functools import partial
 
 from app.commands import EditCommand
 from app.commands.material import SetMaterial
-from app.effective_settings import effective_view, effective_settings
 from app.document import Document, layer_key
+from app.editor_status import PictureState, Status
+from app.effective_settings import effective_settings, effective_view
 from app.messages import CancelRequests, RequestFailed, Response
 from app.mode import EditorServices, ModeController, OpenedScene
 from app.picture_events import PictureEvent, SkyChanged
-from app.placement.band_plans import BandPlans, BandController
-from app.placement.picture_transition import RequestedTransport, PictureTransition
+from app.placement.accepted_light import AcceptedLight
+from app.placement.band_plans import BandController, BandPlans
 from app.placement.comparison import Comparison
-from app.placement.curves import Float64Array, Curves, picture_identity
+from app.placement.curves import Curves, Float64Array, picture_identity
 from app.placement.edited_curves import edited_layers
 from app.placement.error_controller import ErrorController
-from app.placement.placement_events import DocumentDrawn, Footprint, LayerRadiance, TransportReady
 from app.placement.indirect_controller import IndirectController
-from app.placement.accepted_light import AcceptedLight
 from app.placement.map_controller import MapController
+from app.placement.picture_transition import PictureTransition, RequestedTransport
+from app.placement.placement_events import DocumentDrawn, Footprint, LayerRadiance, TransportReady
 from app.placement.placement_messages import (
     BandsPlanned,
     BouncesPlanned,
     ComputeTransport,
     ErrorEstimated,
-    IndirectFrozen,
     IndirectFound,
+    IndirectFrozen,
     IndirectNoise,
     LayerPicture,
     LayerTransport,
@@ -50,7 +51,6 @@ from app.placement.placement_messages import (
     StageDone,
     StageFootprint,
 )
-from app.placement.relight_controller import RelightController
 from app.placement.placement_status import (
     NO_NOISE,
     PlacementStatus,
@@ -61,8 +61,8 @@ from app.placement.placement_status import (
     material_note,
     transport_note,
 )
+from app.placement.relight_controller import RelightController
 from app.placement.transport_controller import TransportController
-from app.editor_status import PictureState, Status
 from app.view_state import AS_PLANNED, ViewState
 from engine.indirect.clamping import TOO_BRIGHT
 from engine.material.layer import Layer
@@ -204,7 +204,9 @@ class PlacementController(ModeController):
             self._changeover.transport_requested(controller.received)
         self.maps.request_missing(document)
         if planned and not controller.drag_quality:
-            self.indirect.request_missing(now, document, view.selected, view.n_bounces, view.second_bands, controller.revision)
+            self.indirect.request_missing(
+                now, document, view.selected, view.n_bounces, view.second_bands, controller.revision
+            )
         return planned
 
     def _advance_transition(self, document: Document, view: ViewState, planned: bool) -> list[PictureEvent]:
@@ -233,11 +235,15 @@ class PlacementController(ModeController):
         if controller.requested is None or not controller.is_open:
             return None
         desired, document = controller.requested
-        has_rest = self.maps.is_complete and not self.indirect.is_outdated(controller.revision if controller.running else None)
+        has_rest = self.maps.is_complete and not self.indirect.is_outdated(
+            controller.revision if controller.running else None
+        )
         if controller.running and not self._changeover.has_picture and self._view.n_bounces != 1:
             # A first picture without the light between surfaces would have black metal.
             has_rest = has_rest and controller.has_stage and not self.indirect.is_pending
-        return RequestedTransport(desired, document, controller.drag_quality, controller.delivered_final, has_rest, controller.finished)
+        return RequestedTransport(
+            desired, document, controller.drag_quality, controller.delivered_final, has_rest, controller.finished
+        )
 
     def _compare(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
         """Side A as it is chosen, and brought up to date."""
@@ -387,7 +393,10 @@ class PlacementController(ModeController):
         controller = self._transport
         if not self._changeover.has_picture:
             return "waiting"
-        if not (controller.is_open and (controller.shows_final or controller.transport_is_current and controller.delivered_final)):
+        if not (
+            controller.is_open
+            and (controller.shows_final or controller.transport_is_current and controller.delivered_final)
+        ):
             return "preview"
         if not (controller.finished and self._report.exact and self._other_parts_complete) or self.is_held:
             return "refining"
@@ -445,7 +454,9 @@ class PlacementController(ModeController):
                 return []
             case LayerPicture():
                 self._changeover.receive_radiance(self._take_radiance(response))
-            case LayerTransport() if self._transport.receive_transport(response, self._document, self._services.view.selected):
+            case LayerTransport() if self._transport.receive_transport(
+                response, self._document, self._services.view.selected
+            ):
                 self._picture_changed()
                 footprint = self._footprints.get(response.stage)
                 self._changeover.receive_transport(_transport_ready(response, self.edited_layers, footprint))

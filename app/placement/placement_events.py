@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.picture_events import PictureEvent
-from app.placement.curves import Float64Array, Coefficients
+from app.placement.curves import Coefficients, Float64Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from app.messages import SetCamera, Request, Response
+from app.messages import Request, Response, SetCamera
 
 if TYPE_CHECKING:
     from app.scene_state import LayerState, SceneState
     from engine.material.layer import Layer
     from engine.material.layer_maps import Images, MapMeans
-    from engine.planner import RenderSettings, Precision
+    from engine.planner import Precision, RenderSettings
     from engine.render.picture_error import ErrorEstimate
 
 
@@ -109,8 +109,8 @@ class FreezeIndirect(Request):
 
 @dataclass(frozen=True, eq=False)
 class EstimateError(Request):
-    """Say how far off the picture of this scene is under the transport asked last, `second_bands` as in `FreezeIndirect`;
-    answered by `ErrorEstimated`, once that picture is there. has_map: with where it is off."""
+    """Say how far off the picture of this scene is under the transport asked last, `second_bands` as in
+    `FreezeIndirect`; answered by `ErrorEstimated`, once that picture is there. has_map: with where it is off."""
 
     built_on = (ComputeTransport,)
     answered_once = True

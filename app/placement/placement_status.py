@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from app.document import LightState
-from app.placement.transport_controller import TransportController
 from app.editor_status import Status
+from app.placement.transport_controller import TransportController
 from engine.planner import Precision
 from engine.render.picture_error import NONE, percent
 

@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from app.effective_settings import KNOBS
 from app.document import Document, reflecting_layers
-from app.placement.placement_status import PlacementStatus
 from app.editor_status import Status, duration
+from app.effective_settings import KNOBS
+from app.placement.placement_status import PlacementStatus
 from app.view_state import ViewState
 from engine.material.layer import Layer, object_of
+from engine.plan_lines import HEMISPHERE_RAYS, MAX_BANDS_OVERRIDDEN, MODE_LINES, LineValue
 from engine.planner import PRECISION_REASON, RAYS_REASON, edge_reason, sphere_reason, usual_bands
-from engine.plan_lines import HEMISPHERE_RAYS, MODE_LINES, MAX_BANDS_OVERRIDDEN, LineValue
 from engine.scene.description import MAX_BOUNCES
 
 Choices = tuple[tuple[str, LineValue], ...]

@@ -27,22 +27,28 @@ import numpy as np
 
 from app.commands.light import emission_of
 from app.document import SCENE_ENVIRONMENT, Document, LightState, Selection
-from app.messages import RequestFailed, Request
-from app.placement.curves import Float64Array, Coefficients, Curves, picture_identity
-from app.placement.edited_curves import EditedCurves, desired_curves, edited_layers
-from app.placement.placement_messages import ComputeTransport, ContractTransport, LayerPicture, LayerTransport, StageDone
+from app.messages import Request, RequestFailed
+from app.placement.curves import Coefficients, Curves, Float64Array, picture_identity
 from app.placement.desired_state import (
+    DesiredCurve,
+    DesiredTransport,
     PendingContraction,
     ReadyCurve,
-    DesiredCurve,
     ReadyLayer,
     TransportShape,
-    DesiredTransport,
     brightening_factors,
-    same_coefficients,
     desired_transport,
+    same_coefficients,
 )
-from engine.planner import RenderSettings, Precision
+from app.placement.edited_curves import EditedCurves, desired_curves, edited_layers
+from app.placement.placement_messages import (
+    ComputeTransport,
+    ContractTransport,
+    LayerPicture,
+    LayerTransport,
+    StageDone,
+)
+from engine.planner import Precision, RenderSettings
 
 IDLE_SECONDS = 0.25
 CONTRACT_PATIENCE = 3.0
@@ -176,7 +182,11 @@ class TransportController:
     @property
     def requested(self) -> tuple[DesiredTransport, Document] | None:
         """The transport asked last, and of which document that was."""
-        return None if self._requested is None or self._requested_document is None else (self._requested, self._requested_document)
+        return (
+            None
+            if self._requested is None or self._requested_document is None
+            else (self._requested, self._requested_document)
+        )
 
     @property
     def received(self) -> Collection[str]:
@@ -316,7 +326,9 @@ class TransportController:
         self._edited.desired = curves = desired_curves(document, selected, self._curves, self._precision)
         staying = self._staying(desired, is_drag)
         was_fixed = [shape.key for shape in self.requested_layers if shape.is_fixed and shape.key in staying]
-        is_fine = self._is_fine and self._requested is not None and desired.can_mix_with(self._requested) and not is_drag
+        is_fine = (
+            self._is_fine and self._requested is not None and desired.can_mix_with(self._requested) and not is_drag
+        )
         self.revision += 1
         self._requested, self._drag_quality, self._running, self._exact = desired, is_drag, True, False
         self._requested_document, self.has_stage = document, False
@@ -401,7 +413,9 @@ class TransportController:
         shown = self._layers.get(curve.key)
         new_picture = curve.factor is None or shown is None or not same_coefficients(shown.coefficients, wanted)
         state = self._curves.layer_state(document, curve.key)
-        request = ContractTransport(state, curve.factor, curve.precision, new_picture, is_follower, revision=self.revision)
+        request = ContractTransport(
+            state, curve.factor, curve.precision, new_picture, is_follower, revision=self.revision
+        )
         self._contraction = PendingContraction(self._send(request), curve, now)
 
     def _requested_shape(self, key: str) -> TransportShape | None:

@@ -21,11 +21,11 @@ from assets.scripts.bounces import save
 from engine.deform.deform_engine import Deform, finish_deform
 from engine.deform.pose import Deformation, Poses
 from engine.deform.posed_scene import pose_scene
+from engine.generators import run_to_end
 from engine.indirect.clamping import BRIGHTEST, clamp_radiance
 from engine.render.display import display_picture
 from engine.render.path_tracer import render_paths
 from engine.scene.surface_kinds import NO_SURFACE, DeformSurface, SurfacesByObject
-from engine.generators import run_to_end
 from engine.transport.pipeline import Placement
 
 N_RAYS, N_POINTS = 800, 5000

@@ -117,11 +117,11 @@ def measure(folder: Path, resolution: tuple[int, int] = RESOLUTION) -> dict[str,
     use_kernel_cache()
     from app.project import open_project
     from app.stills import plan_still, render_picture
-    from engine.indirect.series import BounceSeries
-    from engine.render.still_indirect import indirect_radiance
-    from engine.render.still import shape_of, still_layers, still_quality, with_maps
-    from engine.scene.raycaster import RayCaster
     from engine.generators import run_to_end
+    from engine.indirect.series import BounceSeries
+    from engine.render.still import shape_of, still_layers, still_quality, with_maps
+    from engine.render.still_indirect import indirect_radiance
+    from engine.scene.raycaster import RayCaster
     from engine.transport.pipeline import Placement
     from engine.transport.projection import project_layer
 

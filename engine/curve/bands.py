@@ -91,7 +91,9 @@ def band_values(
     return _clamp_with_neighbours(values, low, high, band_weights(n_bands, domain, by_solid_angle)[:, None])
 
 
-def _moments(curve: Callable[[Float64Array], Float64Array], edges: Float64Array, n_bands: int, domain: float) -> Float64Array:
+def _moments(
+    curve: Callable[[Float64Array], Float64Array], edges: Float64Array, n_bands: int, domain: float
+) -> Float64Array:
     """The integral of the curve times each hat, (J, 3)."""
     left, width = edges[:-1], np.diff(edges)
     cell, _ = _locate(left + 0.5 * width, n_bands, domain)
@@ -196,7 +198,9 @@ def _range_under_hats(
     return np.minimum(low[first], low[last]), np.maximum(high[first], high[last])
 
 
-def _clamp_with_neighbours(values: Float64Array, low: Float64Array, high: Float64Array, weights: Float64Array) -> Float64Array:
+def _clamp_with_neighbours(
+    values: Float64Array, low: Float64Array, high: Float64Array, weights: Float64Array
+) -> Float64Array:
     """Values (J, 3) within their bounds: an excess goes to the neighbours, what is left to all with room."""
     total = (values * weights).sum(axis=0)
     for _ in range(MAX_SHARING_ROUNDS):

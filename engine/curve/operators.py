@@ -27,8 +27,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.curve.unique_values import unique_sorted
 from engine.curve.falloff import STEEPEST, STEP_WIDTH, lever_extremes, smooth_step
+from engine.curve.unique_values import unique_sorted
 
 Float64Array = NDArray[np.float64]
 Curve = Callable[[Float64Array], Float64Array]

@@ -14,7 +14,8 @@ Float64Array = NDArray[np.float64]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def skin_range(
-    places: Float64Array, normals: Float64Array, bones: NDArray[np.int32], weights: Float64Array, moves: Float64Array, turns: Float64Array,
+    places: Float64Array, normals: Float64Array, bones: NDArray[np.int32], weights: Float64Array, moves: Float64Array,
+    turns: Float64Array,
     start: int, stop: int, moved: Float64Array, linear: Float64Array, turned: Float64Array,
 ) -> None:  # fmt: skip
     """Add to moved[start:stop] (V, 3) and to linear parts (V, 3, 3) what bones do to places (V, 3); fill turned (V, 3)

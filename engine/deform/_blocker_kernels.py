@@ -21,7 +21,8 @@ LEAST = 2e-3  # of an even light: a cluster takes so much less than it does, and
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def shadow_range(
-    start: int, stop: int, rows: Float32Array, casts: NDArray[np.bool_], owners: NDArray[np.int32], places: Float32Array,
+    start: int, stop: int, rows: Float32Array, casts: NDArray[np.bool_], owners: NDArray[np.int32],
+    places: Float32Array,
     normals: Float32Array, table: Float32Array, window: Float32Array, white: Float32Array,
 ) -> None:  # fmt: skip
     """Darken white[start:stop] (S, 3); rows (K, 14) of clusters: see `engine.deform.blockers`."""

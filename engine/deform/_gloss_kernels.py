@@ -19,7 +19,8 @@ Float32Array = NDArray[np.float32]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def gloss_range(
-    which: NDArray[np.int64], places: Float32Array, normals: Float32Array, camera_position: Float64Array, table: Float32Array, bands: Float32Array,
+    which: NDArray[np.int64], places: Float32Array, normals: Float32Array, camera_position: Float64Array,
+    table: Float32Array, bands: Float32Array,
     lean: Float32Array, steepest: float, cosine: Float32Array, even: float, white: Float32Array, sent: Float32Array,
 ) -> None:  # fmt: skip
     """Add what points send to the eye to sent (S, 3); bands (A, n, 3), lean (A,) for angles 0 to steepest of the eye;
@@ -29,7 +30,11 @@ def gloss_range(
     light = np.empty((n, 3), np.float32)
     for at in range(len(which)):
         p = which[at]
-        x, y, z = camera_position[0] - places[p, 0], camera_position[1] - places[p, 1], camera_position[2] - places[p, 2]
+        x, y, z = (
+            camera_position[0] - places[p, 0],
+            camera_position[1] - places[p, 1],
+            camera_position[2] - places[p, 2],
+        )
         length = math.sqrt(x * x + y * y + z * z)
         nx, ny, nz = normals[p, 0], normals[p, 1], normals[p, 2]
         if not length > 1e-15:  # the eye is where the point is: from straight above

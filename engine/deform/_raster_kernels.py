@@ -24,7 +24,8 @@ _NEAR = 1e-6  # of depth 1: what reaches nearer has no outline in the picture
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def set_up(
-    start: int, stop: int, places: Float32Array, corners: Int32Array, sides: Int32Array, camera_position: Float64Array, plane: Float64Array, view: Float64Array,
+    start: int, stop: int, places: Float32Array, corners: Int32Array, sides: Int32Array, camera_position: Float64Array,
+    plane: Float64Array, view: Float64Array,
     size: Int32Array, shares: Float32Array, boxes: Int32Array, front: Float32Array,
 ) -> None:  # fmt: skip
     """Fill shares[start:stop] (T, 3, 3), of each corner of triangles (T, 3) over places (V, 3): at column 0, a column
@@ -77,7 +78,9 @@ def _dot_cross(a: Float64Array, b: Float64Array, c: Float64Array) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def fill_rows(start: int, stop: int, shares: Float32Array, boxes: Int32Array, nearness: Float32Array, found: Int32Array) -> None:
+def fill_rows(
+    start: int, stop: int, shares: Float32Array, boxes: Int32Array, nearness: Float32Array, found: Int32Array
+) -> None:
     """Fill rows [start, stop) of found (H, W), the nearest triangle or -1, and of nearness (H, W), 1 / distance in
     lengths of a pixel's direction."""
     half, tiny = np.float32(0.5), np.float32(-1e-6)
@@ -101,8 +104,10 @@ def fill_rows(start: int, stop: int, shares: Float32Array, boxes: Int32Array, ne
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def paint_rows(
-    start: int, stop: int, found: Int32Array, shares: Float32Array, sides: Int32Array, front: Float32Array, i_object: Int32Array,
-    white: Float32Array, gloss: Float32Array, albedos: Float32Array, emission: Float32Array, plane: Float64Array, sky: Float32Array, turn: float,
+    start: int, stop: int, found: Int32Array, shares: Float32Array, sides: Int32Array, front: Float32Array,
+    i_object: Int32Array,
+    white: Float32Array, gloss: Float32Array, albedos: Float32Array, emission: Float32Array, plane: Float64Array,
+    sky: Float32Array, turn: float,
     scale: float, picture: Float32Array,
 ) -> None:  # fmt: skip
     """Fill rows [start, stop) of picture (H, W, 3): white (S, 3) between a triangle's points times the object's albedo

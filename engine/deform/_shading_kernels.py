@@ -17,7 +17,8 @@ Float32Array = NDArray[np.float32]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def shade_range(
-    low: Float32Array, axes: Float32Array, coefficients: Float32Array, frames: Float32Array, light: Float32Array, table: Float32Array,
+    low: Float32Array, axes: Float32Array, coefficients: Float32Array, frames: Float32Array, light: Float32Array,
+    table: Float32Array,
     start: int, stop: int, radiance: Float32Array,
 ) -> None:  # fmt: skip
     """Fill radiance[start:stop] (P, 3) (eq. 25).

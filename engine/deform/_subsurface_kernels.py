@@ -18,7 +18,8 @@ _NEAR = 16.0  # squares of radii: nearer, the disc about a place is not a point
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def gather_range(
-    entering: Float64Array, places: Float64Array, areas: Float64Array, numbers: NDArray[np.int32], points: Float64Array, own: Float64Array,
+    entering: Float64Array, places: Float64Array, areas: Float64Array, numbers: NDArray[np.int32],
+    points: Float64Array, own: Float64Array,
     table: Float64Array, reach: float, start: int, stop: int, leaving: Float64Array,
 ) -> None:  # fmt: skip
     """Fill leaving[start:stop] (P, n^2).

@@ -17,7 +17,13 @@ Int32Array = NDArray[np.int32]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def turn_range(
-    vectors: Float64Array, frames: Float64Array, places: Float64Array, weighed: Float64Array, start: int, stop: int, turned: Float64Array
+    vectors: Float64Array,
+    frames: Float64Array,
+    places: Float64Array,
+    weighed: Float64Array,
+    start: int,
+    stop: int,
+    turned: Float64Array,
 ) -> None:
     """Fill turned[start:stop]: the functions (P, n^2) in axes that `frames` (P, 3, 3) take to their own.
 
@@ -46,7 +52,8 @@ def turn_range(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def gather_range(
-    firsts: NDArray[np.int64], triangle: Int32Array, u: NDArray[np.float32], v: NDArray[np.float32], corners: Int32Array,
+    firsts: NDArray[np.int64], triangle: Int32Array, u: NDArray[np.float32], v: NDArray[np.float32],
+    corners: Int32Array,
     share: float, sent: Float64Array, start: int, stop: int, gathered: Float64Array,
 ) -> None:  # fmt: skip
     """Fill gathered[start:stop]: `share` of what the hits of each point send (P, n^2).

@@ -98,7 +98,9 @@ def _copy_rows(rows: Float64Array, out: Float64Array) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _add_greedily(target: Float64Array, first: int, scan: Float64Array, scanned: Float64Array, axes: Float64Array, work: _Work) -> None:
+def _add_greedily(
+    target: Float64Array, first: int, scan: Float64Array, scanned: Float64Array, axes: Float64Array, work: _Work
+) -> None:
     """Axes one by one, each the best for what those before it leave."""
     rest = target.copy()
     for i in range(axes.shape[0]):

@@ -21,10 +21,14 @@ from engine.threads import even_parts, on_threads
 Float64Array = NDArray[np.float64]
 Values = dict[tuple[int, str], Float64Array]
 
-REST_TOLERANCE = 1e-5  # of the mesh's extent: a bone that moves nothing of it by more is at rest, but for the file's rounding
+REST_TOLERANCE = (
+    1e-5  # of the mesh's extent: a bone that moves nothing of it by more is at rest, but for the file's rounding
+)
 
 
-def animated_pose(rig: Rig, rest: Pose, triangles: NDArray[np.int32], clip: str, time: float, loop: bool = True) -> Pose:
+def animated_pose(
+    rig: Rig, rest: Pose, triangles: NDArray[np.int32], clip: str, time: float, loop: bool = True
+) -> Pose:
     """The pose at a time, seconds; beyond a clip's end it begins anew, or without `loop` stays as it ends.
 
     rest: the object's vertices (V, 3), `Scene.vertices` in its range, and their axes; triangles (T, 3): numbers of

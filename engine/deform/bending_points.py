@@ -18,8 +18,8 @@ from engine.deform.transfer import TransferPoints
 from engine.orbit.lit_faces import lit_sides
 from engine.orbit.shading_points import ShadingPoints, shading_points, with_backs
 from engine.scene.local_frames import local_frames
-from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import Intersections, RayCaster
+from engine.scene.scene_loader import Scene
 from engine.scene.surface_points import SurfacePoints
 from engine.scene.surface_uvs import corner_uvs, uvs_at
 
@@ -79,8 +79,8 @@ class BendingPoints:
         return Pose(self._rest[mine], frames)
 
     def move_with_mesh(self, i_object: int, resting: Pose, rest: Pose, moved: Pose) -> Pose:
-        """What `rest_geometry` gave when the vertices of the object's mesh go from rest to a pose: each goes as the triangle
-        does that it lies on."""
+        """What `rest_geometry` gave when the vertices of the object's mesh go from rest to a pose: each goes as the
+        triangle does that it lies on."""
         mine = np.flatnonzero(self._i_object == i_object)
         source, (u, v) = self._at[0][mine], self._at[1][mine].T
         vertices = self._scene.triangles[source] - self._scene.vertex_ranges[i_object, 0]

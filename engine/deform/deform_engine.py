@@ -21,29 +21,29 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform.surface_details import Detail, detail
-from engine.deform.gloss import low_gloss
-from engine.deform.object_transfer import N_LOBES, ORDER, TransferCache, ObjectTransfer, TransferStore
-from engine.deform.gpu_parts import NO_PARTS, Numbers, PictureExport
-from engine.deform.picture_renderer import PictureRenderer, Quality, camera_position_of
 from engine.deform.bending_points import BendingPoints, bending_points
+from engine.deform.gloss import low_gloss
+from engine.deform.gpu_export import PictureExporter
+from engine.deform.gpu_parts import NO_PARTS, Numbers, PictureExport
+from engine.deform.object_transfer import N_LOBES, ORDER, ObjectTransfer, TransferCache, TransferStore
+from engine.deform.picture_renderer import PictureRenderer, Quality, camera_position_of
 from engine.deform.pose import Poses
 from engine.deform.reflectance import Reflectance, albedos, reflectance
 from engine.deform.shading import BandLight, Lobes, band_light
 from engine.deform.shading_state import LayersOf, ShadingState, is_glossy
-from engine.deform.gpu_export import PictureExporter
+from engine.deform.surface_details import Detail, detail
 from engine.deform.transfer import N_RAYS, unshadowed
 from engine.deform.zonal import Zonal, fit
+from engine.generators import run_to_end
 from engine.light.environment import triangle_integrals
 from engine.material.layer import Layer
 from engine.material.layer_maps import Images
 from engine.render.still import StillProgress
 from engine.scene.description import CameraDescription
-from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene
 from engine.scene.surface_kinds import DeformSurface, SurfacesByObject
 from engine.sphere.harmonics import project
-from engine.generators import run_to_end
 from engine.transport.pipeline import SkyState
 
 Float32Array = NDArray[np.float32]
@@ -142,7 +142,9 @@ class Deform:
     @property
     def is_done(self) -> bool:
         """Whether there is no work left."""
-        return self._lobes is not None and all(self._cache.get(each.i_object) == each for each in self._final_transfers())
+        return self._lobes is not None and all(
+            self._cache.get(each.i_object) == each for each in self._final_transfers()
+        )
 
     @property
     def fraction(self) -> float:
@@ -163,7 +165,8 @@ class Deform:
     def lost_shares(self) -> dict[int, float]:
         """The share of the sharpest layer's reflection that is too sharp for this, by object; see `LowGloss.lost`."""
         found = {
-            i: [low_gloss(each, ORDER).lost_share for each in own if is_glossy(each)] for i, own in self._layers_of.items()
+            i: [low_gloss(each, ORDER).lost_share for each in own if is_glossy(each)]
+            for i, own in self._layers_of.items()
         }
         return {i: max(each) for i, each in found.items() if each}
 

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from engine.deform.pose import orthonormal
 from engine.deform.transfer import TransferPoints, simulate
 from engine.deform.zonal import MAX_LOBES, fit
-from engine.scene.builtin import builtin_scenes
-from engine.scene.scene_loader import load_scene
-from engine.scene.raycaster import RayCaster
-from engine.scene.surface_points import surface_points
 from engine.generators import map_steps
+from engine.scene.builtin import builtin_scenes
+from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import load_scene
+from engine.scene.surface_points import surface_points
 
 Float64Array = NDArray[np.float64]
 
@@ -31,7 +31,9 @@ def random_vectors(count: int = N_RANDOM, n: int = ORDER) -> Float64Array:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1)[:, None])
 
 
-def shadowed_mesh(n_points: int = N_POINTS, n_rays: int = N_RAYS, n: int = ORDER) -> Generator[float, None, Float64Array]:
+def shadowed_mesh(
+    n_points: int = N_POINTS, n_rays: int = N_RAYS, n: int = ORDER
+) -> Generator[float, None, Float64Array]:
     """Vectors (P, n^2) of about so many vertices, evenly chosen, of the built-in head with its own shadows. Yields the
     share that is done."""
     scene = load_scene(builtin_scenes()[MESH[0]])

@@ -79,7 +79,8 @@ def low_gloss(layer: Layer, n: int) -> LowGloss:
 
 
 def add_gloss(
-    gloss: LowGloss, factor: NDArray[np.floating], which: NDArray[np.int64], places: Float32Array, normals: Float32Array,
+    gloss: LowGloss, factor: NDArray[np.floating], which: NDArray[np.int64], places: Float32Array,
+    normals: Float32Array,
     camera_position: Float64Array, light: BandLight, white: Float32Array, sent: Float32Array,
 ) -> None:  # fmt: skip
     """Add to sent (S, 3) what points (P,) of all send to the eye (3,), times factor (3,).
@@ -91,7 +92,8 @@ def add_gloss(
 
     def part(start: int, stop: int) -> None:
         kernels.gloss_range(
-            which[start:stop], places, normals, camera_position, light.table, bands, gloss.lean, float(STEEPEST), cosine,
+            which[start:stop], places, normals, camera_position, light.table, bands, gloss.lean, float(STEEPEST),
+            cosine,
             even_light(light), white, sent,
         )  # fmt: skip
 

@@ -1,5 +1,5 @@
-"""Tells the parts that a graphics card draws of (`engine.deform.gpu_parts`), which the window knows without all this; of a
-pose that moves, what the window does not have."""
+"""Tells the parts that a graphics card draws of (`engine.deform.gpu_parts`), which the window knows without all this;
+of a pose that moves, what the window does not have."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.deform._blocker_kernels import LEAST
+from engine.deform.bending_points import BendingPoints
 from engine.deform.blockers import Blockers, spread_of
-from engine.deform.surface_details import Detail
 from engine.deform.gloss import STEEPEST, even_light
 from engine.deform.gpu_parts import (
     NO_PARTS,
-    CoverPart,
     AppearancePart,
-    Numbers,
-    PosedPart,
-    ShapePart,
-    Float32Array,
-    SkyPart,
-    PictureExport,
+    CoverPart,
     ExportedDetail,
     ExportedTerm,
+    Float32Array,
+    Numbers,
+    PictureExport,
+    PosedPart,
+    ShapePart,
+    SkyPart,
 )
-from engine.deform.bending_points import BendingPoints
 from engine.deform.pose import Poses
 from engine.deform.posed_points import PosedPoints
 from engine.deform.shading import Lobes
 from engine.deform.shading_state import ShadingState, albedo
+from engine.deform.surface_details import Detail
 from engine.scene.scene_loader import Scene
 from engine.sphere.harmonics import clamped_cosine
 from engine.texture.gpu_export import ImageExporter, image_words, stroke_words
@@ -48,7 +48,9 @@ class PictureExporter:
         self._cover: tuple[tuple[object, ...], CoverPart] | None = None
         self._sky: SkyPart | None = None
 
-    def export(self, of: ShadingState, camera_position: NDArray[np.float64], poses: Poses, known: Numbers = NO_PARTS) -> PictureExport:
+    def export(
+        self, of: ShadingState, camera_position: NDArray[np.float64], poses: Poses, known: Numbers = NO_PARTS
+    ) -> PictureExport:
         """All of a picture but the parts whose numbers are known; eye (3,): where the camera stands."""
         places, frames = self._posed.at(poses)
         if self._shape is None or self._shape[0] is not of.lobes:
@@ -61,7 +63,10 @@ class PictureExporter:
         assert self._cover is not None
         shape, look, cover, sky = self._shape[1], self._appearance[1], self._cover[1], self._sky
         axes = [self._posed.axes_of(i)[1].reshape(-1, 9) for i in of.details]
-        all_axes, rows = np.concatenate(axes) if axes else np.zeros((0, 9), np.float32), self._blockers.rows(of.casting_objects)
+        all_axes, rows = (
+            np.concatenate(axes) if axes else np.zeros((0, 9), np.float32),
+            self._blockers.rows(of.casting_objects),
+        )
         posed = posed_part(places, frames, all_axes, rows, camera_position)
         numbers = shape.number, look.number, cover.number, sky.number
         is_new = [number != here for number, here in zip(numbers, known, strict=True)]
@@ -78,7 +83,8 @@ class PictureExporter:
             firsts[i] = _export_detail(n_told, each)
             n_told += _lobe_rows(each).size
         terms = tuple(
-            ExportedTerm(i, _as_triple(albedo(layer)), None if layer.maps.is_plain else images.maps(layer.maps), firsts.get(i))
+            ExportedTerm(i, _as_triple(albedo(layer)), None if layer.maps.is_plain else images.maps(layer.maps),
+            firsts.get(i))
             for i in of.layers_of for layer in of.pixel_layers(i)
         )  # fmt: skip
         covered = tuple(dict.fromkeys(term.i_object for term in terms))
@@ -133,7 +139,11 @@ def appearance_part(of: ShadingState, terms: tuple[ExportedTerm, ...] = ()) -> A
 
 
 def posed_part(
-    places: Float32Array, frames: Float32Array, axes: Float32Array, blockers: Float32Array, camera_position: NDArray[np.float64]
+    places: Float32Array,
+    frames: Float32Array,
+    axes: Float32Array,
+    blockers: Float32Array,
+    camera_position: NDArray[np.float64],
 ) -> PosedPart:
     """places (V, 3) of all that is drawn, frames (S, 3, 3) of the points, which are the first of them."""
     rows = np.zeros((len(places), 12), np.float32)

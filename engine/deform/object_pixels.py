@@ -13,8 +13,8 @@ from engine.deform.raster import RasterResult
 from engine.material.layer_maps import LayerMaps
 from engine.orbit.view_maps import MOVING_PROBES
 from engine.render.map_sampler import paint_weights, sample_images
-from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import Intersections
+from engine.scene.scene_loader import Scene
 from engine.texture.pyramid import MOST_PROBES, Pyramid
 
 IntegerArray = NDArray[np.integer]

@@ -9,17 +9,17 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform.surface_details import heights, n_texels, patch_vectors, wrinkle_lobes
-from engine.deform.membrane import membrane
 from engine.deform.bending_points import BendingPoints
+from engine.deform.membrane import membrane
 from engine.deform.reflectance import Reflectance
 from engine.deform.subsurface import Medium, simulate_subsurface
+from engine.deform.surface_details import heights, n_texels, patch_vectors, wrinkle_lobes
 from engine.deform.transfer import add_bounces, simulate_shadows
-from engine.deform.zonal import Zonal, fit_linear_lobe, fit
+from engine.deform.zonal import Zonal, fit, fit_linear_lobe
+from engine.generators import map_steps
 from engine.material.layer_maps import Images
 from engine.scene.scene_loader import Scene
 from engine.scene.surface_kinds import DeformSurface
-from engine.generators import map_steps
 
 ORDER, N_LOBES = 6, 4
 
@@ -83,7 +83,9 @@ class ObjectTransfer:
         vectors = yield from simulate_shadows(mesh, caster, ORDER, self.n_rays)
         if self.reflectance.brightest and self.n_bounces:
             albedo = self.reflectance.albedo
-            vectors = yield from map_steps(add_bounces(mesh, caster, vectors, albedo, self.n_bounces), lambda share: 0.99)
+            vectors = yield from map_steps(
+                add_bounces(mesh, caster, vectors, albedo, self.n_bounces), lambda share: 0.99
+            )
         return vectors
 
 

@@ -17,11 +17,11 @@ from engine.deform import _patch_kernels as kernels
 from engine.deform.pose import orthonormal
 from engine.deform.shading import Lobes, lobes
 from engine.deform.subsurface import Medium, Sources, subsurface
-from engine.deform.transfer import N_RAYS, TransferPoints, cosine_directions, simulate, rotate_transfer
+from engine.deform.transfer import N_RAYS, TransferPoints, cosine_directions, rotate_transfer, simulate
 from engine.deform.zonal import Zonal
+from engine.generators import map_steps
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points
-from engine.generators import map_steps
 from engine.threads import even_parts, on_threads
 
 Float64Array = NDArray[np.float64]

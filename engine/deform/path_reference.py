@@ -39,7 +39,9 @@ class PathReference:
         self.picture = before + (found - before) / np.float32(self.n_passes)
 
 
-def compose_split(traced: Float32Array | None, stays: Float32Array, own: Float32Array, split: tuple[float, float]) -> Float32Array:
+def compose_split(
+    traced: Float32Array | None, stays: Float32Array, own: Float32Array, split: tuple[float, float]
+) -> Float32Array:
     """One picture (H, W, 3) of three: up to the first share of its width what paths show, up to the second transfer
     that does not turn, then the own. traced may have other pixels; None: not there yet, so that the own stands dark."""
     height, width = own.shape[:2]

@@ -8,16 +8,16 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.deform.bending_points import BendingPoints
 from engine.deform.blockers import Blockers, add_shadows
-from engine.deform.surface_details import shade_pixels
 from engine.deform.gloss import add_gloss
 from engine.deform.object_pixels import Pixels, pixels_of
-from engine.deform.bending_points import BendingPoints
 from engine.deform.pose import Poses
 from engine.deform.posed_points import PosedPoints
 from engine.deform.raster import RasterResult, draw, paint
 from engine.deform.shading import shade
 from engine.deform.shading_state import Float32Array, ShadingState, albedo
+from engine.deform.surface_details import shade_pixels
 from engine.render.error_colours import error_to_radiance
 from engine.scene.description import CameraDescription
 from engine.scene.scene_loader import Scene
@@ -38,7 +38,11 @@ class PictureRenderer:
         quality: Quality = "moving", turned: bool = True,
     ) -> Float32Array:  # fmt: skip
         """Radiance (H, W, 3); see `Deform.draw`."""
-        points, camera_position, fine = self._points, camera_position_of(of.scene, camera), 2 if quality == "rest" else 1
+        points, camera_position, fine = (
+            self._points,
+            camera_position_of(of.scene, camera),
+            2 if quality == "rest" else 1,
+        )
         places, frames = self.posed.at(poses)
         white = self._shade_points(of, poses, places, frames, turned)
         gloss = self._gloss(of, places, frames, camera_position, white)
@@ -52,7 +56,9 @@ class PictureRenderer:
         self, of: ShadingState, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = ()
     ) -> Float32Array:
         """How far the lobes of what is seen are off (H, W, 3); see `Deform.draw_errors`."""
-        drawn = draw(self._points.surface, self.posed.at(poses)[0], camera, camera_position_of(of.scene, camera), resolution)
+        drawn = draw(
+            self._points.surface, self.posed.at(poses)[0], camera, camera_position_of(of.scene, camera), resolution
+        )
         errors = np.repeat(error_to_radiance(of.errors).astype(np.float32)[:, None], 3, axis=1)
         one = np.ones((len(of.scene.smooth), 3), np.float32)
         picture = paint(drawn, self._points.surface, errors, np.zeros_like(errors), one, np.zeros_like(one))
@@ -62,7 +68,9 @@ class PictureRenderer:
                 picture[pixels.rows, pixels.columns] = of_pixels[:, None]
         return picture
 
-    def _shade_points(self, of: ShadingState, poses: Poses, places: Float32Array, frames: Float32Array, turned: bool) -> Float32Array:
+    def _shade_points(
+        self, of: ShadingState, poses: Poses, places: Float32Array, frames: Float32Array, turned: bool
+    ) -> Float32Array:
         """What white matt points send (S, 3), with the shadows that no transfer has."""
         made_of = (poses, turned, of.lobes, of.bands, of.casters)
         if self._white[0] != made_of:
@@ -74,18 +82,31 @@ class PictureRenderer:
         return self._white[1]
 
     def _gloss(
-        self, of: ShadingState, places: Float32Array, frames: Float32Array, camera_position: NDArray[np.float64], white: Float32Array
+        self,
+        of: ShadingState,
+        places: Float32Array,
+        frames: Float32Array,
+        camera_position: NDArray[np.float64],
+        white: Float32Array,
     ) -> Float32Array:
         """What points send to the eye of layers that are not matt (S, 3)."""
         sent = np.zeros_like(white)
         normals = np.ascontiguousarray(frames[:, 2])
         for i in of.layers_of:
             for low, factor in of.glosses_of(i):
-                add_gloss(low, factor, self._points.points_of(i), places, normals, camera_position, of.bands, white, sent)
+                add_gloss(
+                    low, factor, self._points.points_of(i), places, normals, camera_position, of.bands, white, sent
+                )
         return sent
 
     def _add_by_pixel(
-        self, of: ShadingState, i: int, drawn: RasterResult, white: Float32Array, picture: Float32Array, quality: Quality
+        self,
+        of: ShadingState,
+        i: int,
+        drawn: RasterResult,
+        white: Float32Array,
+        picture: Float32Array,
+        quality: Quality,
     ) -> None:
         layers = list(of.pixel_layers(i))
         pixels = pixels_of(i, drawn, self._points) if layers else None

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.deform.bending_points import BendingPoints
-from engine.deform.pose import Pose, Poses, Motion, check_extent, deform
-from engine.deform.posed_scene import animate_vertices, deformers, moment_of, animation_offset
+from engine.deform.pose import Motion, Pose, Poses, check_extent, deform
+from engine.deform.posed_scene import animate_vertices, animation_offset, deformers, moment_of
 from engine.deform.uv_axes import SurfaceAxes
 from engine.scene.scene_loader import MAX_EXTENT, Scene
 
@@ -61,7 +61,10 @@ class PosedPoints:
         self._shifts[i] = np.zeros(3)
         if moment_of(self._scene, i, row) is not None:
             rest, moment = animate_vertices(self._scene, i, row)
-            carried, self._shifts[i] = self._points.move_with_mesh(i, resting, rest, moment), animation_offset(rest, moment)
+            carried, self._shifts[i] = (
+                self._points.move_with_mesh(i, resting, rest, moment),
+                animation_offset(rest, moment),
+            )
         pose = deform(carried, deformers(row), resting.box + self._shifts[i])
         check_extent(self._scene.object_names[i], pose.positions, MAX_EXTENT)
         return pose

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.deform import animated_pose
-from engine.deform.pose import Deformation, Moment, Pose, Poses, Motion, check_extent, deform
+from engine.deform.pose import Deformation, Moment, Motion, Pose, Poses, check_extent, deform
 from engine.scene.local_frames import local_frames, object_tangents
-from engine.scene.scene_loader import MAX_EXTENT, Scene
 from engine.scene.mesh import face_normals
+from engine.scene.scene_loader import MAX_EXTENT, Scene
 
 
 def pose_scene(scene: Scene, poses: Poses) -> Scene:

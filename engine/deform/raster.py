@@ -66,7 +66,13 @@ class Backdrop:
 BLACK = Backdrop(np.zeros((1, 1, 3), np.float32))
 
 
-def draw(surface: RasterTriangles, places: Float32Array, camera: CameraDescription, camera_position: Float64Array, size: tuple[int, int]) -> RasterResult:
+def draw(
+    surface: RasterTriangles,
+    places: Float32Array,
+    camera: CameraDescription,
+    camera_position: Float64Array,
+    size: tuple[int, int],
+) -> RasterResult:
     """What a camera sees of triangles over places (V, 3); eye (3,): where it stands among them; size: width, height."""
     width, height = size
     plane, view = _plane(camera, size)
@@ -78,7 +84,18 @@ def draw(surface: RasterTriangles, places: Float32Array, camera: CameraDescripti
 
     def set_up(start: int, stop: int) -> None:
         kernels.set_up(
-            start, stop, places, surface.corners, surface.sides, camera_position, plane, view, limits, shares, boxes, front
+            start,
+            stop,
+            places,
+            surface.corners,
+            surface.sides,
+            camera_position,
+            plane,
+            view,
+            limits,
+            shares,
+            boxes,
+            front,
         )
 
     on_threads(set_up, *even_parts(n))
@@ -87,7 +104,8 @@ def draw(surface: RasterTriangles, places: Float32Array, camera: CameraDescripti
 
 
 def paint(
-    drawn: RasterResult, surface: RasterTriangles, white: Float32Array, gloss: Float32Array, albedos: Float32Array, emission: Float32Array,
+    drawn: RasterResult, surface: RasterTriangles, white: Float32Array, gloss: Float32Array, albedos: Float32Array,
+    emission: Float32Array,
     backdrop: Backdrop = BLACK,
 ) -> Float32Array:  # fmt: skip
     """Radiance (H, W, 3): white and gloss (S, 3) of the points, albedos and emission (M, 3) of the objects."""

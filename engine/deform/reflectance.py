@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform.gloss import low_gloss
 from engine.deform.bending_points import BendingPoints
+from engine.deform.gloss import low_gloss
 from engine.deform.shading_state import albedo, is_glossy
 from engine.light.environment import LUMINANCE
 from engine.material.layer import Layer

@@ -10,10 +10,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform.surface_details import Detail
 from engine.deform.gloss import LowGloss, low_gloss
 from engine.deform.raster import BLACK, Backdrop
 from engine.deform.shading import BandLight, Lobes
+from engine.deform.surface_details import Detail
 from engine.material.layer import Layer
 from engine.orbit.slices import diffuse_reflectance
 from engine.render.map_sampler import mean_factor

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from engine.deform import _subsurface_kernels as kernels
-from engine.deform.transfer import N_RAYS, TransferPoints, simulate, rotate_transfer
-from engine.scene.raycaster import RayCaster
+from engine.deform.transfer import N_RAYS, TransferPoints, rotate_transfer, simulate
 from engine.generators import map_steps
+from engine.scene.raycaster import RayCaster
 from engine.threads import even_parts, on_threads
 
 Float64Array = NDArray[np.float64]
@@ -87,7 +87,9 @@ class Medium:
             low, high = high, 2.0 * high
         for _ in range(40):
             middle = (low + high) / 2.0
-            low, high = (middle, high) if self.integral_beyond(middle) > LEFT_OUT * self.integral_beyond(0.0) else (low, middle)
+            low, high = (
+                (middle, high) if self.integral_beyond(middle) > LEFT_OUT * self.integral_beyond(0.0) else (low, middle)
+            )
         return high
 
 

@@ -142,7 +142,12 @@ def detail(scene: Scene, surface: DeformSurface, zonal: Zonal) -> Detail:
 
 
 def shade_pixels(
-    found: Detail, uvs: Float64Array, axes: Float32Array, weights: Float32Array, is_front: NDArray[np.bool_], light: BandLight
+    found: Detail,
+    uvs: Float64Array,
+    axes: Float32Array,
+    weights: Float32Array,
+    is_front: NDArray[np.bool_],
+    light: BandLight,
 ) -> Float32Array:
     """What white matt pixels (N, 3) send; axes (N, 3, 3, 3) of the corners of their triangles and shares (N, 3) of
     these; of backs the detail is turned inside out."""

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from engine.deform import _transfer_kernels as kernels
+from engine.generators import map_steps
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import SurfacePoints
 from engine.sphere.harmonics import basis, quadrature
-from engine.generators import map_steps
 from engine.threads import even_parts, on_threads
 
 Float64Array = NDArray[np.float64]
@@ -55,12 +55,16 @@ def simulate(
     end = 0.7 if n_bounces else 1.0
     total = yield from map_steps(simulate_shadows(mesh, caster, n, n_rays), lambda share: end * share)
     if n_bounces:
-        total = yield from map_steps(add_bounces(mesh, caster, total, albedo, n_bounces), lambda share: end + 0.2 * share)
+        total = yield from map_steps(
+            add_bounces(mesh, caster, total, albedo, n_bounces), lambda share: end + 0.2 * share
+        )
     yield 1.0
     return total
 
 
-def simulate_shadows(mesh: TransferPoints, caster: RayCaster, n: int, n_rays: int = N_RAYS) -> Generator[float, None, Float64Array]:
+def simulate_shadows(
+    mesh: TransferPoints, caster: RayCaster, n: int, n_rays: int = N_RAYS
+) -> Generator[float, None, Float64Array]:
     """Vectors (P, n^2) of order n with the shadows of what the rays can meet. Yields the share that is done."""
     total = np.empty((len(mesh.frames), n * n))
     for start, stop, rays in ray_blocks(mesh, cosine_directions(n_rays, n)[0]):

@@ -98,14 +98,18 @@ def wrinkles(n: int = ORDER, side: int = SIDE) -> Generator[float, None, Wrinkle
     return replace(fitted, errors=np.sqrt(np.maximum(about_nodes[::_PER_CELL, ::_PER_CELL], 0.0)))
 
 
-def _error(values: Float64Array, targets: Float64Array, places: Float64Array, shapes: tuple) -> tuple[float, Float64Array]:
+def _error(
+    values: Float64Array, targets: Float64Array, places: Float64Array, shapes: tuple
+) -> tuple[float, Float64Array]:
     """The squared error of all samples and its gradient; by parts whose number does not depend on the cores."""
     axes, coefficients = _split_values(values, shapes)
     gradients = np.zeros((_PARTS, len(values)))
 
     def part(i: int) -> float:
         ends = len(targets) * i // _PARTS, len(targets) * (i + 1) // _PARTS
-        return float(kernels.error_range(targets, places, axes, coefficients, *ends, *_split_values(gradients[i], shapes)))
+        return float(
+            kernels.error_range(targets, places, axes, coefficients, *ends, *_split_values(gradients[i], shapes))
+        )
 
     return sum(on_threads(part, range(_PARTS))), gradients.sum(axis=0)
 

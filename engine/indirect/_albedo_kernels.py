@@ -3,7 +3,14 @@
 import numba as nb
 import numpy as np
 
-from engine.indirect._ray_kernels import ABOUT_AXIS, BY_COSINE, HORIZON, direction_pdf, sample_direction, pattern_rotation
+from engine.indirect._ray_kernels import (
+    ABOUT_AXIS,
+    BY_COSINE,
+    HORIZON,
+    direction_pdf,
+    pattern_rotation,
+    sample_direction,
+)
 from engine.indirect._reflection_kernels import HALF_PI, ONE, ZERO, _node
 from engine.material._kernels import gamma, quotient_cosine
 
@@ -21,7 +28,9 @@ def albedo_bands(model, q, kind_a, kind_b, lobe_axis, eyes, tables_cosine, table
             if m < n_cosine:
                 x, y, z = sample_direction(tables_cosine[pattern], m, BY_COSINE, cosine, sine, lobe_axis, ox, oy, oz)
             else:
-                x, y, z = sample_direction(tables_lobe[pattern], m - n_cosine, ABOUT_AXIS, cosine, sine, lobe_axis, ox, oy, oz)
+                x, y, z = sample_direction(
+                    tables_lobe[pattern], m - n_cosine, ABOUT_AXIS, cosine, sine, lobe_axis, ox, oy, oz
+                )
             if z <= HORIZON:
                 continue
             angle = gamma(kind_a, q, x, y, z, ox, oy, oz)

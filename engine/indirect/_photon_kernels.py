@@ -17,7 +17,7 @@ import numba as nb
 import numpy as np
 
 from engine.indirect._cache_kernels import _point_in_triangle, _position, _shading_normal
-from engine.indirect._ray_kernels import ABOUT_AXIS, HORIZON, direction_pdf, sample_direction, local_wo
+from engine.indirect._ray_kernels import ABOUT_AXIS, HORIZON, direction_pdf, local_wo, sample_direction
 from engine.indirect._reflection_kernels import CONSTANT, HALF_PI, ONE, ZERO, _node
 from engine.indirect._second_bounce_kernels import (
     TINY,
@@ -26,8 +26,8 @@ from engine.indirect._second_bounce_kernels import (
     _tangent,
     _to_local,
     _to_world,
-    photon_share,
     expected_photons,
+    photon_share,
 )
 from engine.material._kernels import gamma, quotient_cosine
 
@@ -41,7 +41,8 @@ _OFF_PLANE = np.float32(0.07)
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def emit(numbers, about, triangles, per_area, mesh, lobe_axes, axes, lamps, offset,
          starts, to_light, limits, onward, normals, power, ahead):  # fmt: skip
-    """n photons from the triangles (n,), by numbers (n, 5) in [0, 1) and unit vectors `about` (n, 3) of a lobe_axis table.
+    """n photons from the triangles (n,), by numbers (n, 5) in [0, 1) and unit vectors `about` (n, 3) of a lobe_axis
+    table.
 
     per_area (M,): how many start on a square metre of each object. Writes starts (n, 3) of rays to_light (n, 3), as
     far as limits (n,), and onward (n, 3), normals (n, 3), power (n, 3) without the material, 0 where there is none;

@@ -1,10 +1,10 @@
 """Compiled: the directions of a gather point's rays, and how densely they lie.
 
-A fan joins two sets: the first by the cosine, the second about the lobe_axis of the point's highlight, dense in the middle
-as 1 / (1 - cos t + ε), so that every octave of the angle t gets its share and a band near the lobe_axis is not starved,
-whichever curve will be edited. Both count with the density of the whole fan (the balance heuristic [Veach97, sect.
-9.2.2]). Directions come from tables of stratified patterns, each point's turned about the normal by an angle of its
-own. Where a point has several fans, each goes on in the pattern where the one before it ended.
+A fan joins two sets: the first by the cosine, the second about the lobe_axis of the point's highlight, dense in the
+middle as 1 / (1 - cos t + ε), so that every octave of the angle t gets its share and a band near the lobe_axis is not
+starved, whichever curve will be edited. Both count with the density of the whole fan (the balance heuristic [Veach97,
+sect. 9.2.2]). Directions come from tables of stratified patterns, each point's turned about the normal by an angle of
+its own. Where a point has several fans, each goes on in the pattern where the one before it ended.
 """
 
 import math
@@ -123,14 +123,16 @@ def local_wo(tangent, normal, wo):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def write_sample_rays(
-    rows, nth, lobe_axes, surface, geometric, horizon, offset, tables_cosine, tables_lobe, begin, end, origins, directions,
+    rows, nth, lobe_axes, surface, geometric, horizon, offset, tables_cosine, tables_lobe, begin, end, origins,
+    directions,
     there,
 ):  # fmt: skip
     """Rays [begin, end) of the nth (q,) fans of the points `rows` (q,) into origins and directions
     (q · (end - begin), 3).
 
-    lobe_axes (q,); surface: the hits' position, tangent, normal, wo; geometric and horizon (P, 3) normals; offset: how far
-    an origin is lifted, to the side the ray leaves on; there (q · (end - begin),) becomes False where a fan has no ray.
+    lobe_axes (q,); surface: the hits' position, tangent, normal, wo; geometric and horizon (P, 3) normals; offset: how
+    far an origin is lifted, to the side the ray leaves on; there (q · (end - begin),) becomes False where a fan has no
+    ray.
     """
     n_cosine = tables_cosine.shape[1]
     for i in range(rows.shape[0]):
@@ -163,7 +165,8 @@ def write_sample_rays(
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def mark_glossy_rays(rows, lobe_axes, surface, directions, mirrored):
-    """MATT, GLOSSY or SHARP (p · R,) of rays along unit directions (p · R, 3) from points `rows` with lobe_axes (p,)."""
+    """MATT, GLOSSY or SHARP (p · R,) of rays along unit directions (p · R, 3) from points `rows` with lobe_axes
+    (p,)."""
     n_rays = directions.shape[0] // max(rows.shape[0], 1)
     for i in range(rows.shape[0]):
         tangent, normal = surface.tangent[rows[i]], surface.normal[rows[i]]

@@ -12,10 +12,10 @@ from engine.indirect._ray_kernels import (
     BY_COSINE,
     HORIZON,
     direction_pdf,
-    sample_direction,
     local_wo,
     pattern_of,
     pattern_rotation,
+    sample_direction,
 )
 from engine.material._kernels import gamma, quotient_cosine
 
@@ -134,8 +134,12 @@ def _ray(samples, i, m, pattern, cosine, sine, ox, oy, oz):
     """Local direction of ray m of point i."""
     n_cosine = samples.tables_cosine.shape[1]
     if m < n_cosine:
-        return sample_direction(samples.tables_cosine[pattern], m, BY_COSINE, cosine, sine, samples.lobe_axes[i], ox, oy, oz)
-    return sample_direction(samples.tables_lobe[pattern], m - n_cosine, ABOUT_AXIS, cosine, sine, samples.lobe_axes[i], ox, oy, oz)
+        return sample_direction(
+            samples.tables_cosine[pattern], m, BY_COSINE, cosine, sine, samples.lobe_axes[i], ox, oy, oz
+        )
+    return sample_direction(
+        samples.tables_lobe[pattern], m - n_cosine, ABOUT_AXIS, cosine, sine, samples.lobe_axes[i], ox, oy, oz
+    )
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

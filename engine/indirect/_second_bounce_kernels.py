@@ -1,10 +1,10 @@
 """Compiled: what glossy surfaces send on towards gather points.
 
 Where a ray of a fan ends on a glossy surface, two further rays are remembered. One goes to a light that is chosen among
-eight candidates, half drawn by power and half about the lobe_axis of that surface's highlight, in proportion to what each
-would bring if the highlight were as the lobe_axis's density is (resampled importance sampling [Talbot05]; the halves count
-by the balance heuristic). The other goes about the lobe_axis, for what other surfaces send; where it ends on a glossy one in
-turn, a light is chosen there too. All hold for any curve.
+eight candidates, half drawn by power and half about the lobe_axis of that surface's highlight, in proportion to what
+each would bring if the highlight were as the lobe_axis's density is (resampled importance sampling [Talbot05]; the
+halves count by the balance heuristic). The other goes about the lobe_axis, for what other surfaces send; where it ends
+on a glossy one in turn, a light is chosen there too. All hold for any curve.
 """
 
 import math
@@ -18,11 +18,11 @@ from engine.indirect._ray_kernels import (
     ABOUT_AXIS,
     HORIZON,
     direction_pdf,
-    sample_direction,
-    local_wo,
     hash64,
+    local_wo,
     pattern_of,
     pattern_rotation,
+    sample_direction,
     uniform,
 )
 from engine.indirect._reflection_kernels import HALF_PI, ONE, ZERO, _is_in_half, _node, _ray
@@ -53,8 +53,8 @@ class SampledLights(NamedTuple):
 class GlossyLayers(NamedTuple):
     """The glossy layers of all objects: those of object o are first[o] to first[o + 1]. models, kinds_a, kinds_b (L,),
     q (L, 8); their curves' values joined (V, 3), the first from begin_a (L,), n_a (L,) long, the second likewise;
-    gains (L, 3); views (L, N, 3), f_o at even angles. lobe_axes (M,), axes (M, 2, 3): each object's Y and X. image (L,):
-    which of texels (K, C, 3), factors at the cells over those in the gains, a layer has; −1 for none."""
+    gains (L, 3); views (L, N, 3), f_o at even angles. lobe_axes (M,), axes (M, 2, 3): each object's Y and X. image
+    (L,): which of texels (K, C, 3), factors at the cells over those in the gains, a layer has; −1 for none."""
 
     first: np.ndarray
     models: np.ndarray
@@ -274,8 +274,8 @@ def _lifted(face, px, py, pz, x, y, z, offset, start):
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def sample_lobe_rays(which, n_rays, rows, nth, hits, origins, directions, normals, mesh, lobe_axes, axes, table, offset,
                     to_lobe, starts, there):  # fmt: skip
-    """From where the rays `which` (n,) of a chunk of fans end, with these normals (n, 3), rays about the lobe_axes: their
-    directions to_lobe and origins starts (n, 3), and which of them are there (n,)."""
+    """From where the rays `which` (n,) of a chunk of fans end, with these normals (n, 3), rays about the lobe_axes:
+    their directions to_lobe and origins starts (n, 3), and which of them are there (n,)."""
     for i in range(which.shape[0]):
         w = which[i]
         triangle, o = hits.triangle[w], mesh.objects[hits.triangle[w]]
@@ -284,7 +284,9 @@ def sample_lobe_rays(which, n_rays, rows, nth, hits, origins, directions, normal
         tx, ty, tz = _tangent(axes, o, nx, ny, nz)
         ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
         sample_set, m = divmod(w, n_rays)
-        x, y, z = _sample_about_axis(table, _seed(rows[sample_set], nth[sample_set], n_rays, m, 2), lobe_axes[o], ox, oy, oz)
+        x, y, z = _sample_about_axis(
+            table, _seed(rows[sample_set], nth[sample_set], n_rays, m, 2), lobe_axes[o], ox, oy, oz
+        )
         there[i] = z > HORIZON
         if not there[i]:
             x, y, z = ZERO, ZERO, ONE

@@ -2,8 +2,8 @@
 
     d = (1/π) ∫∫ ρ(ωi, ωo) cos θ_i cos θ_o dωi dωo
 
-What of it does not depend on curves (`albedo_from_curves` puts them in) is found here once for a model and its quotient.
-Sharp bands are met by sampling as fans do: part by the cosine, part about the highlight's lobe_axis.
+What of it does not depend on curves (`albedo_from_curves` puts them in) is found here once for a model and its
+quotient. Sharp bands are met by sampling as fans do: part by the cosine, part about the highlight's lobe_axis.
 
 Sums over rays know one quotient for all colours. Where a model has one for each (what was measured), albedos are those
 of each colour's own, and what the sums give is multiplied by how far they are from those of the common one: the `tint`.
@@ -15,13 +15,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.array_cache import cache_recent_arrays
 from engine.indirect import _albedo_kernels as kernels
-from engine.indirect.layer_curves import lobe_axis_of
 from engine.indirect.albedo_from_curves import N_SLANTS, N_VIEWS, albedo_of, slant_of, view_angles
 from engine.indirect.direction_patterns import cosine_tables, lobe_tables
+from engine.indirect.layer_curves import lobe_axis_of
 from engine.material import MODELS, kinds
 from engine.material.layer import Layer
-from engine.array_cache import cache_recent_arrays
 
 N_AZIMUTHS = 8
 N_VIEW_SAMPLES = 256
@@ -75,7 +75,8 @@ def _common_bands(
     eyes = np.stack([np.sin(eyes) * np.cos(turns), np.sin(eyes) * np.sin(turns), np.cos(eyes)], axis=1)
     found = np.zeros((len(eyes), n_a, n_b))
     kernels.albedo_bands(
-        model.number, model.bind_parameters(np.array(quotient_parameters)), model.factors[0].gamma, kind_b, lobe_axis_of([model_name]),
+        model.number, model.bind_parameters(np.array(quotient_parameters)), model.factors[0].gamma, kind_b,
+        lobe_axis_of([model_name]),
         eyes.astype(np.float32), cosine_tables(_N_RAYS), lobe_tables(_N_RAYS), found,
     )  # fmt: skip
     return found.reshape(N_VIEWS, N_AZIMUTHS, n_a, n_b).mean(axis=1) / N_VIEWS

@@ -29,7 +29,9 @@ def clamp_radiance(light: NDArray[np.floating], most: float = SQUARABLE) -> NDAr
 def unscaled(light: NDArray[np.floating], unit: float) -> NDArray[np.float32]:
     """Light that was in units of its own; what was held is the brightest there is, whatever the unit."""
     within = clamp_radiance(light)
-    return clamp_radiance(np.where(within > _CLAMP_TOLERANCE * SQUARABLE, BRIGHTEST, within * np.float64(unit)), BRIGHTEST)
+    return clamp_radiance(
+        np.where(within > _CLAMP_TOLERANCE * SQUARABLE, BRIGHTEST, within * np.float64(unit)), BRIGHTEST
+    )
 
 
 def is_clamped(light: NDArray[np.floating]) -> bool:

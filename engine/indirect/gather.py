@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from engine.indirect import _ray_kernels as kernels
 from engine.indirect._second_bounce_kernels import GlossyHits
-from engine.indirect.irradiance_cache import CHUNK, IrradianceCache, room_for_rays
 from engine.indirect.direction_patterns import cosine_tables, lobe_tables
-from engine.indirect.second_bounce import SecondBounceTracer, join_glossy_hits, no_glossy_hits
+from engine.indirect.irradiance_cache import CHUNK, IrradianceCache, room_for_rays
 from engine.indirect.ordered_threads import OrderedSection, run_in_order
+from engine.indirect.second_bounce import SecondBounceTracer, join_glossy_hits, no_glossy_hits
 from engine.scene.primary_hits import PrimaryHits
 from engine.transport._projection_kernels import ViewedPoints
 
@@ -73,11 +73,14 @@ def join_samples(parts: Sequence[GatherSamples]) -> GatherSamples:
     nth = np.concatenate([part.nth for part in parts])[order]
     seen = np.concatenate([part.records for part in parts])[order]
     clearance = np.concatenate([part.clearance for part in parts])[order]
-    return GatherSamples(rows[order], nth, seen, join_glossy_hits([part.glossy_hits for part in parts], order), clearance)
+    return GatherSamples(
+        rows[order], nth, seen, join_glossy_hits([part.glossy_hits for part in parts], order), clearance
+    )
 
 
 def gather(
-    hits: PrimaryHits, cells: IrradianceCache, rows: NDArray[np.int32], nth: NDArray[np.uint8], lobe_axes: NDArray[np.int64],
+    hits: PrimaryHits, cells: IrradianceCache, rows: NDArray[np.int32], nth: NDArray[np.uint8],
+    lobe_axes: NDArray[np.int64],
     size: SampleCounts, second: SecondBounceTracer | None = None, focused: bool = True, first_open: int = 0,
 ) -> Iterator[GatherSamples]:  # fmt: skip
     """Trace the nth (q,) fans of the points `rows` (q,), ascending, two chunks at a time.

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect.albedo import N_VIEW_SAMPLES, directional_albedo, equivalent_albedo, tint_of
-from engine.indirect.layer_curves import LayerCurves
 from engine.indirect.albedo_from_curves import N_SLANTS
+from engine.indirect.layer_curves import LayerCurves
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
 from engine.scene.primary_hits import PrimaryHits
@@ -18,8 +18,8 @@ from engine.scene.primary_hits import PrimaryHits
 class IndirectLayer:
     """A visible layer of one object: its curves towards the eye, and as second bounce, f_q (3,), f_o (N, 3) at even
     angles from 0 to π/2, and its equivalent albedo (3,). Of textures and weight maps their mean over the surface, share
-    (3,), is in f_q and in the albedo; cells have their own, see `record_maps`. slant (N_SLANTS, 3): its albedo for light
-    from one direction, relative, see `albedo_from_curves.slant_of`."""
+    (3,), is in f_q and in the albedo; cells have their own, see `record_maps`. slant (N_SLANTS, 3): its albedo for
+    light from one direction, relative, see `albedo_from_curves.slant_of`."""
 
     i_object: int
     curves: LayerCurves

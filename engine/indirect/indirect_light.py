@@ -6,32 +6,38 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.generators import run_to_end
 from engine.indirect._ray_kernels import NORMAL
 from engine.indirect._second_bounce_kernels import SampledLights
 from engine.indirect.clamping import SQUARED, clamp_radiance, unscaled
-from engine.indirect.record_maps import RecordReflectance
-from engine.indirect.irradiance_cache import IrradianceCache
-from engine.indirect.sampling_settings import RayBudget
-from engine.indirect.gather import SampleCounts, GatherSamples, object_of_rows
-from engine.indirect.irradiance import NO_OBJECT, CacheLight, radiosity
-from engine.indirect.lattice import least_alike
+from engine.indirect.gather import GatherSamples, SampleCounts, object_of_rows
 from engine.indirect.indirect_layers import IndirectLayer, albedos_of, view_factors
-from engine.indirect.photons import NearbyPhotons, PhotonMap, Photons, PhotonFlux, farthest_of, join_nearby, photon_flux
+from engine.indirect.irradiance import NO_OBJECT, CacheLight, radiosity
+from engine.indirect.irradiance_cache import IrradianceCache
+from engine.indirect.lattice import least_alike
+from engine.indirect.photons import NearbyPhotons, PhotonFlux, PhotonMap, Photons, farthest_of, join_nearby, photon_flux
+from engine.indirect.record_maps import RecordReflectance
 from engine.indirect.reflection import HemisphereSamples, OutgoingRadiance
-from engine.indirect.second_bounce import SecondBounceLight, glossy_tables, inverse_albedo, layer_digests, outgoing_radiosity
+from engine.indirect.sampling_settings import RayBudget
+from engine.indirect.second_bounce import (
+    SecondBounceLight,
+    glossy_tables,
+    inverse_albedo,
+    layer_digests,
+    outgoing_radiosity,
+)
 from engine.indirect.smoothing import Smoothing, smoothing_for
 from engine.scene.primary_hits import PrimaryHits
-from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
-from engine.generators import run_to_end
+from engine.scene.scene_loader import Scene
 
 Footprint = tuple[NDArray[np.int32], NDArray[np.float32]]
 
 
 @dataclass(frozen=True, eq=False)
 class GatherPoints:
-    """The gather points of a picture: gathered, their fans' rays; lobe_axes (M,) and sizes: what each object's fans are;
-    axes (M, 2, 3) of the objects; glossy: whether rays were recorded for the second bounce off glossy surfaces;
+    """The gather points of a picture: gathered, their fans' rays; lobe_axes (M,) and sizes: what each object's fans
+    are; axes (M, 2, 3) of the objects; glossy: whether rays were recorded for the second bounce off glossy surfaces;
     photons that such surfaces threw, and which of them landed about the points; smoothing: the filter that takes noise
     out of what the points reflect, None for none."""
 
@@ -52,15 +58,21 @@ class GatherPoints:
         return self.samples.n_bytes + sum(array.nbytes for array in arrays)
 
     def hemisphere_samples(self, i_object: int, half: int | None = None, keeps: bool = False) -> HemisphereSamples:
-        """The gather points of one object; with half, 0 or 1, by that half of their rays; keeps: see `HemisphereSamples`."""
+        """The gather points of one object; with half, 0 or 1, by that half of their rays; keeps: see
+        `HemisphereSamples`."""
         lobe_axis, size = int(self.lobe_axes[i_object]), self.sizes[i_object]
-        return HemisphereSamples(self.hits, self.samples, i_object, lobe_axis, size, half, keeps, self.landed, self.smoothing)
+        return HemisphereSamples(
+            self.hits, self.samples, i_object, lobe_axis, size, half, keeps, self.landed, self.smoothing
+        )
 
     def with_photons(self, photon_map: PhotonMap, scene: Scene, caster: RayCaster) -> "GatherPoints":
         """The same with photons about them."""
         farthest = farthest_of(scene, self.hits, self.samples.rows)
         objects = object_of_rows(self.hits, self.samples.rows)
-        parts = [self.hemisphere_samples(i).nearby_photons(photon_map, i, farthest[objects == i], caster) for i in range(len(self.lobe_axes))]
+        parts = [
+            self.hemisphere_samples(i).nearby_photons(photon_map, i, farthest[objects == i], caster)
+            for i in range(len(self.lobe_axes))
+        ]
         return replace(self, landed=join_nearby(parts))
 
     def caustic_flux(self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT) -> PhotonFlux:
@@ -80,7 +92,9 @@ class GatherPoints:
         n_objects = len(self.lobe_axes)
         tables, inverse = glossy_tables(layers, self.lobe_axes, self.axes, cells), self._inverse(layers, edited)
         looks, per_area = layer_digests(layers, n_objects, cells), self.photons.per_area
-        second = SecondBounceLight(objects, outgoing_radiosity(beyond, inverse), per_area, looks, tables, lamps, edited, inverse)
+        second = SecondBounceLight(
+            objects, outgoing_radiosity(beyond, inverse), per_area, looks, tables, lamps, edited, inverse
+        )
         return OutgoingRadiance(bright * cells.diffuse[:, None], second, self.caustic_flux(layers, edited))
 
     def _inverse(self, layers: Sequence[IndirectLayer], edited: int) -> NDArray[np.float32]:
@@ -105,7 +119,9 @@ class GatherPoints:
             yield None
         return clamp_radiance(out)
 
-    def halves(self, layers: Sequence[IndirectLayer], light: OutgoingRadiance) -> Generator[None, None, NDArray[np.float32]]:
+    def halves(
+        self, layers: Sequence[IndirectLayer], light: OutgoingRadiance
+    ) -> Generator[None, None, NDArray[np.float32]]:
         """What each half of the rays brings, (2, p, 3), in steps; held so that its square is one."""
         found = np.zeros((2, len(self.samples.points), 3), np.float32)
         for half in (0, 1):
@@ -197,5 +213,8 @@ class IndirectLight:
 
     def picture(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
         """Indirect radiance (P, 3) of all points of the picture."""
-        found, (rows, weights) = run_to_end(self.points.reflect(layers, self.outgoing_radiance(layers), half)), self.footprint
+        found, (rows, weights) = (
+            run_to_end(self.points.reflect(layers, self.outgoing_radiance(layers), half)),
+            self.footprint,
+        )
         return unscaled(np.einsum("pk,pkc->pc", weights, found[rows]), self.unit)

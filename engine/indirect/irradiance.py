@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from engine.indirect import _reflection_kernels as kernels
 from engine.indirect._cache_kernels import Lights
-from engine.indirect.clamping import clamp_radiance
-from engine.indirect.record_maps import RecordReflectance
-from engine.indirect.irradiance_cache import CHUNK, IrradianceCache
 from engine.indirect.albedo_from_curves import N_SLANTS
+from engine.indirect.clamping import clamp_radiance
 from engine.indirect.direction_patterns import cosine_tables
+from engine.indirect.irradiance_cache import CHUNK, IrradianceCache
 from engine.indirect.ordered_threads import OrderedSection, run_in_order
+from engine.indirect.record_maps import RecordReflectance
 from engine.threads import even_parts, on_threads
 
 NO_OBJECT = -1

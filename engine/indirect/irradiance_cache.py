@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from engine.indirect import _cache_kernels as kernels
 from engine.indirect._ray_kernels import EVEN
-from engine.indirect.record_maps import RecordMaps
 from engine.indirect.albedo_from_curves import N_SLANTS
+from engine.indirect.record_maps import RecordMaps
 from engine.light.emitters import EmitterPatches
 from engine.light.triangle_lights import TriangleLights
-from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import Intersections, RayCaster
+from engine.scene.scene_loader import Scene
 from engine.threads import on_threads
 
 MAX_RECORDS = kernels.MAX_RECORDS

@@ -46,8 +46,8 @@ def coarsest_of(height: int) -> int:
 class Lattice:
     """Blocks that are not finer than needed, and the rows at their corners.
 
-    Drive it by turns: `missing_rows()` names rows that have no value yet; `take` gives it values of all rows asked so far;
-    until `refine` finds nothing to do.
+    Drive it by turns: `missing_rows()` names rows that have no value yet; `take` gives it values of all rows asked so
+    far; until `refine` finds nothing to do.
     """
 
     def __init__(self, hits: PrimaryHits, glossy: NDArray[np.bool_], close: bool = True) -> None:

@@ -42,7 +42,9 @@ class OrderedSection:
             event.set()
 
 
-def run_in_order(work: Callable[[Item, OrderedSection], Result], items: Sequence[Item], n_stages: int) -> Iterator[Result]:
+def run_in_order(
+    work: Callable[[Item, OrderedSection], Result], items: Sequence[Item], n_stages: int
+) -> Iterator[Result]:
     """`work` of all items, two at a time, in their order; each may enter its turn `n_stages` times."""
     with pool(AT_A_TIME) as threads:
         for begin in range(0, len(items), AT_A_TIME):

@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 from engine.indirect import _photon_kernels as kernels
 from engine.indirect._reflection_kernels import SampleArrays
 from engine.indirect._second_bounce_kernels import GlossyLayers, SampledLights
-from engine.indirect.irradiance_cache import CHUNK, IrradianceCache
 from engine.indirect.direction_patterns import lobe_vectors
+from engine.indirect.irradiance_cache import CHUNK, IrradianceCache
 from engine.scene.camera import camera_frame, project
 from engine.scene.primary_hits import PrimaryHits
-from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene
 from engine.threads import even_parts, n_threads, on_threads
 
 _SEED = 20260812
@@ -78,8 +78,8 @@ class PhotonFlux(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PhotonSource:
-    """What sends photons: the scene and the cells' mesh in it, which objects (M,) are glossy, their lobe_axes (M,) and axes
-    (M, 2, 3), the lamps."""
+    """What sends photons: the scene and the cells' mesh in it, which objects (M,) are glossy, their lobe_axes (M,) and
+    axes (M, 2, 3), the lamps."""
 
     scene: Scene
     cells: IrradianceCache
@@ -97,7 +97,9 @@ class PhotonSource:
         if not len(able) or not len(self.lamps.cumulative) or n_photons == 0:
             return _joined([], np.zeros(len(mine), np.float32))
         n_pilot = min(_PILOT, n_photons)
-        useful = np.array([len(self._photons_from_object(hits, area, int(o), n_pilot, mine).power) / n_pilot for o in able])
+        useful = np.array(
+            [len(self._photons_from_object(hits, area, int(o), n_pilot, mine).power) / n_pilot for o in able]
+        )
         if not useful.any():
             return _joined([], np.zeros(len(mine), np.float32))
         share = np.maximum(useful / useful.max(), _LEAST_SHARE)
@@ -233,7 +235,9 @@ class PhotonMap:
 def farthest_of(scene: Scene, hits: PrimaryHits, rows: NDArray[np.integer]) -> NDArray[np.float32]:
     """How far from each point a photon counts for it, (p,) metres of a surface that faces the eye."""
     height = 2.0 * math.tan(math.radians(scene.description.camera.fov_y) / 2)
-    return np.asarray(_FARTHEST * height * np.linalg.norm(hits.position[rows] - scene.camera_position, axis=1), np.float32)
+    return np.asarray(
+        _FARTHEST * height * np.linalg.norm(hits.position[rows] - scene.camera_position, axis=1), np.float32
+    )
 
 
 def find_nearby_photons(
@@ -245,8 +249,15 @@ def find_nearby_photons(
     parts = []
     for begin in range(0, max(len(samples.rows), 1), _BATCH):
         part = slice(begin, begin + _BATCH)
-        some = samples._replace(rows=samples.rows[part], nth=samples.nth[part], lobe_axes=samples.lobe_axes[part], records=samples.records[part])
-        parts.append(_find_nearby(photon_map, i_object, hits, some, times[part], farthest[part], clearance[part], caster))
+        some = samples._replace(
+            rows=samples.rows[part],
+            nth=samples.nth[part],
+            lobe_axes=samples.lobe_axes[part],
+            records=samples.records[part],
+        )
+        parts.append(
+            _find_nearby(photon_map, i_object, hits, some, times[part], farthest[part], clearance[part], caster)
+        )
     return join_nearby(parts)
 
 
@@ -266,7 +277,9 @@ def _find_nearby(
     on_threads(weigh, *even_parts(len(found)))
     kept = weights > 0.0
     doubted = kept & (radii2 > (_NEAR * clearance) ** 2)[:, None]
-    kept[doubted] = ~_is_occluded(photon_map.photons, hits, caster, samples.rows[np.nonzero(doubted)[0]], found[doubted])
+    kept[doubted] = ~_is_occluded(
+        photon_map.photons, hits, caster, samples.rows[np.nonzero(doubted)[0]], found[doubted]
+    )
     start = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
     return NearbyPhotons(start, found[kept], weights[kept], np.asarray(np.pi / 2 * radii2, np.float32))
 
@@ -276,7 +289,9 @@ def _is_occluded(
 ) -> NDArray[np.bool_]:
     """Whether each of some points (n,) does not see the place that one of the photons (n,) comes from."""
     origins = hits.offset_position[rows]
-    return caster.occluded(origins, photons.starts[numbers] - origins, np.full(len(rows), _VISIBILITY_MARGIN, np.float32))
+    return caster.occluded(
+        origins, photons.starts[numbers] - origins, np.full(len(rows), _VISIBILITY_MARGIN, np.float32)
+    )
 
 
 def no_nearby_photons(n_points: int) -> NearbyPhotons:

@@ -88,7 +88,8 @@ class SecondBounceWeights:
             )  # fmt: skip
         lit = np.empty((n, *light.radiosity.shape[2:]), np.float32)
         second_kernels.light_second_bounce(
-            self._samples, records, begin, end, light.objects, sent, first, light.radiosity, light.edited, light.inverse,
+            self._samples, records, begin, end, light.objects, sent, first, light.radiosity, light.edited,
+            light.inverse,
             lit,
         )  # fmt: skip
         return kernels.SecondBounce(records.start, records.ray, lit, base)

@@ -27,8 +27,8 @@ from engine.indirect.albedo_from_curves import N_SLANTS
 from engine.indirect.indirect_layers import IndirectLayer, is_glossy
 from engine.material.layer_maps import Images, LayerMaps, factor_of_means
 from engine.scene.surface_uvs import corner_uvs, positions_at, uvs_at
-from engine.texture.texture_store import sample_images
 from engine.texture.stroke_painting import PaintedPoints
+from engine.texture.texture_store import sample_images
 
 if TYPE_CHECKING:
     from engine.indirect._cache_kernels import CacheTable

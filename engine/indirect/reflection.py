@@ -1,7 +1,7 @@
 """What the gather points reflect of the cells' light, layer by layer: with the curves as they are, or by band of one.
 
-Both are sums over the same rays. The bands are never stored: from what is known of the rays (`ray_weights`) they are summed
-faster than they could be read. Stills, which sum once, keep nothing at all.
+Both are sums over the same rays. The bands are never stored: from what is known of the rays (`ray_weights`) they are
+summed faster than they could be read. Stills, which sum once, keep nothing at all.
 """
 
 import math
@@ -15,11 +15,18 @@ from numpy.typing import NDArray
 from engine.indirect import _reflection_kernels as kernels
 from engine.indirect._photon_kernels import reflect_photon_bands, reflect_photons
 from engine.indirect._smoothing_kernels import smooth_planes, smooth_rows
-from engine.indirect.ray_weights import RayWeights, SecondBounceWeights, n_angles_of
 from engine.indirect.clamping import clamp_radiance
+from engine.indirect.gather import GatherSamples, SampleCounts, direction_tables, object_of_rows
 from engine.indirect.layer_curves import LayerCurves
-from engine.indirect.gather import SampleCounts, GatherSamples, direction_tables, object_of_rows
-from engine.indirect.photons import NearbyPhotons, PhotonMap, PhotonFlux, find_nearby_photons, slice_nearby, no_nearby_photons
+from engine.indirect.photons import (
+    NearbyPhotons,
+    PhotonFlux,
+    PhotonMap,
+    find_nearby_photons,
+    no_nearby_photons,
+    slice_nearby,
+)
+from engine.indirect.ray_weights import RayWeights, SecondBounceWeights, n_angles_of
 from engine.indirect.second_bounce import SecondBounceLight
 from engine.indirect.smoothing import Smoothing, mean_of_sample_sets
 from engine.scene.primary_hits import PrimaryHits
@@ -55,7 +62,8 @@ class HemisphereSamples:
 
     def __init__(
         self, hits: PrimaryHits, gathered: GatherSamples, i_object: int, lobe_axis: int, size: SampleCounts,
-        half: int | None = None, keeps: bool = False, landed: NearbyPhotons | None = None, smoothing: Smoothing | None = None,
+        half: int | None = None, keeps: bool = False, landed: NearbyPhotons | None = None,
+        smoothing: Smoothing | None = None,
     ) -> None:  # fmt: skip
         """keeps: what does not depend on curves, for the next sums over the same rays; landed: photons about all of the
         gather points, if any were looked for; smoothing: of all of them, None for the sums as they are."""
@@ -64,7 +72,8 @@ class HemisphereSamples:
         records = gathered.glossy_hits
         records = records._replace(start=records.start[begin : end + 1], times=records.times[begin:end])
         self._samples = kernels.SampleArrays(
-            rows, nth, np.full(len(rows), lobe_axis, np.int64), gathered.records[begin:end], -1 if half is None else half,
+            rows, nth, np.full(len(rows), lobe_axis, np.int64), gathered.records[begin:end],
+            -1 if half is None else half,
             *direction_tables(size), hits.tangent, hits.normal, hits.wo,
         )  # fmt: skip
         self._caches = keeps
@@ -91,9 +100,13 @@ class HemisphereSamples:
         wanted = {_weights_key(layer.optics()) for layer in layers}
         self._weights = {key: aim for key, aim in self._weights.items() if key in wanted}
 
-    def nearby_photons(self, photon_map: PhotonMap, i_object: int, farthest: NDArray[np.float32], caster: RayCaster) -> NearbyPhotons:
+    def nearby_photons(
+        self, photon_map: PhotonMap, i_object: int, farthest: NDArray[np.float32], caster: RayCaster
+    ) -> NearbyPhotons:
         """The photons about the points of the fans, no farther than (q,)."""
-        return find_nearby_photons(photon_map, i_object, self._hits, self._samples, self._times, farthest, self._clearance, caster)
+        return find_nearby_photons(
+            photon_map, i_object, self._hits, self._samples, self._times, farthest, self._clearance, caster
+        )
 
     def reflect(
         self, layers: Sequence[LayerCurves], light: OutgoingRadiance
@@ -115,7 +128,9 @@ class HemisphereSamples:
                 result *= layer.tint.astype(np.float32)
         return [reduce(_mean_rows, self._means, clamp_radiance(each)) for each in out]
 
-    def by_band(self, layer: LayerCurves, factor: int, light: OutgoingRadiance) -> Generator[None, None, NDArray[np.float32]]:
+    def by_band(
+        self, layer: LayerCurves, factor: int, light: OutgoingRadiance
+    ) -> Generator[None, None, NDArray[np.float32]]:
         """Of one layer by band of its first or second curve: (3, J, D, p); times the curve and summed over J it is
         `reflect`. In steps."""
         out = np.empty((3, len(layer.curves[factor]), light.n_powers, len(self)), np.float32)
@@ -124,7 +139,9 @@ class HemisphereSamples:
 
         def work(begin: int, end: int, second: kernels.SecondBounce) -> None:
             stored_weights = aim.part(begin, end)
-            kernels.reflect_bands(self._samples, begin, end, optics, factor == 0, stored_weights, light.padded, second, out)
+            kernels.reflect_bands(
+                self._samples, begin, end, optics, factor == 0, stored_weights, light.padded, second, out
+            )
             if light.caustics is not None:
                 reflect_photon_bands(self._samples, begin, end, optics, factor == 0, self._photons, light.caustics, out)
 
@@ -149,7 +166,10 @@ class HemisphereSamples:
         return made
 
     def _in_parts(
-        self, light: OutgoingRadiance, work: Callable[[int, int, kernels.SecondBounce], None], aims: Sequence[RayWeights]
+        self,
+        light: OutgoingRadiance,
+        work: Callable[[int, int, kernels.SecondBounce], None],
+        aims: Sequence[RayWeights],
     ) -> Generator[None, None, None]:
         glossy, step = light.glossy, _PARTS * _PART * n_threads()
         none = np.zeros((0, light.n_powers, 4), np.float32)

@@ -13,9 +13,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect.irradiance import NO_OBJECT
 from engine.indirect.indirect_layers import IndirectLayer
 from engine.indirect.indirect_light import IndirectLight
+from engine.indirect.irradiance import NO_OBJECT
 from engine.indirect.reflection import HemisphereSamples
 
 

@@ -42,8 +42,8 @@ TOLERANCE = 0.005
 class SamplingSettings:
     """How finely indirect light is found.
 
-    n_rays a fan, of which n_glossy_hits at most are followed where they end on glossy surfaces; max_extra_sets fans, a gather
-    point on average, where the first ones are noisy; n_photons that glossy surfaces throw; n_cells to aim at;
+    n_rays a fan, of which n_glossy_hits at most are followed where they end on glossy surfaces; max_extra_sets fans, a
+    gather point on average, where the first ones are noisy; n_photons that glossy surfaces throw; n_cells to aim at;
     n_record_rays between cells, a cell; n_samples of each kind of light, a cell; adaptive: refine the lattice of gather
     points, else every eighth pixel; close: down to single pixels beside edges and contacts, which doubles what an
     editor would hold and freeze.
@@ -65,7 +65,9 @@ class SamplingSettings:
         that these sample, are half as many where these are fewer."""
         n_rays = n_rays or self.n_rays
         share = 2 if n_rays < self.n_rays else 1
-        return replace(self, n_rays=n_rays, n_record_rays=self.n_record_rays // share, n_samples=self.n_samples // share)
+        return replace(
+            self, n_rays=n_rays, n_record_rays=self.n_record_rays // share, n_samples=self.n_samples // share
+        )
 
 
 ROUGH = SamplingSettings("rough", 128, 0, 32, 1 << 15, 4000, 64, 64, False)

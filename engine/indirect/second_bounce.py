@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from engine.indirect import _second_bounce_kernels as kernels
 from engine.indirect._cache_kernels import NO_RECORD, Hits
-from engine.indirect.record_maps import RecordReflectance
-from engine.indirect.irradiance_cache import NO_ORDER, IrradianceCache, Rays
-from engine.indirect.indirect_layers import IndirectLayer, is_glossy
 from engine.indirect.direction_patterns import lobe_tables
+from engine.indirect.indirect_layers import IndirectLayer, is_glossy
+from engine.indirect.irradiance_cache import NO_ORDER, IrradianceCache, Rays
+from engine.indirect.record_maps import RecordReflectance
 from engine.light.emitters import EmitterPatches
 from engine.light.triangle_lights import TriangleLights
 from engine.material import kinds
@@ -71,9 +71,9 @@ def _thin(
 
 @dataclass(frozen=True, eq=False)
 class SecondBounceTracer:
-    """What tracing second rays needs: which objects (M,) are glossy, their lobe_axes (M,) and axes (M, 2, 3), the lamps;
-    most: how many rays of a gather point are recorded; beyond these, each stands for several; thrice: whether light
-    that glossy surfaces reflect three times counts."""
+    """What tracing second rays needs: which objects (M,) are glossy, their lobe_axes (M,) and axes (M, 2, 3), the
+    lamps; most: how many rays of a gather point are recorded; beyond these, each stands for several; thrice: whether
+    light that glossy surfaces reflect three times counts."""
 
     glossy: NDArray[np.bool_]
     lobe_axes: NDArray[np.int64]
@@ -83,7 +83,8 @@ class SecondBounceTracer:
     thrice: bool
 
     def trace(
-        self, cells: IrradianceCache, rows: NDArray[np.int32], nth: NDArray[np.uint8], rays: Rays, seen: NDArray[np.uint16],
+        self, cells: IrradianceCache, rows: NDArray[np.int32], nth: NDArray[np.uint8], rays: Rays,
+        seen: NDArray[np.uint16],
         found: Intersections, first_open: int = 0, turn: AbstractContextManager[None] = NO_ORDER,
     ) -> kernels.GlossyHits:  # fmt: skip
         """The records of a chunk of fans, the nth of the points `rows`: rays and what they hit, (q · R); first_open,
@@ -253,7 +254,8 @@ def glossy_tables(
         np.array([each.second_curves.model.number for each in chosen], np.int64),
         np.array([pair[0].gamma for pair in factors], np.int64),
         np.array([pair[1].gamma if len(pair) > 1 else -1 for pair in factors], np.int64),
-        np.array([each.second_curves.bound_parameters for each in chosen], float).reshape(-1, kinds.N_QUOTIENT_PARAMETERS),
+        np.array([each.second_curves.bound_parameters for each in chosen], float).reshape(-1,
+        kinds.N_QUOTIENT_PARAMETERS),
         np.concatenate([none, *(curve for pair in curves for curve in pair)]),
         begins[:, 0].copy(), lengths[:, 0].copy(), begins[:, 1].copy(), lengths[:, 1].copy(),
         np.array([each.gain * each.second_curves.tint for each in chosen], np.float32).reshape(-1, 3),
@@ -267,8 +269,15 @@ def layer_digests(layers: Sequence[IndirectLayer], n_objects: int, cells: Record
     """What each object's glossy layers send on depends on, as bytes to compare."""
     looks = [b""] * n_objects
     for each in filter(is_glossy, layers):
-        arrays = (each.second_curves.quotient_parameters, *each.second_curves.curves, each.gain * each.second_curves.tint, each.view_curve)
-        looks[each.i_object] += b"".join([each.second_curves.model.name.encode(), *(array.tobytes() for array in arrays)])
+        arrays = (
+            each.second_curves.quotient_parameters,
+            *each.second_curves.curves,
+            each.gain * each.second_curves.tint,
+            each.view_curve,
+        )
+        looks[each.i_object] += b"".join(
+            [each.second_curves.model.name.encode(), *(array.tobytes() for array in arrays)]
+        )
         if not each.maps.is_plain:
             looks[each.i_object] += cells.digest
     return tuple(looks)

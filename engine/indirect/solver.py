@@ -15,31 +15,32 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.generators import Result, map_steps, run_to_end
 from engine.indirect._cache_kernels import NO_RECORD, CacheTable
 from engine.indirect._ray_kernels import HALF, NORMAL
-from engine.indirect.irradiance_cache import MAX_RECORDS, IrradianceCache, CacheFull
-from engine.indirect.layer_curves import any_glossy, lobe_axis_of
-from engine.indirect.sampling_settings import (
-    FINE,
-    LEFT_OF_GLOSSY,
-    LEFT_OF_DIFFUSE,
-    LEVELS,
-    SamplingSettings,
-    RayBudget,
-    required_rays,
-    noise_of,
-)  # fmt: skip
 from engine.indirect.adaptive_resampling import extra_sample_sets
-from engine.indirect.gather import SampleCounts, GatherSamples, gather, join_samples, object_of_rows
-from engine.indirect.irradiance import CacheLight, connect, direct_irradiance, radiosity
-from engine.indirect.lattice import COARSEST, Lattice, count_by_shape, least_alike
+from engine.indirect.checkpoints import Checkpoints, CheckpointStore
+from engine.indirect.emission import scene_emission
+from engine.indirect.gather import GatherSamples, SampleCounts, gather, join_samples, object_of_rows
 from engine.indirect.indirect_layers import IndirectLayer, albedos_of
 from engine.indirect.indirect_light import Footprint, GatherPoints, IndirectLight
-from engine.indirect.checkpoints import CheckpointStore, Checkpoints
-from engine.indirect.photons import PhotonMap, PhotonSource, no_photons, no_nearby_photons
+from engine.indirect.irradiance import CacheLight, connect, direct_irradiance, radiosity
+from engine.indirect.irradiance_cache import MAX_RECORDS, CacheFull, IrradianceCache
+from engine.indirect.lattice import COARSEST, Lattice, count_by_shape, least_alike
+from engine.indirect.layer_curves import any_glossy, lobe_axis_of
+from engine.indirect.photons import PhotonMap, PhotonSource, no_nearby_photons, no_photons
 from engine.indirect.reflection import OutgoingRadiance
+from engine.indirect.sampling_settings import (
+    FINE,
+    LEFT_OF_DIFFUSE,
+    LEFT_OF_GLOSSY,
+    LEVELS,
+    RayBudget,
+    SamplingSettings,
+    noise_of,
+    required_rays,
+)  # fmt: skip
 from engine.indirect.second_bounce import SecondBounceTracer, diffuse_share, no_glossy_hits
-from engine.indirect.emission import scene_emission
 from engine.indirect.stored_light import (
     arrays_of_gathered,
     arrays_of_table,
@@ -53,7 +54,6 @@ from engine.indirect.stored_light import (
 )
 from engine.scene.local_frames import object_axes
 from engine.scene.primary_hits import PrimaryHits
-from engine.generators import Result, run_to_end, map_steps
 from engine.stored_arrays import ArrayReader, Arrays
 from engine.transport.footprint import footprint, lattice_rows
 from engine.transport.pipeline import Placement, SkyState
@@ -75,7 +75,13 @@ Progress = tuple[float, str]
 # Where in the whole its phases end, by processor time: a first look, light between what it saw (only where more looks
 # follow), these looks, light between all, and light on it; what is left is the filter's. Further fans, where they are
 # asked for, share with the latter; as many as there were first ones take as long as all looks did.
-_FIRST_PASS_DONE, _ROUGH_LIGHT_DONE, _REFINED_DONE, _LIGHT_DONE, _PHOTONS_DONE = 0.1, 0.35, (0.45, 0.6, 0.75), 0.93, 0.96
+_FIRST_PASS_DONE, _ROUGH_LIGHT_DONE, _REFINED_DONE, _LIGHT_DONE, _PHOTONS_DONE = (
+    0.1,
+    0.35,
+    (0.45, 0.6, 0.75),
+    0.93,
+    0.96,
+)
 _ALL_PASSES = _FIRST_PASS_DONE + _REFINED_DONE[-1] - _ROUGH_LIGHT_DONE
 
 
@@ -116,7 +122,11 @@ class Solver:
         rays are taken than are needed, None for all.
         """
         self._placement, self._most, self._n_bounces = placement, settings, n_bounces
-        self._settings, self._ray_budget, self._other_light = settings, RayBudget(settings.n_rays, settings.n_rays), other_light
+        self._settings, self._ray_budget, self._other_light = (
+            settings,
+            RayBudget(settings.n_rays, settings.n_rays),
+            other_light,
+        )
         n_objects = len(placement.hits.object_ranges)
         self._lobe_axes = np.array([lobe_axis_of(models.get(i, ())) for i in range(n_objects)], np.int64)
         self._emission = scene_emission(placement, sky)
@@ -180,7 +190,13 @@ class Solver:
             cells = IrradianceCache(scene, self._placement.caster, size)
             try:
                 pilot = gather(
-                    hits, cells, rows, _first_sets(rows), self._lobe_axes, _sample_counts_of(_PILOT_RAYS, HALF), focused=False
+                    hits,
+                    cells,
+                    rows,
+                    _first_sets(rows),
+                    self._lobe_axes,
+                    _sample_counts_of(_PILOT_RAYS, HALF),
+                    focused=False,
                 )
                 n_hits = sum(int((part.records != NO_RECORD).sum()) for part in pilot)
                 too_fine = len(cells) > min(self._settings.n_cache_records / 2, max(n_hits / 2, 1.0))
@@ -203,7 +219,9 @@ class Solver:
         smoothing = self._assemble(points, found, cells, light).smoothed(layers)
         return (yield from _with_overall_progress(smoothing, _PHOTONS_DONE, "taking out noise"))
 
-    def _assemble(self, points: GatherPoints, found: Footprint, cells: IrradianceCache, light: CacheLight) -> IndirectLight:
+    def _assemble(
+        self, points: GatherPoints, found: Footprint, cells: IrradianceCache, light: CacheLight
+    ) -> IndirectLight:
         lamps, unit = self._emission.lamps, self._emission.unit
         return IndirectLight(points, found, cells, light, lamps, self._n_bounces, unit, self._ray_budget)
 
@@ -222,7 +240,9 @@ class Solver:
         """Every eighth pixel; and how much of the whole is done."""
         hits = self._placement.hits
         rows = lattice_rows(hits, COARSEST)
-        gathered = yield from self._gather(cells, self._no_samples(), rows, _first_sets(rows), parts, (0.0, _FIRST_PASS_DONE))
+        gathered = yield from self._gather(
+            cells, self._no_samples(), rows, _first_sets(rows), parts, (0.0, _FIRST_PASS_DONE)
+        )
         points = self._points(gathered, photons)
         numbers, weights = footprint(hits, rows, COARSEST)
         return points, (_among_all(hits, rows, numbers), weights), _FIRST_PASS_DONE
@@ -248,12 +268,19 @@ class Solver:
             gathered = yield from self._gather(cells, gathered, rows, _first_sets(rows), parts, span)
             span = next(looks, (_REFINED_DONE[-1],) * 2)
             if bright is None:
-                light = yield from self._light(cells, self._rough_settings(), parts, (_FIRST_PASS_DONE, _ROUGH_LIGHT_DONE))
-                albedos, mapped = albedos_of(layers, len(self._lobe_axes)), cells.maps.reflectance(layers, len(self._lobe_axes))
+                light = yield from self._light(
+                    cells, self._rough_settings(), parts, (_FIRST_PASS_DONE, _ROUGH_LIGHT_DONE)
+                )
+                albedos, mapped = (
+                    albedos_of(layers, len(self._lobe_axes)),
+                    cells.maps.reflectance(layers, len(self._lobe_axes)),
+                )
                 bright, _ = radiosity(light, albedos, self._n_bounces, mapped)
                 if self._needs_ray_budget:
                     halves = self._halves_of_samples(self._points(gathered, photons), layers, cells, light)
-                    if self._is_noisy(layers, gathered.rows, (yield from _with_overall_progress(halves, span[0], "looking around"))):
+                    if self._is_noisy(
+                        layers, gathered.rows, (yield from _with_overall_progress(halves, span[0], "looking around"))
+                    ):
                         none, at = self._no_samples(), span[:1] * 2
                         gathered = yield from self._gather(cells, none, rows, _first_sets(rows), parts, at)
                 self._forecast(cells, len(rows))
@@ -348,7 +375,8 @@ class Solver:
 
     def _points(self, gathered: GatherSamples, photons: PhotonMap) -> GatherPoints:
         points = GatherPoints(
-            self._placement.hits, gathered, self._lobe_axes, self._sample_counts(), self._axes, self._second is not None,
+            self._placement.hits, gathered, self._lobe_axes, self._sample_counts(), self._axes,
+            self._second is not None,
             photons.photons, no_nearby_photons(len(gathered.rows)),
         )  # fmt: skip
         return points.with_photons(photons, self._placement.scene, self._placement.caster)
@@ -358,7 +386,8 @@ class Solver:
         return tuple(_sample_counts_of(self._settings.n_rays, int(lobe_axis)) for lobe_axis in self._lobe_axes)
 
     def _gather(
-        self, cells: IrradianceCache, before: GatherSamples, rows: NDArray[np.int32], nth: NDArray[np.uint8], parts: Checkpoints,
+        self, cells: IrradianceCache, before: GatherSamples, rows: NDArray[np.int32], nth: NDArray[np.uint8],
+        parts: Checkpoints,
         span: tuple[float, float], first_open: int = 0,
     ) -> Generator[Progress, None, GatherSamples]:  # fmt: skip
         """The fans with some more, the nth (q,) of rows (q,); span: from where to where in the whole this is;
@@ -377,18 +406,23 @@ class Solver:
         return join_samples(found)
 
     def _gathered(
-        self, cells: IrradianceCache, rows: NDArray[np.int32], nth: NDArray[np.uint8], size: SampleCounts, parts: Checkpoints,
+        self, cells: IrradianceCache, rows: NDArray[np.int32], nth: NDArray[np.uint8], size: SampleCounts,
+        parts: Checkpoints,
         first_open: int,
     ) -> Iterator[GatherSamples]:  # fmt: skip
         """One part of the fans: what was kept of it, or what is traced."""
-        kept = parts.begin(self._checkpointed_samples, b"fans", rows.tobytes(), nth.tobytes(), repr((size, cells.size)).encode())
+        kept = parts.begin(
+            self._checkpointed_samples, b"fans", rows.tobytes(), nth.tobytes(), repr((size, cells.size)).encode()
+        )
         if kept is not None:
             cells.restore(kept[0])
             yield kept[1]
             self._n_traced += len(rows)
             return
         found = []
-        for each in gather(self._placement.hits, cells, rows, nth, self._lobe_axes, size, self._second, True, first_open):
+        for each in gather(
+            self._placement.hits, cells, rows, nth, self._lobe_axes, size, self._second, True, first_open
+        ):
             found.append(each)
             yield each
         parts.store_part({**arrays_of_gathered(join_samples(found)), **arrays_of_table(cells.table())})
@@ -433,7 +467,9 @@ def relit(
     return replace(found.without_glossy_hits(), light=light, n_bounces=n_bounces, unit=shining.unit)
 
 
-def _with_overall_progress(steps: Generator[object, None, Result], fraction: float, text: str) -> Generator[Progress, None, Result]:
+def _with_overall_progress(
+    steps: Generator[object, None, Result], fraction: float, text: str
+) -> Generator[Progress, None, Result]:
     """The same steps, of which each says how far the whole is."""
     return map_steps(steps, lambda step: (fraction, text))
 

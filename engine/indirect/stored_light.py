@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect._cache_kernels import MAX_RECORDS, N_PLACES, NO_RECORD, CacheTable
-from engine.indirect._second_bounce_kernels import N_BY_LOBE, N_BY_POWER, NO_LIGHT, LitPlaces, GlossyHits
-from engine.indirect.irradiance_cache import N_SLOTS
+from engine.indirect._second_bounce_kernels import N_BY_LOBE, N_BY_POWER, NO_LIGHT, GlossyHits, LitPlaces
 from engine.indirect.albedo_from_curves import N_SLANTS
-from engine.indirect.sampling_settings import LEVELS, RayBudget
 from engine.indirect.gather import MAX_SAMPLE_SETS, GatherSamples
-from engine.indirect.irradiance import CacheLight
 from engine.indirect.indirect_light import Footprint, IndirectLight
+from engine.indirect.irradiance import CacheLight
+from engine.indirect.irradiance_cache import N_SLOTS
+from engine.indirect.sampling_settings import LEVELS, RayBudget
 from engine.indirect.smoothing import Smoothing, no_smoothing
 from engine.stored_arrays import ArrayReader, UnsoundArrays
 
@@ -50,7 +50,12 @@ def arrays_of(light: IndirectLight) -> Arrays:
 def arrays_of_gathered(gathered: GatherSamples) -> Arrays:
     """What `read_gathered` reads."""
     records = {_RECORDS + name: array for name, array in zip(GlossyHits._fields, gathered.glossy_hits, strict=True)}
-    own: Arrays = {"rows": gathered.rows, "nth": gathered.nth, "seen": gathered.records, "clearance": gathered.clearance}
+    own: Arrays = {
+        "rows": gathered.rows,
+        "nth": gathered.nth,
+        "seen": gathered.records,
+        "clearance": gathered.clearance,
+    }
     return own | records
 
 
@@ -60,7 +65,8 @@ def arrays_of_table(table: CacheTable) -> Arrays:
 
 
 def read_table(reader: ArrayReader) -> CacheTable:
-    """The cells as `IrradianceCache.table` gave them. The reader knows the sizes M and T of objects and triangles, and learns C.
+    """The cells as `IrradianceCache.table` gave them. The reader knows the sizes M and T of objects and triangles, and
+    learns C.
 
     Raises UnsoundArrays, as all that follow.
     """

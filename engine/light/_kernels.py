@@ -127,7 +127,12 @@ def _area_from_peak(sine: float, cosine: float, k: float, ny: float) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def sum_around_triangles(
-    start: int, stop: int, triangles: Int32Array, triangle_edges: Int32Array, edge_integrals: Float64Array, integrals: Float64Array
+    start: int,
+    stop: int,
+    triangles: Int32Array,
+    triangle_edges: Int32Array,
+    edge_integrals: Float64Array,
+    integrals: Float64Array,
 ) -> None:
     """integrals (T, 3)[start:stop]: the signed sum of the three edges of each triangle."""
     for t in range(start, stop):

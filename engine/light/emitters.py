@@ -2,8 +2,9 @@
 
 Every emitting triangle is a root; a node is halved at the middle of its longest edge, which keeps patches well shaped.
 Which one is halved next is said by an importance: of the area alone (`emitter_patches`: even in area, no emitter finer
-than another), or of what a patch does at the points that see it (`emitter_tree` with `visible_importance`). By area, large
-panels far away use the patches up: a stairwell with thirteen lamps was 9 % off with 256 patches and 3 % with 4,096.
+than another), or of what a patch does at the points that see it (`emitter_tree` with `visible_importance`). By area,
+large panels far away use the patches up: a stairwell with thirteen lamps was 9 % off with 256 patches and 3 % with
+4,096.
 
 One-sided: a patch shines to the side its normal points to, given by the order of its corners (counter-clockwise seen
 from the bright side).
@@ -151,7 +152,10 @@ def merge_triangles(corners: Float64Array, radiance: Float64Array, most: int) ->
         if spread[widest] <= 0.0 or below.all() or not below.any():
             break
         for place, half in ((widest, group[below]), (len(groups), group[~below])):
-            groups[place : place + 1], spread[place : place + 1] = [half], [_weighted_variance(features[half], power[half])]
+            groups[place : place + 1], spread[place : place + 1] = (
+                [half],
+                [_weighted_variance(features[half], power[half])],
+            )
     merged = np.array([_merge_group(corners[group], vectors[group]) for group in groups])
     return merged, radiance[[group[0] for group in groups]]
 
@@ -173,7 +177,9 @@ def merged_by_object(
     return np.concatenate(merged), np.concatenate(owners)
 
 
-def _without_slivers(corners: Float64Array, radiance: Float64Array, longest: float) -> tuple[Float64Array, Float64Array]:
+def _without_slivers(
+    corners: Float64Array, radiance: Float64Array, longest: float
+) -> tuple[Float64Array, Float64Array]:
     """The same surface (T, 3, 3) in triangles with edges no longer than that, unless these would be too many."""
     while len(corners) < MOST_CUT:
         edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
@@ -211,7 +217,9 @@ def _merge_group(corners: Float64Array, vectors: Float64Array) -> Float64Array:
     return np.asarray(middle + height.max() * normal + scale * shape)
 
 
-def visible_importance(triangles: Float64Array, radiance: Float64Array, points: Float64Array, normals: Float64Array, seen: Float64Array) -> Importance:
+def visible_importance(
+    triangles: Float64Array, radiance: Float64Array, points: Float64Array, normals: Float64Array, seen: Float64Array
+) -> Importance:
     """What patches of the triangles (T, 3, 3) with radiance (T, 3) do at points (P, 3): for `emitter_tree`.
 
     seen (P, T): the share of each triangle that is seen from each point. A patch brings a point the share
@@ -276,7 +284,9 @@ def _areas(corners: Float64Array) -> Float64Array:
     return np.linalg.norm(_area_vectors(corners), axis=1)
 
 
-def _halve(corners: Float64Array, n_leaves: int, importance: Importance) -> tuple[Float64Array, NDArray[np.intp], NDArray[np.intp]]:
+def _halve(
+    corners: Float64Array, n_leaves: int, importance: Importance
+) -> tuple[Float64Array, NDArray[np.intp], NDArray[np.intp]]:
     """Halve the most important leaves until there are `n_leaves`: nodes (N, 3, 3), the root (N,) and first half (N,).
 
     All that are more than half as important as the most important are halved at once: their halves are not, mostly.

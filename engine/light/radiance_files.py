@@ -28,9 +28,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.errors import LoadError
-from engine.safe_files import local_path
-from engine.light.rgb_primaries import to_rec709, xyz_to_rec709
 from engine.light.resampling import block_means, reduction
+from engine.light.rgb_primaries import to_rec709, xyz_to_rec709
+from engine.safe_files import local_path
 
 MAX_FILE_BYTES = 1 << 30
 MAX_SIDE = 16_384
@@ -124,7 +124,9 @@ def _read_exr(file: Path, notes: list[str], is_colour: bool, most_pixels: int) -
         if len(set(kinds)) > 1 or kinds[0] not in ("float16", "float32"):
             raise LoadError(file, "types of channels R, G, B", ", ".join(kinds), "all half or all float")
         data = np.stack([plane.astype(np.float32) for plane in planes], axis=2)
-        image = _crop_to_display_window(lambda first, last: data[first - top : last + 1 - top], header, most_pixels, notes)
+        image = _crop_to_display_window(
+            lambda first, last: data[first - top : last + 1 - top], header, most_pixels, notes
+        )
     else:
         with _exr_rows(file, header) as read_rows:
             image = _crop_to_display_window(read_rows, header, most_pixels, notes)
@@ -168,7 +170,9 @@ def _exr_rows(file: Path, header: dict[str, Any]) -> Iterator[ReadRows]:
         raise LoadError(file, "OpenEXR pixels", str(error), expected) from None
 
 
-def _crop_to_display_window(read_rows: ReadRows, header: dict[str, Any], most_pixels: int, notes: list[str]) -> NDArray[np.float32]:
+def _crop_to_display_window(
+    read_rows: ReadRows, header: dict[str, Any], most_pixels: int, notes: list[str]
+) -> NDArray[np.float32]:
     """The display window of an image whose file has the data window: more is cut away, what is missing is black."""
     (x0, y0), (x1, y1) = _window(header, "displayWindow")
     (left, top), (right, bottom) = _window(header, "dataWindow")
@@ -201,7 +205,9 @@ def _window(header: dict[str, Any], name: str) -> tuple[tuple[int, int], tuple[i
     return (int(left), int(top)), (int(right), int(bottom))
 
 
-def _convert_to_rec709(image: NDArray[np.float32], chromaticities: list[float], notes: list[str]) -> NDArray[np.float32]:
+def _convert_to_rec709(
+    image: NDArray[np.float32], chromaticities: list[float], notes: list[str]
+) -> NDArray[np.float32]:
     """An image of other primaries in those of Rec. 709."""
     listed = " ".join(f"{each:.4g}" for each in chromaticities)
     try:

@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.light.environment import LUMINANCE, Environment, upsample_interpolated, triangle_integrals
+from engine.light.environment import LUMINANCE, Environment, triangle_integrals, upsample_interpolated
 from engine.sphere.geodesic import MAX_LEVEL, geodesic, triangle_solid_angles
 
 MIN_LIGHTS = 20

@@ -163,7 +163,15 @@ def quotient(q: Float64Array, ix: float, iy: float, iz: float, ox: float, oy: fl
 
 
 def quotients(
-    q: Float64Array, n: int, x: Float32Array, y: Float32Array, z: Float32Array, ox: float, oy: float, oz: float, out: Float32Array
+    q: Float64Array,
+    n: int,
+    x: Float32Array,
+    y: Float32Array,
+    z: Float32Array,
+    ox: float,
+    oy: float,
+    oz: float,
+    out: Float32Array,
 ) -> None:
     """rho_q cos_i of each colour for n directions to light, one after the other in `out` (3 n,); 0 below the horizon.
 

@@ -28,7 +28,8 @@ DEFAULT_HEIGHT = 0.01
 
 @dataclass(frozen=True)
 class Bumps:
-    """Of one object. Names are files, as those of textures (`engine.material.layer_maps.LayerMaps`); one of the two at most.
+    """Of one object. Names are files, as those of textures (`engine.material.layer_maps.LayerMaps`); one of the two at
+    most.
 
     bump_strength: 0 is as without them. bump_height: metres between a bump map's black and its white; negative ones are
     pressed in. bump_repeats: how often the image repeats along u and v; bump_offset and bump_wrap: see

@@ -8,7 +8,18 @@ import numpy as np
 
 from engine.material import kinds
 from engine.material.microfacet import cosine_power, directions
-from engine.material.model import THETA_H, THETA_I, THETA_O, Float64Array, Factor, Model, Parameters, channels, grey, number
+from engine.material.model import (
+    THETA_H,
+    THETA_I,
+    THETA_O,
+    Factor,
+    Float64Array,
+    Model,
+    Parameters,
+    channels,
+    grey,
+    number,
+)
 from engine.material.parameters import TINT, Parameter
 
 Q = Factor("theta_h", THETA_H.gamma, "Q, half θₕ", "Where light and eye mirror each other, and how far around.")

@@ -11,7 +11,7 @@ from engine.material import kinds
 from engine.material.model import Float64Array, Model, Parameters, channels, number
 from engine.material.parameters import Parameter
 from engine.measured.coordinates import node_angles
-from engine.measured.measurement import NO_MEASUREMENT, HALF_ANGLE_CURVES, Measurement, Part
+from engine.measured.measurement import HALF_ANGLE_CURVES, NO_MEASUREMENT, Measurement, Part
 
 PARTS: dict[Part, int] = {"diffuse": kinds.DIFFUSE, "specular": kinds.SPECULAR, "whole": kinds.WHOLE}
 

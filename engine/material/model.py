@@ -60,8 +60,8 @@ class Model(ABC):
 
     quotient: rho_q cos_i as f(q, ix, iy, iz, ox, oy, oz) of the quotient parameters and two local directions above the
     horizon, finite and at least 0; a static method of assignments and conditions that calls nothing but `math`, because
-    it is compiled, and translated to GLSL; None where `kind` names one that is compiled already. is_diffuse: sends light
-    on about evenly. highlight_in_quotient: a part of its distribution over the half vector stands there and in no
+    it is compiled, and translated to GLSL; None where `kind` names one that is compiled already. is_diffuse: sends
+    light on about evenly. highlight_in_quotient: a part of its distribution over the half vector stands there and in no
     curve. shared: by name, the curve that a curve always equals. is_coloured: the quotient differs by colour, and
     q[CHANNEL] says which is wanted, MEAN for one number. needs_file: it is made by importing a file, and not chosen.
     """

@@ -31,7 +31,9 @@ def node_angles(is_half: bool) -> Float64Array:
     return np.asarray(HALF_PI * (share * share if is_half else share))
 
 
-def directions_at(theta_h: Float64Array, theta_d: Float64Array, phi_d: Float64Array) -> tuple[Float64Array, Float64Array]:
+def directions_at(
+    theta_h: Float64Array, theta_d: Float64Array, phi_d: Float64Array
+) -> tuple[Float64Array, Float64Array]:
     """wi, wo (..., 3) of half and difference angles, which broadcast; the half vector lies over the x axis."""
     theta_h, theta_d, phi_d = np.broadcast_arrays(theta_h, theta_d, phi_d)
     x, y, z = np.sin(theta_d) * np.cos(phi_d), np.sin(theta_d) * np.sin(phi_d), np.cos(theta_d)

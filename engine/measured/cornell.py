@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.errors import LoadError
-from engine.safe_files import read_regular_file
 from engine.measured.spectrum import rgb_weights
+from engine.safe_files import read_regular_file
 
 SUFFIX = ".brdf"
 MAX_BYTES = 64 * 2**20

@@ -90,7 +90,9 @@ def factors_of(channels: Sequence[tuple[Float64Array | float, ...]]) -> Factors:
     return Factors(diffuse, slant, specular, over_d, over_h, whole, p, q, 0.0, 0.0)
 
 
-def _fit_channel(samples: Float64Array, weights: Float64Array, slants: list[Float64Array]) -> tuple[Float64Array | float, ...]:
+def _fit_channel(
+    samples: Float64Array, weights: Float64Array, slants: list[Float64Array]
+) -> tuple[Float64Array | float, ...]:
     """d, g (91,), s, G (91,), H (91,), and w, P (91,), Q (91,) of one colour."""
     strength, slant = _diffuse(samples, weights, slants)
     diffuse_part = strength * _at_slants(slant, slants[0]) * _at_slants(slant, slants[1])
@@ -101,7 +103,9 @@ def _fit_channel(samples: Float64Array, weights: Float64Array, slants: list[Floa
     return max(strength, LEAST_STRENGTH), slant, shine, _normalize_curve(over_d), _normalize_curve(over_h), *cloth
 
 
-def _fit_cloth(samples: Float64Array, weights: Float64Array, slants: list[Float64Array]) -> tuple[float, Float64Array, Float64Array]:
+def _fit_cloth(
+    samples: Float64Array, weights: Float64Array, slants: list[Float64Array]
+) -> tuple[float, Float64Array, Float64Array]:
     """w, P and Q of the product w P(theta_i) Q(theta_h) P(theta_o): alternating means of logarithms, which are their
     least squares, for every sample stands at one node of each curve."""
     log = np.log(samples + DARK)
@@ -153,7 +157,9 @@ def _diffuse(samples: Float64Array, weights: Float64Array, slants: list[Float64A
     return peak * peak, np.maximum(nodes / peak, LEAST)
 
 
-def _specular(above: Float64Array, diffuse_part: Float64Array, weights: Float64Array) -> tuple[Float64Array, Float64Array]:
+def _specular(
+    above: Float64Array, diffuse_part: Float64Array, weights: Float64Array
+) -> tuple[Float64Array, Float64Array]:
     """H (90,) over theta_h and G (90,) over theta_d of the product that lies on the matt part."""
     over_d = np.ones(above.shape[1])
     total = weights.sum(axis=(1, 2))
@@ -161,8 +167,12 @@ def _specular(above: Float64Array, diffuse_part: Float64Array, weights: Float64A
     for _ in range(_STEPS):
         fit = over_h[:, None, None] * over_d[:, None]
         relative = weights / (diffuse_part + fit + DARK) ** 2
-        over_h = _solve_nodes(np.einsum("hdp,hdp,d->h", relative, above, over_d), np.einsum("hdp,d->h", relative, over_d**2))
-        over_d = _solve_nodes(np.einsum("hdp,hdp,h->d", relative, above, over_h), np.einsum("hdp,h->d", relative, over_h**2))
+        over_h = _solve_nodes(
+            np.einsum("hdp,hdp,d->h", relative, above, over_d), np.einsum("hdp,d->h", relative, over_d**2)
+        )
+        over_d = _solve_nodes(
+            np.einsum("hdp,hdp,h->d", relative, above, over_h), np.einsum("hdp,h->d", relative, over_h**2)
+        )
     return over_h, over_d
 
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.errors import LoadError
-from engine.safe_files import read_regular_file
 from engine.measured.coordinates import SHAPE
+from engine.safe_files import read_regular_file
 
 SUFFIX = ".binary"
 N_BYTES = 34_992_012

@@ -82,7 +82,14 @@ def _fit_channel(values: Float64Array, angles: _Angles) -> tuple[Float64Array | 
     logs = _solve(first, values, light + view, np.concatenate([difference, half], axis=1))
     slant, over_d, over_h = (_nodes(part) for part in np.split(logs, [_N_COARSE, 2 * _N_COARSE]))
     strengths = [max(float(a.max() * b.max()), LEAST_STRENGTH) for a, b in ((slant, slant), (over_d, over_h))]
-    return strengths[0], _normalize_curve(slant), strengths[1], _normalize_curve(over_d), _normalize_curve(over_h), *_fit_cloth(values, angles)
+    return (
+        strengths[0],
+        _normalize_curve(slant),
+        strengths[1],
+        _normalize_curve(over_d),
+        _normalize_curve(over_h),
+        *_fit_cloth(values, angles),
+    )
 
 
 def _solve(first: Float64Array, values: Float64Array, slants: Float64Array, highlight: Float64Array) -> Float64Array:

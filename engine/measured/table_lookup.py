@@ -31,7 +31,12 @@ def evaluate_table(table: NDArray[np.float32], wi: Float64Array, wo: Float64Arra
 
 
 def evaluate_part(
-    table: NDArray[np.float32], measurement: Measurement, part: Part, smoothing: float, wi: Float64Array, wo: Float64Array
+    table: NDArray[np.float32],
+    measurement: Measurement,
+    part: Part,
+    smoothing: float,
+    wi: Float64Array,
+    wo: Float64Array,
 ) -> Float64Array:
     """The diffuse or the specular part of a measurement (N, 3), which sum up to it, exactly; or the whole. 0 below the
     horizon."""
@@ -42,6 +47,10 @@ def evaluate_part(
     diffuse_part = np.asarray(measurement.diffuse)
     for factor in factors:
         diffuse_part = diffuse_part * factor
-    parts = {"diffuse": np.minimum(whole, diffuse_part), "specular": np.maximum(whole - diffuse_part, 0.0), "whole": whole}
+    parts = {
+        "diffuse": np.minimum(whole, diffuse_part),
+        "specular": np.maximum(whole - diffuse_part, 0.0),
+        "whole": whole,
+    }
     value = parts[part]
     return np.where(above[:, None], value, 0.0)

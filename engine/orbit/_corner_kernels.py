@@ -20,8 +20,8 @@ _MOST_CELLS = 24
 
 class PeakLights(NamedTuple):
     """Direction and power (M, 3) of a sky's suns, at most 128; which of them each point sees (S, ⌈M / 8⌉),
-    `StoredLight.peak_bits`; `Hemisphere.children`; and by which share of all that is reflected a sun may differ among slices
-    and still be looked up in them."""
+    `StoredLight.peak_bits`; `Hemisphere.children`; and by which share of all that is reflected a sun may differ among
+    slices and still be looked up in them."""
 
     direction: Float32Array
     power: Float32Array
@@ -33,7 +33,8 @@ class PeakLights(NamedTuple):
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def shade_corners(
     start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64],
-    mirrored: Float32Array, n_most: int, frame: Float32Array, slots: NDArray[np.int32], stored: StoredLight, peaks: PeakLights, t: Tables,
+    mirrored: Float32Array, n_most: int, frame: Float32Array, slots: NDArray[np.int32], stored: StoredLight,
+    peaks: PeakLights, t: Tables,
     radiance: Float32Array, sharp: Words,
 ) -> None:  # fmt: skip
     """Fill radiance (3 N, 3): what points send of their first n_most coefficients to where they show in the mirror the
@@ -80,7 +81,9 @@ def shade_corners(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _visible_peaks(peaks: PeakLights, p: int, frame: Float32Array, seen: NDArray[np.int64], place: NDArray[np.int64]) -> int:
+def _visible_peaks(
+    peaks: PeakLights, p: int, frame: Float32Array, seen: NDArray[np.int64], place: NDArray[np.int64]
+) -> int:
     """How many suns a point sees; their numbers and the upper triangles of its frame in which they stand."""
     n = 0
     for s in range(len(peaks.power)):

@@ -29,7 +29,8 @@ class Charts(NamedTuple):
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def footprints(
     start: int, stop: int, which: NDArray[np.int64], part: NDArray[np.int32], source: NDArray[np.int32], wo: Wides,
-    share: Wides, charts: Charts, eye: Float64Array, axes: Float64Array, uv: Float64Array, left: Float64Array, up: Float64Array,
+    share: Wides, charts: Charts, eye: Float64Array, axes: Float64Array, uv: Float64Array, left: Float64Array,
+    up: Float64Array,
 ) -> None:  # fmt: skip
     """Fill rows [start, stop) of uv, left and up (N, 2): texture coordinates of samples (N,), and by how much they
     change over the share (R,) of a pixel, to the left and upwards, as of rays that meet the plane of the sample's own

@@ -38,8 +38,9 @@ class Hemisphere(NamedTuple):
 
 
 class Light(NamedTuple):
-    """What shines: sky map (side, side, 4) and a coarse one, as `sky.SkyMap`, turned by the angle of this cosine and sine;
-    suns' direction and power (M, 3), brightest first; patches' centre, normal and flux (L, 3): radiance × area."""
+    """What shines: sky map (side, side, 4) and a coarse one, as `sky.SkyMap`, turned by the angle of this cosine and
+    sine; suns' direction and power (M, 3), brightest first; patches' centre, normal and flux (L, 3): radiance ×
+    area."""
 
     sky: Float32Array
     coarse_sky: Float32Array
@@ -129,7 +130,12 @@ def add_sky(p: int, at: Places, half: Hemisphere, light: Light, powers: Float32A
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
 def _add_moments(
-    moments: Float32Array, red: np.float32, green: np.float32, blue: np.float32, direction: Float32Array, cosine: np.float32
+    moments: Float32Array,
+    red: np.float32,
+    green: np.float32,
+    blue: np.float32,
+    direction: Float32Array,
+    cosine: np.float32,
 ) -> None:
     x, z = direction[0], direction[2]
     moments[0, 0] += red * x
@@ -257,7 +263,8 @@ def add_patches(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def compress(
-    powers: Float32Array, place: NDArray[np.int32], wavelets: Float32Array, sizes: Float32Array, number: NDArray[np.int16],
+    powers: Float32Array, place: NDArray[np.int32], wavelets: Float32Array, sizes: Float32Array,
+    number: NDArray[np.int16],
     value: NDArray[np.uint16],
 ) -> None:  # fmt: skip
     """Wavelets of powers (20·4^L, 3), the n largest by size, the 20 means before all: number (n,), value (n, 3).
@@ -348,7 +355,10 @@ def light_range(
         for i in range(3):  # not all at once: for that the compiler makes the words of an error
             stored.irradiance[p, i] = moments[1, i]
             if at.slot[p] >= 0:
-                stored.irradiance_gradient[at.slot[p], 0, i], stored.irradiance_gradient[at.slot[p], 1, i] = moments[0, i], moments[2, i]
+                stored.irradiance_gradient[at.slot[p], 0, i], stored.irradiance_gradient[at.slot[p], 1, i] = (
+                    moments[0, i],
+                    moments[2, i],
+                )
         _add_peaks(p, at, half, light, stored)
         if at.slot[p] >= 0:
             slot, size = at.slot[p], 320 if is_coarse else n

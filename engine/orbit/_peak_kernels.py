@@ -27,7 +27,8 @@ class BrdfQueries(NamedTuple):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def query_peaks(
-    which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, wo: Float32Array, frame: Float32Array, peaks: PeakLights,
+    which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, wo: Float32Array, frame: Float32Array,
+    peaks: PeakLights,
     sharp: NDArray[np.uint64], least_cosine: float, asked: BrdfQueries,
 ) -> int:  # fmt: skip
     """Fill what is asked of the suns that are sharp at corners (3 N, 2) of samples (N,), as `shade_corners` finds them,
@@ -68,7 +69,9 @@ def query_peaks(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _interpolate_frame(corners: NDArray[np.int32], weights: Float32Array, frame: Float32Array, out: NDArray[np.float64]) -> None:
+def _interpolate_frame(
+    corners: NDArray[np.int32], weights: Float32Array, frame: Float32Array, out: NDArray[np.float64]
+) -> None:
     """The frame between three points into out (3, 3), orthonormal again."""
     for i in range(2):
         for k in range(3):
@@ -90,7 +93,9 @@ def _interpolate_frame(corners: NDArray[np.int32], weights: Float32Array, frame:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _view_direction(frame: NDArray[np.float64], wo: Float32Array, least_cosine: float, out: NDArray[np.float64]) -> None:
+def _view_direction(
+    frame: NDArray[np.float64], wo: Float32Array, least_cosine: float, out: NDArray[np.float64]
+) -> None:
     """wo (3,) in tangent, bitangent, normal of a frame, no less than so much above the surface, unit, into out (3,)."""
     x = frame[0, 0] * wo[0] + frame[0, 1] * wo[1] + frame[0, 2] * wo[2]
     y = frame[1, 0] * wo[0] + frame[1, 1] * wo[1] + frame[1, 2] * wo[2]
@@ -110,7 +115,8 @@ def add_answers(n: int, asked: BrdfQueries, value: NDArray[np.float64], radiance
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def uncertain_peaks(
-    samples: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, frame: Float32Array, peaks: PeakLights, n_peaks: int,
+    samples: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, frame: Float32Array,
+    peaks: PeakLights, n_peaks: int,
     everywhere: bool, row: NDArray[np.int32], peak: NDArray[np.int32], share: Float32Array, cosine: Float32Array,
 ) -> int:  # fmt: skip
     """Which of the first n_peaks, at most 8, may stand over samples (N,) otherwise than their points know: those of

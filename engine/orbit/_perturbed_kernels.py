@@ -52,7 +52,8 @@ def _powers(number: NDArray[np.int16], value: NDArray[np.uint16], level: int, wo
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def irradiance(
     start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64],
-    normals: Float32Array, frame: Float32Array, slots: NDArray[np.int32], stored: StoredLight, level: int, directions: Float32Array, out: Float32Array,
+    normals: Float32Array, frame: Float32Array, slots: NDArray[np.int32], stored: StoredLight, level: int,
+    directions: Float32Array, out: Float32Array,
 ) -> None:  # fmt: skip
     """Fill out (3 N, 3): the irradiance, suns apart, by the light of each corner's point on a surface of normal (N, 3).
 
@@ -98,7 +99,8 @@ def irradiance(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def quick_irradiance(
-    start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, leans: Float32Array,
+    start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array,
+    leans: Float32Array,
     frame: Float32Array, slots: NDArray[np.int32], stored: StoredLight, out: Float32Array,
 ) -> None:  # fmt: skip
     """Fill out (N, 3): the irradiance of surfaces at samples (N,) whose unit normals lean by (N, 3) across them.
@@ -125,8 +127,10 @@ def quick_irradiance(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def shade_broad(
-    start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64], wo: Float32Array,
-    turned: Float32Array, frame: Float32Array, slots: NDArray[np.int32], stored: StoredLight, level: int, directions: Float32Array,
+    start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64],
+    wo: Float32Array,
+    turned: Float32Array, frame: Float32Array, slots: NDArray[np.int32], stored: StoredLight, level: int,
+    directions: Float32Array,
     children: NDArray[np.int16], t: Tables, out: Float32Array,
 ) -> None:  # fmt: skip
     """As `irradiance`, radiance along wo (N, 3) that slices in turned frames (N, 3, 3) reflect, by each triangle."""
@@ -170,7 +174,11 @@ def shade_broad(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _shares(
-    bits: NDArray[np.uint8], corners: NDArray[np.int32], weights: Float32Array, of_bits: Float32Array, share: Float32Array
+    bits: NDArray[np.uint8],
+    corners: NDArray[np.int32],
+    weights: Float32Array,
+    of_bits: Float32Array,
+    share: Float32Array,
 ) -> None:
     """Fill share (8 B,): how much a sample sees of each sun between its points. of_bits: `of_bytes`."""
     for byte in range(len(share) // 8):
@@ -187,8 +195,10 @@ def of_bytes() -> Float32Array:
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def peak_irradiance(
-    start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, turned: Float32Array,
-    frame: Float32Array, peak_bits: NDArray[np.uint8], peak_direction: Float32Array, peak_power: Float32Array, of_bits: Float32Array, out: Float32Array,
+    start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array,
+    turned: Float32Array,
+    frame: Float32Array, peak_bits: NDArray[np.uint8], peak_direction: Float32Array, peak_power: Float32Array,
+    of_bits: Float32Array, out: Float32Array,
 ) -> None:  # fmt: skip
     """Fill out (N, 3): by how much more suns, as samples (N,) see them, light turned surfaces than those before.
 
@@ -216,7 +226,8 @@ def peak_irradiance(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def peak_radiance(
-    start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, wo: Float32Array,
+    start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array,
+    wo: Float32Array,
     turned: Float32Array, peak_bits: NDArray[np.uint8], peak_direction: Float32Array, peak_power: Float32Array,
     children: NDArray[np.int16], of_bits: Float32Array, t: Tables, out: Float32Array,
 ) -> None:  # fmt: skip

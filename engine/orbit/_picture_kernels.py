@@ -56,7 +56,13 @@ def fill_rays(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def resolve(
-    start: int, triangle: Int32Array, u: Float32Array, v: Float32Array, directions: Float32Array, surface: PointTriangles, out: Samples
+    start: int,
+    triangle: Int32Array,
+    u: Float32Array,
+    v: Float32Array,
+    directions: Float32Array,
+    surface: PointTriangles,
+    out: Samples,
 ) -> None:
     """Fill samples from `start` on with the hits (n,) of rays with those directions (n, 3)."""
     for k in range(len(triangle)):
@@ -110,7 +116,8 @@ def add_between(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def add_at(
-    start: int, stop: int, samples: NDArray[np.int64], values: Float32Array, factor: Float32Array, radiance: Float32Array
+    start: int, stop: int, samples: NDArray[np.int64], values: Float32Array, factor: Float32Array,
+    radiance: Float32Array
 ) -> None:  # fmt: skip
     """Add values (N, 3) times factor (N or 1, 3) to radiance (R, 3) of samples (N,)."""
     several = len(factor) > 1
@@ -179,7 +186,14 @@ def silhouettes(i_object: Int32Array, edges: NDArray[np.bool_]) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def add_background(
-    start: int, stop: int, i_object: Int32Array, wo: Float32Array, image: Float32Array, turn: float, scale: float, radiance: Float32Array
+    start: int,
+    stop: int,
+    i_object: Int32Array,
+    wo: Float32Array,
+    image: Float32Array,
+    turn: float,
+    scale: float,
+    radiance: Float32Array,
 ) -> None:
     """Add the environment's radiance to samples that meet nothing, as `Environment.evaluate` does."""
     height, width = image.shape[0], image.shape[1]

@@ -179,7 +179,8 @@ def _add_suns(cell: Cell, place: NDArray[np.int16], power: Float32Array, t: Tabl
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def shade_points(
-    start: int, stop: int, points: NDArray[np.int64], eye: Float32Array, n_most: int, position: Float32Array, frame: Float32Array,
+    start: int, stop: int, points: NDArray[np.int64], eye: Float32Array, n_most: int, position: Float32Array,
+    frame: Float32Array,
     slots: NDArray[np.int32], stored: StoredLight, t: Tables, shades: Shades, radiance: Float32Array,
 ) -> None:  # fmt: skip
     """Add to rows `points[start:stop]` of radiance (S, 3) what each sends to the eye by its first n_most coefficients

@@ -14,7 +14,9 @@ Int32Array = NDArray[np.int32]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def _begin_ray(point: Float32Array, direction: Float32Array, frame: Float32Array, origin: Float32Array, way: Float32Array) -> None:
+def _begin_ray(
+    point: Float32Array, direction: Float32Array, frame: Float32Array, origin: Float32Array, way: Float32Array
+) -> None:
     """A ray from a point along a direction of its frame. Number by number: for rows the compiler makes the words of an
     error, which takes longer than all else."""
     for i in range(3):
@@ -23,7 +25,8 @@ def _begin_ray(point: Float32Array, direction: Float32Array, frame: Float32Array
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def first_rays(points: NDArray[np.int64], lifted: Float32Array, frames: Float32Array, directions: Float32Array, origins: Float32Array,
+def first_rays(points: NDArray[np.int64], lifted: Float32Array, frames: Float32Array, directions: Float32Array,
+    origins: Float32Array,
                ray_directions: Float32Array) -> None:  # fmt: skip
     """Rays (N · U / 4, 3) of points (N,) through the middle child of each parent: direction 4 j + 3 of (U, 3)."""
     at = 0
@@ -50,7 +53,8 @@ def differing(free: Flags, around: Int32Array, found: Flags) -> int:
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def more_rays(
-    points: NDArray[np.int64], queried: Flags, lifted: Float32Array, frames: Float32Array, directions: Float32Array, n_children: int,
+    points: NDArray[np.int64], queried: Flags, lifted: Float32Array, frames: Float32Array, directions: Float32Array,
+    n_children: int,
     origins: Float32Array, ray_directions: Float32Array,
 ) -> None:  # fmt: skip
     """Rays through the first n_children of the four of each triangle that is asked (N, T); directions (4 T, 3)."""

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from engine.indirect.direction_patterns import cosine_tables
 from engine.orbit.shading_points import ShadingPoints
-from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene
 
 _RAYS, _AT_ONCE = 8, 4096
 _MOST = 0.5  # of a point's rays

@@ -18,6 +18,8 @@ from engine.orbit._slice_kernels import Tables
 from engine.orbit.gpu_parts import (
     N_HEAD,
     BouncedPart,
+    ExportedBumps,
+    ExportedTerm,
     Float32Array,
     LightPart,
     MeshPart,
@@ -26,8 +28,6 @@ from engine.orbit.gpu_parts import (
     SkyPart,
     TablePart,
     TermsPart,
-    ExportedBumps,
-    ExportedTerm,
     Words,
 )
 from engine.scene.surface_uvs import corner_uvs
@@ -160,7 +160,8 @@ def _mesh(scene: Scene, lit: LitPoints, n: int) -> MeshPart:
     low, high = scene.vertices.min(axis=0), scene.vertices.max(axis=0)
     return MeshPart(
         each.astype(np.float32).view(np.uint32), corners.reshape(-1, 16).astype(np.float32).view(np.uint32),
-        tuple(zip(bounds[:-1], bounds[1:], strict=True)), tuple(runs), _as_triple(scene.origin), _as_triple((low + high) / 2.0),
+        tuple(zip(bounds[:-1], bounds[1:], strict=True)), tuple(runs), _as_triple(scene.origin),
+        _as_triple((low + high) / 2.0),
         float(np.linalg.norm(high - low)) / 2.0, len(stored.number), n,
     )  # fmt: skip
 

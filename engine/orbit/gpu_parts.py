@@ -1,8 +1,8 @@
 """What moving pictures are drawn of, part by part, for a graphics card that draws them: arrays as buffers have them.
 
-The parts are the points' own functions and the terms that `view_radiance.view_radiance` sums of them for a moving picture;
-the camera is in none of them. Numbers of 32 bits stand in rows of words, so that floats, whole numbers and pairs of
-bfloat16 lie side by side. They are told by `gpu_export`, and kept where slow libraries are not imported.
+The parts are the points' own functions and the terms that `view_radiance.view_radiance` sums of them for a moving
+picture; the camera is in none of them. Numbers of 32 bits stand in rows of words, so that floats, whole numbers and
+pairs of bfloat16 lie side by side. They are told by `gpu_export`, and kept where slow libraries are not imported.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ class MeshPart:
     """points (S, 12): position, row among those with gloss (bits of an int, −1 for none), normal, 0, tangent, 0;
     corners (3 T, 16) of the triangles between them, by object: position, normal of the face, texture coordinates, the
     point on the side that the winding faces and on the other (bits, −1 for none), and what bumps lean along, see
-    `BumpNormals.ways`; triangles, points: first and last of each object's, of the points in several runs; origin (3,): what
-    positions are relative to; a ball around all, its centre and radius; n_rows: of those with gloss, and n_coefficients
-    of each."""
+    `BumpNormals.ways`; triangles, points: first and last of each object's, of the points in several runs; origin (3,):
+    what positions are relative to; a ball around all, its centre and radius; n_rows: of those with gloss, and
+    n_coefficients of each."""
 
     points: Words
     corners: Words

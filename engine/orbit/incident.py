@@ -36,8 +36,8 @@ _CHILDREN_SIDE = 384  # a quarter of a degree
 
 @dataclass(frozen=True, eq=False)
 class Incident:
-    """What points keep of the light, see `_incident_kernels.StoredLight`; slot (S,): the row of those that reflect with gloss,
-    −1 of others."""
+    """What points keep of the light, see `_incident_kernels.StoredLight`; slot (S,): the row of those that reflect with
+    gloss, −1 of others."""
 
     slot: NDArray[np.int32]
     stored: kernels.StoredLight
@@ -59,7 +59,8 @@ class Incident:
 
 @dataclass(frozen=True, eq=False)
 class SceneEmitters:
-    """Emitters inside the scene: L patches, which of them each point sees (S, ⌈L / 8⌉), as `visibility.trace_patches`."""
+    """Emitters inside the scene: L patches, which of them each point sees (S, ⌈L / 8⌉), as
+    `visibility.trace_patches`."""
 
     patches: EmitterPatches
     bits: Bits
@@ -99,11 +100,16 @@ def light_points(
 ) -> None:  # fmt: skip
     """Fill `incident` at all points, or at those which (N,) are named.
 
-    bits: as `visibility.trace_hemispheres` gives them; is_coarse: by triangles of level 2, in a sixth of the time. Lamps are not
-    distant: their directions and distances are each point's own. suns (S,): see `visible_peaks`.
+    bits: as `visibility.trace_hemispheres` gives them; is_coarse: by triangles of level 2, in a sixth of the time.
+    Lamps are not distant: their directions and distances are each point's own. suns (S,): see `visible_peaks`.
     """
     asked = np.arange(len(points)) if which is None else np.asarray(which, np.int64)
-    tables: Any = kernel_places(points, bits, incident.slot, lamps, peaks), hemisphere(), kernel_lights(sky, lamps), incident.stored
+    tables: Any = (
+        kernel_places(points, bits, incident.slot, lamps, peaks),
+        hemisphere(),
+        kernel_lights(sky, lamps),
+        incident.stored,
+    )
     fill_range: Any = kernels.light_range
 
     def fill(start: int) -> None:
@@ -127,12 +133,16 @@ def evenly_lit(
     for i, (sky, shining) in enumerate(((white, None), (black, lamps))):
         if sky is white or shining is not None:
             incident = empty_incident(np.zeros(len(points), bool), kernels.N_ROOTS)
-            light_points(points, bits, SkyMap(sky, sky, 0.0, none, none, none[:, None]), incident, shining, is_coarse=True)
+            light_points(
+                points, bits, SkyMap(sky, sky, 0.0, none, none, none[:, None]), incident, shining, is_coarse=True
+            )
             found[:, i] = incident.irradiance[:, 0]
     return found
 
 
-def visible_peaks(points: ShadingPoints, caster: RayCaster, sky: SkyMap, which: NDArray[np.integer]) -> NDArray[np.int16]:
+def visible_peaks(
+    points: ShadingPoints, caster: RayCaster, sky: SkyMap, which: NDArray[np.integer]
+) -> NDArray[np.int16]:
     """Bits (S,) of the brightest suns that points (N,) see, −1 at the others; caster: of the scene's triangles.
 
     A triangle of the sphere says that to 1.4 degrees, by which the shadow of a slat may lie beside it.

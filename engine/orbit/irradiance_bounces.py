@@ -30,8 +30,8 @@ from scipy.spatial import cKDTree
 
 from engine.indirect.direction_patterns import cosine_tables
 from engine.orbit import _picture_kernels as kernels
-from engine.orbit.view_samples import PointMesh
 from engine.orbit.shading_points import Int32Array, ShadingPoints
+from engine.orbit.view_samples import PointMesh
 
 Float32Array = NDArray[np.float32]
 Rows = NDArray[np.int64]
@@ -150,7 +150,9 @@ def trace_bounce_rays(
     late = np.full(len(points), -1, np.int32) if late is None else late
     rows = np.arange(len(points)) if rows is None else rows
     space, n_most = _Space.of(points, rows), N_GATHERING if i_object < 0 else N_OF_BACKS
-    gathering = yield from _trace_rays(points, mesh, _choose_evenly(points, space, space.is_open, n_most), space, late, i_object)
+    gathering = yield from _trace_rays(
+        points, mesh, _choose_evenly(points, space, space.is_open, n_most), space, late, i_object
+    )
     around = yield from _interpolate(points, mesh, space, gathering)
     for _ in range(_ROUNDS if i_object < 0 else 0):
         more = _choose_evenly(points, space, space.is_open & (around.error > _CLOSE), N_MORE)

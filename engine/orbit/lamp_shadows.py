@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from engine.light.emitters import EmitterPatches
 from engine.orbit import _lamp_kernels as kernels
 from engine.orbit.incident import SceneEmitters
-from engine.orbit.view_samples import Rows, ViewSamples
 from engine.orbit.pixel_light import Wrong, phases
+from engine.orbit.view_samples import Rows, ViewSamples
 from engine.orbit.visibility import SHORT
 from engine.scene.raycaster import RayCaster
 from engine.threads import even_parts, on_threads
@@ -59,7 +59,9 @@ class _Asking:
         return asked, free
 
 
-def lamp_shadows(seen: ViewSamples, which: Rows, lamps: SceneEmitters, caster: RayCaster, quality: str) -> Iterator[Wrong]:
+def lamp_shadows(
+    seen: ViewSamples, which: Rows, lamps: SceneEmitters, caster: RayCaster, quality: str
+) -> Iterator[Wrong]:
     """What samples (N,) see of patches that their points do not know, some at a time; caster: of the scene's triangles;
     quality: "rest" or "still"."""
     patches, points, step = lamps.patches, seen.points, max(_AT_ONCE // _MOST[quality], 1)

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene
 
 Float64Array = NDArray[np.float64]
 _PATHS = 8192  # from far away, and as many from emitters

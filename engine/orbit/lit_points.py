@@ -8,18 +8,26 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.generators import StepRunner, run_to_end
 from engine.light.emitters import EmitterPatches
-from engine.orbit.irradiance_bounces import Bounces, Exchange, trace_bounce_rays, refining
 from engine.orbit.enclosed_points import find_enclosed
-from engine.orbit.incident import Incident, SceneEmitters, evenly_lit, light_points, with_glossy_points, empty_incident, visible_peaks
-from engine.orbit.view_samples import PointMesh
+from engine.orbit.incident import (
+    Incident,
+    SceneEmitters,
+    empty_incident,
+    evenly_lit,
+    light_points,
+    visible_peaks,
+    with_glossy_points,
+)
+from engine.orbit.irradiance_bounces import Bounces, Exchange, refining, trace_bounce_rays
 from engine.orbit.point_reflection import empty_shades
 from engine.orbit.shading_points import ShadingPoints, with_backs
 from engine.orbit.sky_map import SkyMap
+from engine.orbit.view_samples import PointMesh
 from engine.orbit.visibility import N_UPPER, Bits, trace_hemispheres, trace_patches
-from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
-from engine.generators import StepRunner, run_to_end
+from engine.scene.scene_loader import Scene
 
 Float32Array = NDArray[np.float32]
 UNLIT, COARSELY, EXACTLY = 0, 1, 2
@@ -32,8 +40,8 @@ class LitPoints:
     picture saw; behind: objects whose backs are to have points, as a picture saw them or light goes on from them;
     is_bounced: of which light the indirect irradiance (S, 3) is, and the radiance sent_on (S, 3) that gloss shows of
     points; known (S,): whether it was lit once, by whatever light; shadowed (S,): whether that light had the point's
-    shadows; n_traced: points that were traced since this was stored; untold (S,): whose light has changed since `gpu_parts`
-    told it. caster: of the scene's triangles.
+    shadows; n_traced: points that were traced since this was stored; untold (S,): whose light has changed since
+    `gpu_parts` told it. caster: of the scene's triangles.
     """
 
     def __init__(

@@ -23,23 +23,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.errors import InsituError
+from engine.generators import StepRunner, run_to_end
 from engine.light.emitters import EmitterPatches, emitter_patches, merged_by_object
 from engine.material.bumps import Bumps
 from engine.orbit.enclosed_points import find_enclosed
-from engine.orbit.view_radiance import N_MOVING, Quality, view_radiance
 from engine.orbit.incident import SceneEmitters
-from engine.orbit.stored_visibility import deflate_bits, inflate_bits
 from engine.orbit.lit_points import EXACTLY, UNLIT, LitPoints
-from engine.orbit.view_samples import ViewSamples, assemble_picture
 from engine.orbit.reflections import LayersOf, Reflections
 from engine.orbit.shading_points import ShadingPoints, place_points
 from engine.orbit.sky_map import make_sky
+from engine.orbit.stored_visibility import deflate_bits, inflate_bits
+from engine.orbit.view_radiance import N_MOVING, Quality, view_radiance
+from engine.orbit.view_samples import ViewSamples, assemble_picture
 from engine.orbit.visibility import N_UPPER, Bits
 from engine.render.still import StillProgress
 from engine.scene.description import CameraDescription
-from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
-from engine.generators import StepRunner, run_to_end
+from engine.scene.scene_loader import Scene
 from engine.stored_arrays import ArrayReader, Arrays
 from engine.threads import n_threads
 from engine.transport.pipeline import SkyState
@@ -115,7 +115,8 @@ class Orbit:
         return arrays | deflate_bits("bits", lit.bits) | deflate_bits("patch_bits", lit.patch_bits)
 
     def restore(self, arrays: Arrays) -> None:
-        """Become what sees as `stored_visibility` gave it, of the same geometry; before any work. Raises UnsoundArrays."""
+        """Become what sees as `stored_visibility` gave it, of the same geometry; before any work. Raises
+        UnsoundArrays."""
         reader = ArrayReader(arrays)
         n = int(reader.take("n_points", np.int64, 1)[0])
         backs = reader.take("backs", np.int64, "backs", below=len(self.scene.smooth))

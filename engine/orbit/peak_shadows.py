@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from engine.orbit import _peak_kernels as kernels
 from engine.orbit.incident import Incident
-from engine.orbit.view_samples import Rows, ViewSamples
 from engine.orbit.pixel_light import Wrong, phases
 from engine.orbit.point_reflection import peak_lights_of
 from engine.orbit.sky_map import N_PLACES, SkyMap
+from engine.orbit.view_samples import Rows, ViewSamples
 from engine.scene.raycaster import RayCaster
 
 Float32Array = NDArray[np.float32]

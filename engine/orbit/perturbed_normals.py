@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.orbit import _footprint_kernels as footprint_kernels
-from engine.orbit import _picture_kernels, _slice_kernels
 from engine.orbit import _perturbed_kernels as kernels
+from engine.orbit import _picture_kernels, _slice_kernels
 from engine.orbit.incident import Incident, hemisphere
-from engine.orbit.view_samples import ViewSamples
-from engine.orbit.point_reflection import reflect_at_corners, mirror_directions, peak_lights_of
-from engine.orbit.view_maps import MOVING_PROBES, footprints_of
+from engine.orbit.point_reflection import mirror_directions, peak_lights_of, reflect_at_corners
 from engine.orbit.sky_map import SkyMap, make_sky
+from engine.orbit.view_maps import MOVING_PROBES, footprints_of
+from engine.orbit.view_samples import ViewSamples
 from engine.scene.local_frames import object_tangents
 from engine.scene.scene_loader import Scene
 from engine.sphere.geodesic import geodesic, triangle_first_moments
@@ -114,7 +114,8 @@ def perturbed_irradiance(seen: ViewSamples, samples: PerturbedSamples, incident:
 
     def fill(start: int, stop: int, points: Rows, first: Rows, members: Rows, out: Float32Array) -> None:
         kernels.irradiance(
-            start, stop, points, first, members, normals, seen.points.frames, incident.slot, incident.stored, _DIFFUSE_LEVEL,
+            start, stop, points, first, members, normals, seen.points.frames, incident.slot, incident.stored,
+            _DIFFUSE_LEVEL,
             _directions(_DIFFUSE_LEVEL), out,
         )  # fmt: skip
 
@@ -131,12 +132,20 @@ def perturbed_irradiance(seen: ViewSamples, samples: PerturbedSamples, incident:
 
 
 def perturbed_reflection(
-    seen: ViewSamples, samples: PerturbedSamples, incident: Incident, sky: SkyMap, tables: _slice_kernels.Tables, still: bool
+    seen: ViewSamples,
+    samples: PerturbedSamples,
+    incident: Incident,
+    sky: SkyMap,
+    tables: _slice_kernels.Tables,
+    still: bool,
 ) -> Float32Array:
     """Radiance (N, 3) that turned surfaces with gloss send to the eye."""
     lit = _peak_radiance(seen, samples, incident, sky, tables)
     if not still and _is_highlight(tables):
-        ways, apart = mirror_directions(samples.wo, samples.frames[:, 1]), peak_lights_of(make_sky(None, 0.0), incident, 0.0)
+        ways, apart = (
+            mirror_directions(samples.wo, samples.frames[:, 1]),
+            peak_lights_of(make_sky(None, 0.0), incident, 0.0),
+        )
         return lit + reflect_at_corners(
             seen, samples.which, ways, incident, apart, tables, np.zeros((0, 2), np.uint64), N_MIRRORED
         )

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from engine.material.layer import Layer
 from engine.orbit import _corner_kernels as corner_kernels
+from engine.orbit import _peak_kernels as sun_kernels
 from engine.orbit import _picture_kernels as picture_kernels
 from engine.orbit import _slice_kernels as kernels
-from engine.orbit import _peak_kernels as sun_kernels
 from engine.orbit.incident import Incident, hemisphere
-from engine.orbit.view_samples import Rows, ViewSamples
 from engine.orbit.sky_map import SkyMap
+from engine.orbit.view_samples import Rows, ViewSamples
 from engine.render.integrator import evaluate_layers
 from engine.scene.primary_hits import LEAST_COSINE
 from engine.threads import even_parts, on_threads
@@ -45,7 +45,18 @@ def shade_points(
 
     def part(start: int, stop: int) -> None:
         kernels.shade_points(
-            start, stop, points, seen.camera_position, n, at, frames, incident.slot, incident.stored, tables, shades, colours
+            start,
+            stop,
+            points,
+            seen.camera_position,
+            n,
+            at,
+            frames,
+            incident.slot,
+            incident.stored,
+            tables,
+            shades,
+            colours,
         )
 
     on_threads(part, *even_parts(len(points)))
@@ -71,10 +82,14 @@ def reflect_at_rest(
     return radiance
 
 
-def reflect_moving(seen: ViewSamples, which: Rows, incident: Incident, sky: SkyMap, tables: kernels.Tables, n: int) -> Float32Array:
+def reflect_moving(
+    seen: ViewSamples, which: Rows, incident: Incident, sky: SkyMap, tables: kernels.Tables, n: int
+) -> Float32Array:
     """The same while something moves: by n coefficients, and of all suns by slices."""
     directions, no_bits = mirror_directions(seen.samples.wo[which], seen.normals(which)), np.zeros((0, 2), np.uint64)
-    return reflect_at_corners(seen, which, directions, incident, peak_lights_of(sky, incident, np.inf), tables, no_bits, n)
+    return reflect_at_corners(
+        seen, which, directions, incident, peak_lights_of(sky, incident, np.inf), tables, no_bits, n
+    )
 
 
 def peak_lights_of(sky: SkyMap, incident: Incident, little: float) -> corner_kernels.PeakLights:
@@ -91,7 +106,8 @@ def mirror_directions(wo: Float32Array, normals: Float32Array) -> Float32Array:
 
 
 def reflect_at_corners(
-    seen: ViewSamples, which: Rows, directions: Float32Array, incident: Incident, peaks: corner_kernels.PeakLights, tables: kernels.Tables,
+    seen: ViewSamples, which: Rows, directions: Float32Array, incident: Incident, peaks: corner_kernels.PeakLights,
+    tables: kernels.Tables,
     sharp: NDArray[np.uint64], n_most: int = MOST_COEFFICIENTS,
 ) -> Float32Array:  # fmt: skip
     """What samples (N,) send that show in the mirror the directions `ways` (N, 3), between the points around them,
@@ -106,7 +122,8 @@ def reflect_at_corners(
 
     def part(start: int, stop: int) -> None:
         corner_kernels.shade_corners(
-            start, stop, asked, first, members, directions, n_most, seen.points.frames, incident.slot, incident.stored, peaks,
+            start, stop, asked, first, members, directions, n_most, seen.points.frames, incident.slot, incident.stored,
+            peaks,
             tables, found, sharp,
         )  # fmt: skip
 
@@ -115,7 +132,8 @@ def reflect_at_corners(
 
 
 def _add_sharp(
-    seen: ViewSamples, which: Rows, peaks: corner_kernels.PeakLights, sharp: NDArray[np.uint64], layers: Sequence[Layer],
+    seen: ViewSamples, which: Rows, peaks: corner_kernels.PeakLights, sharp: NDArray[np.uint64],
+    layers: Sequence[Layer],
     radiance: Float32Array,
 ) -> None:  # fmt: skip
     """Add what layers reflect of sharp suns to radiance (N, 3)."""

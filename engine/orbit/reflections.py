@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.generators import StepRunner, run_to_end
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
 from engine.orbit import _slice_kernels
@@ -22,7 +23,6 @@ from engine.orbit.slices import Slices, diffuse_reflectance, slice_steps
 from engine.orbit.visibility import LEVEL
 from engine.render.map_sampler import mean_factor
 from engine.scene.scene_loader import Scene
-from engine.generators import StepRunner, run_to_end
 
 LayersOf = Mapping[int, Sequence[Layer]]
 # Steradians: less have copper of the tea tray (Ashikhmin and Shirley's 320 and 70) and Beckmann's roughness of 0.12.

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from engine.generators import run_to_end
 from engine.orbit.lit_faces import lit_sides
 from engine.scene.local_frames import object_tangents
-from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
-from engine.generators import run_to_end
+from engine.scene.scene_loader import Scene
 
 Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from engine.light.environment import LUMINANCE, Environment, upsample_interpolated, triangle_integrals
+from engine.light.environment import LUMINANCE, Environment, triangle_integrals, upsample_interpolated
 from engine.orbit._incident_kernels import N_QUERIED
 from engine.sphere.geodesic import geodesic, triangle_solid_angles
 
@@ -72,7 +72,9 @@ def _turned(directions: Float32Array, turn: float) -> Float32Array:
 
 
 @lru_cache(maxsize=2)
-def _map_and_peaks(environment: Environment | None) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array, Float32Array]:
+def _map_and_peaks(
+    environment: Environment | None,
+) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array, Float32Array]:
     """Map, coarse map, and the suns' directions, powers and places of an environment as it is."""
     fine = geodesic(_FINE)
     powers = np.zeros((fine.n_triangles, 3))

@@ -12,8 +12,8 @@ from engine.material.layer_maps import Images
 from engine.orbit import _footprint_kernels as kernels
 from engine.orbit.view_samples import Rows, ViewSamples
 from engine.render.map_sampler import paint_weights, sample_images
-from engine.scene.scene_loader import Scene
 from engine.scene.bump_normals import Footprints, gradients
+from engine.scene.scene_loader import Scene
 from engine.scene.surface_uvs import corner_uvs
 from engine.texture.pyramid import MOST_PROBES, Pyramid
 from engine.threads import even_parts, on_threads

@@ -13,14 +13,20 @@ from engine.orbit.incident import SceneEmitters
 from engine.orbit.lamp_shadows import lamp_shadows
 from engine.orbit.lit_points import LitPoints
 from engine.orbit.mirrored_light import mirrored_light
-from engine.orbit.view_samples import ViewSamples, add_values, interpolate
+from engine.orbit.peak_shadows import peak_shadows
+from engine.orbit.perturbed_normals import (
+    PerturbedSamples,
+    perturb_samples,
+    perturbed_irradiance,
+    perturbed_reflection,
+    quick_irradiance,
+)
 from engine.orbit.pixel_light import PixelLight, added_up
 from engine.orbit.point_reflection import reflect_at_rest, reflect_moving, shade_points
 from engine.orbit.reflections import Reflections, Term
-from engine.orbit.view_maps import factors
 from engine.orbit.sky_map import SkyMap
-from engine.orbit.peak_shadows import peak_shadows
-from engine.orbit.perturbed_normals import PerturbedSamples, quick_irradiance, perturbed_irradiance, perturbed_reflection, perturb_samples
+from engine.orbit.view_maps import factors
+from engine.orbit.view_samples import ViewSamples, add_values, interpolate
 from engine.render.still import StillProgress
 from engine.scene.scene_loader import Scene
 
@@ -34,7 +40,8 @@ _LITTLE = {"rest": 0.005, "still": 0.001}
 
 
 def view_radiance(
-    seen: ViewSamples, lit: LitPoints, reflections: Reflections, scene: Scene, sky: SkyMap, lamps: SceneEmitters | None, n_bounces: int,
+    seen: ViewSamples, lit: LitPoints, reflections: Reflections, scene: Scene, sky: SkyMap,
+    lamps: SceneEmitters | None, n_bounces: int,
     quality: Quality, n_moving: int,
 ) -> Generator[StillProgress, None, Float32Array]:  # fmt: skip
     """Radiance (R, 3) that samples reflect to the eye, found term by term; see `Orbit.draw`."""
@@ -100,7 +107,9 @@ def view_radiance(
     return radiance
 
 
-def _found_out(seen: ViewSamples, lit: LitPoints, sky: SkyMap, lamps: SceneEmitters | None, quality: Quality) -> PixelLight:
+def _found_out(
+    seen: ViewSamples, lit: LitPoints, sky: SkyMap, lamps: SceneEmitters | None, quality: Quality
+) -> PixelLight:
     """What samples learn of suns and lamps by rays of their own."""
     reflects = np.flatnonzero(seen.samples.corners[:, 0] >= 0)
     of_suns = peak_shadows(seen, reflects, lit.incident, sky, lit.caster, quality == "still")

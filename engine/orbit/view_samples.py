@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from engine.light.environment import Environment
 from engine.orbit import _picture_kernels as kernels
 from engine.orbit._footprint_kernels import Charts
-from engine.orbit.shading_points import ShadingPoints
 from engine.orbit.corner_visibility import CornerVisibility
+from engine.orbit.shading_points import ShadingPoints
 from engine.scene.camera import camera_frame
 from engine.scene.description import CameraDescription
 from engine.scene.edges import Surface, edge_pixels, ray_offsets, turn_of
 from engine.scene.local_frames import local_frames, object_tangents
-from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import Intersections, RayCaster
+from engine.scene.scene_loader import Scene
 from engine.threads import even_parts, on_threads
 
 Float32Array = NDArray[np.float32]
@@ -61,7 +61,9 @@ class PointMesh:
             self._last = asked, self._sample_view(*asked)
         return self._last[1]
 
-    def _sample_view(self, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int, in_sight: bool) -> ViewSamples:
+    def _sample_view(
+        self, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int, in_sight: bool
+    ) -> ViewSamples:
         width, height = resolution
         pixel, share = np.arange(width * height), np.ones(width * height, np.float32)
         samples, found = self._trace(camera, resolution, np.empty((0, 2)), len(pixel))
@@ -139,8 +141,8 @@ class PointMesh:
 class ViewSamples:
     """Samples (R,) of a picture: resolution (width, height), eye (3,), axes (3, 3) of its plane, what they meet, their
     pixel (R,) and share of it (R,). order (N,): those that reflect, by object, whose ranges are bounds (M + 1,); found:
-    triangle, u, v of the points' triangles; footprints, sampled, leans: what `view_maps` and `perturbed_normals` have found for
-    it; charts: how objects' triangles lie on images, shared by all pictures."""
+    triangle, u, v of the points' triangles; footprints, sampled, leans: what `view_maps` and `perturbed_normals` have
+    found for it; charts: how objects' triangles lie on images, shared by all pictures."""
 
     resolution: tuple[int, int]
     camera_position: Float32Array
@@ -190,7 +192,9 @@ class ViewSamples:
         length = np.linalg.norm(between, axis=1, keepdims=True)
         return np.asarray(between / np.maximum(length, 1e-30), np.float32)
 
-    def frames(self, which: Rows, scene: Scene, i_object: int, normals: Float32Array | None = None) -> NDArray[np.float64]:
+    def frames(
+        self, which: Rows, scene: Scene, i_object: int, normals: Float32Array | None = None
+    ) -> NDArray[np.float64]:
         """Of samples (N,) of an object, (N, 3, 3): rows tangent, bitangent, normal; normals (N, 3): others than those
         between points."""
         own = (self.normals(which) if normals is None else normals).astype(np.float64)
@@ -203,7 +207,9 @@ class ViewSamples:
         return Intersections(self.points.source[triangle], u, v, np.zeros(len(u), np.float32))
 
 
-def interpolate(seen: ViewSamples, which: Rows, values: Float32Array, factor: Float32Array, radiance: Float32Array) -> None:
+def interpolate(
+    seen: ViewSamples, which: Rows, values: Float32Array, factor: Float32Array, radiance: Float32Array
+) -> None:
     """Add values (S, 3) of shading points between the corners of samples (N,), times factor (N or 1, 3), to
     `radiance`."""
     samples = seen.samples

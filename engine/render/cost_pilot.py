@@ -13,13 +13,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from engine.generators import map_steps, run_to_end
 from engine.indirect.sampling_settings import FINE
 from engine.light.triangle_lights import cut_lights
 from engine.planner import Cost, Plan
-from engine.render.still_indirect import direct_mean, indirect_layers, models_of
 from engine.render.indirect_pilot import IndirectCost, indirect_cost
 from engine.render.still import StillLayer, StillProgress, by_object, still_quality
-from engine.generators import run_to_end, map_steps
+from engine.render.still_indirect import direct_mean, indirect_layers, models_of
 from engine.threads import n_threads, on_threads
 from engine.transport.fixed_picture import BYTES_A_POINT
 from engine.transport.lighting import prepare_lighting
@@ -85,7 +85,9 @@ def estimate_cost(
     plan = replace(plan, cost=cost)
     if indirect.ray_budget is None or plan.n_rays:
         return plan
-    return replace(plan, n_rays=indirect.ray_budget.n_rays, reasons={**plan.reasons, "rays": indirect.ray_budget.reason})
+    return replace(
+        plan, n_rays=indirect.ray_budget.n_rays, reasons={**plan.reasons, "rays": indirect.ray_budget.reason}
+    )
 
 
 def _sample(rows: np.ndarray, most: int, generator: np.random.Generator) -> np.ndarray:

@@ -103,7 +103,9 @@ def estimate_error(
     seed: int = _SEED, noise: float | None = None,
 ) -> Generator[StillProgress, None, ErrorEstimate]:  # fmt: skip
     """The error alone; arguments: see `estimate_point_errors`."""
-    judging = estimate_point_errors(placement, layers, sky, quality, n_bounces, radiance, indirect, n_paths, seed, noise=noise)
+    judging = estimate_point_errors(
+        placement, layers, sky, quality, n_bounces, radiance, indirect, n_paths, seed, noise=noise
+    )
     return (yield from judging).estimate
 
 
@@ -112,8 +114,8 @@ def estimate_point_errors(
     radiance: NDArray[np.floating], indirect: NDArray[np.floating] | None = None, n_paths: int | None = None,
     seed: int = _SEED, n_points: int = N_POINTS, noise: float | None = None,
 ) -> Generator[StillProgress, None, PointErrors]:  # fmt: skip
-    """The error of what the points of a picture reflect, radiance (P, 3), of which `still_indirect` (P, 3) was reflected
-    before, without what multiplies all of the light. The same seed gives the same number again.
+    """The error of what the points of a picture reflect, radiance (P, 3), of which `still_indirect` (P, 3) was
+    reflected before, without what multiplies all of the light. The same seed gives the same number again.
 
     quality: how finely its direct light was computed; n_paths: None for as many as the picture is worth; n_points:
     how many of its points are looked at; noise: RMS radiance of the chance in `still_indirect`, None where it is
@@ -297,7 +299,9 @@ def _direct(
     sphere = empty_visibility(points, placement.sphere.targets)  # nobody asks for it: lights have their own rays
     found = np.zeros((n_looks, len(rows), 3))
     for look, generator in zip(found, np.random.default_rng((seed, 1)).spawn(n_looks), strict=True):
-        fine = yield from _trace_visibility(points, placement.caster, _with_random_rays(lighting.fine_targets, cut, generator))
+        fine = yield from _trace_visibility(
+            points, placement.caster, _with_random_rays(lighting.fine_targets, cut, generator)
+        )
         light = VisibleLight(lighting, sphere, fine, emitters, near)
         for each in layers:
             mine = np.arange(*points.object_ranges[each.i_object], dtype=np.int32)
@@ -316,7 +320,9 @@ def _all_rows(hits: PrimaryHits) -> NDArray[np.int32]:
     return np.arange(len(hits.pixel), dtype=np.int32)
 
 
-def _trace_visibility(points: PrimaryHits, caster: RayCaster, targets: Targets) -> Generator[StillProgress, None, Visibility]:
+def _trace_visibility(
+    points: PrimaryHits, caster: RayCaster, targets: Targets
+) -> Generator[StillProgress, None, Visibility]:
     visibility, rows = empty_visibility(points, targets), _all_rows(points)
     for i in range(0, len(rows) if len(targets.positions) else 0, _ROWS_AT_ONCE):
         evaluate_rows(points, caster, visibility, rows[i : i + _ROWS_AT_ONCE])

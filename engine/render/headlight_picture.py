@@ -1,4 +1,5 @@
-"""Objects in light from the eye (`headlight_shading`), as any camera sees them: what moves before anything is computed."""
+"""Objects in light from the eye (`headlight_shading`), as any camera sees them: what moves before anything is
+computed."""
 
 from __future__ import annotations
 
@@ -9,10 +10,10 @@ from numpy.typing import NDArray
 
 from engine.material.layer import Layer
 from engine.render.headlight_shading import headlight_colour, headlight_radiance
-from engine.scene.primary_hits import trace_primary_steps
-from engine.scene.scene_loader import Scene
 from engine.scene.picture_frame import picture_frame
+from engine.scene.primary_hits import trace_primary_steps
 from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene
 from engine.transport.pipeline import SkyState
 
 

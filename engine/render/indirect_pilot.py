@@ -19,15 +19,15 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect.irradiance_cache import MAX_RECORDS, IrradianceCache
-from engine.indirect.sampling_settings import FINE, LEVELS, SamplingSettings, RayBudget
-from engine.indirect.gather import GatherSamples
-from engine.indirect.irradiance import CacheLight
-from engine.indirect.lattice import Lattice
-from engine.indirect.indirect_layers import IndirectLayer
 from engine.indirect.checkpoints import Checkpoints
+from engine.indirect.gather import GatherSamples
+from engine.indirect.indirect_layers import IndirectLayer
+from engine.indirect.irradiance import CacheLight
+from engine.indirect.irradiance_cache import MAX_RECORDS, IrradianceCache
+from engine.indirect.lattice import Lattice
 from engine.indirect.photons import PhotonMap
-from engine.indirect.solver import RECORDS_BY_SETS, FULL, PART_POINTS, Progress, Solver, CellSizeTry, growth
+from engine.indirect.sampling_settings import FINE, LEVELS, RayBudget, SamplingSettings
+from engine.indirect.solver import FULL, PART_POINTS, RECORDS_BY_SETS, CellSizeTry, Progress, Solver, growth
 from engine.indirect.stored_light import arrays_of
 from engine.transport.pipeline import Placement, SkyState
 
@@ -107,7 +107,8 @@ class _Trial(Solver):
         return self._timed("photons", super()._photons, cells)
 
     def _gather(
-        self, cells: IrradianceCache, before: GatherSamples, rows: NDArray[np.int32], nth: NDArray[np.uint8], parts: Checkpoints,
+        self, cells: IrradianceCache, before: GatherSamples, rows: NDArray[np.int32], nth: NDArray[np.uint8],
+        parts: Checkpoints,
         span: tuple[float, float], first_open: int = 0,
     ) -> Generator[Progress, None, GatherSamples]:  # fmt: skip
         self.n_rays_traced += len(rows) * self._settings.n_rays

@@ -23,10 +23,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.planner import SLOW_ANGLES, MIN_LIGHTS_FOR_SPHERE, RenderSettings, Plan
+from engine.generators import map_steps
+from engine.planner import MIN_LIGHTS_FOR_SPHERE, SLOW_ANGLES, Plan, RenderSettings
 from engine.render.still import StillLayer, curves_of, radiance_with_curves, shape_of
 from engine.scene.primary_hits import PrimaryHits
-from engine.generators import map_steps
 from engine.transport.pipeline import Placement, SkyState, final_quality
 from engine.transport.projection import VisibleLight, project_points
 
@@ -101,7 +101,9 @@ def find_light_budget(
         numbers = [ceiling // fewer for fewer in FEWER if ceiling // fewer >= LEAST[line]]
         if not numbers:
             continue
-        closest = most if line == "lights" else replace(need.limit_settings(most, is_still), n_patches=BAND_FACTOR * ceiling)
+        closest = (
+            most if line == "lights" else replace(need.limit_settings(most, is_still), n_patches=BAND_FACTOR * ceiling)
+        )
         truth = yield from tried.pictures(closest)
         if tried.sees_nothing_of(line):
             need = replace(need, errors=(*need.errors, (line, NOT_FOUND, NOT_FOUND)))

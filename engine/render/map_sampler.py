@@ -13,17 +13,26 @@ from engine.material.layer_maps import Images, LayerMaps
 from engine.material.strokes import Strokes
 from engine.render.map_canvas import Canvas, MapSamples, mean_maps, spread_points
 from engine.scene.primary_hits import PrimaryHits
-from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import Intersections, RayCaster
+from engine.scene.scene_loader import Scene
 from engine.scene.surface_uvs import pixel_footprints, positions_at, uvs_at
 from engine.texture.pyramid import Pyramid
-from engine.texture.texture_store import TextureStore, sample_images
 from engine.texture.stroke_painting import PaintedPoints
+from engine.texture.texture_store import TextureStore, sample_images
 
 Float64Array = NDArray[np.float64]
 _MOST_KEPT = 4
 
-__all__ = ["MapSampler", "MapSamples", "look_up_images", "mean_factor", "mean_maps", "paint_weights", "sample_images", "uvs_at"]
+__all__ = [
+    "MapSampler",
+    "MapSamples",
+    "look_up_images",
+    "mean_factor",
+    "mean_maps",
+    "paint_weights",
+    "sample_images",
+    "uvs_at",
+]
 
 
 class MapSampler:
@@ -70,12 +79,16 @@ class MapSampler:
         return self._sampled[key]
 
 
-def look_up_images(images: Images, store: TextureStore, uv: Float64Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def look_up_images(
+    images: Images, store: TextureStore, uv: Float64Array
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Texture (N, 3) and weight (N,) at coordinates (N, 2), between texels and without any filter, nor strokes."""
     return sample_images(images, store, len(uv), lambda image, repeats: image.at(uv * np.array(repeats)))
 
 
-def paint_weights(scene: Scene, found: Intersections, strokes: Strokes, weight: NDArray[np.float32]) -> NDArray[np.float32]:
+def paint_weights(
+    scene: Scene, found: Intersections, strokes: Strokes, weight: NDArray[np.float32]
+) -> NDArray[np.float32]:
     """The weights (N,) of what rays found, under strokes."""
     if not strokes:
         return weight

@@ -140,7 +140,9 @@ class Scattering:
     def reflects(self) -> bool:
         return bool(self.layers)
 
-    def evaluate(self, wi: Float64Array, wo: Float64Array, factors: NDArray[np.floating] | None = None) -> tuple[Float64Array, Float64Array]:
+    def evaluate(
+        self, wi: Float64Array, wo: Float64Array, factors: NDArray[np.floating] | None = None
+    ) -> tuple[Float64Array, Float64Array]:
         """ρ cosθ (N, 3) of local directions and the density (N,) of drawing wi; both 0 below the horizon.
 
         factors (N, K, 3): what multiplies the first K layers; directions are drawn as without them.

@@ -27,8 +27,8 @@ from engine.render.path_lobes import N_NUMBERS, Scattering
 from engine.render.still import Picture, StillProgress, compose
 from engine.scene.local_frames import local_frames
 from engine.scene.primary_hits import PrimaryHits, emission_towards, object_ids, shading_frames
-from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene
 from engine.threads import n_threads, pool
 from engine.transport.pipeline import Placement, SkyState
 
@@ -142,7 +142,14 @@ class PathTracer:
         return found
 
     def _extend_paths(
-        self, radiance: Float64Array, path: Rows, vertices: _Vertices, wo: Float64Array, weight: Float64Array, u: Float64Array, on: bool
+        self,
+        radiance: Float64Array,
+        path: Rows,
+        vertices: _Vertices,
+        wo: Float64Array,
+        weight: Float64Array,
+        u: Float64Array,
+        on: bool,
     ) -> tuple[Rows, _Vertices, Float64Array]:
         """Draw directions, add the light they find to the radiance, and give what is left where they hit something."""
         local = self._sample(vertices.objects, u[:, :N_NUMBERS], wo)

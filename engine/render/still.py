@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.generators import map_steps
 from engine.light.emitters import EmitterPatches
 from engine.material.layer import Layer, object_of
 from engine.planner import Plan
@@ -24,7 +25,6 @@ from engine.render.integrator import integrate_direct
 from engine.render.map_factors import MapFactors
 from engine.render.map_sampler import MapSampler, MapSamples
 from engine.scene.primary_hits import PrimaryHits
-from engine.generators import map_steps
 from engine.threads import n_threads, pool
 from engine.transport.bandstore import BandStore, BandTile
 from engine.transport.pipeline import FINAL, Placement, Quality, SkyState, final_quality
@@ -100,7 +100,8 @@ def render_still(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality = FINAL,
     indirect: NDArray[np.floating] | None = None,
 ) -> Generator[StillProgress, None, Picture]:  # fmt: skip
-    """Linear radiance (H, W, 3) float32 of the scene with these layers under this sky. Arguments: see `reflect_layers`."""
+    """Linear radiance (H, W, 3) float32 of the scene with these layers under this sky. Arguments: see
+    `reflect_layers`."""
     return compose(placement, (yield from reflect_layers(placement, layers, sky, quality, indirect)), sky)
 
 

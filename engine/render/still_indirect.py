@@ -6,19 +6,19 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.generators import map_steps, run_to_end
 from engine.indirect.clamping import clamp_radiance, unscaled
-from engine.indirect.sampling_settings import STILL, SamplingSettings
 from engine.indirect.gather import object_of_rows
 from engine.indirect.indirect_layers import IndirectLayer, indirect_layer, view_factors
 from engine.indirect.indirect_light import IndirectLight
 from engine.indirect.representation import GatherPolynomial
+from engine.indirect.sampling_settings import STILL, SamplingSettings
 from engine.indirect.series import BounceSeries
 from engine.indirect.solver import Solver
 from engine.material.layer import Layer
 from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, StillProgress, by_object
 from engine.scene.primary_hits import PrimaryHits
-from engine.generators import run_to_end, map_steps
 from engine.transport.pipeline import Placement, SkyState
 
 # Of the picture's points, those whose direct light is looked at, and by how many paths each.
@@ -26,7 +26,8 @@ _N_ROWS, _N_PATHS = 2048, 8
 
 
 def indirect_radiance(
-    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, series: BounceSeries, settings: SamplingSettings = STILL,
+    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, series: BounceSeries,
+    settings: SamplingSettings = STILL,
     as_needed: bool = False,
 ) -> Generator[StillProgress, None, NDArray[np.float32]]:  # fmt: skip
     """Radiance (P, 3) that reaches the eye after 2 bounces to all of the series, at the points of the hits; arguments:

@@ -15,7 +15,8 @@ _TINY = 1e-30
 @njit(cache=True, nogil=True, error_model="numpy")
 def fill_normal_offsets(
     triangle: NDArray[np.int64], u: Float64Array, v: Float64Array, slopes: NDArray[np.float32], gradients: Float64Array,
-    tangents: Float64Array, hands: Float64Array, scale: float, repeats: Float64Array, faces: NDArray[np.float32], wo: Float64Array,
+    tangents: Float64Array, hands: Float64Array, scale: float, repeats: Float64Array, faces: NDArray[np.float32],
+    wo: Float64Array,
     normals: Float64Array, out: Float64Array,
 ) -> None:  # fmt: skip
     """Fill out (P, 3): −scale × slopes (P, 2) of points of an object's triangles (P,) along the gradients of u and v
@@ -45,7 +46,9 @@ def fill_normal_offsets(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _tangents_between(corners: Float64Array, first: float, second: float, third: float, normal: Float64Array, out: Float64Array) -> None:
+def _tangents_between(
+    corners: Float64Array, first: float, second: float, third: float, normal: Float64Array, out: Float64Array
+) -> None:
     """The tangent between those of three corners, across a normal, unit."""
     along = 0.0
     for i in range(3):

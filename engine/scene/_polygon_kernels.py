@@ -58,7 +58,8 @@ def _blocks(points: Float64Array, previous: Int64Array, following: Int64Array, a
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _blocker(
-    points: Float64Array, previous: Int64Array, following: Int64Array, order: Int64Array, across: Float64Array, upward: Float64Array,
+    points: Float64Array, previous: Int64Array, following: Int64Array, order: Int64Array, across: Float64Array,
+    upward: Float64Array,
     is_blunt: Flags, b: int,
 ) -> tuple[int, int]:  # fmt: skip
     """The first corner from the left that forbids to cut b off, -1 where none does; and the steps that this took: one a
@@ -181,7 +182,12 @@ def _cut(points: Float64Array, most_steps: int, triangles: Int64Array) -> tuple[
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def cut_ears(
-    points: Float64Array, starts: Int64Array, lengths: Int64Array, most_steps: int, triangles: Int64Array, owners: Int64Array
+    points: Float64Array,
+    starts: Int64Array,
+    lengths: Int64Array,
+    most_steps: int,
+    triangles: Int64Array,
+    owners: Int64Array,
 ) -> tuple[int, int]:
     """Triangles of polygons, counter-clockwise, whose corners stand one after the other in points (C, 2).
 

@@ -140,7 +140,8 @@ class BumpNormals:
         lean = np.empty((len(own), 3))
         gradients = np.zeros((0, 2, 3)) if cover.bumps.normal_map else cover.gradients
         kernels.fill_normal_offsets(
-            own, np.asarray(u, np.float64), np.asarray(v, np.float64), slopes, gradients, cover.tangents, cover.handedness,
+            own, np.asarray(u, np.float64), np.asarray(v, np.float64), slopes, gradients, cover.tangents,
+            cover.handedness,
             cover.bumps.slope_scale, repeats, faces, np.asarray(wo, np.float64), np.asarray(normals, np.float64), lean,
         )  # fmt: skip
         return lean

@@ -26,10 +26,10 @@ from pydantic import (
 from engine.material.bumps import BUMP_KINDS, NO_BUMPS, Bumps, bump_values, bumps_from
 from engine.material.layer_maps import LayerMaps, map_fields, map_values, maps_from
 from engine.material.parameters import ParameterError
-from engine.scene.validation_errors import first_validation_error
 from engine.scene.surface_kinds import NO_SURFACE, DeformSurface
 from engine.scene.toml_text import check_version, load_toml
 from engine.scene.transform import check_transform
+from engine.scene.validation_errors import first_validation_error
 
 SCENE_VERSION = 1
 MAX_SCENE_BYTES = 16 * 2**20

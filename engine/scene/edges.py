@@ -98,7 +98,9 @@ def group_samples(samples: Surface, offsets: Float32Array, turn: float, n_centre
     return Groups(leader, share)
 
 
-def nearest_centres(hits: PrimaryHits, normals: Float32Array, least_alike: Float32Array) -> tuple[Int32Array, Int32Array]:
+def nearest_centres(
+    hits: PrimaryHits, normals: Float32Array, least_alike: Float32Array
+) -> tuple[Int32Array, Int32Array]:
     """The rows (X,) of all points beside their pixels' centres, and for each the nearest row at the centre of its own
     pixel or one around it that is on the same surface, −1 where there is none.
 

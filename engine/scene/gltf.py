@@ -19,9 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.errors import LoadError
-from engine.safe_files import read_regular_file, resolve_inside
 from engine.material.bumps import NO_BUMPS, Bumps
 from engine.material.layer_maps import LayerMaps
+from engine.safe_files import read_regular_file, resolve_inside
 from engine.scene.description import LayerDescription
 from engine.scene.glb import JsonObject, parse_glb
 from engine.scene.gltf_file import FLOATS, INTEGERS, SHARES, GltfFile
@@ -35,11 +35,11 @@ from engine.scene.mesh import (
     MAX_UV,
     Float64Array,
     Mesh,
-    with_flat_normals,
     join_meshes,
     normalize,
     smooth_normals,
     validate_mesh,
+    with_flat_normals,
 )
 from engine.scene.rig import Binding, Rig, Skeleton, join_bindings
 
@@ -251,7 +251,9 @@ def _triangles(primitive: JsonObject, corners: npt.NDArray[np.int64]) -> npt.NDA
     return triangles[(a != b) & (b != c) & (c != a)].astype(np.int32)
 
 
-def _mend_normals(normals: Float64Array, vertices: Float64Array, triangles: npt.NDArray[np.int32], attributes: JsonObject) -> Float64Array:
+def _mend_normals(
+    normals: Float64Array, vertices: Float64Array, triangles: npt.NDArray[np.int32], attributes: JsonObject
+) -> Float64Array:
     """Unit normals (V, 3), those that are no numbers as the faces around have them."""
     is_usable = np.asarray(np.isfinite(normals).all(axis=1))
     around = smooth_normals(vertices, triangles)

@@ -119,7 +119,9 @@ class RigReader:
         if skinned is None and not weights[placed.node].any():
             if placed.is_flat:
                 return None
-            return place_copies(mesh, placed.matrix[None]), replace(_place_copies_at_nodes(mesh, [placed]), morphs=morphs)
+            return place_copies(mesh, placed.matrix[None]), replace(
+                _place_copies_at_nodes(mesh, [placed]), morphs=morphs
+            )
         binding = replace(skinned or _place_copies_at_nodes(mesh, [placed]), morphs=morphs)
         world = self._try(node.place, lambda: np.stack([self._world.of(k) for k in binding.nodes.tolist()]))
         if world is None:

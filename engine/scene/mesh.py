@@ -122,7 +122,9 @@ def cross(a: Float64Array, b: Float64Array) -> Float64Array:
     return a[..., after] * b[..., before] - a[..., before] * b[..., after]
 
 
-def face_normals(vertices: npt.NDArray[np.floating], triangles: Int32Array) -> tuple[Float64Array, npt.NDArray[np.bool_]]:
+def face_normals(
+    vertices: npt.NDArray[np.floating], triangles: Int32Array
+) -> tuple[Float64Array, npt.NDArray[np.bool_]]:
     """Unit normals (T, 3) by winding, and which faces have an area at all (the others get a zero normal).
 
     A face counts as having none when |e1 × e2| ≤ 1e-12 · (longest edge)².
@@ -206,9 +208,15 @@ def place_copies(mesh: Mesh, matrices: npt.NDArray[np.float64]) -> Mesh:
     cofactor = cross(linear[:, [1, 2, 0]], linear[:, [2, 0, 1]])
     mirrored = np.einsum("nk,nk->n", linear[:, 0], cofactor[:, 0]) < 0.0
     starts = np.arange(len(matrices), dtype=np.int32) * len(mesh.vertices)
-    triangles = _wind_mirrored([mesh.triangles] * len(matrices), mirrored) + np.repeat(starts, len(mesh.triangles))[:, None]
+    triangles = (
+        _wind_mirrored([mesh.triangles] * len(matrices), mirrored) + np.repeat(starts, len(mesh.triangles))[:, None]
+    )
     uvs = None if mesh.uvs is None else _wind_mirrored([mesh.uvs] * len(matrices), mirrored)
-    tangents = None if mesh.tangents is None else _wind_mirrored([*_turned_tangents(mesh.tangents, linear, mirrored)], mirrored)
+    tangents = (
+        None
+        if mesh.tangents is None
+        else _wind_mirrored([*_turned_tangents(mesh.tangents, linear, mirrored)], mirrored)
+    )
     if mesh.normals is None:
         return Mesh(vertices, triangles, None, uvs, tangents)
     sign = np.where(mirrored, -1.0, 1.0) / np.abs(cofactor).max(axis=(1, 2))

@@ -65,7 +65,9 @@ def load_mesh_scene(path: Path) -> MeshScene:
     return MeshScene(_describe_scene(path, [item.description for item in items], centre, radius), items, notes)
 
 
-def _describe_scene(path: Path, objects: list[ObjectDescription], centre: np.ndarray, radius: float) -> SceneDescription:
+def _describe_scene(
+    path: Path, objects: list[ObjectDescription], centre: np.ndarray, radius: float
+) -> SceneDescription:
     """The scene of these objects, seen so that a sphere of that radius fills the picture."""
     away = np.array(_VIEW_DIRECTION) / math.hypot(*_VIEW_DIRECTION)
     distance = _MARGIN * radius / math.sin(math.radians(FOV_Y) / 2.0)

@@ -17,7 +17,7 @@ from engine.safe_files import resolve_inside
 from engine.scene.description import MAX_OBJECTS, LayerDescription, ObjectDescription, SceneDescription
 from engine.scene.gltf import GlbModel, GlbPart, read_glb
 from engine.scene.gltf_materials import GREY
-from engine.scene.mesh import Mesh, MeshFile, with_flat_normals, join_meshes, read_mesh_file
+from engine.scene.mesh import Mesh, MeshFile, join_meshes, read_mesh_file, with_flat_normals
 from engine.scene.primitives import PRIMITIVES
 from engine.scene.rig import Rig, join_bindings
 

@@ -67,7 +67,9 @@ def _fans(lengths: Int64Array) -> tuple[Int32Array, Int64Array]:
     return np.stack([first, first + step + 1, first + step + 2], axis=1).astype(np.int32), owner
 
 
-def _project_to_plane(local: Float64Array, lengths: Int64Array, starts: Int64Array) -> tuple[Float64Array, npt.NDArray[np.bool_]]:
+def _project_to_plane(
+    local: Float64Array, lengths: Int64Array, starts: Int64Array
+) -> tuple[Float64Array, npt.NDArray[np.bool_]]:
     """The corners (C, 2) along the axis that a polygon's normal [Newell] is nearest to, from where it runs counter-
     clockwise, and which polygons have an area. Areas shrink by one factor a polygon, and no coordinate is rounded."""
     n = len(local)

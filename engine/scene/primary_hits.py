@@ -14,15 +14,15 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from engine.generators import run_to_end
 from engine.scene.camera import centre_directions, pixel_directions
 from engine.scene.edges import Surface, edge_pixels, group_samples, ray_offsets, turn_of
 from engine.scene.local_frames import object_tangents
-from engine.scene.scene_loader import Scene
 from engine.scene.picture_frame import Lamps
 from engine.scene.raycaster import Intersections, RayCaster
+from engine.scene.scene_loader import Scene
 from engine.scene.surface_points import SurfacePoints
 from engine.scene.surface_uvs import pixel_footprints
-from engine.generators import run_to_end
 
 Float32Array = npt.NDArray[np.float32]
 Int32Array = npt.NDArray[np.int32]
@@ -39,8 +39,8 @@ class PrimaryHits(SurfacePoints):
     edges; share (P,): of its pixel that a point stands for; object_ranges (M, 2) into the points; position (P, 3) in
     the scene's frame and offset_position, lifted off the surface for shadow rays; horizon: the normal that is
     interpolated where smooth, on the face's side and the eye's; normal: the shading normal, which is that as bumps turn
-    it (`engine.scene.bump_normals`); geometric_normal: the face's, turned to the eye; front (P,): whether the eye sees the
-    side that the winding faces; tangent: across the object's Y axis, the brushed direction; wo: to the eye.
+    it (`engine.scene.bump_normals`); geometric_normal: the face's, turned to the eye; front (P,): whether the eye sees
+    the side that the winding faces; tangent: across the object's Y axis, the brushed direction; wo: to the eye.
     Of pixels: object_image (H, W) int16: what their centres see, −1 for the background; open_image (H, W): the share
     that shows the background; emission_image (H, W, 3): emitters seen from their front, by their shares; `lamps` says
     these; ray_directions (H, W, 3) through the centres.
@@ -184,12 +184,16 @@ def _emission_picture(lamps: Lamps, size: tuple[int, int]) -> Float32Array:
     return image.reshape(size[1], size[0], 3)
 
 
-def _trace_pixels(scene: Scene, caster: RayCaster, pixel: Int32Array, offset: Float32Array, directions: Float32Array) -> _Rays:
+def _trace_pixels(
+    scene: Scene, caster: RayCaster, pixel: Int32Array, offset: Float32Array, directions: Float32Array
+) -> _Rays:
     found = caster.intersect(np.tile(scene.camera_position.astype(np.float32), (len(directions), 1)), directions)
     return _Rays(pixel, offset, directions, found, object_ids(scene, found))
 
 
-def _trace_edge_pixels(scene: Scene, caster: RayCaster, pixels: Int32Array, n_rays: int, size: tuple[int, int]) -> _Rays:
+def _trace_edge_pixels(
+    scene: Scene, caster: RayCaster, pixels: Int32Array, n_rays: int, size: tuple[int, int]
+) -> _Rays:
     """n rays through each of the pixels (F,), one pixel's after another's."""
     pixel, offset = np.repeat(pixels, n_rays), np.tile(ray_offsets(n_rays), (len(pixels), 1))
     columns, lines = _places(pixel, offset, size[0]).T
@@ -277,7 +281,8 @@ def emission_towards(scene: Scene, found: Intersections, ids: Int32Array, direct
 
 
 def shading_frames(
-    scene: Scene, caster: RayCaster, found: Intersections, ids: Int32Array, rays: npt.NDArray[np.integer], wo: Float32Array,
+    scene: Scene, caster: RayCaster, found: Intersections, ids: Int32Array, rays: npt.NDArray[np.integer],
+    wo: Float32Array,
     places: tuple[npt.NDArray[np.float64], tuple[int, int]] | None = None,
 ) -> dict[str, Float32Array]:  # fmt: skip
     """Position, normals, tangent and wo of the points (P,) that some `rays` (P,) of those found hit.
@@ -312,7 +317,8 @@ def shading_frames(
 
 
 def _perturbed(
-    scene: Scene, found: Intersections, rays: npt.NDArray[np.integer], normals: npt.NDArray[np.float64], wo: Float32Array,
+    scene: Scene, found: Intersections, rays: npt.NDArray[np.integer], normals: npt.NDArray[np.float64],
+    wo: Float32Array,
     places: tuple[npt.NDArray[np.float64], tuple[int, int]] | None,
 ) -> npt.NDArray[np.float64]:  # fmt: skip
     """Normals (P, 3) of hits as the scene's bumps turn them."""

@@ -16,17 +16,17 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.errors import LoadError
-from engine.safe_files import record_files, resolve_inside
 from engine.material.bumps import Bumps
 from engine.material.layer_maps import Images, split_image_name
+from engine.safe_files import record_files, resolve_inside
 from engine.scene.box_projection import box_frame
-from engine.scene.mesh_defects import count_defects
+from engine.scene.bump_normals import BumpNormals
 from engine.scene.description import Camera, SceneDescription, load_description
 from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, place_copies, with_normals
-from engine.scene.object_meshes import ObjectMesh, object_meshes
-from engine.scene.bump_normals import BumpNormals
-from engine.scene.rig import Animations, Rig
+from engine.scene.mesh_defects import count_defects
 from engine.scene.mesh_scene import DEFAULT_ENVIRONMENT, load_mesh_scene
+from engine.scene.object_meshes import ObjectMesh, object_meshes
+from engine.scene.rig import Animations, Rig
 from engine.texture.texture_store import TextureStore
 
 MAX_EXTENT = 1e9

@@ -38,7 +38,9 @@ _SQRT2 = math.sqrt(2.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def basis_at(x: float, y: float, z: float, legendre: Float64Array, values: Float64Array, gradients: Float64Array) -> None:
+def basis_at(
+    x: float, y: float, z: float, legendre: Float64Array, values: Float64Array, gradients: Float64Array
+) -> None:
     """values (n^2,), number l^2 + l + m, at one place; gradients (n^2, 3) by x, y and z unless they are (0, 3).
 
     legendre: (n, n + 1) to work in, 0 above its diagonal.

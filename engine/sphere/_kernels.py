@@ -48,7 +48,13 @@ def locate_one(x: float, y: float, z: float, level: int, roots: Float64Array, pl
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def locate_range(
-    directions: Float64Array, level: int, roots: Float64Array, planes: Float64Array, start: int, stop: int, found: NDArray[np.int32]
+    directions: Float64Array,
+    level: int,
+    roots: Float64Array,
+    planes: Float64Array,
+    start: int,
+    stop: int,
+    found: NDArray[np.int32],
 ) -> int:
     """Fill found[start:stop]; returns the first direction that is zero or not finite, or -1."""
     first_bad = -1

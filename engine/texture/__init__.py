@@ -4,5 +4,6 @@
     over what the pixel sees of the image; one mean over the whole surface, for further bounces; plain look-ups for
     traced paths ─► render.canvas: what strokes of a brush make of a weight map, at the same points
 
-`store.TextureStore` keeps a scene's images; `engine.material.layer_maps` says which a layer has. Worker and stills only.
+`store.TextureStore` keeps a scene's images; `engine.material.layer_maps` says which a layer has. Worker and stills
+only.
 """

@@ -122,7 +122,8 @@ def fill_at(levels: Levels, uv: Float64Array, depths: Float64Array, out: Texels)
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _find_footprints(
-    start: int, count: int, levels: Levels, uv: Float64Array, across: Float64Array, down: Float64Array, repeats: tuple[float, float],
+    start: int, count: int, levels: Levels, uv: Float64Array, across: Float64Array, down: Float64Array,
+    repeats: tuple[float, float],
     most_probes: int, out: Float64Array,
 ) -> None:  # fmt: skip
     """Fill the first `count` columns of out (6, M), of pixels from `start` on, see `fill_over`: u and v of their
@@ -165,7 +166,8 @@ def _nearest_level(wide: float, n_levels: int) -> int:
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def fill_over(
-    start: int, stop: int, levels: Levels, uv: Float64Array, across: Float64Array, down: Float64Array, repeats: tuple[float, float],
+    start: int, stop: int, levels: Levels, uv: Float64Array, across: Float64Array, down: Float64Array,
+    repeats: tuple[float, float],
     most_probes: int, is_quick: bool, out: Texels,
 ) -> None:  # fmt: skip
     """Fill out[start:stop] of (N, C): means over pixels at (N, 2) whose sides are across and down (N, 2), all of them

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from engine.errors import LoadError
-from engine.texture.texture_files import Image, ReportNote, Values, grey_shares, read_image, ignore_note
+from engine.texture.texture_files import Image, ReportNote, Values, grey_shares, ignore_note, read_image
 
 # tan 87 degrees: what leans further, or points into the surface, counts as that.
 STEEPEST = 20.0

@@ -3,8 +3,8 @@
 Told by content, not by name. The header is read, and the size it claims judged, before a pixel is decoded: a file of
 600 kB can hold a square of 13,000. An image of more than `MAX_PIXELS` is shown at a half or a quarter of its size,
 texels the means of what they cover, in linear numbers: a JPEG is not even decoded beyond that size, others are
-converted a band at a time, very large OpenEXR images read so (`engine.light.radiance_files`). Numbers leave linear: 8-bit
-images are decoded by sRGB (IEC 61966-2-1) unless told otherwise, 16-bit and OpenEXR images are linear unless told
+converted a band at a time, very large OpenEXR images read so (`engine.light.radiance_files`). Numbers leave linear:
+8-bit images are decoded by sRGB (IEC 61966-2-1) unless told otherwise, 16-bit and OpenEXR images are linear unless told
 otherwise.
 """
 
@@ -96,7 +96,11 @@ def _shares(values: NDArray[np.generic], as_srgb: bool) -> Image:
 
 
 def read_image(
-    data: bytes, file: Path | str, decode: Callable[[Values], Image], tell: ReportNote = ignore_note, is_colour: bool = False
+    data: bytes,
+    file: Path | str,
+    decode: Callable[[Values], Image],
+    tell: ReportNote = ignore_note,
+    is_colour: bool = False,
 ) -> Image:
     """What `decode` makes of the file's numbers (h, W, 1 or 3), uint8, uint16 or float32, row by row: the image, or
     means of it where it has too many pixels, which `tell` learns. is_colour: whether primaries that a file names are

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.errors import LoadError
-from engine.safe_files import local_path, read_regular_file, resolve_inside
 from engine.material.bumps import Bumps
 from engine.material.layer_maps import Images, Space, split_image_name
-from engine.texture.texture_files import MAX_IMAGE_BYTES, Image, read_texture, read_weight
+from engine.safe_files import local_path, read_regular_file, resolve_inside
 from engine.texture.pyramid import Pyramid, make_pyramid
 from engine.texture.slopes import read_heights, read_normal_map
+from engine.texture.texture_files import MAX_IMAGE_BYTES, Image, read_texture, read_weight
 
 MOST_BYTES = 1 << 30
 Stamp = tuple[int, int] | None

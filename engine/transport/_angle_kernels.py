@@ -14,12 +14,12 @@ from engine.material._kernels import call_colours, gamma, model_quotient_cosine
 from engine.material.kinds import (
     ASHIKHMIN_SHIRLEY,
     FACING_REFLECTANCE,
+    FRESNEL_TERM,
     GAMMA_ALPHA,
     GAMMA_BETA,
     GGX,
     GRAZING,
     LAMBERT,
-    FRESNEL_TERM,
     ROUGH_ALPHA,
     ROUGH_CONDUCTOR,
     ROUGH_DISTRIBUTION,

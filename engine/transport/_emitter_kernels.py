@@ -95,8 +95,8 @@ def cut_emitters(words, near, emitters, place, frame, optics, ox, oy, oz, cut, x
     """List the cut for the point at `place` whose frame has tangent, bitangent, normal as rows; returns its number.
 
     words: which leaves are seen; near: nodes and deltas, and where the point's begin and end among them, see
-    `engine.transport.near_leaves`; optics: the layer that reflects towards the eye, (ox, oy, oz) in the frame. Written are
-    corner directions x, y, z in the frame, three a node, directions of the middles cx, cy, cz, radiance times solid
+    `engine.transport.near_leaves`; optics: the layer that reflects towards the eye, (ox, oy, oz) in the frame. Written
+    are corner directions x, y, z in the frame, three a node, directions of the middles cx, cy, cz, radiance times solid
     angle, weights (the share seen), and into the cut sizes.
     """
     stack, nodes, unit, sizes = cut.stack, cut.nodes, cut.unit, cut.sizes

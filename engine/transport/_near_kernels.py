@@ -1,4 +1,5 @@
-"""Compiled loops of `engine.transport.near_leaves`: which leaves of the emitters a point sees in part, and by how much."""
+"""Compiled loops of `engine.transport.near_leaves`: which leaves of the emitters a point sees in part, and by how
+much."""
 
 import math
 
@@ -6,7 +7,7 @@ import numba as nb
 import numpy as np
 
 from engine.light.emitters import R2
-from engine.transport._emitter_kernels import cosine_range, project_triangle, place_at
+from engine.transport._emitter_kernels import cosine_range, place_at, project_triangle
 from engine.visibility._kernels import lowest_bit
 
 _ZERO, _ONE, _TWO, _NONE = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.uint64(0)

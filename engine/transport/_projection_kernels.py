@@ -16,9 +16,9 @@ import numpy as np
 from engine.transport._angle_kernels import HALF_PI, fill_gammas, is_cone, is_highlight, slope, tint, weigh
 from engine.transport._band_kernels import encode_bands
 from engine.transport._emitter_kernels import cut_emitters, make_cut
-from engine.transport._visible_kernels import gather_local, list_visible, set_frame, to_local
 from engine.transport._share_kernels import Spots, make_spots, mean_and_spread, share_out
 from engine.transport._split_kernels import LEAVES, MAX_DEPTH, SPREAD, is_curved, split
+from engine.transport._visible_kernels import gather_local, list_visible, set_frame, to_local
 
 # Leaves of split lights, and pieces of wide ones, that are listed at a time.
 _ROOM = 4096
@@ -45,7 +45,8 @@ class SkyLights(NamedTuple):
 
 class Bits(NamedTuple):
     """Packed visibility (P, words) of the sphere, of sky lights with bits of their own, and of emitters' leaves; of
-    which the seen share of some is known better: start (P + 1,), node and delta (K,), see `engine.transport.near_leaves`."""
+    which the seen share of some is known better: start (P + 1,), node and delta (K,), see
+    `engine.transport.near_leaves`."""
 
     sphere: np.ndarray
     fine: np.ndarray

@@ -19,7 +19,7 @@ from functools import partial
 
 import numpy as np
 
-from engine.stored_arrays import ArrayReader, Arrays, ArrayInPieces, UnsoundArrays
+from engine.stored_arrays import ArrayInPieces, ArrayReader, Arrays, UnsoundArrays
 from engine.threads import on_threads
 from engine.transport import _band_kernels as kernels
 from engine.transport import _plane_kernels as plane_kernels
@@ -175,7 +175,9 @@ def arrays_in_pieces(
         "start": (np.int64, (n_points,)),
         "values": (np.uint32, (int(offsets[-1]),)),
     }
-    return {name: ArrayInPieces(np.dtype(dtype), shape, partial(pieces, name)) for name, (dtype, shape) in shapes.items()}
+    return {
+        name: ArrayInPieces(np.dtype(dtype), shape, partial(pieces, name)) for name, (dtype, shape) in shapes.items()
+    }
 
 
 def arrays_of_file(bands: tuple[int, int], n_points: int, arrays: Arrays) -> dict[str, np.ndarray]:

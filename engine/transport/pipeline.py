@@ -15,12 +15,12 @@ from engine.light.environment import Environment
 from engine.light.triangle_lights import cut_lights
 from engine.planner import RenderSettings
 from engine.scene.primary_hits import PrimaryHits, trace_primary
-from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
-from engine.transport.point_emitters import emitters_for
+from engine.scene.scene_loader import Scene
 from engine.transport.footprint import footprint, lattice_rows
 from engine.transport.lighting import prepare_lighting
 from engine.transport.near_leaves import NearLight
+from engine.transport.point_emitters import emitters_for
 from engine.transport.projection import VisibleLight
 from engine.visibility.coherent_grid import coherent_visibility
 from engine.visibility.point_visibility import Visibility, empty_visibility, evaluate_rows, visible_shares
@@ -60,9 +60,7 @@ DRAG = Quality("drag", 8, 400, 16, VISIBILITY_LEVEL, own_rays=False)
 
 def final_quality(settings: RenderSettings) -> Quality:
     """The last stage of a picture for which this was decided."""
-    return replace(
-        FINAL, n_lights=settings.n_lights, n_patches=settings.n_patches, own_rays=not settings.keeps_sphere
-    )
+    return replace(FINAL, n_lights=settings.n_lights, n_patches=settings.n_patches, own_rays=not settings.keeps_sphere)
 
 
 @dataclass(frozen=True)
@@ -147,7 +145,9 @@ class Placement:
             )
         lighting = prepare_lighting(cut, self.emitters(quality.n_patches), quality.tolerance, own_rays, sky.scale)
         fine = empty_visibility(self.hits, lighting.fine_targets)
-        yield from _rescale_progress(self._trace_visibility(fine, quality.stride, None if own_rays else self.sphere), SPHERE_DONE, FINE_DONE)
+        yield from _rescale_progress(
+            self._trace_visibility(fine, quality.stride, None if own_rays else self.sphere), SPHERE_DONE, FINE_DONE
+        )
         emitters = empty_visibility(self.hits, lighting.emitter_targets)
         yield from _rescale_progress(self._trace_visibility(emitters, quality.stride), FINE_DONE, LEAVES_DONE)
         near = NearLight(self.hits, self.caster, lighting.emitters, emitters, rows)
@@ -169,7 +169,9 @@ class Placement:
             self._emitters[n_patches] = emitters_for(self.scene, self.caster, self.hits, n_patches)
         return self._emitters[n_patches]
 
-    def _trace_visibility(self, visibility: Visibility, stride: int, sphere: Visibility | None = None) -> Iterator[float]:
+    def _trace_visibility(
+        self, visibility: Visibility, stride: int, sphere: Visibility | None = None
+    ) -> Iterator[float]:
         yield from coherent_visibility(self.hits, self.caster, visibility, stride, sphere)
         evaluate_rows(self.hits, self.caster, visibility, self.rows(stride))
 

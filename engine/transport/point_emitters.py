@@ -1,7 +1,7 @@
 """The tree of emitters for the points of a picture: where its leaves lie is said by what they do there.
 
-Some hundred points, drawn evenly from the picture, say how finely each emitter is needed (`visible_importance`), and a few
-rays from each of them to every emitting triangle how much of it they see: a lamp behind a wall gets few leaves.
+Some hundred points, drawn evenly from the picture, say how finely each emitter is needed (`visible_importance`), and a
+few rays from each of them to every emitting triangle how much of it they see: a lamp behind a wall gets few leaves.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from engine.light.emitters import (
     EmitterTree,
     emitter_patches,
     emitter_tree,
+    emitting_triangles,
     merge_triangles,
     visible_importance,
-    emitting_triangles,
 )
 from engine.scene.primary_hits import PrimaryHits
-from engine.scene.scene_loader import Scene
 from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene
 from engine.visibility import _kernels as kernels
 
 N_POINTS = 512

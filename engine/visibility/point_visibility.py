@@ -3,7 +3,8 @@
 Targets are directions (triangles of the geodesic sphere) or points (patches of an area light). Geometry alone decides,
 so the answer outlives every edit of material and of light. Points are those that a camera sees, vertices of a mesh or
 texels: whatever has a place, a normal and a place lifted off the surface. Here every target above their horizon is
-traced: the oracle, and the yardstick for speed. Of the points of a picture most need no ray: `engine.visibility.coherent_grid`.
+traced: the oracle, and the yardstick for speed. Of the points of a picture most need no ray:
+`engine.visibility.coherent_grid`.
 """
 
 from collections.abc import Callable

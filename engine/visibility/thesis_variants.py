@@ -1,4 +1,5 @@
-"""The visibility methods of the thesis side by side [BenArtzi07, ch. 8]: for comparison only, the engine uses `coherent_grid`.
+"""The visibility methods of the thesis side by side [BenArtzi07, ch. 8]: for comparison only, the engine uses
+`coherent_grid`.
 
 A variant is three choices. Order: scanline (S: informed by the pixels to the left, above and above left) or grid (G:
 four pixels around, coarse to fine). Estimate: each informer's blockers go to the directions in which the informer saw

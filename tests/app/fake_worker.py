@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from app.document import document_from_description
 from app.jobs.band_planning import plan_bands
 from app.measurements import document_with_measurements, unread_files
-from app.messages import CancelRequests, SetCamera, OpenScene, Request, Response, SceneOpened, ViewTraced, with_numbers
+from app.messages import CancelRequests, OpenScene, Request, Response, SceneOpened, SetCamera, ViewTraced, with_numbers
 from app.placement.placement_messages import (
     ComputeTransport,
     ContractTransport,

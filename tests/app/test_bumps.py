@@ -10,17 +10,17 @@ from app.commands.surfaces import SetBumps
 from app.document import resolve
 from app.editor import Editor
 from app.files.session import load_session, save_session
-from app.jobs.worker_context import WorkerContext
-from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
-from app.view_controller import REST_SECONDS
-from app.messages import SetCamera, OpenScene, ViewTraced
+from app.jobs.in_process import InProcessClient
+from app.jobs.worker_context import WorkerContext
+from app.messages import OpenScene, SetCamera, ViewTraced
 from app.project import open_project
 from app.set_path import set_path
+from app.view_controller import REST_SECONDS
 from app.view_state import ViewState
 from engine.errors import InsituError
-from engine.material.bumps import NO_BUMPS, Bumps
 from engine.generators import run_to_end
+from engine.material.bumps import NO_BUMPS, Bumps
 from tests.app.fake_worker import FakeClient
 from tests.scene_text import camera, placed
 
@@ -92,7 +92,9 @@ def test_transport_is_kept_by_bumps_and_visibility_without_them(scene: Path) -> 
     bench.load(open_project(str(scene)).scene, 1)
     keys = []
     for strength in (1.0, 2.0, 0.0):
-        run_to_end(bench.set_camera(SetCamera(1, bumps=(("card", Bumps(bump_map="ramp.png", bump_strength=strength)),))))
+        run_to_end(
+            bench.set_camera(SetCamera(1, bumps=(("card", Bumps(bump_map="ramp.png", bump_strength=strength)),)))
+        )
         keys.append((bench.geometry_key, bench.view_key))
     assert len({geometry for geometry, _ in keys}) == 1 and len({view for _, view in keys}) == 3
     assert keys[2][0] == keys[2][1]  # flat: as without

@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from app.commands.plan import OverrideLine
-from app.effective_settings import override_lines_of, effective_view, effective_settings
 from app.document import Document
+from app.effective_settings import effective_settings, effective_view, override_lines_of
 from app.view_state import SetView, ViewState
 
 DOCUMENT = Document("scene")
@@ -17,7 +17,11 @@ def test_without_lines_the_knobs_are_set() -> None:
 
 def test_what_a_line_stands_over_is_set_by_that_line() -> None:
     document = replace(DOCUMENT, overrides=(("lights", 1000), ("rays", 512)))
-    assert override_lines_of(STOP, document) == (OverrideLine("lights", 400), OverrideLine("rays", None), SetView.of(n_patches=256))
+    assert override_lines_of(STOP, document) == (
+        OverrideLine("lights", 400),
+        OverrideLine("rays", None),
+        SetView.of(n_patches=256),
+    )
     edges = replace(DOCUMENT, overrides=(("edges", 8),))
     assert override_lines_of(SetView.of(n_edge_rays=0), edges) == (OverrideLine("edges", 0),)  # off, not as planned
 

@@ -11,22 +11,22 @@ import pytest
 
 from app import stills
 from app.commands import AddDeformer, SetDeformer, SetSurface, SetTime
-from app.deform.deform_events import PoseArrived
-from app.deform.deform_messages import DeformLoss, DrawDeform, PathsTraced, PoseExported, PrepareDeform, PathPreview
 from app.deform.deform_controller import DeformController
+from app.deform.deform_events import PoseArrived
+from app.deform.deform_messages import DeformLoss, DrawDeform, PathPreview, PathsTraced, PoseExported, PrepareDeform
 from app.document import Document
+from app.editor_status import Status
 from app.jobs.deform_worker import DeformWorker
-from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
-from app.messages import RequestFailed, SetCamera, OpenScene, Response
+from app.jobs.in_process import InProcessClient
+from app.messages import OpenScene, RequestFailed, Response, SetCamera
 from app.mode import OpenedScene
-from app.orbit.orbit_messages import DrawOrbit, OrbitProgress, OrbitPictureDrawn, OrbitNotReady, PrepareOrbit
+from app.orbit.orbit_messages import DrawOrbit, OrbitNotReady, OrbitPictureDrawn, OrbitProgress, PrepareOrbit
 from app.project import open_project
 from app.scene_state import scene_state
-from app.editor_status import Status
 from app.stills import render_project
 from engine.deform import heights
-from engine.deform.gpu_parts import NO_PARTS, PosedPart, PictureExport
+from engine.deform.gpu_parts import NO_PARTS, PictureExport, PosedPart
 from engine.deform.pose import Deformation
 from engine.indirect.series import BounceSeries
 from engine.render.error_estimate import interior_points

@@ -14,8 +14,8 @@ from app.commands.light import SetEmission
 from app.document import Document, Selection
 from app.editor import Editor
 from app.files.session import fit_session, load_session, save_session
-from app.placement.placement_messages import ComputeTransport
 from app.placement.desired_state import brightening_factors
+from app.placement.placement_messages import ComputeTransport
 from app.project import open_project
 from app.set_path import set_path
 from app.view_state import ViewState

@@ -16,18 +16,18 @@ from app.measure.accuracy import errors
 from app.project import Project, open_project, with_edges
 from app.stills import Still, layers_by_object, plan_still, render_picture, render_project
 from engine.deform.deform_engine import Deform, finish_deform
+from engine.generators import run_to_end
 from engine.indirect import lattice
-from engine.indirect.sampling_settings import STILL, SamplingSettings
 from engine.indirect.indirect_light import IndirectLight
+from engine.indirect.sampling_settings import STILL, SamplingSettings
 from engine.indirect.series import BounceSeries
 from engine.light.radiance_files import read_radiance_image
 from engine.orbit.orbit_engine import Orbit
-from engine.render.error_estimate import interior_points, estimate_point_errors, estimate_drawn_errors
-from engine.render.still_indirect import find_indirect, noise_in, reflected_light
+from engine.render.error_estimate import estimate_drawn_errors, estimate_point_errors, interior_points
 from engine.render.path_tracer import trace_halves
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import Picture, reflect_layers, still_layers, still_quality, with_maps
-from engine.generators import run_to_end
+from engine.render.still_indirect import find_indirect, noise_in, reflected_light
 from engine.transport.pipeline import Placement
 from tests.scene_text import ground, placed
 
@@ -199,7 +199,9 @@ def test_the_error_of_indirect_light_is_told_as_it_is_where_it_is_interpolated(
     found, shown = indirect(STILL, True)
     assert len(found.points.samples.points) < 0.9 * len(shown)
     noise = run_to_end(noise_in(found, layers, series.second))
-    judging = estimate_point_errors(placement, layers, project.sky, still_quality(plan), 4, direct + shown, shown, noise=noise)
+    judging = estimate_point_errors(
+        placement, layers, project.sky, still_quality(plan), 4, direct + shown, shown, noise=noise
+    )
     told = run_to_end(judging).estimate.indirect
     for name, value in {"TOLERANCE": -1.0, "FLOOR": -1.0, "REACH": 0.0}.items():
         monkeypatch.setattr(lattice, name, value)
@@ -217,7 +219,9 @@ def test_the_whole_error_is_measured_and_not_added_up() -> None:
     light = run_to_end(reflect_layers(placement, layers, project.sky, quality))
 
     def judged(shown: float, of_it_indirect: float) -> ErrorEstimate:
-        judging = estimate_point_errors(placement, layers, project.sky, quality, 2, shown * light, of_it_indirect * light, 1 << 15)
+        judging = estimate_point_errors(
+            placement, layers, project.sky, quality, 2, shown * light, of_it_indirect * light, 1 << 15
+        )
         return run_to_end(judging).estimate
 
     lacks, swapped = judged(1.0, 0.0), judged(1.0, 0.1)

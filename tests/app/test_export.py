@@ -18,8 +18,8 @@ from app.editor import Editor
 from app.export.materials import LEAST_COSINE, grid, tabulated
 from app.export.mitsuba import export_scene
 from app.jobs.cache import ArrayCache
-from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
+from app.jobs.in_process import InProcessClient
 from app.measure.peer import VARIABLE
 from app.project import open_project
 from app.stills import render_picture

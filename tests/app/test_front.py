@@ -8,9 +8,9 @@ import pytest
 
 from app.__main__ import Desktop
 from app.cli.program import run
-from app.pareto_front import FrontPoint, load_front, format_front, parse_front
 from app.measure.front import FrontEffort, measure_front, on_the_front
 from app.modes import MODES
+from app.pareto_front import FrontPoint, format_front, load_front, parse_front
 from app.script import SetAccuracy, parse_script
 from app.view_state import LIMITS, SetView, ViewState
 from engine.errors import InsituError
@@ -36,7 +36,10 @@ def test_every_mode_has_a_front_from_speed_to_accuracy_which_its_knobs_can_follo
     for i, each in enumerate(stops):
         assert all(LIMITS[name][0] <= value <= LIMITS[name][1] for name, value in each.knobs)
         moved = each.command.apply(view)
-        assert table.position(mode, moved) == i / (len(stops) - 1) and table.nearest_point(mode, i / (len(stops) - 1)) == each
+        assert (
+            table.position(mode, moved) == i / (len(stops) - 1)
+            and table.nearest_point(mode, i / (len(stops) - 1)) == each
+        )
     assert table.nearest_point(mode, -1.0) == stops[0] and table.nearest_point(mode, 2.0) == stops[-1]
     beside = SetView.of(n_lights=777, n_points=777, n_rays=777).apply(view)
     assert table.position(mode, beside) is None

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from app.project import Project, open_project
+from engine.generators import run_to_end
 from engine.planner import RenderSettings, plan_scene
 from engine.render import light_pilot
 from engine.render.light_pilot import LightBudget, find_light_budget
 from engine.render.still import reflect_layers, still_layers
-from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, final_quality
 from tests.direct_rooms import gap_room
 from tests.scene_text import ground, placed
@@ -31,7 +31,9 @@ def every_picture_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(light_pilot, "PAYS_FROM", 1)
 
 
-def needed(folder: Path, text: str, most: RenderSettings, is_still: bool = True) -> tuple[LightBudget, Project, Placement]:
+def needed(
+    folder: Path, text: str, most: RenderSettings, is_still: bool = True
+) -> tuple[LightBudget, Project, Placement]:
     (folder / "scene.toml").write_text(text)
     project = open_project(str(folder / "scene.toml"))
     placement = Placement(project.scene)
@@ -58,7 +60,9 @@ def test_an_even_sky_needs_few_and_the_whole_picture_says_so(tmp_path: Path) -> 
     assert need.limit_settings(most, True) == RenderSettings(1000, keeps_sphere=False)
     assert need.limit_settings(most) == RenderSettings(1000)
     assert not placement.sphere.done.any()  # its own shadows are not touched
-    few, all_of_them = (picture(project, Placement(project.scene), each) for each in (need.limit_settings(most, True), most))
+    few, all_of_them = (
+        picture(project, Placement(project.scene), each) for each in (need.limit_settings(most, True), most)
+    )
     assert np.sqrt(np.mean((few - all_of_them) ** 2)) / all_of_them.mean() < 0.005
     assert need.reasons(most)["lights"].startswith("within 0.") and "4,000" in need.reasons(most)["lights"]
 

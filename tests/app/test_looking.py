@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.camera_history import find_ground_boxes
 from app.commands.layers import SetParameter, SetVisible
 from app.editor import Editor
 from app.files.bookmarks import add_bookmark
 from app.files.journal import Journal
 from app.files.session import load_session, save_session
-from app.view_controller import REST_SECONDS
-from app.camera_history import find_ground_boxes
-from app.messages import CancelRequests, RequestFailed, SetCamera, OpenScene
+from app.messages import CancelRequests, OpenScene, RequestFailed, SetCamera
 from app.picture_events import SceneFrame
 from app.placement.placement_messages import ComputeTransport
 from app.project import open_project
+from app.view_controller import REST_SECONDS
 from app.view_state import Bookmark, SetView, Viewpoint
 from engine.errors import InsituError
 from engine.scene.description import Camera
@@ -160,10 +160,19 @@ def test_the_view_has_an_undo_of_its_own(editor: Editor) -> None:
         looking(editor, ABOVE.model_copy(update={"fov_y": 30.0 + step}))
     editor.camera_history.end_drag()
     for notch in (0.9, 0.8):  # one turn of the wheel
-        editor.camera_history.set_viewpoint(Viewpoint(ABOVE.model_copy(update={"fov_y": 30.0 * notch})), "dolly", "wheel 1")
-    assert [editor.camera_history.undo(), editor.view.viewpoint] == ["dolly", (ABOVE.model_copy(update={"fov_y": 33.0}), None)]
+        editor.camera_history.set_viewpoint(
+            Viewpoint(ABOVE.model_copy(update={"fov_y": 30.0 * notch})), "dolly", "wheel 1"
+        )
+    assert [editor.camera_history.undo(), editor.view.viewpoint] == [
+        "dolly",
+        (ABOVE.model_copy(update={"fov_y": 33.0}), None),
+    ]
     assert [editor.camera_history.undo(), editor.view.viewpoint] == ["pan", (ASIDE, None)]
-    assert [editor.camera_history.undo(), editor.camera_history.undo(), editor.view.viewpoint] == ["orbit", None, (None, None)]
+    assert [editor.camera_history.undo(), editor.camera_history.undo(), editor.view.viewpoint] == [
+        "orbit",
+        None,
+        (None, None),
+    ]
     assert editor.document is edited and editor.history.undo_label is not None
     assert editor.camera_history.redo() == "orbit" and editor.view.camera == ASIDE
     editor.undo()

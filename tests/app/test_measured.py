@@ -13,17 +13,18 @@ from app.editor import Editor
 from app.files.material_file import Material, dump_material, load_material, parse_material
 from app.files.session import load_session
 from app.jobs.cache import ArrayCache
-from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
+from app.jobs.in_process import InProcessClient
+from app.measured_import import import_measured, measured_layers
 from app.measurements import layers_of_document, measured_files, measurement_in, unread_files, with_measurements
 from app.messages import (
-    RequestFailed,
-    FilesWritten,
     FetchTable,
+    FilesWritten,
     MeasurementsRead,
     OpenScene,
     Progress,
     ReadMeasured,
+    RequestFailed,
     SceneOpened,
     TableFetched,
     WriteFiles,
@@ -31,7 +32,6 @@ from app.messages import (
 from app.placement.curves import Curves
 from app.placement.placement_messages import ComputeTransport, LayerPicture, PlanBands
 from app.project import open_project
-from app.measured_import import import_measured, measured_layers
 from app.set_path import set_path
 from engine.errors import InsituError, LoadError
 from engine.measured import tables
@@ -190,7 +190,10 @@ def test_an_import_that_fails_or_is_cancelled_changes_nothing(client: FakeClient
     client.open_scene()
     editor.tick(0.0)
     before = editor.document
-    for end in (lambda asked: client.answer(asked, RequestFailed("x.binary: size = 3 bytes")), lambda _: editor.cancel_work()):
+    for end in (
+        lambda asked: client.answer(asked, RequestFailed("x.binary: size = 3 bytes")),
+        lambda _: editor.cancel_work(),
+    ):
         editor.do(import_measured("pot", tmp_path / "x.binary"))
         asked = client.sent(ReadMeasured)[-1]
         end(asked)

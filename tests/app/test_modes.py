@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from app.messages import CancelRequests, FetchTable, SetCamera, OpenScene, ReadMeasured, Request
-from app.modes import MODES
 from app.lazy_import import import_named
+from app.messages import CancelRequests, FetchTable, OpenScene, ReadMeasured, Request, SetCamera
+from app.modes import MODES
 from app.placement.placement_messages import ComputeTransport, ContractTransport, FreezeIndirect, PlanBands, SampleMaps
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -27,7 +27,17 @@ def test_what_a_mode_names_is_there(mode) -> None:
 
 
 def needed_by(kind: type[Request]) -> set[type[Request]]:
-    kinds = {OpenScene, SetCamera, ComputeTransport, ContractTransport, FreezeIndirect, PlanBands, ReadMeasured, FetchTable, SampleMaps}
+    kinds = {
+        OpenScene,
+        SetCamera,
+        ComputeTransport,
+        ContractTransport,
+        FreezeIndirect,
+        PlanBands,
+        ReadMeasured,
+        FetchTable,
+        SampleMaps,
+    }
     return {each for each in kinds if (kind().cancels(each) if kind is CancelRequests else each.needs(kind))}
 
 
@@ -41,7 +51,14 @@ def test_a_request_is_void_with_what_it_is_built_on() -> None:
 
 
 def test_a_person_who_stops_the_work_means_no_looks_in_passing() -> None:
-    assert needed_by(CancelRequests) == {OpenScene, SetCamera, ComputeTransport, ContractTransport, FreezeIndirect, ReadMeasured}
+    assert needed_by(CancelRequests) == {
+        OpenScene,
+        SetCamera,
+        ComputeTransport,
+        ContractTransport,
+        FreezeIndirect,
+        ReadMeasured,
+    }
 
 
 def test_a_mode_that_is_left_takes_its_own_requests_alone() -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from app.commands.light import SetRotation
 from app.editor import Editor
-from app.messages import RequestFailed, SetCamera, OpenScene
+from app.messages import OpenScene, RequestFailed, SetCamera
 from app.picture_events import SceneFrame
 from app.placement.placement_messages import BouncesPlanned, ComputeTransport
 from app.placement.placement_status import RenderReport

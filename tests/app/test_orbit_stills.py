@@ -9,10 +9,10 @@ import pytest
 from app import stills
 from app.project import open_project
 from app.stills import render_project
+from engine.generators import run_to_end
 from engine.indirect.series import BounceSeries
 from engine.material.layer import Layer
 from engine.orbit.orbit_still import render_orbit
-from engine.generators import run_to_end
 from engine.transport.pipeline import Placement
 from tests.app.files.test_brdf_files import insitu
 from tests.engine.orbit.conftest import SCENE

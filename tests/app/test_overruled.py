@@ -9,10 +9,10 @@ import pytest
 
 from app.cli.precompute import fill
 from app.commands.layers import SetModel
-from app.commands.plan import OverrideLine, override_from_value, active_overrides
-from app.effective_settings import effective_view, effective_settings
+from app.commands.plan import OverrideLine, active_overrides, override_from_value
 from app.document import Document
 from app.editor import Editor
+from app.effective_settings import effective_settings, effective_view
 from app.files.session import load_session, save_session
 from app.jobs.cache import ArrayCache
 from app.messages import SetCamera

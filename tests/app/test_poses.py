@@ -12,11 +12,11 @@ from app.commands.poses import MAX_DEFORMERS
 from app.document import Document
 from app.editor import Editor
 from app.files.session import dump_session, fit_session, load_session, save_session
-from app.view_controller import REST_SECONDS
 from app.messages import RequestFailed, SetCamera
 from app.script import DeformObject, load_script
 from app.set_path import set_path
 from app.timeline import visible_poses
+from app.view_controller import REST_SECONDS
 from app.view_state import SetView, ViewState
 from engine.deform.pose import Deformation, Moment
 from engine.errors import InsituError, LoadError

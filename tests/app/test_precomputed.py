@@ -13,8 +13,8 @@ from app.editor import Editor
 from app.files.session import save_session
 from app.jobs import indirect_tasks
 from app.jobs.cache import ArrayCache
-from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
+from app.jobs.in_process import InProcessClient
 from app.project import open_project
 from app.view_state import ViewState
 from engine.indirect.sampling_settings import ROUGH

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from app.document import Document, ObjectState
-from app.solo import solo_layer, is_layer_visible, toggle_solo
+from app.solo import is_layer_visible, solo_layer, toggle_solo
 from app.view_state import ViewState
 from engine.material import MODELS, make_layer
 

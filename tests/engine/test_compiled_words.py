@@ -18,7 +18,7 @@ import sys
 import numpy as np
 from numba.core import event
 from engine.orbit import _visibility_kernels as orbit
-from engine.scene import _relief_kernels as relief
+from engine.scene import _bump_kernels as relief
 from engine.transport import _relight_kernels as relight
 
 single = lambda *shape: np.ones(shape, np.float32)
@@ -33,8 +33,8 @@ CALLS = {
     "first rays": "orbit.first_rays(whole, single(1, 3), single(1, 3, 3), single(4, 3), single(1, 3), single(1, 3))",
     "more rays": "orbit.more_rays(whole, np.ones((1, 1), bool), single(1, 3), single(1, 3, 3), single(4, 3), 1,"
     " single(1, 3), single(1, 3))",
-    "bumps": "relief.fill_normal_offsets(whole, double(1), double(1), single(1, 2), double((1, 2, 3)), double((0, 3, 3)),"
-    " double(1), 1.0, double(2), single(1, 3), double((1, 3)), double((1, 3)), double((1, 3)))",
+    "bumps": "relief.fill_normal_offsets(whole, double(1), double(1), single(1, 2), double((1, 2, 3)),"
+    " double((0, 3, 3)), double(1), 1.0, double(2), single(1, 3), double((1, 3)), double((1, 3)), double((1, 3)))",
     "wavelets": "relight._to_wavelets(single(32, 3), single(32, 3))",
 }
 

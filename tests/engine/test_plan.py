@@ -203,10 +203,10 @@ def test_what_cannot_be_is_refused(
 
 
 def test_the_pilot_estimates_what_the_work_takes(scene: Scene, layers: dict[str, Layer]) -> None:
+    from engine.generators import run_to_end
     from engine.light.environment import constant_environment
     from engine.render.cost_pilot import estimate_cost
     from engine.render.still import still_layers
-    from engine.generators import run_to_end
     from engine.transport.bandstore import join_tiles
     from engine.transport.pipeline import FINAL, Placement, SkyState
     from engine.transport.projection import LayerShape, project_layer

@@ -196,7 +196,7 @@ class RealWindow:
         self._call("pause", PAUSE)
         while not self.ask(expression):
             if time.monotonic() > end:
-                said = self.ask("(editor.status, state.notice)")
+                said = self.ask("(editor.status, state.message)")
                 raise AssertionError(f"in {timeout:.0f} s it did not come to {expression}; {said}")
             time.sleep(UNTIL)
         self._call("pause", 0.0)
@@ -219,7 +219,7 @@ class RealWindow:
 
     def notice(self) -> str:
         """The line that the window shows last, "" where there is none."""
-        return self.ask("state.notice.text if state.notice else ''")
+        return self.ask("state.message.text if state.message else ''")
 
     def n_steps(self) -> int:
         """Steps that undo could take back."""

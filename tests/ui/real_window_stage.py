@@ -265,7 +265,9 @@ def main() -> int:
     from tests.ui.stand_in import StandInClient
     from ui import window
 
-    relight_controller.IDLE_SECONDS = math.inf  # its rows take as long as the picture; no test of the window waits for them
+    relight_controller.IDLE_SECONDS = (
+        math.inf
+    )  # its rows take as long as the picture; no test of the window waits for them
     words = json.loads(sys.argv[1])
     client = StandInClient() if words["source"] == "stand-in" else Client(HANDLERS)
     stage = Stage(Connection(words["pipe"]), client, words["size"])

@@ -10,8 +10,8 @@ import moderngl
 import numpy as np
 
 from app.editor import Editor, WorkerClient
-from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
+from app.jobs.in_process import InProcessClient
 from app.messages import Request
 from app.view_state import SetView
 from tests.pictures import write_exr

@@ -15,7 +15,6 @@ import numpy as np
 from app.document import document_from_description
 from app.jobs.band_planning import plan_bands
 from app.messages import (
-    SetCamera,
     MeasurementsRead,
     OpenScene,
     Progress,
@@ -23,8 +22,9 @@ from app.messages import (
     Request,
     Response,
     SceneOpened,
-    ViewTraced,
+    SetCamera,
     SkyImage,
+    ViewTraced,
     with_numbers,
 )
 from app.placement.placement_messages import (

@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from app.commands.layers import SetEditable
+from app.editor_status import Status
 from app.placement.placement_messages import ComputeTransport
 from app.placement.placement_status import PlacementStatus, error_note
-from app.editor_status import Status
 from engine.render.picture_error import ErrorEstimate
 from tests.ui.stand_in import StandInClient
 from ui import theme as look

@@ -18,7 +18,7 @@ from app.view_state import SetView
 from engine.scene.camera import camera_frame
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
-from ui.panels.actions import SaveView, MoveCameraTo, OpenFile, RenameView, SetPreference
+from ui.panels.actions import MoveCameraTo, OpenFile, RenameView, SaveView, SetPreference
 from ui.picture_feed import PictureFeed
 
 pytestmark = pytest.mark.gl
@@ -118,7 +118,9 @@ def test_whatever_a_hand_does(context: moderngl.Context, tmp_path: Path, seed: i
     assert editor.view.viewpoint == look and editor.document is document
     editor.end_drag()
     assert editor.save(tmp_path / "end.insitu") is None and not editor.unsaved
-    assert without_thumbnails(load_session(tmp_path / "end.insitu").view.bookmarks) == without_thumbnails(editor.view.bookmarks)
+    assert without_thumbnails(load_session(tmp_path / "end.insitu").view.bookmarks) == without_thumbnails(
+        editor.view.bookmarks
+    )
     feed.close()
     window.close()
     editor.close()

@@ -15,9 +15,9 @@ import pytest
 from app.commands import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetSurface, SetTime
 from app.commands.layers import SetParameter
 from app.commands.light import SetRotation
-from app.effective_settings import effective_view
 from app.deform.deform_controller import DeformController
 from app.editor import Editor
+from app.effective_settings import effective_view
 from app.jobs.cache import ArrayCache
 from app.orbit.desired_state import DesiredOrbit
 from app.view_state import SetView
@@ -167,7 +167,9 @@ def test_the_last_picture_is_of_the_last_document(tmp_path: Path, monkeypatch: p
         walk.editor.do(SetSurface("dice", ""))
         walk.editor.do(SetView.of(fit_error=False))
         walk.editor.do(SetView.of(mode="deform"))
-        walk.until(lambda: isinstance(walk.editor.controller, DeformController) and walk.editor.status.picture == "refining")
+        walk.until(
+            lambda: isinstance(walk.editor.controller, DeformController) and walk.editor.status.picture == "refining"
+        )
         told = [
             line for line in walk.told if not any(known in line for known in (*MAY_BE_TOLD, "expected -720 to 720"))
         ]

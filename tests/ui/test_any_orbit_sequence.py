@@ -16,14 +16,14 @@ import numpy as np
 import pytest
 
 from app.commands.plan import override_from_value
-from app.effective_settings import effective_view
 from app.document import Document
 from app.editor import Editor
+from app.effective_settings import effective_view
 from app.jobs.cache import ArrayCache
 from app.modes import MODES
-from app.orbit.orbit_events import OrbitPicture
-from app.orbit.orbit_controller import OrbitController
 from app.orbit.desired_state import DesiredOrbit
+from app.orbit.orbit_controller import OrbitController
+from app.orbit.orbit_events import OrbitPicture
 from app.view_state import SetView, ViewState
 from engine.material.layer import Layer
 from engine.orbit.orbit_engine import Orbit

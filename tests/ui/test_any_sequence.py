@@ -20,10 +20,10 @@ from app.commands.material import AddLayers, RemoveLayer, SetMaterial, new_layer
 from app.editor import Editor
 from app.files.library import Library
 from app.jobs.cache import ArrayCache
-from app.jobs.schedule import Schedule
-from app.jobs.pending_requests import PendingRequests
 from app.jobs.dispatcher import RequestDispatcher
-from app.messages import CancelRequests, RequestFailed, Request, Response, WorkerRestarted, with_numbers
+from app.jobs.pending_requests import PendingRequests
+from app.jobs.schedule import Schedule
+from app.messages import CancelRequests, Request, RequestFailed, Response, WorkerRestarted, with_numbers
 from app.view_state import SetView
 from engine.curve.operators import Operator
 from tests.ui.small_scene import write_small_scene

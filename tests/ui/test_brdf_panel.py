@@ -17,9 +17,9 @@ from imgui_bundle import ImVec2, imgui
 from app.commands.curves import SetOperators
 from app.commands.layers import SetModel, SetParameter
 from app.commands.material import SetMaterial
-from app.measurements import with_measurements
-from app.messages import RequestFailed, FetchTable, TableFetched
 from app.measured_import import measured_layers
+from app.measurements import with_measurements
+from app.messages import FetchTable, RequestFailed, TableFetched
 from app.view_state import OpenPanel, SetView, ViewState
 from engine.curve.operators import Operator
 from engine.measured.table_lookup import evaluate_table

@@ -21,15 +21,15 @@ from ui.panels.curve_gestures import (
     core,
     drag_knob,
     drag_region,
+    knob_of,
     new_operators,
     operators_in_use,
-    knob_of,
     regions_around,
     tool_of,
     with_regions,
 )
-from ui.panels.window_state import CurveGrip
 from ui.panels.drag_travel import Travel
+from ui.panels.window_state import CurveGrip
 
 REGIONS = (0.2, 0.4, 0.6, 0.9)
 

@@ -15,8 +15,8 @@ from imgui_bundle import imgui
 from app.commands import AddDeformer, SetDeformer
 from app.jobs.cache import ArrayCache
 from app.jobs.deform_worker import DeformWorker
-from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
+from app.jobs.in_process import InProcessClient
 from engine.deform.gpu_parts import PictureExport
 from engine.deform.pose import Deformation
 from tests.engine.deform.test_moments import write_bar

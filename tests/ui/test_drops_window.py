@@ -38,12 +38,12 @@ def drop(real: RealWindow, *files: Path) -> None:
 def test_a_scene_is_opened(real: RealWindow, files: Path, name: str) -> None:
     real.fresh()
     drop(real, files / name)
-    assert real.ask(OPENED)[-1] == str(files / name) and real.ask("state.leaving") is None
+    assert real.ask(OPENED)[-1] == str(files / name) and real.ask("state.pending_action") is None
     real.fresh()
     real.drag("curve.magnitude", by=(0, -20))
     opened = real.ask(OPENED)
     drop(real, files / name)  # edits are asked about first
-    assert real.ask("type(state.leaving).__name__") == "OpenFile" and real.ask(OPENED) == opened
+    assert real.ask("type(state.pending_action).__name__") == "OpenFile" and real.ask(OPENED) == opened
     real.click("button.leave.discard")
     assert real.ask(OPENED)[-1] == str(files / name) and len(real.ask(OPENED)) == len(opened) + 1
 
@@ -66,7 +66,7 @@ def test_a_sky_and_a_measurement_are_a_step_each(real: RealWindow, files: Path) 
 )  # fmt: skip
 def test_all_else_is_refused_in_a_line(real: RealWindow, files: Path, names: list[str], line: str) -> None:
     real.fresh()
-    real.do("stage.before = editor.document; state.notice and setattr(shell, 'state', "
+    real.do("stage.before = editor.document; state.message and setattr(shell, 'state', "
             "__import__('dataclasses').replace(state, notice=None))")  # fmt: skip
     opened = real.ask(OPENED)
     drop(real, *[files / name for name in names])

@@ -26,7 +26,7 @@ def test_a_lamp_is_clicked_and_dimmed(real: RealWindow) -> None:
     real.click((left + 2 * (x - left) * (column + 0.5) / width, top + 2 * (y - top) * (row + 0.5) / height))
     assert real.ask("editor.view.selected") == ("lamp", 0, None)
     assert {"emitter.strength", "emitter.r", "emitter.swatch"} <= set(real.handles())
-    assert "curve.magnitude" not in real.handles() and not real.ask("state.notice and state.notice.is_error")
+    assert "curve.magnitude" not in real.handles() and not real.ask("state.message and state.message.is_error")
     steps = real.n_steps()
     real.drag("emitter.strength", by=(-20, 0))
     dimmed = real.ask(EMISSION)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.placement.placement_controller import PlacementController
 from app.editor_status import Status
+from app.placement.placement_controller import PlacementController
 from ui.headless import HeadlessWindow
 from ui.panels.viewport import ERROR_AWAITED, ERROR_UNKNOWN, error_missing
 
@@ -27,7 +27,9 @@ def test_a_key_lays_it_over_the_picture_and_takes_it_off(
     colours = np.full((source.picture.height, source.picture.width, 4), 255, np.uint8)
     colours[:, :, 1:3] = 0
     status = PlacementController.status
-    monkeypatch.setattr(PlacementController, "status", lambda controller, told: replace(status(controller, told), error_colours=colours))
+    monkeypatch.setattr(
+        PlacementController, "status", lambda controller, told: replace(status(controller, told), error_colours=colours)
+    )
     assert isinstance(editor.status, Status) and not editor.view.shows_error
     window.key(imgui.Key.e)
     window.leave()

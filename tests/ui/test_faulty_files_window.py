@@ -40,7 +40,7 @@ def test_a_picture_of_the_window_that_cannot_be_written_leaves_nothing(real: Rea
         before = real.ask("__import__('os').getcwd()")
         real.do(f"import os; os.chdir({str(disk)!r})")
         real.key("shift+f12")
-        real.wait_until("'not written' in state.notice.text")
+        real.wait_until("'not written' in state.message.text")
         real.do(f"import os; os.chdir({before!r})")
         assert real.notice().startswith(f"{disk}/")
         assert real.notice().endswith(".png: not written, No space left on device; what was there is untouched")

@@ -12,8 +12,8 @@ import pytest
 from app.commands.curves import AddOperator
 from app.commands.layers import SetEditable
 from app.jobs.cache import ArrayCache
-from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
+from app.jobs.in_process import InProcessClient
 from engine.curve.operators import Operator
 from tests.ui.small_scene import SCENE, linear_picture, opened_window, wait_until_exact, write_small_scene
 from ui.headless import HeadlessWindow
@@ -27,7 +27,9 @@ GROUND_IS_FIXED = SCENE.replace('name = "ground"\n', 'name = "ground"\neditable 
 def window(context: moderngl.Context, tmp_path: Path) -> Iterator[HeadlessWindow]:
     """The small scene with more lights in the final stage than in the preview, its ground fixed."""
     file = write_small_scene(tmp_path, GROUND_IS_FIXED)
-    with opened_window(context, file, InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache"))), n_lights=600) as opened:
+    with opened_window(
+        context, file, InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache"))), n_lights=600
+    ) as opened:
         wait_until_exact(opened)
         yield opened
 

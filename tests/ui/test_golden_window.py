@@ -26,8 +26,8 @@ from PIL import Image
 
 from app.commands.light import SetRotation
 from app.jobs.cache import ArrayCache
-from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
+from app.jobs.in_process import InProcessClient
 from app.view_state import OpenPanel, SetView
 from tests.ui.small_scene import opened_window, wait_until_exact, write_small_scene
 from ui.headless import HeadlessWindow

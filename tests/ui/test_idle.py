@@ -6,10 +6,10 @@ import pytest
 from imgui_bundle import imgui
 
 from app.editor import Editor
-from app.messages import RequestFailed, Progress
+from app.messages import Progress, RequestFailed
 from tests.ui.stand_in import StandInClient
-from ui.headless import HeadlessWindow
 from ui.frame_pacing import PROGRESS_SECONDS
+from ui.headless import HeadlessWindow
 
 pytestmark = pytest.mark.gl
 

@@ -11,8 +11,8 @@ from app.commands.curves import AddOperator
 from app.commands.layers import SetParameter, SetVisible
 from app.commands.series import SetFirstBands
 from app.jobs.cache import ArrayCache
-from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
+from app.jobs.in_process import InProcessClient
 from app.view_state import SetView
 from engine.curve.operators import Operator
 from tests.ui.small_scene import SCENE, linear_picture, opened_window, wait_until_exact, write_small_scene

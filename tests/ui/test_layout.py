@@ -283,7 +283,7 @@ def test_the_picture_alone_leaves_the_panels_in_front_that_were(
         window.frames(3)
     assert in_front(window) == set(chosen)
     for alone in (True, False):
-        window.shell.do(SetPanel({"alone": alone}))
+        window.shell.do(SetPanel({"single_panel": alone}))
         window.frames(layout_frames())
     assert in_front(window) == set(chosen)
 

@@ -64,9 +64,9 @@ def test_the_title_names_the_scene_and_what_is_unsaved(kept: RealWindow, tmp_pat
 def test_the_windows_cross_asks_once_and_then_leaves_it_to_the_journal(kept: RealWindow) -> None:
     edit(kept)
     kept.do("window._on_close(window.handle)")
-    assert not quit_is_asked_for(kept) and kept.ask("type(state.leaving).__name__") == "Quit"
+    assert not quit_is_asked_for(kept) and kept.ask("type(state.pending_action).__name__") == "Quit"
     kept.key("escape")
-    assert kept.ask("state.leaving") is None and kept.ask("editor.unsaved")
+    assert kept.ask("state.pending_action") is None and kept.ask("editor.unsaved")
     assert kept.ask("editor.view.selected is not None")  # Esc did one thing
     kept.do("window._on_close(window.handle)")
     kept.do("window._on_close(window.handle)")
@@ -76,7 +76,7 @@ def test_the_windows_cross_asks_once_and_then_leaves_it_to_the_journal(kept: Rea
 @pytest.mark.window
 def test_without_unsaved_edits_nothing_is_asked(kept: RealWindow) -> None:
     kept.key("ctrl+q")
-    assert quit_is_asked_for(kept) and kept.ask("state.leaving") is None
+    assert quit_is_asked_for(kept) and kept.ask("state.pending_action") is None
 
 
 @pytest.mark.window
@@ -99,9 +99,9 @@ def test_a_new_scene_asks_what_becomes_of_the_edits(kept: RealWindow) -> None:
     edit(kept)
     before = kept.ask("sum(type(r).__name__ == 'OpenScene' for r in client.requests)")
     kept.key("ctrl+n")
-    assert kept.ask("type(state.leaving).__name__") == "OpenFile"
+    assert kept.ask("type(state.pending_action).__name__") == "OpenFile"
     kept.click("button.leave.cancel")
-    assert kept.ask("state.leaving") is None and kept.ask("editor.unsaved")
+    assert kept.ask("state.pending_action") is None and kept.ask("editor.unsaved")
     kept.key("ctrl+n")
     kept.click("button.leave.discard")
     kept.wait_until(f"sum(type(r).__name__ == 'OpenScene' for r in client.requests) > {before}")
@@ -135,8 +135,9 @@ def test_no_sequence_loses_edits_that_nobody_gave_up(window: HeadlessWindow, tmp
         action: Action = chance.choice(
             (
                 SetRotation(chance.uniform(0.0, 90.0)), SetRotation(chance.uniform(0.0, 90.0)), Undo(), Quit(),
-                OpenFile("teatray"), AnswerUnsaved(is_saved=True), AnswerUnsaved(is_saved=False), SaveSession(saved), SaveSession(),
-                SetPanel({"leaving": None}), SetPanel({"question": None}),
+                OpenFile("teatray"), AnswerUnsaved(is_saved=True), AnswerUnsaved(is_saved=False), SaveSession(saved),
+                SaveSession(),
+                SetPanel({"pending_action": None}), SetPanel({"question": None}),
             )
         )  # fmt: skip
         shell.do(action)

@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 from app.commands.layers import SetParameter
 from app.document import Document
 from app.editor import Editor
+from app.editor_status import Status
 from app.files.session import load_session
-from app.jobs.worker_context import WorkerContext
 from app.jobs.cache import ArrayCache
-from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
-from app.messages import SetCamera, Request, Response
+from app.jobs.in_process import InProcessClient
+from app.jobs.worker_context import WorkerContext
+from app.messages import Request, Response, SetCamera
 from app.mode import EditorServices, Mode, ModeController, ModeWorker
 from app.modes import PLACEMENT
 from app.picture_events import PictureEvent
-from app.editor_status import Status
 from app.view_state import SetView, ViewState
 from tests.ui.small_scene import linear_picture, wait_until_exact, write_small_scene
 from ui.gl.textures import small_texture

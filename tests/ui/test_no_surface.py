@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from app.jobs.cache import ArrayCache
+from app.jobs.dispatcher import RequestDispatcher
 from app.jobs.in_process import InProcessClient
 from app.jobs.orbit_worker import OrbitWorker
-from app.jobs.dispatcher import RequestDispatcher
 from app.modes import MODES
 from app.view_state import Viewpoint
 from engine.light.environment import load_environment

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from app.jobs.cache import ArrayCache
+from app.jobs.dispatcher import RequestDispatcher
 from app.jobs.in_process import InProcessClient
 from app.jobs.orbit_worker import OrbitWorker
-from app.jobs.dispatcher import RequestDispatcher
 from app.orbit.orbit_messages import DrawOrbit
 from app.view_state import Bookmark, SetView, Viewpoint
 from engine.scene.description import Camera

@@ -18,8 +18,8 @@ from engine.scene.description import Camera
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
 from ui.panels.actions import SetPreference
-from ui.panels.shortcuts import keys_of
 from ui.panels.camera_gestures import CameraGrip, drag_camera, scroll_camera
+from ui.panels.shortcuts import keys_of
 
 Key = imgui.Key
 SHIFT, CTRL, ALT = Key.mod_shift, Key.mod_ctrl, Key.mod_alt
@@ -62,7 +62,9 @@ def test_drags_as_in_other_programs(window: HeadlessWindow, mouse: str, drags: d
         drag(window, (50, 20), button, *held)
         assert label(window) == gesture and window.shell.state.grip is None
         editor.camera_history.undo()
-        assert editor.camera_history.camera == before and editor.camera_history.history.undo_label is None  # one drag, one step
+        assert (
+            editor.camera_history.camera == before and editor.camera_history.history.undo_label is None
+        )  # one drag, one step
     # Nothing of it is an edit or a selection, or a lobe; what the other program does with its keys is not done.
     for button, *held in (BLENDER if mouse == "maya" else MAYA).values():
         if (button, held) != (0, [ALT]):  # in the picture that shows the lobe
@@ -112,7 +114,9 @@ def test_the_wheel_goes_nearer_what_is_under_the_mouse(window: HeadlessWindow) -
     window.move(x - 100, y + 30)
     for _ in range(3):
         window.wheel(1.0)
-    assert editor.camera_history.history.undo_label == "dolly" and distance(editor.camera_history.camera) < 0.7 * distance(OWN)
+    assert editor.camera_history.history.undo_label == "dolly" and distance(
+        editor.camera_history.camera
+    ) < 0.7 * distance(OWN)
     moved = np.subtract(editor.camera_history.camera.position, OWN.position)
     assert moved[0] < 0.0  # towards the left, where the mouse is
     editor.camera_history.undo()
@@ -240,7 +244,9 @@ def test_a_tilted_horizon_is_levelled(window: HeadlessWindow) -> None:
     editor.camera_history.set_viewpoint(Viewpoint(OWN.model_copy(update={"up": (0.4, 1.0, 0.0)})), "tilt")
     window.key(Key.n)
     window.click_handle("button.camera.level")
-    assert is_level(editor.camera_history.camera) and editor.camera_history.camera.position == pytest.approx(OWN.position)
+    assert is_level(editor.camera_history.camera) and editor.camera_history.camera.position == pytest.approx(
+        OWN.position
+    )
 
 
 @pytest.mark.gl

@@ -110,4 +110,8 @@ def test_a_stroke_far_from_the_origin_is_exact_to_a_twentieth_of_a_millimetre() 
     stroke = stroke_at([SurfaceSpot(place, up, 0.01)] * 2, 0.1, 1.0, 1.0, 0.5)
     found = stroke.array[:, :3].astype(np.float64) + stroke.origin
     np.testing.assert_allclose(found, [place, place], rtol=0.0, atol=5e-5)
-    assert stroke_at([SurfaceSpot(np.array([1.0, -2.0, 300.0]), up, 0.01)], 0.1, 1.0, 1.0, 0.5).origin == (0.0, 0.0, 0.0)
+    assert stroke_at([SurfaceSpot(np.array([1.0, -2.0, 300.0]), up, 0.01)], 0.1, 1.0, 1.0, 0.5).origin == (
+        0.0,
+        0.0,
+        0.0,
+    )

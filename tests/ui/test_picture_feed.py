@@ -15,12 +15,12 @@ from app.commands.layers import SetParameter, SetVisible
 from app.commands.light import SetEnvironment, SetIntensity, SetRotation
 from app.commands.material import SetMaterial, new_layer
 from app.editor import Editor
+from app.lazy_import import import_named
 from app.messages import SkyImage
 from app.modes import MODES
-from app.lazy_import import import_named
+from app.placement.placement_controller import PlacementController
 from app.placement.placement_events import LayerMapsChanged
 from app.placement.placement_messages import ComputeTransport
-from app.placement.placement_controller import PlacementController
 from app.view_state import SetView
 from engine.render.headlight_shading import headlight_colour, headlight_radiance
 from tests.app.fake_worker import FakeClient
@@ -334,7 +334,9 @@ def test_before_anything_is_computed_objects_are_lit_from_the_eye(opening: Openi
     for index, state in enumerate(editor.document.objects):
         pixels = frame.pixel[slice(*frame.object_ranges[index])]
         if len(pixels) and not state.emits:
-            expected = headlight_radiance(headlight_colour(state.layers), frame.theta_o[slice(*frame.object_ranges[index])])
+            expected = headlight_radiance(
+                headlight_colour(state.layers), frame.theta_o[slice(*frame.object_ranges[index])]
+            )
             assert expected.min() > 0.0
             np.testing.assert_allclose(shown[pixels], expected, rtol=1e-3)
     assert editor.status.picture == "waiting"

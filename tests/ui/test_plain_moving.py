@@ -16,11 +16,11 @@ from app.jobs.orbit_worker import OrbitWorker
 from app.sky import sky_of
 from app.view_state import SetView
 from engine.deform.posed_scene import pose_scene
+from engine.generators import run_to_end
 from engine.render.headlight_picture import headlight_picture
 from engine.scene.camera_moves import orbit_camera
-from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.raycaster import RayCaster
-from engine.generators import run_to_end
+from engine.scene.scene_loader import Scene, load_scene
 from tests.ui.small_scene import write_small_scene
 from tests.ui.test_any_sequence import RESOLUTION, LateClient, Walk, relative_error
 
@@ -45,7 +45,9 @@ def expected(walk: Walk, scene: Scene) -> np.ndarray:
     layers = {i: state.layers for i, state in enumerate(editor.document.objects) if not state.emits}
     caster = RayCaster(scene.vertices, scene.triangles)
     sky = sky_of(scene, editor.document.light)
-    return run_to_end(headlight_picture(scene.from_camera(editor.camera_history.camera), caster, layers, sky, RESOLUTION))
+    return run_to_end(
+        headlight_picture(scene.from_camera(editor.camera_history.camera), caster, layers, sky, RESOLUTION)
+    )
 
 
 @pytest.mark.parametrize("mode", ["orbit", "deform"])
@@ -74,7 +76,9 @@ def test_the_camera_moves_before_anything_is_ready(
 
 
 def test_poses_move_before_anything_is_ready(context: moderngl.Context, source: Path, tmp_path: Path) -> None:
-    here = Walk(context, str(source), LateClient(np.random.default_rng(6), ArrayCache(tmp_path / "cache")), mode="deform")
+    here = Walk(
+        context, str(source), LateClient(np.random.default_rng(6), ArrayCache(tmp_path / "cache")), mode="deform"
+    )
     editor = here.editor
     try:
         here.until(lambda: editor.scene_is_open)

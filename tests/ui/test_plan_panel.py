@@ -8,8 +8,8 @@ from app.commands.layers import SetEditable
 from app.commands.plan import OverrideLine
 from app.effective_settings import effective_view
 from app.placement.placement_messages import ComputeTransport
-from app.placement.plan_table import PlanTableRow, plan_table
 from app.placement.placement_status import PlacementStatus
+from app.placement.plan_table import PlanTableRow, plan_table
 from app.view_state import SetView, ViewState
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow

@@ -11,7 +11,7 @@ from tests.ui.real_window import PRESS, RELEASE, RealWindow, real_window_fixture
 pytestmark = pytest.mark.window
 
 real = real_window_fixture(small_scene=True)
-LOOK, UNDO = "editor.looks.camera.position", "editor.looks.history.undo_label"
+LOOK, UNDO = "editor.camera_history.camera.position", "editor.camera_history.history.undo_label"
 RESTS = "not editor.status.is_away and editor.status.picture == 'exact'"
 LONG, PATIENCE = 70.0, 300.0
 
@@ -30,7 +30,7 @@ def test_drags_wheel_and_keys_move_it_and_a_view_that_was_computed_is_there_agai
         real.drag((x, y), by=(30, 18), button=button, held=held)
         assert real.ask(UNDO) == label
     real.wheel(1.0, (x - 40, y), times=3)
-    assert real.ask("len(editor.looks.history.undo_steps)") == 4 and real.n_steps() == 0
+    assert real.ask("len(editor.camera_history.history.undo_steps)") == 4 and real.n_steps() == 0
     real.wait_until(RESTS, PATIENCE)
     real.events(("move", -1.0, -1.0))
     moved = np.asarray(Image.open(real.shot(folder / "moved.png")), int)

@@ -14,7 +14,7 @@ from tests.ui.real_window import RealWindow, real_window_fixture
 pytestmark = pytest.mark.window
 
 real = real_window_fixture(small_scene=True)
-LOOK, UNDO = "editor.looks.camera.position", "editor.looks.history.undo_label"
+LOOK, UNDO = "editor.camera_history.camera.position", "editor.camera_history.history.undo_label"
 IS_WHOLE = "editor.controller.is_placement_active"  # all that Orbit can show is shown, and Placement is at it
 MOVED = 3.0  # of 255: by how much a picture differs on average that is seen from elsewhere
 PATIENCE = 60.0
@@ -57,7 +57,7 @@ def test_the_picture_goes_with_the_hand_and_back(real: RealWindow, tmp_path: Pat
     nearer = until_it_differs(real, turned, tmp_path)
     real.key("f")
     assert real.ask(UNDO) == "frame ball" and real.n_steps() == 0
-    assert real.ask("len(editor.looks.history.undo_steps)") == 3
+    assert real.ask("len(editor.camera_history.history.undo_steps)") == 3
     real.key("alt+z", "alt+z", "alt+z")
     assert real.ask(LOOK) == own and real.ask(UNDO) is None
     until_it_differs(real, nearer, tmp_path)
@@ -67,7 +67,7 @@ def test_esc_in_mid_drag_restores_and_the_key_leads_back_to_placement(real: Real
     own, (x, y) = real.ask(LOOK), real.at("viewport.centre")
     assert real.ask("editor.view.mode") == "orbit"
     real.drag((x, y), by=(90, 20), button=2, let_go=False)
-    assert real.ask(LOOK) != own and real.ask("editor.looks.history.dragging")
+    assert real.ask(LOOK) != own and real.ask("editor.camera_history.history.dragging")
     real.key("escape")
     real.release(2)
     assert real.ask(LOOK) == own and real.ask(UNDO) is None

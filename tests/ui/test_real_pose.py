@@ -19,7 +19,7 @@ def grip(real: RealWindow) -> tuple[float, float]:
     real.fresh()
     real.do(
         "boxes = np.tile([[-0.3, 0.0, -0.3], [0.3, 1.0, 0.3]], (len(editor.document.objects), 1, 1)); "
-        "editor.looks.scene_opened(editor.scenes.opened.description, boxes)"
+        "editor.camera_history.scene_opened(editor.scenes.opened.description, boxes)"
     )
     real.click("mode.2")
     real.do("from app.commands import AddDeformer; editor.select('teapot'); editor.do(AddDeformer('teapot', 'bend'))")

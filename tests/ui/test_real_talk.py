@@ -53,10 +53,10 @@ def test_a_fault_in_every_frame_is_one_line_and_the_hand_goes_on(real: RealWindo
     assert real.n_steps() == 1
     assert "defect of Insitu" in real.notice() and "window.log" in real.notice() and "theta_i" not in real.notice()
     real.click("status.message")
-    assert real.ask("state.notice is None")
+    assert real.ask("state.message is None")
     for _ in range(3):
         real.drag("curve.magnitude", by=(0, 10))
-    assert real.ask("state.notice is None")  # told once
+    assert real.ask("state.message is None")  # told once
     real.do("del editor.controller._transport.update")
     real.key("ctrl+z")
     real.wait_until("editor.status.is_finished")
@@ -100,7 +100,9 @@ def test_exact_is_said_of_nothing_that_is_not(small: RealWindow) -> None:
     small.do("from app.view_state import SetView; editor.do(SetView.of(n_bounces=3))")
     assert "exact" not in small.ask(said) and "error" not in small.ask(said)
     small.wait_until("editor.status.is_finished", timeout=240.0)
-    assert 0.0 < small.ask("editor.controller._noise") < small.ask("editor.status.indirect_noise")  # part of it is direct
+    assert (
+        0.0 < small.ask("editor.controller._noise") < small.ask("editor.status.indirect_noise")
+    )  # part of it is direct
     small.wait_until("editor.status.estimate is not None")
     assert small.ask("editor.status.image_error == editor.status.estimate.total")
     # Neither the sum of the parts' errors nor less than half of one of them: they may make up for each other a little.

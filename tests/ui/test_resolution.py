@@ -13,8 +13,8 @@ from imgui_bundle import imgui
 from app.commands.layers import SetParameter
 from app.files.session import load_session
 from app.jobs.cache import ArrayCache
-from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
+from app.jobs.in_process import InProcessClient
 from app.machine.memory import memory_bytes
 from app.messages import SetCamera
 from app.project import open_project

@@ -206,7 +206,9 @@ def test_a_script_moves_the_camera_keeps_views_and_goes_to_them(window: Headless
     run(window, tmp_path, CAMERA)
     # From +Z at 4.03 m a quarter to the right is +X; 30 degrees up; half as far. 12 mm see 90 degrees.
     half = 0.5 * np.hypot(4.0, 0.5)
-    assert editor.camera_history.camera.position == pytest.approx((half * np.cos(np.pi / 6), 0.5 + half * 0.5, 0.0), abs=1e-6)
+    assert editor.camera_history.camera.position == pytest.approx(
+        (half * np.cos(np.pi / 6), 0.5 + half * 0.5, 0.0), abs=1e-6
+    )
     assert editor.camera_history.camera.fov_y == pytest.approx(90.0) and editor.view.tone_mapping == "agx"
     assert [each.name for each in editor.view.bookmarks] == ["Aside"]
     steps = [step.label for step in editor.camera_history.history.undo_steps]

@@ -4,8 +4,8 @@ import pytest
 
 from app.commands.layers import SetParameter
 from tests.ui.stand_in import StandInClient
-from ui.headless import HeadlessWindow
 from ui.display_names import with_display_names
+from ui.headless import HeadlessWindow
 
 
 @pytest.mark.gl

@@ -22,7 +22,7 @@ from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
 from ui.panels.actions import SavePicture
 from ui.picture_feed import PictureFeed
-from ui.still_saver import ViewportStill, StillSaver
+from ui.still_saver import StillSaver, ViewportStill
 
 real = real_window_fixture()
 
@@ -180,7 +180,7 @@ def test_f12_saves_the_picture_and_shift_f12_the_window(real: RealWindow, tmp_pa
     assert pixels_of(tmp_path / "pot.png").shape == (HEIGHT, WIDTH, 3)
     # The keyboard is the window's again: Space is for the picture, not for a control of some panel.
     real.key("space")
-    assert real.ask("state.alone")
+    assert real.ask("state.single_panel")
     real.key("space")
     real.do(f"import os; os.chdir({str(tmp_path)!r})")
     real.key("shift+f12")

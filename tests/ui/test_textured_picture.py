@@ -11,8 +11,8 @@ from PIL import Image
 
 from app.commands.maps import SetMap
 from app.jobs.cache import ArrayCache
-from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
+from app.jobs.in_process import InProcessClient
 from app.project import open_project
 from app.stills import render_picture
 from engine.indirect.series import BounceSeries

@@ -38,7 +38,7 @@ import ctypes, json, sys, time
 import glfw
 from tests.ui.stand_in import StandInClient
 from ui import window
-from ui.panels.actions import Leave
+from ui.panels.actions import AnswerUnsaved
 
 pending = json.loads(sys.argv[2])
 client = StandInClient()
@@ -51,7 +51,7 @@ def dropped(open_window, names):
 def on_frame(open_window):
     editor = open_window.editor
     if open_window.shell.state.leaving is not None:
-        open_window.shell.request(Leave(saves=False))
+        open_window.shell.request(AnswerUnsaved(saves=False))
         return False
     if editor.status.picture != "exact":
         return False

@@ -35,7 +35,11 @@ class Product:
 DIFFUSE_PRODUCT = Product("diffuse", (("theta_i", kinds.THETA_I), ("theta_o", kinds.THETA_O)))
 SPECULAR_PRODUCT = Product("specular", (("theta_d", kinds.THETA_D), ("theta_h", kinds.THETA_H)))
 CLOTH_PRODUCT = Product("whole", (("p", kinds.THETA_I), ("q", kinds.THETA_H), ("p", kinds.THETA_O)))
-PRODUCTS: dict[Part, tuple[Product, ...]] = {"diffuse": (DIFFUSE_PRODUCT,), "specular": (DIFFUSE_PRODUCT, SPECULAR_PRODUCT), "whole": (CLOTH_PRODUCT,)}
+PRODUCTS: dict[Part, tuple[Product, ...]] = {
+    "diffuse": (DIFFUSE_PRODUCT,),
+    "specular": (DIFFUSE_PRODUCT, SPECULAR_PRODUCT),
+    "whole": (CLOTH_PRODUCT,),
+}
 
 
 # The angles in a `Measured`, by kind, in the order of its fields.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from app.orbit.orbit_status import OrbitStatus
 from app.editor_status import duration
+from app.orbit.orbit_status import OrbitStatus
 from ui.panels import accuracy_placement
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext

@@ -8,15 +8,15 @@ from dataclasses import replace
 from imgui_bundle import ImVec2, imgui
 
 from app.commands.series import SetFirstBands
-from app.effective_settings import override_lines_of, effective_view
+from app.effective_settings import effective_view, override_lines_of
 from app.placement.placement_status import PlacementStatus
 from app.view_state import SetView
 from engine.planner import N_PATCHES
 from ui import theme as look
+from ui.display_names import with_display_names
 from ui.panels import widgets
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
-from ui.display_names import with_display_names
 
 LIGHT_CHOICES = (400, 1000, 4000, 10000)
 PATCH_CHOICES = (256, N_PATCHES, 3000, 10000)

@@ -309,11 +309,13 @@ class Quit:
 
 
 WindowAction = (
-    BeginDrag | EndDrag | CancelDrag | MergedEdit | BeginCameraDrag | DragCamera | EndCameraDrag | MoveCameraTo | UndoCamera | RedoCamera
+    BeginDrag | EndDrag | CancelDrag | MergedEdit | BeginCameraDrag | DragCamera | EndCameraDrag | MoveCameraTo
+    | UndoCamera | RedoCamera
     | Play | SaveView | RenameView | SetPreference
     | HoldGrip | Undo | Redo | Select | SetPanel | OpenFile | OpenImage | AskFile
     | ReloadImages | SaveSession | SavePicture | ImportMeasured | ExportMeasured | ExportScene | Screenshot
-    | SaveMaterial | DeleteMaterial | Copy | Paste | Recover | AnswerUnsaved | Resize | ShowPanel | ResetLayout | CancelWork
+    | SaveMaterial | DeleteMaterial | Copy | Paste | Recover | AnswerUnsaved | Resize | ShowPanel | ResetLayout
+    | CancelWork
     | ResumeWork | Quit | AnswerQuestion
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

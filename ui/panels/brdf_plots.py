@@ -269,7 +269,9 @@ def albedo(context: PanelContext, place: ImVec2, size: ImVec2) -> None:
         x = imgui.get_mouse_pos().x
         index = int(np.abs(found.angles - across.to_value(x)).argmin())
         draw.add_line(ImVec2(x, up.end), ImVec2(x, up.start), look.pack(look.with_alpha(look.TEXT, 0.35)), 1.0)
-        _tooltip_now(f"light from {math.degrees(found.angles[index]):.0f}°\n{_triple(found.values[index])} of it is reflected")
+        _tooltip_now(
+            f"light from {math.degrees(found.angles[index]):.0f}°\n{_triple(found.values[index])} of it is reflected"
+        )
 
 
 def _albedo_grid(context: PanelContext, draw: imgui.ImDrawList, across: Axis, up: Axis) -> None:

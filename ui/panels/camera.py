@@ -18,14 +18,14 @@ from ui.panels.actions import (
     BeginCameraDrag,
     DragCamera,
     EndCameraDrag,
-    SaveView,
     MoveCameraTo,
     RenameView,
     Resize,
+    SaveView,
     SetPanel,
 )
-from ui.panels.context import PanelContext
 from ui.panels.camera_gestures import command
+from ui.panels.context import PanelContext
 from ui.theme import Icon
 
 WIDTH, LABEL_WIDTH, GAP = 264.0, 58.0, 6.0

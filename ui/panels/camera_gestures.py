@@ -138,7 +138,9 @@ def _there(context: PanelContext, camera: Camera, label: str) -> list[Action]:
 # --------------------------------------------------------------------------------------------------------------- drags
 
 
-def _take_hold(context: PanelContext, gesture: Gesture, button: int, placed: PictureRect, picture: Picture) -> list[Action]:
+def _take_hold(
+    context: PanelContext, gesture: Gesture, button: int, placed: PictureRect, picture: Picture
+) -> list[Action]:
     mouse = imgui.get_mouse_pos()
     depth = _depth_at(context, placed.pixel(mouse.x, mouse.y, picture))
     grip = CameraGrip("camera", (mouse.x, mouse.y), gesture, button, context.camera, depth)

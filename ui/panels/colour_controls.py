@@ -30,7 +30,9 @@ class NumberTriple:
     text: str
 
 
-def row(context: PanelContext, numbers: NumberTriple, value: RGB, swatch: bool) -> Iterator[tuple[number_fields.Touch, RGB]]:
+def row(
+    context: PanelContext, numbers: NumberTriple, value: RGB, swatch: bool
+) -> Iterator[tuple[number_fields.Touch, RGB]]:
     """What a hand did with each, and the colour that makes; with room for a swatch."""
     height, gap = imgui.get_frame_height(), context.px(GAP)
     room = imgui.get_content_region_avail().x - (height + gap if swatch else 0.0)

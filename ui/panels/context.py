@@ -13,23 +13,23 @@ import numpy as np
 from imgui_bundle import imgui
 from numpy.typing import NDArray
 
+from app.camera_history import NO_CAMERA
 from app.document import Document, Selection
+from app.editor_status import Status
 from app.files.journal import Recovery
 from app.files.library import LibraryEntry
 from app.files.preferences import Preferences
 from app.files.recent import Recent
-from app.camera_history import NO_CAMERA
 from app.mode import Mode
 from app.performance_record import PerformanceRecord
 from app.selection import layer_shown
-from app.editor_status import Status
 from app.view_state import Bookmark, ViewState
 from engine.scene.description import Camera
 from ui.brush_dabs import SurfaceSpot
 from ui.panels.brdf_board import BrdfBoard
+from ui.panels.drag_travel import Travel
 from ui.panels.picture import Picture
 from ui.panels.window_state import PanelState
-from ui.panels.drag_travel import Travel
 from ui.theme import Theme
 
 
@@ -81,7 +81,8 @@ class HeldField:
 
 @dataclass
 class Fields:
-    """The noticeboard of `ui.panels.number_fields`: what a hand holds, and what was typed in vain, a line for the person."""
+    """The noticeboard of `ui.panels.number_fields`: what a hand holds, and what was typed in vain, a line for the
+    person."""
 
     held: HeldField | None = None
     refusal: str = ""
@@ -128,8 +129,8 @@ class PanelContext:
     is none. `now` is seconds of the window's clock. `brdf` is what there is to see of the selected material by itself,
     `record` what frames took lately and how far off the picture was.
     `camera` is from where the scene is seen, or about to be, `picture_camera` that of the picture shown; `own_camera`
-    and `own_resolution`, (width, height), are as the scene has them; `camera_undo_label` and `camera_redo_label` name what
-    the view's own history would undo or redo;
+    and `own_resolution`, (width, height), are as the scene has them; `camera_undo_label` and `camera_redo_label` name
+    what the view's own history would undo or redo;
     `box_of` tells the corners (2, 3) of an object, of None all that is seen; `view_thumbnail` is a kept view's picture.
     `preferences` are the person's. `mode` is the one of `modes` that makes the picture.
     `mode_before` is the title of the mode whose picture is still seen, "" where it is the present one's.

@@ -21,7 +21,7 @@ from ui.panels import curve_plot as plot
 from ui.panels.actions import Action, Select
 from ui.panels.brdf import energy_warning
 from ui.panels.context import PanelContext
-from ui.panels.curve_gestures import HALF_PI, OperatorGroup, channel_of, operators_in_use, limit_text
+from ui.panels.curve_gestures import HALF_PI, OperatorGroup, channel_of, limit_text, operators_in_use
 from ui.panels.curve_mouse import DrawnCurves, grip_of, interact, knob
 from ui.panels.plot_axes import value_range
 from ui.theme import Icon
@@ -188,7 +188,9 @@ def fitted_range(curves: DrawnCurves, log_y: bool) -> tuple[float, float]:
     return value_range(np.concatenate([edited, curves.generated(gamma)]), log_y)
 
 
-def _draw_curves(context: PanelContext, curves: DrawnCurves, frame: plot.Frame, group: OperatorGroup, hot: str | None) -> None:
+def _draw_curves(
+    context: PanelContext, curves: DrawnCurves, frame: plot.Frame, group: OperatorGroup, hot: str | None
+) -> None:
     grip = grip_of(context)
     held = grip.handle if grip else None
     edited = apply_operators(curves.operators, curves.generated)

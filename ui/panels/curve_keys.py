@@ -15,10 +15,10 @@ from ui.panels import curve_plot as plot
 from ui.panels.actions import Action, BeginDrag, EndDrag, HoldGrip, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.curve_gestures import END_NAMES, OperatorGroup
-from ui.panels.curve_mouse import DrawnCurves, move_handle, grip_at, handle_position
+from ui.panels.curve_mouse import DrawnCurves, grip_at, handle_position, move_handle
+from ui.panels.drag_travel import FINE
 from ui.panels.number_fields import PIXELS_TO_DOUBLE
 from ui.panels.window_state import KeyGrip
-from ui.panels.drag_travel import FINE
 
 HANDLES = ("magnitude", *END_NAMES, "region")
 # Shares of the plot's width and height, so that zooming in makes the keys finer: one degree where all 90 are shown.
@@ -87,7 +87,12 @@ def _steps(repeated: imgui.Key | None = None) -> tuple[int, int]:
 
 
 def _moved(
-    context: PanelContext, curves: DrawnCurves, frame: plot.Frame, group: OperatorGroup, grip: KeyGrip, steps: tuple[int, int]
+    context: PanelContext,
+    curves: DrawnCurves,
+    frame: plot.Frame,
+    group: OperatorGroup,
+    grip: KeyGrip,
+    steps: tuple[int, int],
 ) -> list[Action]:
     """The gesture gone on by so many steps, and what it does now."""
     if steps == (0, 0):

@@ -1,7 +1,7 @@
 """The mouse on the curve: which handle is under it, and what pressing, dragging and the wheel do.
 
-Everything is measured from the `CurveGrip` that the press made; what a handle's move does (`move_handle`) is shared with the
-keyboard (`curve_keys`).
+Everything is measured from the `CurveGrip` that the press made; what a handle's move does (`move_handle`) is shared
+with the keyboard (`curve_keys`).
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from ui.panels.context import PanelContext
 from ui.panels.curve_gestures import (
     END_NAMES,
     HALF_PI,
-    OperatorGroup,
     Knob,
+    OperatorGroup,
     Pull,
     defaults_from,
     drag_knob,
     drag_region,
-    new_operators,
     knob_of,
+    new_operators,
     regions_around,
     tool_of,
     with_regions,
 )
+from ui.panels.drag_travel import Travel
 from ui.panels.number_fields import PIXELS_TO_DOUBLE
 from ui.panels.plot_axes import zoomed
 from ui.panels.window_state import CurveGrip
-from ui.panels.drag_travel import Travel
 
 GRAB_DISTANCE = 9.0
 PULL_DISTANCE = 10.0
@@ -204,7 +204,12 @@ AnyGrip = TypeVar("AnyGrip", bound=CurveGrip)
 
 
 def grip_at(
-    kind: type[AnyGrip], curves: DrawnCurves, frame: plot.Frame, group: OperatorGroup, handle: str, offset: tuple[float, float]
+    kind: type[AnyGrip],
+    curves: DrawnCurves,
+    frame: plot.Frame,
+    group: OperatorGroup,
+    handle: str,
+    offset: tuple[float, float],
 ) -> AnyGrip:
     """A gesture that begins now, on a handle of the operators in hand."""
     return kind(

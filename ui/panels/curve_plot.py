@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from engine.curve.unique_values import unique_sorted
 from engine.curve.operators import Operator, strength
+from engine.curve.unique_values import unique_sorted
 from ui import theme as look
 from ui.panels.context import PanelContext
-from ui.panels.curve_gestures import END_NAMES, OperatorGroup, Knob, Regions
+from ui.panels.curve_gestures import END_NAMES, Knob, OperatorGroup, Regions
 from ui.panels.plot_axes import Axis, angle_ticks, value_ticks
 from ui.panels.widgets import rich_text
 
@@ -124,7 +124,9 @@ def sample_angles(frame: Frame, features: tuple[float, ...]) -> np.ndarray:
     low, high = frame.x.low, frame.x.high
     even = np.linspace(low, high, max(2, round((frame.x.end - frame.x.start) / 1.5)))
     sharp = np.array([f for f in features if low < f < high])
-    return unique_sorted(np.concatenate([even, sharp, np.clip(sharp - 1e-9, low, high), np.clip(sharp + 1e-9, low, high)]))
+    return unique_sorted(
+        np.concatenate([even, sharp, np.clip(sharp - 1e-9, low, high), np.clip(sharp + 1e-9, low, high)])
+    )
 
 
 def draw_generated(frame: Frame, gamma: np.ndarray, values: np.ndarray, scale: float) -> None:
@@ -164,7 +166,9 @@ def distinct_channels(values: np.ndarray) -> list[int]:
     return [0] if same else [0, 1, 2]
 
 
-def draw_regions(context: PanelContext, frame: Frame, group: OperatorGroup, held: str | None, hovered: str | None) -> None:
+def draw_regions(
+    context: PanelContext, frame: Frame, group: OperatorGroup, held: str | None, hovered: str | None
+) -> None:
     """The falloff shaded as strong as the operator acts, and a bar at each of a, b, c, d."""
     draw = imgui.get_window_draw_list()
     draw.push_clip_rect(frame.corner, frame.end, True)
@@ -271,7 +275,9 @@ def draw_knob(context: PanelContext, frame: Frame, group: OperatorGroup, knob: K
     axes: set[str] = {operator.axis for operator in group.operators}
     ink = look.pack(look.ACCENT)
     radius = context.px(7.5 if active else 6.5)
-    held = {math.copysign(1.0, o.magnitude - o.neutral_magnitude) for o in group.operators if o.axis == "x" and o.at_limit}
+    held = {
+        math.copysign(1.0, o.magnitude - o.neutral_magnitude) for o in group.operators if o.axis == "x" and o.at_limit
+    }
     for dx, dy in _arrow_directions(axes):
         if dx in held:
             _stop(draw, x + dx * (radius + context.px(5)), y, context.px(7), context.px(2.5), ink)

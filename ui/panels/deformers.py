@@ -35,7 +35,7 @@ def draw(context: PanelContext) -> list[Action]:
         _beside(REST)
         if widgets.text_button(context, "pose.reset", REST, hint):
             actions.append(SetPose(state.name))
-        if not getattr(context.status, "alone", ()):
+        if not getattr(context.status, "deform_only", ()):
             widgets.caption(FROM_AFAR)
     if not state.is_lamp:
         actions += surfaces.draw(context, state)

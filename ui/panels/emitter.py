@@ -53,7 +53,9 @@ def _colour(context: PanelContext, name: str, emission: RGB) -> list[Action]:
     widgets.label(context, "Colour")
     hint = f"{EMISSION.tooltip} Drag sideways, or double-click to type."
     speed = max(max(emission), LEAST_STRENGTH) / 200.0
-    numbers = colour_controls.NumberTriple("emitter", EMISSION.label, hint, EMISSION.minimum, EMISSION.maximum, speed, "%.4g")
+    numbers = colour_controls.NumberTriple(
+        "emitter", EMISSION.label, hint, EMISSION.minimum, EMISSION.maximum, speed, "%.4g"
+    )
     for touch, moved in colour_controls.row(context, numbers, emission, swatch=True):
         actions += _edits(touch, name, moved, "colour")
     hint = "The colour at full brightness. Click for a colour wheel; the strength stays."

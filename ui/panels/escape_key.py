@@ -64,7 +64,7 @@ def _leave_no_frame() -> None:
 
 
 def _cancel_unsaved_dialog(context: PanelContext) -> list[Action]:
-    return [SetPanel({"leaving": None})] if context.state.pending_action is not None else []
+    return [SetPanel({"pending_action": None})] if context.state.pending_action is not None else []
 
 
 def _resolution(context: PanelContext) -> list[Action]:
@@ -80,7 +80,7 @@ def _camera(context: PanelContext) -> list[Action]:
 
 
 def _leave_single_panel(context: PanelContext) -> list[Action]:
-    return [SetPanel({"alone": False})] if context.state.single_panel else []
+    return [SetPanel({"single_panel": False})] if context.state.single_panel else []
 
 
 def _brush(context: PanelContext) -> list[Action]:
@@ -93,7 +93,7 @@ def _pick(context: PanelContext) -> list[Action]:
 
 def _dismiss_message(context: PanelContext) -> list[Action]:
     notice = context.state.message
-    return [SetPanel({"notice": None})] if notice is not None and notice.is_error else []
+    return [SetPanel({"message": None})] if notice is not None and notice.is_error else []
 
 
 def _operator(context: PanelContext) -> list[Action]:
@@ -109,5 +109,6 @@ def _selection(context: PanelContext) -> list[Action]:
 
 
 ESCAPE_ACTIONS: tuple[Callable[[PanelContext], list[Action]], ...] = (
-    _cancel_unsaved_dialog, _resolution, _shortcuts, _brush, _camera, _leave_single_panel, _pick, _dismiss_message, _operator, _lobe, _selection,
+    _cancel_unsaved_dialog, _resolution, _shortcuts, _brush, _camera, _leave_single_panel, _pick, _dismiss_message,
+    _operator, _lobe, _selection,
 )  # fmt: skip

@@ -20,9 +20,9 @@ from ui import theme as look
 from ui.panels import number_fields, widgets
 from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, HoldGrip, MergedEdit, SetPanel
 from ui.panels.context import PanelContext
+from ui.panels.drag_travel import Travel
 from ui.panels.picture import Picture
 from ui.panels.window_state import TurnGrip, WheelTurn
-from ui.panels.drag_travel import Travel
 
 DIAL = 76.0
 FULL_TURN = 360.0

@@ -8,13 +8,13 @@ from imgui_bundle import ImVec2, imgui
 
 from app.commands.layers import SetFresnelTerm, SetModel, SetParameter
 from app.document import ObjectState, Selection
-from app.linked_layers import linked_indices
 from app.lazy_import import import_named
+from app.linked_layers import linked_indices
 from app.measured_import import describe_measurement
 from engine.material import MODELS, Layer, Parameter
 from engine.material.parameters import Value
 from engine.measured.measurement import Measurement
-from ui.panels import bumps, colour_controls, emitter, number_fields, maps, widgets
+from ui.panels import bumps, colour_controls, emitter, maps, number_fields, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, SetPanel
 from ui.panels.context import PanelContext
 from ui.theme import Icon
@@ -100,7 +100,9 @@ def _switches(context: PanelContext, key: str, layer: Layer) -> list[Action]:
     """What few layers have, at the right: images, and a second term."""
     has_term = layer.rises or not layer.follows
     gap, texts = context.px(4), ["Images", *(["Fresnel"] if has_term else [])]
-    widgets.same_line_at_right(sum(widgets.rich_width(text) + context.px(16) for text in texts) + gap * (len(texts) - 1))
+    widgets.same_line_at_right(
+        sum(widgets.rich_width(text) + context.px(16) for text in texts) + gap * (len(texts) - 1)
+    )
     top = imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y  # words on one line
     imgui.set_cursor_pos_y(top)
     actions = _image_switch(context, layer)
@@ -272,7 +274,9 @@ def _colour(context: PanelContext, key: str, parameter: Parameter, value: RGB) -
     for touch, moved in colour_controls.row(context, numbers, value, swatch):
         actions += _edits(touch, key, parameter, moved)
     if swatch:
-        touch, picked = colour_controls.swatch(context, numbers, value, f"{parameter.tooltip} Click for a colour wheel.")
+        touch, picked = colour_controls.swatch(
+            context, numbers, value, f"{parameter.tooltip} Click for a colour wheel."
+        )
         low, high = parameter.minimum, parameter.maximum
         red, green, blue = (min(max(v, low), high) for v in picked)
         actions += _edits(touch, key, parameter, (red, green, blue))

@@ -8,7 +8,7 @@ from app.commands.layers import SetEditable, SetFrozen, SetVisible
 from app.commands.material import AddLayers, RemoveLayer, new_layer
 from app.document import ObjectState, layer_key
 from app.pasting import copy_layer, copy_material
-from app.solo import solo_layer, is_layer_visible, toggle_solo
+from app.solo import is_layer_visible, solo_layer, toggle_solo
 from engine.material import MODELS
 from engine.material.layer import Layer
 from ui import theme as look

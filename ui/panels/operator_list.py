@@ -75,7 +75,9 @@ def _tools(context: PanelContext, group: OperatorGroup) -> list[Action]:
     return actions
 
 
-def _whole(context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], group: OperatorGroup) -> list[Action]:
+def _whole(
+    context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], group: OperatorGroup
+) -> list[Action]:
     """A new operator, and one table in the place of all."""
     actions: list[Action] = []
     hint = "New: put the handles back on a new operator, leaving those in the list as they are."
@@ -88,7 +90,9 @@ def _whole(context: PanelContext, key: str, factor: str, operators: tuple[CurveE
     return actions
 
 
-def _list(context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], group: OperatorGroup) -> list[Action]:
+def _list(
+    context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], group: OperatorGroup
+) -> list[Action]:
     """The operators, the last to apply on top, in what height the numbers below leave."""
     actions: list[Action] = []
     row = imgui.get_frame_height()
@@ -302,7 +306,8 @@ def _magnitude_fields(
     unit = degrees if along else 1.0
     touch, moved = number_fields.number(
         context, f"baseline{offset}", operator.baseline / unit, f"base %.4g{'°' if along else ''}",
-        f"curve.baseline.{operator.axis}.number", *((0.0, 90.0) if along else (-number_fields.LARGEST, number_fields.LARGEST)),
+        f"curve.baseline.{operator.axis}.number",
+        *((0.0, 90.0) if along else (-number_fields.LARGEST, number_fields.LARGEST)),
         title="baseline",
     )  # fmt: skip
     widgets.tooltip(f"Where amplifying leaves the curve as it is: what lies here does not move. {_HOW}")
@@ -315,7 +320,10 @@ def magnitude_range(operator: Operator) -> tuple[float, float]:
     if operator.axis == "y":
         return -number_fields.LARGEST, number_fields.LARGEST
     least = SMALLEST_STRETCH if operator.kind == "amplify" else -HALF_PI
-    low, high = (dataclasses.replace(operator, magnitude=end).clamp_magnitude().magnitude for end in (least, number_fields.LARGEST))
+    low, high = (
+        dataclasses.replace(operator, magnitude=end).clamp_magnitude().magnitude
+        for end in (least, number_fields.LARGEST)
+    )
     return low, high
 
 

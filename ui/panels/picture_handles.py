@@ -37,7 +37,10 @@ class PictureHandle:
         spot = complex(x, y)
         ends = [complex(*each) for each in self.line] if self.by_line else []
         return min(
-            [abs(spot - complex(*self.place)), *(_distance_to_line(spot, *pair) for pair in zip(ends, ends[1:], strict=False))]
+            [
+                abs(spot - complex(*self.place)),
+                *(_distance_to_line(spot, *pair) for pair in zip(ends, ends[1:], strict=False)),
+            ]
         )
 
 

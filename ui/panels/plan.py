@@ -10,10 +10,10 @@ from imgui_bundle import ImVec2, imgui
 from app.commands.plan import OverrideLine
 from app.placement.plan_table import PlanTableRow, plan_table
 from ui import theme as look
+from ui.display_names import with_display_names
 from ui.panels import widgets
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
-from ui.display_names import with_display_names
 from ui.theme import Icon
 
 VALUE_WIDTH, DOT = 118.0, 3.0

@@ -91,7 +91,13 @@ def _on_screen(context: PanelContext, placed: PictureRect, points: Float64Array)
 
 
 def _dragged(
-    context: PanelContext, placed: PictureRect, name: str, box: Float64Array, row: tuple[Deformation, ...], index: int, to: Place
+    context: PanelContext,
+    placed: PictureRect,
+    name: str,
+    box: Float64Array,
+    row: tuple[Deformation, ...],
+    index: int,
+    to: Place,
 ) -> list[Action]:
     """The amount by which the grip is nearest to a place on screen."""
     deformation = row[index]

@@ -51,7 +51,9 @@ def _numbers(context: PanelContext, size: Size) -> Size:
             imgui.text_unformatted("x")
             imgui.same_line()
         imgui.set_next_item_width(context.px(FIELD))
-        hand, moved = number_fields.number(context, name, sides[index], "%.0f", f"resolution.{name}", 1, MAX_RESOLUTION, 2.0)
+        hand, moved = number_fields.number(
+            context, name, sides[index], "%.0f", f"resolution.{name}", 1, MAX_RESOLUTION, 2.0
+        )
         widgets.tooltip(f"The picture's {name} in pixels, 1 to {MAX_RESOLUTION}. Drag, or double-click to type.")
         sides[index] = round(moved) if hand.changed else sides[index]
     return sides[0], sides[1]

@@ -206,7 +206,7 @@ def perform(context: PanelContext, name: str) -> list[Action]:
         "error": [SetView.of(shows_error=not view.shows_error)],
         "orbit": [SetView.of(mode=_other_mode(context, "orbit"))],
         "deform": [SetView.of(mode=_other_mode(context, "deform"))],
-        "alone": [SetPanel({"alone": not context.state.single_panel})],
+        "alone": [SetPanel({"single_panel": not context.state.single_panel})],
         "whole": [SetView.of(fit=True)],
         "pixels": [SetView.of(fit=False, zoom=1.0, centre=(0.5, 0.5))],
         "darker": [SetView.of(exposure=view.exposure - 1.0 / 3.0)],

@@ -107,7 +107,7 @@ def _contents(context: PanelContext) -> tuple[list[ColouredText], list[Action]]:
         imgui.same_line(end - imgui.calc_text_size(message.text).x)
         _words(message, f"{message.text}\nA click closes this.")
         context.handles.note_item("status.message")
-        actions += [SetPanel({"notice": None})] if imgui.is_item_clicked() else []
+        actions += [SetPanel({"message": None})] if imgui.is_item_clicked() else []
     elif message.text:
         left_over.append(message)
     _right(context, status)
@@ -239,7 +239,7 @@ def _strip(context: PanelContext, left_over: list[ColouredText]) -> list[Action]
         context.handles.note("status.strip.start", start.x, start.y)
         context.handles.note("status.strip.end", end.x, end.y)
         pressed = imgui.is_window_hovered() and imgui.is_mouse_clicked(0)
-    return [SetPanel({"notice": None})] if pressed else []
+    return [SetPanel({"message": None})] if pressed else []
 
 
 def _dot(context: PanelContext, ink: look.Colour) -> None:

@@ -63,7 +63,7 @@ def _answers(context: PanelContext) -> list[Action]:
         actions.append(AnswerUnsaved(is_saved=False))
     imgui.same_line()
     if widgets.text_button(context, "leave.cancel", "Cancel", "Stay here. (Esc)"):
-        actions.append(SetPanel({"leaving": None}))
+        actions.append(SetPanel({"pending_action": None}))
     return actions
 
 

@@ -72,7 +72,9 @@ def _draw_boxes(context: PanelContext, placed: PictureRect) -> None:
         box = context.box_of(state.name)
         is_selected = selected is not None and selected.object == state.name
         ink = look.pack(look.ACCENT if is_selected else look.grey(225, 0.8))
-        for (x0, y0), (x1, y1) in [] if box is None else visible_edges(box, context.camera, (placed.width, placed.height)):
+        for (x0, y0), (x1, y1) in (
+            [] if box is None else visible_edges(box, context.camera, (placed.width, placed.height))
+        ):
             start, stop = ImVec2(placed.x + x0, placed.y + y0), ImVec2(placed.x + x1, placed.y + y1)
             draw_list.add_line(start, stop, ink, context.px(2.0 if is_selected else 1.2))
 

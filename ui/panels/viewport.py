@@ -5,13 +5,13 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from app.commands.light import SetRotation
+from app.editor_status import Status
 from app.lazy_import import import_named
 from app.solo import solo_layer
-from app.editor_status import Status
 from app.view_state import SetView
 from engine.material.layer import object_of
 from ui import theme as look
-from ui.panels import error_legend, camera_gestures, paint, picture_handles, surface_plot, view_sketch, widgets
+from ui.panels import camera_gestures, error_legend, paint, picture_handles, surface_plot, view_sketch, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, HoldGrip, Select, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.library import apply, dropped_material
@@ -93,7 +93,9 @@ def divider_x(context: PanelContext, placed: PictureRect) -> float:
     return placed.x + context.view.compare_divider * placed.width
 
 
-def _interact(context: PanelContext, picture: Picture, placed: PictureRect, handles: list[PictureHandle]) -> list[Action]:
+def _interact(
+    context: PanelContext, picture: Picture, placed: PictureRect, handles: list[PictureHandle]
+) -> list[Action]:
     mouse = imgui.get_mouse_pos()
     grip = context.state.grip
     comparing = context.view.compare is not None

@@ -140,8 +140,8 @@ class PanelState:
     """The window's own state.
 
     `resolution` is what the picture is about to get, None while nobody asks for another.
-    `pending_action` is the action that waits for what becomes of unsaved edits; `shows_recoveries`: those that were left
-    behind when the program ended are listed.
+    `pending_action` is the action that waits for what becomes of unsaved edits; `shows_recoveries`: those that were
+    left behind when the program ended are listed.
 
     `shows_images`: the material panel has its rows for images, also where a layer has none.
     `handle` is the curve's handle that the keyboard moves: "magnitude", "a", "b", "c", "d", "region"; None: not chosen.

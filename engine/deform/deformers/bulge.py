@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from engine.deform.deformers.kind import Float64Array, DeformerKind, scaled_across
+from engine.deform.deformers.kind import DeformerKind, Float64Array, scaled_across
 
 
 def _move(points: Float64Array, amount: float) -> tuple[Float64Array, Float64Array]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from engine.deform.deformers.kind import Float64Array, DeformerKind
+from engine.deform.deformers.kind import DeformerKind, Float64Array
 
 
 def _move(points: Float64Array, angle: float) -> tuple[Float64Array, Float64Array]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from engine.deform.deformers.kind import Float64Array, DeformerKind, in_plane
+from engine.deform.deformers.kind import DeformerKind, Float64Array, in_plane
 
 _WAVE_NUMBER = 4.0 * np.pi
 

@@ -11,8 +11,8 @@ import pytest
 from PIL import Image
 
 from app.editor import Editor
-from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
+from app.jobs.in_process import InProcessClient
 from engine.scene.scene_loader import load_scene
 from tests.app.cli.command_line import SCENE, run
 from tests.pictures import write_exr

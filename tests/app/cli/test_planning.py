@@ -19,8 +19,8 @@ from app.cli.planning import plan_project
 from app.cli.precompute import precompute
 from app.editor import Editor
 from app.files.session import save_session
-from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
+from app.jobs.in_process import InProcessClient
 from app.measure import planning
 from app.measure.planning import carried_out
 from app.messages import Progress

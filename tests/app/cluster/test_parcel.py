@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from app.cluster import scene_bundle as parcels
-from app.cluster.scene_bundle import digest_of, bundle_files, pieces_of
 from app.cluster.file_cache import FileCache
+from app.cluster.scene_bundle import bundle_files, digest_of, pieces_of
 from app.project import open_project
 from engine.errors import LoadError
-from engine.safe_files import redirect_files, record_files, exists, portable_name, read_regular_file
+from engine.safe_files import exists, portable_name, read_regular_file, record_files, redirect_files
 from tests.app.cli.command_line import SCENE
 
 

@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.files.bookmarks import MAX_BOOKMARKS, Bookmarks, check_thumbnail, add_bookmark, find_bookmark, rename_bookmark, with_thumbnail, remove_bookmark
+from app.files.bookmarks import (
+    MAX_BOOKMARKS,
+    Bookmarks,
+    add_bookmark,
+    check_thumbnail,
+    find_bookmark,
+    remove_bookmark,
+    rename_bookmark,
+    with_thumbnail,
+)
 from app.view_state import Bookmark, Viewpoint
 from engine.errors import InsituError
 

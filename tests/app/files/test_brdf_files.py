@@ -12,13 +12,13 @@ from app.cli.console import run_guarded
 from app.cli.program import run
 from app.files.material_file import load_material
 from app.measurements import measurement_in
+from engine.generators import run_to_end
 from engine.material import MODELS, make_layer
 from engine.measured.coordinates import above_horizon, grid_directions
-from engine.measured.table_lookup import evaluate_table
 from engine.measured.merl import merl_samples, read_merl
+from engine.measured.table_lookup import evaluate_table
 from engine.measured.tables import read_measurement, table_of
-from engine.render.tabulate import untabulated_features, tabulate_layers
-from engine.generators import run_to_end
+from engine.render.tabulate import tabulate_layers, untabulated_features
 
 SCENE = """
 version = 1

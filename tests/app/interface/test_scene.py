@@ -12,9 +12,9 @@ import pytest
 
 import insitu
 from app.interface import placement
+from engine.generators import run_to_end
 from engine.indirect import reflection
 from engine.render.still_indirect import reflected_light
-from engine.generators import run_to_end
 from tests.scene_text import camera, placed
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from app.jobs.client import Client
-from app.messages import SetCamera, OpenScene, Response, ViewTraced
+from app.messages import OpenScene, Response, SetCamera, ViewTraced
 
 Answers = list[Response]
 # Long enough for a machine that does much else; only a worker that hangs is waited for so long.

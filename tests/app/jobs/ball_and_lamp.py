@@ -8,7 +8,7 @@ import numpy as np
 from app.document import LightState
 from app.jobs.cache import ArrayCache
 from app.jobs.dispatcher import RequestDispatcher
-from app.messages import RequestFailed, Progress, Response, ViewTraced
+from app.messages import Progress, RequestFailed, Response, ViewTraced
 from app.placement.placement_messages import (
     ComputeTransport,
     ContractTransport,

@@ -11,8 +11,14 @@ import numpy as np
 
 from app.jobs import channel
 from app.jobs.cache import ArrayCache
-from app.messages import SetCamera, OpenScene, Progress, Request, Response, SceneOpened, ViewTraced
-from app.placement.placement_messages import ComputeTransport, ContractTransport, LayerPicture, LayerTransport, StageDone
+from app.messages import OpenScene, Progress, Request, Response, SceneOpened, SetCamera, ViewTraced
+from app.placement.placement_messages import (
+    ComputeTransport,
+    ContractTransport,
+    LayerPicture,
+    LayerTransport,
+    StageDone,
+)
 from engine.errors import LoadError
 from engine.planner import RenderSettings
 

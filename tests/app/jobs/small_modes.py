@@ -12,12 +12,12 @@ from app.deform.deform_messages import DrawDeform, PrepareDeform
 from app.document import document_from_description
 from app.jobs.cache import ArrayCache
 from app.jobs.deform_worker import DeformWorker
+from app.jobs.dispatcher import RequestDispatcher
 from app.jobs.in_process import InProcessClient
 from app.jobs.orbit_worker import OrbitWorker
-from app.jobs.dispatcher import RequestDispatcher
 from app.messages import Request, Response
 from app.modes import DEFORM, ORBIT, PLACEMENT
-from app.orbit.orbit_messages import DrawOrbit, OrbitProgress, OrbitPictureDrawn, PrepareOrbit
+from app.orbit.orbit_messages import DrawOrbit, OrbitPictureDrawn, OrbitProgress, PrepareOrbit
 from app.placement.placement_messages import LayerPicture, StageDone
 from app.scene_state import scene_state
 from engine.deform.pose import Deformation

@@ -14,7 +14,7 @@ import pytest
 from app.jobs.background import LAST, LITTLE, NICENESS, Background
 from app.jobs.schedule import Schedule
 from app.jobs.worker import Worker
-from app.messages import SetCamera, Request, Response
+from app.messages import Request, Response, SetCamera
 from app.orbit.orbit_messages import EstimateOrbit
 from app.placement.placement_messages import EstimateError, PrepareRelighting
 from engine.scene.raycaster import RayCaster
@@ -40,7 +40,10 @@ def everywhere() -> set[int]:
 
 @pytest.mark.parametrize("last", [False, True])
 def test_a_worker_stands_a_little_behind_the_window(last: bool) -> None:
-    say = f"import os; from app.jobs.background import step_back; step_back({last}); print(os.getpriority(0, 0))"
+    say = (
+        "import os; from app.jobs.background import yield_to_window; "
+        f"yield_to_window({last}); print(os.getpriority(0, 0))"
+    )
     told = subprocess.run([sys.executable, "-c", say], cwd=ROOT, check=True, capture_output=True)
     assert int(told.stdout) == min(priority() + (LAST if last else LITTLE), LAST) and 0 < LITTLE < NICENESS
 

@@ -182,20 +182,20 @@ KILL_LOOP = """
 import os, random, signal, sys, time
 from pathlib import Path
 import numpy as np
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 folder = Path(sys.argv[1])
 random.seed(3)
 for kill in range(int(sys.argv[2])):
     pid = os.fork()
     if not pid:
-        store = Store(folder)
+        store = ArrayCache(folder)
         for k in range(1000):
             store.put("k", {"v": np.full(50_000, kill + k)})
         os._exit(0)
     time.sleep(random.uniform(0, 0.01))
     os.kill(pid, signal.SIGKILL)
     os.waitpid(pid, 0)
-    store = Store(folder)
+    store = ArrayCache(folder)
     found = store.get("k", dict)
     notes = store.take_notes()
     if notes or (found is not None and np.ptp(found["v"])):

@@ -11,7 +11,7 @@ import pytest
 
 from app.jobs.client import Client
 from app.jobs.shared_arrays import Method
-from app.messages import CancelRequests, RequestFailed, SetCamera, OpenScene, Progress, SceneOpened, ViewTraced
+from app.messages import CancelRequests, OpenScene, Progress, RequestFailed, SceneOpened, SetCamera, ViewTraced
 from app.placement.placement_messages import ContractTransport, LayerPicture, LayerTransport, StageDone
 from tests.app.jobs.answers import collect, of, open_scene, seen, wait_until_idle
 from tests.app.jobs.faulty_tasks import HANDLERS, compute, picture

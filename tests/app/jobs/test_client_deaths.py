@@ -13,7 +13,7 @@ import pytest
 
 from app.jobs.client import Client
 from app.jobs.shared_arrays import Method
-from app.messages import RequestFailed, OpenScene, Progress, SceneOpened, ViewTraced, WorkerRestarted
+from app.messages import OpenScene, Progress, RequestFailed, SceneOpened, ViewTraced, WorkerRestarted
 from app.placement.placement_messages import LayerPicture, StageDone
 from tests.app.jobs.answers import collect, kill, of, open_scene, seen, wait_until_idle
 from tests.app.jobs.faulty_tasks import HANDLERS, compute

@@ -13,11 +13,17 @@ import pytest
 from app.document import document_from_description
 from app.jobs import indirect_tasks as indirect_module
 from app.jobs.cache import ArrayCache
-from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
+from app.jobs.in_process import InProcessClient
 from app.messages import RequestFailed, Response
 from app.placement.curves import Curves
-from app.placement.placement_messages import ComputeTransport, ContractTransport, FreezeIndirect, IndirectFrozen, LayerPicture
+from app.placement.placement_messages import (
+    ComputeTransport,
+    ContractTransport,
+    FreezeIndirect,
+    IndirectFrozen,
+    LayerPicture,
+)
 from engine.indirect.sampling_settings import ROUGH
 from engine.scene.scene_loader import load_scene
 from tests.app.jobs.ball_and_lamp import GLOSS, SCENE, compute, twice
@@ -66,7 +72,9 @@ def cached(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cached]:
     request = compute(n_bounces=3)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(indirect_module, "FINE", ROUGH)  # quicker, and as good for this
-        made = Cached(str(source), request, FreezeIndirect(Curves().scene_state(document), GLOSS, 0), [], {}, np.zeros(0))
+        made = Cached(
+            str(source), request, FreezeIndirect(Curves().scene_state(document), GLOSS, 0), [], {}, np.zeros(0)
+        )
         whole = made.client(base / "whole")
         n_steps, answers = steps_of(whole)
         made.expected, made.bent = shown(answers), made.bend(whole)

@@ -5,7 +5,7 @@ from pathlib import Path
 from app.jobs.cache import ArrayCache
 from app.jobs.dispatcher import RequestDispatcher
 from app.messages import Progress, Response
-from app.orbit.orbit_messages import DrawHeadlight, OrbitPictureDrawn, OrbitNotReady, PrepareOrbit
+from app.orbit.orbit_messages import DrawHeadlight, OrbitNotReady, OrbitPictureDrawn, PrepareOrbit
 from engine.light.environment import constant_environment
 from engine.orbit import sky_map
 from engine.scene.description import Camera

@@ -16,11 +16,11 @@ from app.jobs.cache import ArrayCache
 from app.jobs.indirect_tasks import IndirectTasks
 from app.messages import Response
 from app.placement.curves import Curves
-from app.placement.placement_messages import FreezeIndirect, IndirectFrozen, IndirectFound
+from app.placement.placement_messages import FreezeIndirect, IndirectFound, IndirectFrozen
 from app.sky import sky_of
 from engine.indirect import solver as solver_module
-from engine.indirect.sampling_settings import ROUGH
 from engine.indirect.gather import GatherSamples, gather
+from engine.indirect.sampling_settings import ROUGH
 from engine.indirect.solver import Solver
 from engine.scene.scene_loader import Scene, load_scene
 from engine.transport.pipeline import Placement
@@ -107,14 +107,14 @@ def test_other_scenes_and_lights_are_found_anew(
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from app.jobs import indirect, tiles
-from app.jobs.cache import Store
+from app.jobs import indirect_tasks, tiles
+from app.jobs.cache import ArrayCache
 from engine.indirect import solver
 from engine.scene.scene_loader import load_scene
 from engine.transport.pipeline import Placement
 from tests.app.jobs.test_indirect_tasks import PART_POINTS, found_by
 
-indirect.FINE, solver.PART_POINTS = indirect.ROUGH, PART_POINTS
+indirect_tasks.FINE, solver.PART_POINTS = indirect_tasks.ROUGH, PART_POINTS
 append = tiles.Tiles.append_tile
 
 def append_and_die(self, index, arrays):
@@ -127,7 +127,7 @@ def append_and_die(self, index, arrays):
 tiles.Tiles.append_tile = append_and_die
 folder = Path(sys.argv[1])
 scene = load_scene(folder / "scene.toml")
-found_by(indirect.IndirectTasks(Placement(scene), Store(folder / "cache"), "scene"), scene)
+found_by(indirect_tasks.IndirectTasks(Placement(scene), ArrayCache(folder / "cache"), "scene"), scene)
 """
 PART_POINTS = 8
 

@@ -17,7 +17,7 @@ from app.jobs.in_process import InProcessClient
 from app.jobs.kernels import PARTS, Kernels
 from app.machine.kernel_cache import kernel_folders
 from app.messages import CancelRequests, Progress, Response
-from app.orbit.orbit_messages import DrawHeadlight, OrbitProgress, OrbitPictureDrawn, PrepareOrbit
+from app.orbit.orbit_messages import DrawHeadlight, OrbitPictureDrawn, OrbitProgress, PrepareOrbit
 from app.placement.placement_messages import (
     BandsPlanned,
     ContractTransport,
@@ -273,7 +273,9 @@ def test_what_is_wanted_later_waits_for_the_process_that_compiles_it(compilers: 
     assert list(steps) == []
 
 
-def test_a_dab_waits_for_its_kernels_and_a_plan_of_bands_does_not(source: str, store: ArrayCache, log: list[str]) -> None:
+def test_a_dab_waits_for_its_kernels_and_a_plan_of_bands_does_not(
+    source: str, store: ArrayCache, log: list[str]
+) -> None:
     tasks = opened(source, store)
     tasks.context.kernels = waiting = Waiting(first_time=True)
     waiting.wait_for(Later())

@@ -11,8 +11,8 @@ import pytest
 from app.document import LightState
 from app.jobs import light_plan
 from app.jobs.cache import ArrayCache
-from app.jobs.executor import LocalExecutor
 from app.jobs.dispatcher import RequestDispatcher
+from app.jobs.executor import LocalExecutor
 from app.messages import Response
 from app.placement.placement_messages import ComputeTransport, LayerPicture, LightPlanned
 from app.scene_state import SceneState

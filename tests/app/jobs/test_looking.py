@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.jobs import indirect_tasks, executor
+from app.jobs import executor, indirect_tasks
 from app.jobs.cache import ArrayCache
-from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
+from app.jobs.in_process import InProcessClient
 from app.messages import RequestFailed, SetCamera, ViewTraced
 from app.placement.placement_messages import IndirectFound, LayerPicture, StageDone
 from engine.scene.description import Camera

@@ -7,8 +7,8 @@ import pytest
 from PIL import Image
 
 from app.jobs.cache import ArrayCache
-from app.jobs.map_tasks import thumbnail
 from app.jobs.dispatcher import RequestDispatcher
+from app.jobs.map_tasks import thumbnail
 from app.messages import ViewTraced
 from app.placement.placement_messages import MapsRefused, MapsSampled, SampleMaps
 from engine.material.layer_maps import Images

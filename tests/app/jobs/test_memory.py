@@ -30,16 +30,16 @@ PROGRAM = """
 import sys
 from dataclasses import replace
 from pathlib import Path
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
-from app.jobs.dispatcher import Tasks
+from app.jobs.dispatcher import RequestDispatcher
 from app.machine.system import release_memory
-from app.placement.placement_messages import Freeze
+from app.placement.placement_messages import FreezeIndirect
 from tests.app.jobs.ball_and_lamp import GLOSS, compute, with_layer, work
 from tests.opened import ask_for_scene
 
 source, what, n = sys.argv[1], sys.argv[2], int(sys.argv[3])
-client = InProcessClient(Tasks(Store(Path(source).parent / "cache")))
+client = InProcessClient(RequestDispatcher(ArrayCache(Path(source).parent / "cache")))
 
 def answered(*requests):
     for request in requests:
@@ -54,7 +54,7 @@ def edit(i):
     layer = work(GLOSS, "rough_conductor", alpha=0.1 + 0.85 * (i * 0.618 % 1.0)).layer
     request = with_layer(compute(n_bounces=2, n_lights=80), GLOSS, layer=layer, bands=(64, 16))
     answered(request)
-    answered(Freeze(request.scene, GLOSS, 0))
+    answered(FreezeIndirect(request.scene, GLOSS, 0))
 
 def megabytes():
     release_memory()  # as the worker does when nothing is asked of it

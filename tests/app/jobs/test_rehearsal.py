@@ -13,18 +13,19 @@ from app.machine.kernel_cache import use_kernel_cache
 
 use_kernel_cache()
 from app.jobs.kernels import LATER
-from app.jobs.kernel_warm_up import rehearse_later
+from app.jobs.kernel_warm_up import warm_up_later
 
 called = {}
-for part in rehearse_later():
+for part in warm_up_later():
     from engine.deform._zonal_kernels import fit_range
-    from engine.indirect._second_bounce_kernels import second_light
-    from engine.orbit._peak_kernels import add_asked
+    from engine.indirect._second_bounce_kernels import second_bounce_light
+    from engine.orbit._peak_kernels import add_answers
     from engine.texture._stroke_kernels import cover
     from engine.transport._relight_kernels import fill_rows
 
     kernels = {
-        "painting": cover, "indirect": second_light, "relighting": fill_rows, "orbit": add_asked, "deform": fit_range
+        "painting": cover, "indirect": second_bounce_light, "relighting": fill_rows, "orbit": add_answers,
+        "deform": fit_range
     }
     called[part] = {name for name, kernel in kernels.items() if kernel.signatures}
 assert tuple(called) == LATER
@@ -52,11 +53,11 @@ use_kernel_cache()
 from numba.core.dispatcher import Dispatcher
 
 from app.deform.deform_messages import DrawDeform, PrepareDeform
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
 from app.jobs.kernel_warm_up import rehearse_deform
-from app.messages import Failed
-from engine.deform.gpu_parts import NOTHING
+from app.messages import RequestFailed
+from engine.deform.gpu_parts import NO_PARTS
 from engine.scene.surface_kinds import DeformSurface, Membrane, Subsurface
 from tests.app.jobs.small_modes import POSES, SCENE, SIZE, shown_by, small_tasks
 from tests.opened import ask_for_scene
@@ -75,7 +76,7 @@ before = compiled()
 scene = Path(sys.argv[1], "scene.toml")
 scene.write_text(SCENE)
 for _ in range(2):  # fitted, and read from the disk
-    client = InProcessClient(small_tasks(Store(Path(sys.argv[1], "cache"))))
+    client = InProcessClient(small_tasks(ArrayCache(Path(sys.argv[1], "cache"))))
     ask_for_scene(client, str(scene), resolution=SIZE)
     answers = client.poll(budget_s=float("inf"))
     shown = shown_by("deform", str(scene))
@@ -84,11 +85,11 @@ for _ in range(2):  # fitted, and read from the disk
     for says in (DeformSurface(), *(DeformSurface(**kind) for kind in kinds)):
         for request in (
             replace(prepare, surfaces=(("ball", says),)), draw, replace(draw, quality="moving"),
-            replace(draw, poses=()), replace(draw, fit_error=True), replace(draw, known=NOTHING),
+            replace(draw, poses=()), replace(draw, fit_error=True), replace(draw, known=NO_PARTS),
         ):
             client.send(request)
             answers += client.poll(budget_s=float("inf"))
-    assert not [answer for answer in answers if isinstance(answer, Failed)]
+    assert not [answer for answer in answers if isinstance(answer, RequestFailed)]
 assert any("deform" in module for module, *_ in before)
 further = compiled() - before
 assert not further, sorted(further)

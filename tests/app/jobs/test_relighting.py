@@ -11,7 +11,13 @@ from app.jobs.cache import ArrayCache
 from app.jobs.dispatcher import RequestDispatcher
 from app.measure.accuracy import errors
 from app.messages import Response
-from app.placement.placement_messages import ComputeTransport, LayerPicture, PrepareRelighting, RelightingPrepared, StageDone
+from app.placement.placement_messages import (
+    ComputeTransport,
+    LayerPicture,
+    PrepareRelighting,
+    RelightingPrepared,
+    StageDone,
+)
 from app.scene_state import LayerState, SceneState
 from engine.curve.operators import Operator
 from engine.material import MODELS

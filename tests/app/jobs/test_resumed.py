@@ -99,7 +99,9 @@ def test_a_killed_worker_goes_on_to_the_same_pictures(source: str, tmp_path: Pat
             if not killed and any(isinstance(a, StageDone) and a.stage == "preview" for a in answers):
                 os.kill(client.pid, signal.SIGKILL)
                 killed = True
-    assert any(isinstance(a, WorkerRestarted) for a in answers) and not any(isinstance(a, RequestFailed) for a in answers)
+    assert any(isinstance(a, WorkerRestarted) for a in answers) and not any(
+        isinstance(a, RequestFailed) for a in answers
+    )
     # The scene is opened and the stages are gone through once more, to the last bit as if nothing had been.
     assert sum(isinstance(a, SceneOpened) for a in answers) == 2
     assert_same_pictures(pictures(answers), expected)

@@ -10,8 +10,8 @@ import pytest
 from app.document import LightState
 from app.jobs.in_process import InProcessClient
 from app.jobs.schedule import Schedule
-from app.messages import CancelRequests, RequestFailed, SetCamera, OpenScene, Progress, Request, Response
-from app.orbit.orbit_messages import DrawOrbit, DrawHeadlight
+from app.messages import CancelRequests, OpenScene, Progress, Request, RequestFailed, Response, SetCamera
+from app.orbit.orbit_messages import DrawHeadlight, DrawOrbit
 from app.placement.placement_messages import ContractTransport, LayerPicture, LayerTransport, StageDone
 from app.scene_state import SceneState
 from engine.scene.description import Camera
@@ -137,7 +137,9 @@ def test_error_meant_for_a_person_is_handed_on_verbatim() -> None:
 
 def test_other_errors_become_one_line_and_a_traceback_in_the_log(caplog: pytest.LogCaptureFixture) -> None:
     responses = run_in_process(FaultyTasks(), OpenScene("bug", id=4))
-    assert responses[-1] == RequestFailed("the computation failed: a defect of Insitu. Undo the last edit to go on", id=4)
+    assert responses[-1] == RequestFailed(
+        "the computation failed: a defect of Insitu. Undo the last edit to go on", id=4
+    )
     (record,) = caplog.records
     assert record.levelno == logging.ERROR
     assert record.exc_info is not None

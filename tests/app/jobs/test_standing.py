@@ -5,14 +5,14 @@ import numpy as np
 from app.jobs.pending_requests import PendingRequests
 from app.messages import (
     CancelRequests,
-    RequestFailed,
     FetchTable,
-    SetCamera,
     OpenScene,
     Progress,
+    RequestFailed,
     SceneOpened,
-    ViewTraced,
+    SetCamera,
     TableFetched,
+    ViewTraced,
 )
 from app.placement.placement_messages import ContractTransport
 from engine.measured.measurement import NO_MEASUREMENT

@@ -11,12 +11,11 @@ import pytest
 from app.document import LightState
 from app.jobs import placement_worker as placement_module
 from app.jobs.cache import ArrayCache
+from app.jobs.dispatcher import RequestDispatcher
 from app.jobs.in_process import InProcessClient
 from app.jobs.kernels import Kernels
 from app.jobs.placement_worker import _stages
-from app.jobs.dispatcher import RequestDispatcher
-from app.view_controller import describe_empty_frame
-from app.messages import Progress, Response, SceneOpened, ViewTraced, SkyImage
+from app.messages import Progress, Response, SceneOpened, SkyImage, ViewTraced
 from app.placement.placement_messages import (
     ContractTransport,
     ErrorEstimated,
@@ -27,6 +26,7 @@ from app.placement.placement_messages import (
     StageDone,
     StageFootprint,
 )
+from app.view_controller import describe_empty_frame
 from engine.curve import wavelet
 from engine.light.environment import load_environment
 from engine.material import MODELS

@@ -124,9 +124,9 @@ import sys
 from pathlib import Path
 import numpy as np
 from app.jobs.array_record import write_record
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from engine.stored_arrays import UnsoundArrays
-tiles = Store(Path(sys.argv[1])).open_tiles("k", 8)
+tiles = ArrayCache(Path(sys.argv[1])).open_tiles("k", 8)
 for index in range(8):
     if index == 5:
         print("five", flush=True)

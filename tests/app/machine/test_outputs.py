@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from app.machine.atomic import replacing_folder, require_folder, require_place, save_file
-from app.machine.inputs import set_inputs, add_inputs, require_no_input
+from app.machine.inputs import add_inputs, require_no_input, set_inputs
 from engine.errors import InsituError
 
 

@@ -9,8 +9,8 @@ import pytest
 from app.commands.layers import SetParameter
 from app.editor import Editor
 from app.jobs.cache import ArrayCache
-from app.jobs.in_process import InProcessClient
 from app.jobs.dispatcher import RequestDispatcher
+from app.jobs.in_process import InProcessClient
 from app.view_state import SetView
 from tests.app.limits import small_disk
 from tests.ui.small_scene import write_small_scene

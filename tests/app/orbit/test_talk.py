@@ -11,25 +11,25 @@ from app.barrier import Barrier
 from app.commands.layers import SetParameter
 from app.commands.light import SetRotation
 from app.document import document_from_description
+from app.editor_status import Status, StatusMetrics
 from app.history import History
-from app.messages import CancelRequests, RequestFailed, Request
+from app.messages import CancelRequests, Request, RequestFailed
 from app.mode import OpenedScene
+from app.orbit.desired_state import MOVING_SECONDS, STEPS, WINDOW_SECONDS, QualityPacer
+from app.orbit.orbit_controller import IDLE_SECONDS, PRIORITIZE_SECONDS, OrbitController
 from app.orbit.orbit_events import OrbitPicture
 from app.orbit.orbit_messages import (
+    DrawHeadlight,
     DrawnErrorEstimated,
     DrawOrbit,
-    DrawHeadlight,
     EstimateOrbit,
-    PrioritizeView,
-    OrbitProgress,
-    OrbitPictureDrawn,
     OrbitNotReady,
+    OrbitPictureDrawn,
+    OrbitProgress,
     PrepareOrbit,
+    PrioritizeView,
 )
-from app.orbit.orbit_controller import PRIORITIZE_SECONDS, IDLE_SECONDS, OrbitController
-from app.orbit.desired_state import MOVING_SECONDS, STEPS, WINDOW_SECONDS, QualityPacer
 from app.placement.placement_messages import ComputeTransport
-from app.editor_status import StatusMetrics, Status
 from app.view_state import ViewState
 from engine.planner import band_counts
 from engine.render.picture_error import ErrorEstimate
@@ -90,7 +90,9 @@ class Table:
         """The answer to the newest picture that was asked for."""
         radiance = np.ones((2, 2, 3), np.float32)
         prepared = prepared or self.id_of(PrepareOrbit)
-        return self.controller.receive(OrbitPictureDrawn(radiance, prepared, version, is_done, 0.01, id=self.id_of(DrawOrbit)))
+        return self.controller.receive(
+            OrbitPictureDrawn(radiance, prepared, version, is_done, 0.01, id=self.id_of(DrawOrbit))
+        )
 
 
 @pytest.fixture
@@ -253,7 +255,9 @@ def test_what_it_sees_comes_first_while_not_all_is_ready(drawing: Table) -> None
 
 def test_backs_that_come_into_its_sight_are_made_ready(drawing: Table) -> None:
     drawing.look(CAMERAS[0])
-    assert drawing.update(PRIORITIZE_SECONDS) == [PrioritizeView(CAMERAS[0])]  # it may see what nothing was made ready for
+    assert drawing.update(PRIORITIZE_SECONDS) == [
+        PrioritizeView(CAMERAS[0])
+    ]  # it may see what nothing was made ready for
     drawing.advance(2, is_done=False)
     assert [type(request) for request in drawing.update()] == [PrepareOrbit]
     drawing.advance(3, is_done=False)

@@ -122,7 +122,10 @@ def test_answers_for_what_is_no_longer_selected_are_not_shown(settled: Editor, c
     settled.select("floor.0")
     events = settled.tick(1.2)
     assert TransportReady not in [type(event) for event in events]
-    assert [(r.layer.key, r.factor) for r in client.sent(ContractTransport)] == [("pot.1", "theta_d"), ("floor.0", "theta_i")]
+    assert [(r.layer.key, r.factor) for r in client.sent(ContractTransport)] == [
+        ("pot.1", "theta_d"),
+        ("floor.0", "theta_i"),
+    ]
 
 
 def test_roughness_is_asked_for_when_the_hand_rests(settled: Editor, client: FakeClient) -> None:
@@ -299,5 +302,7 @@ def test_a_fixed_curve_that_changes_is_part_of_its_transport(settled: Editor, cl
     assert settled.status.material_note == "the curve of a fixed object follows when the hand rests"
     settled.tick(1.9)
     (work,) = computed(client)[n_before:]
-    assert np.array_equal(work.scene.layers[2].coefficients[0], settled.controller.wanted_coefficients("floor.0")["theta_i"])
+    assert np.array_equal(
+        work.scene.layers[2].coefficients[0], settled.controller.wanted_coefficients("floor.0")["theta_i"]
+    )
     assert settled.status.picture == "preview" and client.sent(ContractTransport) == []

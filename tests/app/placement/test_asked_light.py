@@ -128,7 +128,9 @@ def test_the_sky_is_handed_on_though_the_light_was_turned_meanwhile(settled: Edi
     settled.tick(1.5)
     assert len(computed(client)) == 2  # the worker says what sky it is once, under the first of both
     client.answer(under_way, SkyImage(np.ones((2, 4, 3)), id=VIEW_ID))
-    assert settled.tick(1.6) == [] and settled.controller.drawn.light.environment == "scene"  # its pictures are not there yet
+    assert (
+        settled.tick(1.6) == [] and settled.controller.drawn.light.environment == "scene"
+    )  # its pictures are not there yet
     client.finish_stage("drag", exact=True)
     sky, *layers = settled.tick(1.7)
     assert isinstance(sky, SkyChanged) and {type(event) for event in layers} == {LayerRadiance, TransportReady}

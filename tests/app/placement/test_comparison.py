@@ -8,8 +8,8 @@ from app.commands.layers import SetParameter, SetVisible
 from app.commands.light import SetEnvironment, SetRotation
 from app.editor import Editor
 from app.messages import RequestFailed
-from app.placement.placement_events import ComparisonRefined
 from app.placement.indirect_controller import IndirectController
+from app.placement.placement_events import ComparisonRefined
 from app.placement.placement_messages import ContractTransport, LayerPicture
 from app.placement.placement_status import RenderReport
 from app.view_state import SetView

@@ -13,9 +13,9 @@ from app.commands.light import SetIntensity, SetRotation
 from app.editor import Editor
 from app.jobs import indirect_tasks
 from app.jobs.cache import ArrayCache
+from app.jobs.dispatcher import RequestDispatcher
 from app.jobs.in_process import InProcessClient
 from app.jobs.indirect_tasks import IndirectTasks
-from app.jobs.dispatcher import RequestDispatcher
 from app.messages import CancelRequests, Request, Response
 from app.placement.indirect_controller import FINE_STAGE
 from app.placement.placement_messages import ComputeTransport, ErrorEstimated, EstimateError

@@ -9,9 +9,9 @@ from app.commands.layers import SetFresnelTerm, SetFrozen
 from app.commands.series import SetFirstBands
 from app.document import Selection, document_from_description
 from app.placement.curves import Curves
-from app.placement.placement_events import IndirectRadiance
 from app.placement.indirect_controller import FREEZE_PATIENCE, IDLE_SECONDS, IndirectController
-from app.placement.placement_messages import FreezeIndirect, IndirectFrozen, IndirectFound, IndirectNoise
+from app.placement.placement_events import IndirectRadiance
+from app.placement.placement_messages import FreezeIndirect, IndirectFound, IndirectFrozen, IndirectNoise
 from engine.curve.operators import Operator
 from engine.scene.description import parse_description
 from tests.app.fake_worker import SCENE, FakeClient
@@ -56,7 +56,9 @@ class Talk:
         ]
         albedos = {look.key: np.ones((32, *(*map(len, look.coefficients), 1)[:2])) / 1e4 for look in mine}
         bands = np.ones((3, n_bands, 3, 2), np.float32)
-        self.controller.receive_frozen(IndirectFrozen(number, wish.serial, wish.key, wish.factor, reflected, bands, albedos))
+        self.controller.receive_frozen(
+            IndirectFrozen(number, wish.serial, wish.key, wish.factor, reflected, bands, albedos)
+        )
         if noise is not None:
             self.controller.receive_noise(IndirectNoise(number, wish.serial, noise, mean=0.5))
 
@@ -169,11 +171,15 @@ def test_noise_is_that_of_the_light_on_screen(controller: Talk) -> None:
     controller.found(1)
     controller.frozen(1, noise=None)
     assert controller.update() and controller.controller.noise is None
-    assert not controller.controller.is_complete and controller.controller.noise_of_picture(0.0) == 0.0  # nothing is claimed before it is known
+    assert (
+        not controller.controller.is_complete and controller.controller.noise_of_picture(0.0) == 0.0
+    )  # nothing is claimed before it is known
     controller.controller.receive_noise(IndirectNoise(1, controller.asked[-1].serial, 0.02, mean=0.5))
     controller.update()
     assert controller.controller.noise == 0.02 and controller.controller.is_complete
-    assert controller.controller.noise_of_picture(1.5) == pytest.approx(0.02 * 0.5 / 2.0)  # a quarter of the light is indirect
+    assert controller.controller.noise_of_picture(1.5) == pytest.approx(
+        0.02 * 0.5 / 2.0
+    )  # a quarter of the light is indirect
     controller.found(2)
     controller.frozen(2, noise=None)
     controller.update()
@@ -213,7 +219,9 @@ def test_an_answer_to_an_older_request_is_not_taken_for_the_newer(controller: Ta
     controller.edit("floor.0", "theta_i", LIFT)
     controller.update()
     assert controller.asked[-1] is not late
-    controller.controller.receive_frozen(IndirectFrozen(1, late.serial, late.key, late.factor, {}, np.zeros((3, 0, 3, 0)), {}))
+    controller.controller.receive_frozen(
+        IndirectFrozen(1, late.serial, late.key, late.factor, {}, np.zeros((3, 0, 3, 0)), {})
+    )
     assert controller.update() == []
 
 

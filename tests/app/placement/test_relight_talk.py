@@ -49,7 +49,9 @@ def test_it_is_asked_once_when_the_picture_rests(controller: RelightController, 
 
 
 @pytest.mark.parametrize("changed", [(OTHER, 1), (DOCUMENT, 2)])
-def test_another_picture_gives_up_what_is_under_way(controller: RelightController, sent: list[Request], changed) -> None:
+def test_another_picture_gives_up_what_is_under_way(
+    controller: RelightController, sent: list[Request], changed
+) -> None:
     rest(controller)
     controller.update(5.0, *changed, False)
     assert isinstance(sent[-1], CancelRequests) and sent[-1].of == (PrepareRelighting,)

@@ -14,14 +14,14 @@ from app.commands.layers import SetEditable, SetFresnelTerm, SetModel, SetParame
 from app.commands.light import SetEnvironment, SetIntensity, SetRotation
 from app.commands.material import AddLayers, RemoveLayer, SetMaterial, new_layer
 from app.commands.plan import OverrideLine, active_overrides
-from app.effective_settings import effective_view, effective_settings
 from app.document import LightState, reflecting_layers
 from app.editor import Editor
+from app.effective_settings import effective_settings, effective_view
 from app.files.session import load_session
+from app.placement.desired_state import DesiredTransport, same_coefficients
 from app.placement.placement_events import LayerRadiance, TransportReady
 from app.placement.placement_messages import ComputeTransport, ContractTransport, EstimateError
 from app.placement.placement_status import RenderReport
-from app.placement.desired_state import DesiredTransport, same_coefficients
 from app.view_state import SetView
 from engine.curve.operators import Operator
 from engine.planner import RenderSettings

@@ -12,8 +12,8 @@ from engine.deform.gradients import gradients
 from engine.deform.membrane import membrane
 from engine.deform.shading import band_light, lobes, shade
 from engine.deform.zonal import Zonal, fit
-from engine.sphere.harmonics import MAX_ORDER
 from engine.generators import run_to_end
+from engine.sphere.harmonics import MAX_ORDER
 
 
 def coefficient(band: int, alpha: float) -> float:

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.deform.gloss import N_ANGLES, STEEPEST, low_gloss
 from engine.deform.deform_engine import ORDER, Deform, finish_deform
+from engine.deform.gloss import N_ANGLES, STEEPEST, low_gloss
 from engine.light.environment import LUMINANCE, Environment
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer

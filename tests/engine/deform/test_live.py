@@ -11,16 +11,16 @@ from engine.deform.deform_engine import FEW_RAYS, N_LOBES, ORDER, Deform, finish
 from engine.deform.pose import Deformation
 from engine.deform.raster import RasterTriangles, draw
 from engine.deform.shading import shade
-from engine.deform.transfer import add_bounces, simulate_shadows, rotate_transfer, unshadowed
+from engine.deform.transfer import add_bounces, rotate_transfer, simulate_shadows, unshadowed
 from engine.deform.zonal import fit
+from engine.generators import run_to_end
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.scene.camera import centre_directions
-from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.surface_kinds import DeformSurface, Subsurface
-from engine.generators import run_to_end
 from engine.transport.pipeline import SkyState
 from tests.rooms import solid
 from tests.scene_text import camera, placed

@@ -14,8 +14,8 @@ from engine.deform.bending_points import bending_points
 from engine.deform.pose import Deformation, Moment, deform
 from engine.deform.posed_points import PosedPoints
 from engine.deform.posed_scene import animate_vertices, pose_scene
-from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene, load_scene
 from tests.engine.scene.test_rigs import Bar
 from tests.scene_text import camera, placed
 

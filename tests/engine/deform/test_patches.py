@@ -15,9 +15,9 @@ from engine.deform.subsurface import Medium
 from engine.deform.transfer import unshadowed
 from engine.deform.uv_axes import numbers_of, uv_axes
 from engine.deform.zonal import fit
+from engine.generators import run_to_end
 from engine.scene.primitives import quad
 from engine.sphere.harmonics import basis
-from engine.generators import run_to_end
 
 CONSTANT = math.sqrt(4.0 * math.pi)  # light of radiance 1, in the constant band
 UP, DOWN = basis([0.0, 0.0, 1.0], 4), basis([0.0, 0.0, -1.0], 4)

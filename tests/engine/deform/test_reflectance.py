@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine.deform.gloss import low_gloss
-from engine.deform.deform_engine import Deform, finish_deform
 from engine.deform.bending_points import bending_points
+from engine.deform.deform_engine import Deform, finish_deform
+from engine.deform.gloss import low_gloss
 from engine.deform.reflectance import Reflectance, albedos, reflectance
 from engine.light.environment import LUMINANCE, constant_environment
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.material.layer_maps import LayerMaps
 from engine.material.strokes import Stroke, Strokes, pack_dabs
-from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene, load_scene
 from engine.transport.pipeline import SkyState
 from tests.scene_text import camera
 

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from engine.deform.membrane import membrane
 from engine.deform.shading import band_light, lobes, shade
 from engine.deform.zonal import Zonal, fit
-from engine.sphere.harmonics import basis, rotate
 from engine.generators import run_to_end
+from engine.sphere.harmonics import basis, rotate
 
 N = 6
 

@@ -10,12 +10,12 @@ from scipy.integrate import quad
 
 from engine.deform.subsurface import Medium, Sources, simulate_subsurface, subsurface, vertex_areas
 from engine.deform.transfer import TransferPoints
+from engine.generators import run_to_end
 from engine.scene.local_frames import local_frames
 from engine.scene.primitives import sphere
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points
 from engine.sphere.harmonics import basis
-from engine.generators import run_to_end
 
 MARBLE = Medium(2.62e3, 4.1, 1.5)  # green, of [Jensen01, figure 5]
 CONSTANT = math.sqrt(4.0 * math.pi)  # light of radiance 1, in the constant band
@@ -33,7 +33,9 @@ def test_the_integral_of_the_reflectance_is_its_closed_form(medium: Medium) -> N
     near = medium.depths[0]
     found = quad(lambda r: 2.0 * math.pi * r * float(medium.reflectance(r)), 0.0, 3.0 * near, epsabs=1e-12)[0]
     assert found == pytest.approx(float(medium.integral_beyond(0.0) - medium.integral_beyond(3.0 * near)), rel=1e-8)
-    assert float(medium.integral_beyond(medium.reach)) == pytest.approx(1e-3 * float(medium.integral_beyond(0.0)), rel=1e-3)
+    assert float(medium.integral_beyond(medium.reach)) == pytest.approx(
+        1e-3 * float(medium.integral_beyond(0.0)), rel=1e-3
+    )
 
 
 def test_the_whole_is_what_the_paper_says() -> None:

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine.deform.surface_details import heights
-from engine.deform.heights import PATTERNS
 from engine.deform.deform_engine import Deform, finish_deform
+from engine.deform.heights import PATTERNS
 from engine.deform.pose import Deformation
+from engine.deform.surface_details import heights
 from engine.errors import LoadError
 from engine.light.environment import Environment
 from engine.material import MODELS

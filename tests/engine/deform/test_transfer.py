@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from engine.deform.transfer import TransferPoints, cosine_directions, simulate, rotate_transfer, unshadowed
+from engine.deform.transfer import TransferPoints, cosine_directions, rotate_transfer, simulate, unshadowed
+from engine.generators import run_to_end
 from engine.scene.local_frames import local_frames
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points
 from engine.sphere.harmonics import basis, clamped_cosine, rotate
-from engine.generators import run_to_end
 
 FAR = 1000.0
 CONSTANT = math.sqrt(4.0 * math.pi)  # light of radiance 1, in the constant band

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from engine.deform.deform_engine import Deform, finish_deform
-from engine.deform.pose import Deformation
 from engine.deform.path_reference import PathReference, compose_split
+from engine.deform.pose import Deformation
+from engine.generators import run_to_end
 from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.scene.scene_loader import load_scene
-from engine.generators import run_to_end
 from engine.transport.pipeline import SkyState
 from tests.scene_text import camera, placed
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from engine.deform import wrinkle
-from engine.deform.surface_details import WrinkleDetail
 from engine.deform.patches import simulate_patch
+from engine.deform.surface_details import WrinkleDetail
 from engine.deform.transfer import cosine_directions
 from engine.deform.wrinkle import DEEPEST, Wrinkles, transfer, wrinkles
-from engine.scene.surface_kinds import Wrinkles as Says
 from engine.generators import run_to_end
+from engine.scene.surface_kinds import Wrinkles as Says
 
 CONSTANT = math.sqrt(4.0 * math.pi)  # light of radiance 1, in the constant band
 

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from engine import threads
 from engine.deform.transfer import cosine_directions
-from engine.deform.zonal import MAX_LOBES, Zonal, fit_linear_lobe, fit
-from engine.sphere.harmonics import bands, basis, rotate
+from engine.deform.zonal import MAX_LOBES, Zonal, fit, fit_linear_lobe
 from engine.generators import run_to_end
+from engine.sphere.harmonics import bands, basis, rotate
 
 # [Sloan05, figure 2]: of a random vector of order 6, with 6 lobes.
 PAPERS_ERROR_6 = 0.00908

@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from engine.indirect.sampling_settings import FINE, SamplingSettings
+from engine.generators import run_to_end
 from engine.indirect.indirect_layers import IndirectLayer, indirect_layer
 from engine.indirect.indirect_light import IndirectLight
+from engine.indirect.sampling_settings import FINE, SamplingSettings
 from engine.indirect.solver import Solver
 from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import build_scene
-from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, SkyState
 
 QUICK = replace(FINE, n_rays=256, max_extra_sets=0, n_cache_records=600, n_record_rays=64, n_samples=512)

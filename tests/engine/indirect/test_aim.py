@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from engine.generators import StepRunner, run_to_end
 from engine.indirect import reflection
 from engine.indirect.indirect_layers import IndirectLayer, indirect_layer
 from engine.indirect.indirect_light import IndirectLight
@@ -14,7 +15,6 @@ from engine.indirect.representation import GatherPolynomial, SelectedCurve
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.generators import StepRunner, run_to_end
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of, solve
 from tests.naive.fans import reflected as reflected_naively
 
@@ -31,7 +31,9 @@ def found() -> IndirectLight:
     return solve(placement_of(CORNER, **CORNER_VIEW), LAYERS, 4, replace(QUICK, n_samples=64), sky)
 
 
-def frozen(fans: HemisphereSamples, light: OutgoingRadiance, layers: Sequence[IndirectLayer], i_object: int) -> list[np.ndarray]:
+def frozen(
+    fans: HemisphereSamples, light: OutgoingRadiance, layers: Sequence[IndirectLayer], i_object: int
+) -> list[np.ndarray]:
     """What the object's layers reflect, and the last one's first curve by band."""
     curves = [each.curves for each in layers if each.i_object == i_object]
     return [*run_to_end(fans.reflect(curves[:-1], light)), run_to_end(fans.by_band(curves[-1], 0, light))]
@@ -74,7 +76,9 @@ def test_two_freezings_whose_steps_alternate_are_as_each_alone(found, monkeypatc
     while not all(ended):
         ended = [is_ended or run.advance() for is_ended, run in zip(ended, runs, strict=True)]
     for light, run in zip(lights, runs, strict=True):
-        np.testing.assert_allclose(run.result[0], run_to_end(found.points.hemisphere_samples(2).reflect(curves, light))[0], rtol=1e-5)
+        np.testing.assert_allclose(
+            run.result[0], run_to_end(found.points.hemisphere_samples(2).reflect(curves, light))[0], rtol=1e-5
+        )
     assert np.abs(runs[0].result[0] - runs[1].result[0]).max() > 0.01 * runs[0].result[0].max()
 
 

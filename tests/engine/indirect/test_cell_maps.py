@@ -12,18 +12,18 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from engine.indirect.irradiance import NO_OBJECT
+from engine.generators import run_to_end
 from engine.indirect.indirect_layers import IndirectLayer, indirect_layer
+from engine.indirect.irradiance import NO_OBJECT
 from engine.indirect.series import BounceSeries
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.material.layer_maps import LayerMaps
 from engine.material.strokes import Stroke, Strokes, pack_dabs
-from engine.render.still_indirect import indirect_radiance
+from engine.render.map_sampler import mean_factor
 from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, by_object, with_maps
-from engine.render.map_sampler import mean_factor
-from engine.generators import run_to_end
+from engine.render.still_indirect import indirect_radiance
 from engine.transport.pipeline import Placement, SkyState
 from tests.engine.indirect.small_scenes import (
     LAMP,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.indirect._ray_kernels import EVEN, GLOSSY, DIFFUSE, SHARP
+from engine.indirect._ray_kernels import DIFFUSE, EVEN, GLOSSY, SHARP
 from engine.indirect.irradiance_cache import IrradianceCache, Rays
 from tests.engine.indirect.small_scenes import placed, placement_of
 
@@ -37,7 +37,9 @@ def test_what_is_near_by_is_in_small_cells(height, mirrored, size):
     origins = np.stack([x.ravel(), np.full(x.size, height), z.ravel()], axis=1).astype(np.float32)
     origins -= placement.scene.origin.astype(np.float32)
     down = np.tile(np.array([0.0, -1.0, 0.0], np.float32), (x.size, 1))
-    seen, _ = cells.records_and_hits(Rays(origins, down, np.ones(x.size, bool)), mirrored=np.full(x.size, mirrored, np.uint8))
+    seen, _ = cells.records_and_hits(
+        Rays(origins, down, np.ones(x.size, bool)), mirrored=np.full(x.size, mirrored, np.uint8)
+    )
     assert (1.6 / size) ** 2 <= len(np.unique(seen)) <= (1.6 / size + 2) ** 2
 
 

@@ -4,10 +4,10 @@ along a foot, no shade below a table that is too dark."""
 import numpy as np
 import pytest
 
+from engine.generators import run_to_end
 from engine.indirect.sampling_settings import STILL
 from engine.material import MODELS, make_layer
 from engine.render.path_tracer import trace_halves
-from engine.generators import run_to_end
 from engine.transport.pipeline import SkyState
 from tests.engine.indirect.small_scenes import matt, placed, placement_of, solve
 

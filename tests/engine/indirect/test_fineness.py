@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from engine.errors import InsituError
-from engine.indirect.sampling_settings import FINE, TOLERANCE, RayBudget, required_rays, noise_of
+from engine.generators import run_to_end
 from engine.indirect.indirect_light import IndirectLight
+from engine.indirect.sampling_settings import FINE, TOLERANCE, RayBudget, noise_of, required_rays
 from engine.indirect.solver import Solver
 from engine.indirect.stored_light import arrays_of
 from engine.light.environment import constant_environment
 from engine.plan_lines import HEMISPHERE_RAYS, checked_line
-from engine.generators import run_to_end
 from engine.stored_arrays import UnsoundArrays
 from engine.transport.pipeline import SkyState
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of

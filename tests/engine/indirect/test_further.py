@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from engine.indirect import adaptive_resampling
-from engine.indirect.sampling_settings import STILL
 from engine.indirect.adaptive_resampling import NOISY, VERY_NOISY, extra_sample_sets
 from engine.indirect.gather import MAX_SAMPLE_SETS
 from engine.indirect.indirect_light import IndirectLight
+from engine.indirect.sampling_settings import STILL
 from engine.light.environment import constant_environment
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placed, placement_of, solve
 

@@ -9,25 +9,27 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from engine.generators import run_to_end
+from engine.indirect import adaptive_resampling
 from engine.indirect import irradiance_cache as cells_module
 from engine.indirect import sampling_settings as fineness_module
-from engine.indirect import adaptive_resampling
 from engine.indirect import solver as solver_module
-from engine.indirect.sampling_settings import LEVELS
-from engine.indirect.indirect_layers import IndirectLayer, indirect_layer
 from engine.indirect.checkpoints import CheckpointStore
+from engine.indirect.indirect_layers import IndirectLayer, indirect_layer
+from engine.indirect.ordered_threads import OrderedSection, run_in_order
+from engine.indirect.sampling_settings import LEVELS
 from engine.indirect.solver import Solver
 from engine.indirect.stored_light import Arrays, arrays_of
-from engine.indirect.ordered_threads import OrderedSection, run_in_order
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.generators import run_to_end
 from engine.stored_arrays import UnsoundArrays
 from engine.transport.pipeline import SkyState
 from tests.engine.forging import forged_numbers, forged_shapes
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placed, placement_of
 
-FINENESS = replace(QUICK, n_rays=64, max_extra_sets=0.5, n_cache_records=300, n_record_rays=32, n_samples=32, n_photons=1 << 10)
+FINENESS = replace(
+    QUICK, n_rays=64, max_extra_sets=0.5, n_cache_records=300, n_record_rays=32, n_samples=32, n_photons=1 << 10
+)
 MODELS_OF = {0: ["lambert"], 1: ["rough_conductor"], 2: ["lambert"]}
 LAMP = {"name": "lamp", "primitive": "cube", "emission": [30.0] * 3, "transform": placed(0.3, 1.5, 0.3, 0.2)}
 

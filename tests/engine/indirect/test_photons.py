@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from engine.generators import run_to_end
 from engine.indirect.indirect_layers import indirect_layer
 from engine.indirect.reflection import OutgoingRadiance
 from engine.light.environment import constant_environment
 from engine.material import MODELS, make_layer
 from engine.render.integrator import evaluate_layer
 from engine.render.path_tracer import trace_paths
-from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, SkyState
 from tests.engine.indirect.small_scenes import QUICK, matt, placed, placement_of, solve
 

@@ -10,14 +10,14 @@ import pytest
 from app.measure.dense import DenseTensor
 from app.measure.multisets import NONE, Multisets
 from engine.errors import InsituError
-from engine.indirect.irradiance import NO_OBJECT
+from engine.generators import run_to_end
 from engine.indirect.indirect_layers import diffuse_slant, indirect_layer
 from engine.indirect.indirect_light import IndirectLight
+from engine.indirect.irradiance import NO_OBJECT
 from engine.indirect.representation import GatherPolynomial, Representation, SelectedCurve
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.generators import run_to_end
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of, solve
 
 LAYERS = [

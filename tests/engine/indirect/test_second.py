@@ -8,8 +8,8 @@ import pytest
 from engine.indirect import _ray_kernels as rays
 from engine.indirect import _second_bounce_kernels as kernels
 from engine.indirect._cache_kernels import NO_RECORD
-from engine.indirect.indirect_layers import indirect_layer
 from engine.indirect.direction_patterns import lobe_tables
+from engine.indirect.indirect_layers import indirect_layer
 from engine.indirect.reflection import HemisphereSamples
 from engine.indirect.second_bounce import N_LOBE_RAYS, SecondBounceLight
 from engine.light.environment import constant_environment
@@ -101,10 +101,14 @@ def test_light_beyond_is_added_number_by_number(found: Found) -> None:
     inverse = np.array([2.0, 3.0, 4.0], np.float32)
     for edited in (1, 2):
         lit = np.empty((len(sent), 3, 4), np.float32)
-        kernels.light_second_bounce(each, records, 0, len(found.fans), light.objects, sent, 0, radiosity, edited, inverse, lit)
+        kernels.light_second_bounce(
+            each, records, 0, len(found.fans), light.objects, sent, 0, radiosity, edited, inverse, lit
+        )
         for i in range(0, len(found.fans), 5):
             for e in range(records.start[i], records.start[i + 1]):
-                own = int(light.objects[each.records[i, records.ray[e]]] == edited)  # what the edited object sends itself
+                own = int(
+                    light.objects[each.records[i, records.ray[e]]] == edited
+                )  # what the edited object sends itself
                 expected = np.zeros((3, 3))
                 expected[own] = sent[e, 0] * inverse**own
                 if records.beyond[e] != NO_RECORD:

@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from engine.generators import run_to_end
 from engine.indirect.albedo_from_curves import slant_roots
 from engine.indirect.indirect_layers import indirect_layer
 from engine.indirect.series import BounceSeries
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
-from engine.render.still_indirect import indirect_radiance
 from engine.render.integrator import evaluate_layer
 from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, by_object
+from engine.render.still_indirect import indirect_radiance
 from engine.sphere.geodesic import geodesic
-from engine.generators import run_to_end
 from engine.transport.pipeline import SkyState
 from tests.engine.indirect.small_scenes import QUICK, matt, placed, placement_of, solve
 

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from engine.generators import run_to_end
 from engine.indirect import adaptive_resampling, irradiance
 from engine.indirect.clamping import is_clamped
-from engine.indirect.sampling_settings import ROUGH
-from engine.indirect.irradiance import NO_OBJECT
 from engine.indirect.indirect_layers import indirect_layer
+from engine.indirect.irradiance import NO_OBJECT
+from engine.indirect.sampling_settings import ROUGH
 from engine.indirect.solver import Solver
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.generators import run_to_end
 from engine.transport.pipeline import SkyState
 from tests.engine.indirect.small_scenes import (
     CORNER,
@@ -172,7 +172,9 @@ def _under_a_gradient(scale: float, *layers) -> np.ndarray:
 def _glossy(i_object: int, times: float = 1.0):
     """A Cook-Torrance layer with its first curve so many times as high."""
     layer = indirect_layer(i_object, make_layer(MODELS["cook_torrance"], {}), (32, 16))
-    seen, sent = (replace(each, curves=(times * each.curves[0], each.curves[1])) for each in (layer.curves, layer.second_curves))
+    seen, sent = (
+        replace(each, curves=(times * each.curves[0], each.curves[1])) for each in (layer.curves, layer.second_curves)
+    )
     return replace(layer, curves=seen, second_curves=sent, albedo=times * layer.albedo)
 
 
@@ -213,7 +215,9 @@ def test_light_on_cells_and_the_filter_come_in_steps_and_are_the_same(corner, mo
     for n_samples in (1 << 30, 64):
         monkeypatch.setattr(irradiance, "_SAMPLES", n_samples)
         solver, texts = Solver(placement, models, SkyState(constant_environment((1.0, 1.0, 1.0))), 3, QUICK), []
-        pictures.append(run_to_end(solver.solve(layers), lambda step, texts=texts: texts.append(step[1])).picture(layers))
+        pictures.append(
+            run_to_end(solver.solve(layers), lambda step, texts=texts: texts.append(step[1])).picture(layers)
+        )
         told.append(texts)
     np.testing.assert_array_equal(*pictures)
     assert told[1].count("light between surfaces") > told[0].count("light between surfaces") + 10

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from engine.generators import run_to_end
 from engine.indirect.indirect_layers import indirect_layer
 from engine.indirect.solver import Solver, relit
 from engine.indirect.stored_light import NAMES, arrays_of
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.generators import run_to_end
 from engine.transport.pipeline import SkyState
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.indirect.sampling_settings import STILL
+from engine.generators import run_to_end
 from engine.indirect.indirect_layers import indirect_layer
 from engine.indirect.indirect_light import IndirectLight
+from engine.indirect.sampling_settings import STILL
 from engine.material import MODELS, make_layer
 from engine.render.path_tracer import trace_paths
-from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, SkyState
 from tests.engine.indirect.small_scenes import placed, placement_of, solve
 
@@ -41,7 +41,9 @@ def test_light_of_a_third_gloss_is_that_of_paths(placement: Placement, thrice: I
     twice = solve(placement, LAYERS, 2, FINENESS)
     ours = thrice.unfiltered().picture(LAYERS).mean() - twice.unfiltered().picture(LAYERS).mean()
     materials = {0: [COPPER], 1: [COPPER]}
-    two, three = (run_to_end(trace_paths(placement, materials, SkyState(None), n, 2048)).radiance.mean() for n in (2, 3))
+    two, three = (
+        run_to_end(trace_paths(placement, materials, SkyState(None), n, 2048)).radiance.mean() for n in (2, 3)
+    )
     assert ours == pytest.approx(three - two, rel=0.3)  # paths' own noise is 0.15; by albedo it is 4.4 times as much
 
 
@@ -53,7 +55,9 @@ def test_it_follows_the_albedo_of_what_is_edited(thrice: IndirectLight, edited: 
     albedo = LAYERS[edited].albedo.astype(np.float32)
     for i in (0, 1):
         curves = [LAYERS[i].curves]
-        [whole], [powers] = (run_to_end(thrice.points.hemisphere_samples(i).reflect(curves, light)) for light in (plain, sent))
+        [whole], [powers] = (
+            run_to_end(thrice.points.hemisphere_samples(i).reflect(curves, light)) for light in (plain, sent)
+        )
         summed = sum(powers[:, n] * albedo**n for n in range(powers.shape[1]))
         np.testing.assert_allclose(summed, whole[:, 0], rtol=1e-3, atol=1e-5 * whole.max())
         assert powers[:, 1].max() > 0.0

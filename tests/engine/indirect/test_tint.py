@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from engine.generators import run_to_end
 from engine.indirect.albedo import equivalent_albedo
 from engine.indirect.indirect_layers import IndirectLayer, indirect_layer
 from engine.indirect.representation import GatherPolynomial, SelectedCurve
@@ -14,7 +15,6 @@ from engine.material.layer import Layer, make_layer
 from engine.measured.measurement import Measurement
 from engine.measured.merl import merl_bytes
 from engine.measured.tables import read_measurement
-from engine.generators import run_to_end
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of, solve
 
 BANDS = 64, 16
@@ -58,7 +58,9 @@ def test_each_colour_has_the_albedo_of_its_own_data(measurement: Measurement) ->
 
 
 def tinted(layer: IndirectLayer) -> IndirectLayer:
-    return replace(layer, curves=replace(layer.curves, tint=TINT), second_curves=replace(layer.second_curves, tint=TINT))
+    return replace(
+        layer, curves=replace(layer.curves, tint=TINT), second_curves=replace(layer.second_curves, tint=TINT)
+    )
 
 
 def test_sums_over_rays_are_tinted() -> None:
@@ -72,7 +74,8 @@ def test_sums_over_rays_are_tinted() -> None:
     assert mine.any()
     np.testing.assert_allclose(seen[mine], plain[mine] * TINT, rtol=1e-4)
     selected = SelectedCurve(0, 0)
-    before, after = (run_to_end(GatherPolynomial(light.without_glossy_hits()).freeze(each, selected=selected), lambda _: None)
+    before, after = (run_to_end(GatherPolynomial(light.without_glossy_hits()).freeze(each, selected=selected),
+    lambda _: None)
                      for each in (layers, changed))  # fmt: skip
     np.testing.assert_allclose(after.bands, before.bands * TINT[:, None, None, None], rtol=1e-5)
     one, two = (light.outgoing_radiance(each).glossy for each in (layers, changed))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from engine.indirect.sampling_settings import STILL
 from engine.indirect.indirect_layers import indirect_layer
+from engine.indirect.sampling_settings import STILL
 from engine.material import MODELS, make_layer
 from tests.engine.indirect.small_scenes import matt, placed, placement_of, solve
 

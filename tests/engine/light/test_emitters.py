@@ -7,10 +7,10 @@ from engine.light.emitters import (
     EmitterPatches,
     emitter_patches,
     emitter_tree,
-    merged_by_object,
     merge_triangles,
-    visible_importance,
+    merged_by_object,
     solid_angles,
+    visible_importance,
 )
 from engine.sphere.geodesic import geodesic
 

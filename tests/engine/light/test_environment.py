@@ -12,10 +12,10 @@ from engine.light.environment import (
     Environment,
     constant_environment,
     downsample,
-    upsample_interpolated,
     load_environment,
     texel_solid_angles,
     tone_mapped_thumbnail,
+    upsample_interpolated,
 )
 from tests.naive.sphere import directions_of_texels
 

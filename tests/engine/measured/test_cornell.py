@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from engine.errors import LoadError
+from engine.generators import run_to_end
 from engine.measured.coordinates import above_horizon, directions_at
 from engine.measured.cornell import read_cornell, scattered_samples
-from engine.measured.table_lookup import evaluate_table
 from engine.measured.measurement import Measurement
 from engine.measured.spectrum import rgb_weights
+from engine.measured.table_lookup import evaluate_table
 from engine.measured.tables import read_measurement, table_of
-from engine.generators import run_to_end
 
 WAVELENGTHS = np.arange(400.0, 701.0, 20.0)
 

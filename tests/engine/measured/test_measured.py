@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from engine.errors import InsituError, LoadError
+from engine.generators import run_to_end
 from engine.light.environment import load_environment
 from engine.material import MODELS, make_layer
 from engine.material._kernels import model_quotient_cosine
@@ -16,15 +17,14 @@ from engine.material.kinds import CHANNEL
 from engine.material.layer import Layer
 from engine.measured import tables
 from engine.measured.coordinates import above_horizon, node_angles
-from engine.measured.table_lookup import evaluate_table
 from engine.measured.fit import fit_factors
 from engine.measured.measurement import Measurement
+from engine.measured.table_lookup import evaluate_table
 from engine.measured.tables import read_measurement, table_of
 from engine.planner import plan_scene
 from engine.render.integrator import evaluate_by_curves
 from engine.render.still import render_reference, render_still, still_layers, still_quality
 from engine.scene.scene_loader import load_scene
-from engine.generators import run_to_end
 from engine.stored_arrays import UnsoundArrays
 from engine.transport._angle_kernels import tint
 from engine.transport.pipeline import Placement, SkyState

@@ -9,8 +9,8 @@ import pytest
 from engine.orbit.shading_points import ShadingPoints, shading_points
 from engine.orbit.visibility import Bits, trace_hemispheres
 from engine.scene.description import parse_description
-from engine.scene.scene_loader import Scene, build_scene
 from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene, build_scene
 
 SCENE = """
 version = 1

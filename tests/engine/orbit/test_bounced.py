@@ -6,6 +6,7 @@ import pytest
 
 from app.project import open_project
 from app.stills import layers_by_object
+from engine.generators import run_to_end
 from engine.indirect.direction_patterns import cosine_tables
 from engine.material import MODELS
 from engine.material.layer import make_layer
@@ -13,7 +14,6 @@ from engine.orbit.irradiance_bounces import Bounces, trace_bounce_rays
 from engine.orbit.orbit_engine import Orbit
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import build_scene
-from engine.generators import run_to_end
 from tests.rooms import slit
 
 SPHERE = """

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from engine.generators import run_to_end
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS, make_layer
 from engine.material.bumps import NO_BUMPS
@@ -13,7 +14,6 @@ from engine.orbit.orbit_engine import Orbit
 from engine.planner import plan_scene
 from engine.render.still import render_still, still_layers, still_quality
 from engine.scene.scene_loader import Scene, load_scene
-from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, SkyState
 from tests.engine.bump_images import FLOOR, TILT, write_bump_images
 from tests.scene_text import camera, placed

@@ -9,8 +9,8 @@ import pytest
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.orbit.orbit_engine import Orbit
 from engine.orbit.mirrored_light import mirrored_light
+from engine.orbit.orbit_engine import Orbit
 from engine.orbit.slices import to_shading_frame
 from engine.render.integrator import evaluate_layers
 from engine.scene.description import parse_description

@@ -5,35 +5,51 @@ import numpy as np
 import pytest
 import trimesh
 
+from engine.generators import run_to_end
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.orbit import _corner_kernels as corner_kernels
 from engine.orbit import _incident_kernels as kernels
 from engine.orbit import _slice_kernels as slice_kernels
-from engine.orbit.incident import SceneEmitters, hemisphere, light_points, kernel_lights, with_glossy_points, empty_incident, kernel_places
-from engine.orbit.view_samples import PointMesh, interpolate
-from engine.orbit.point_reflection import reflect_at_corners, mirror_directions, empty_shades, reflect_at_rest, reflect_moving, shade_points, peak_lights_of
+from engine.orbit.incident import (
+    SceneEmitters,
+    empty_incident,
+    hemisphere,
+    kernel_lights,
+    kernel_places,
+    light_points,
+    with_glossy_points,
+)
+from engine.orbit.point_reflection import (
+    empty_shades,
+    mirror_directions,
+    peak_lights_of,
+    reflect_at_corners,
+    reflect_at_rest,
+    reflect_moving,
+    shade_points,
+)
 from engine.orbit.reflections import SHARP
 from engine.orbit.shading_points import shading_points
 from engine.orbit.sky_map import MAP_SIDE, make_sky, texel_directions
 from engine.orbit.slices import (
-    has_isotropic_reflection,
     diffuse_reflectance,
+    has_isotropic_reflection,
     slice_bytes_of,
     slice_steps,
     spherical,
     table_bytes_of,
     to_shading_frame,
 )
+from engine.orbit.view_samples import PointMesh, interpolate
 from engine.orbit.visibility import trace_hemispheres, trace_patches, upper_triangles
 from engine.render.integrator import evaluate_layers
 from engine.scene.description import parse_description
-from engine.scene.scene_loader import build_scene
 from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import build_scene
 from engine.sphere import haar
 from engine.sphere.geodesic import geodesic
-from engine.generators import run_to_end
 from tests.engine.orbit.conftest import SCENE
 from tests.engine.transport.by_hand import square
 
@@ -246,8 +262,15 @@ def test_every_model_is_the_same_mirrored_across_its_grain(name: str) -> None:
 
 
 def test_what_turns_with_its_grain_is_told_from_what_does_not() -> None:
-    assert has_isotropic_reflection(GOLD) and has_isotropic_reflection(make_layer(MODELS["oren_nayar"])) and not has_isotropic_reflection(BRUSHED)
-    assert diffuse_reflectance(GOLD) is None and diffuse_reflectance(make_layer(MODELS["oren_nayar"], {"sigma": 0.5})) is None
+    assert (
+        has_isotropic_reflection(GOLD)
+        and has_isotropic_reflection(make_layer(MODELS["oren_nayar"]))
+        and not has_isotropic_reflection(BRUSHED)
+    )
+    assert (
+        diffuse_reflectance(GOLD) is None
+        and diffuse_reflectance(make_layer(MODELS["oren_nayar"], {"sigma": 0.5})) is None
+    )
     assert diffuse_reflectance(MATT) == pytest.approx(np.array([0.5, 0.25, 1.0]) / np.pi)
 
 
@@ -280,7 +303,8 @@ def test_slices_reflect_as_the_sum_over_triangles_does(ball, uneven, layers) -> 
         powers = visible_powers(points, p, bits, sky).astype(np.float64)
         wo = spherical(np.full(len(steps), np.radians(89.0) / 23 * angle), np.radians(steps))
         exact = np.stack([
-            (evaluate_layers(layers, to_shading_frame(sphere.centres[above]), np.tile(to_shading_frame(d[None]), (2560, 1)))
+            (evaluate_layers(layers, to_shading_frame(sphere.centres[above]), np.tile(to_shading_frame(d[None]), (2560,
+            1)))
              * powers[above]).sum(axis=0)
             for d in wo
         ])  # fmt: skip
@@ -405,10 +429,15 @@ def test_slices_over_larger_triangles_are_means_and_have_the_first_coefficients(
 def test_finer_slices_are_the_means_over_finer_triangles() -> None:
     # Where a layer is about even, triangles are asked in their middles alone; a highlight is sharper than that.
     sharp = make_layer(MODELS["rough_conductor"], {"alpha": 0.1})
-    found, weights = run_to_end(slice_steps(sharp)).values[8, 3], geodesic(5).solid_angles.reshape(-1, 4)[upper_triangles()]
+    found, weights = (
+        run_to_end(slice_steps(sharp)).values[8, 3],
+        geodesic(5).solid_angles.reshape(-1, 4)[upper_triangles()],
+    )
     wi = geodesic(5).centres.reshape(-1, 4, 3)[upper_triangles()].reshape(-1, 3)
     wo = spherical(np.array([np.radians(89.0) / 23 * 8]), np.array([np.radians(4.5 * 3)]))
-    values = evaluate_layers([sharp], to_shading_frame(wi), np.tile(to_shading_frame(wo), (len(wi), 1))).reshape(-1, 4, 3)
+    values = evaluate_layers([sharp], to_shading_frame(wi), np.tile(to_shading_frame(wo), (len(wi), 1))).reshape(
+        -1, 4, 3
+    )
     exact = np.einsum("kp,kpi->ki", weights, values) / weights.sum(axis=1)[:, None]
     assert np.linalg.norm(found - exact) < 0.005 * np.linalg.norm(exact)
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from engine.orbit.lit_faces import lit_sides
-from engine.scene.scene_loader import load_scene
 from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import load_scene
 from tests.rooms import inside_out, solid
 
 

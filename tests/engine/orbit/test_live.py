@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from engine.errors import InsituError
+from engine.generators import run_to_end
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
@@ -14,7 +15,6 @@ from engine.orbit.lit_points import UNLIT
 from engine.orbit.orbit_engine import Orbit
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import Scene, build_scene
-from engine.generators import run_to_end
 from engine.stored_arrays import UnsoundArrays
 from engine.transport.pipeline import SkyState
 from tests.engine.orbit.conftest import BLOCK

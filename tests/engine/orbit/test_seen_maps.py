@@ -10,9 +10,9 @@ from PIL import Image
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.material.layer_maps import LayerMaps
-from engine.orbit.view_samples import PointMesh
-from engine.orbit.view_maps import factors, footprints_of
 from engine.orbit.shading_points import shading_points
+from engine.orbit.view_maps import factors, footprints_of
+from engine.orbit.view_samples import PointMesh
 from engine.render.map_factors import MapFactors
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import build_scene

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from engine.orbit import _slice_kernels, _peak_kernels, _perturbed_kernels
+from engine.orbit import _peak_kernels, _perturbed_kernels, _slice_kernels
 from engine.orbit._corner_kernels import PeakLights
 from engine.orbit._incident_kernels import child_at
 from engine.orbit.incident import hemisphere
-from engine.orbit.sky_map import SkyMap
 from engine.orbit.perturbed_normals import _in_rows
+from engine.orbit.sky_map import SkyMap
 from engine.orbit.visibility import upper_triangles
 
 N_POINTS, N_SAMPLES, N_SUNS = 40, 60, 11

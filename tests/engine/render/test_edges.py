@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from engine.generators import run_to_end
 from engine.indirect.series import BounceSeries
 from engine.light.environment import constant_environment
 from engine.planner import plan_scene
 from engine.render.error_estimate import estimate_error
-from engine.render.still_indirect import indirect_radiance
 from engine.render.still import reflect_layers, render_still, still_layers
+from engine.render.still_indirect import indirect_radiance
 from engine.scene.scene_loader import Scene, load_scene
-from engine.generators import run_to_end
 from engine.transport.pipeline import FINAL, Placement, SkyState
 from tests.engine.render.test_still import TABLE
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from app.project import open_project, with_edges
+from engine.generators import run_to_end
 from engine.render.display import false_colour
 from engine.render.error_colours import error_to_radiance
 from engine.render.error_estimate import PointErrors
 from engine.render.error_map import OPACITY, error_colours, error_map
 from engine.render.picture_error import ErrorEstimate
-from engine.generators import run_to_end
 from engine.transport.pipeline import Placement
 
 

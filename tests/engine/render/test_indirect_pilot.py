@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
+from engine.generators import run_to_end
 from engine.indirect.irradiance_cache import MAX_RECORDS
 from engine.indirect.solver import Solver
 from engine.light.environment import constant_environment
-from engine.render.indirect_pilot import NO_WASTE, indirect_cost, expected_waste
-from engine.generators import run_to_end
+from engine.render.indirect_pilot import NO_WASTE, expected_waste, indirect_cost
 from engine.transport.pipeline import SkyState
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of
 

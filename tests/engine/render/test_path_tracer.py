@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 from engine.curve.operators import Operator
+from engine.generators import run_to_end
 from engine.light.environment import Environment, constant_environment
 from engine.light.radiance_files import read_radiance_image
 from engine.material import MODELS, make_layer
@@ -18,7 +19,6 @@ from engine.render.path_lights import EmitterLight, SkyLight
 from engine.render.path_lobes import Scattering
 from engine.render.path_tracer import PathEstimate, noise_of_halves, render_paths, trace_paths
 from engine.scene.scene_loader import load_scene
-from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, SkyState
 from tests.chi_square import p_of_directions
 

@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from engine.curve.operators import Operator
+from engine.generators import run_to_end
 from engine.light.environment import constant_environment, load_environment
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
@@ -22,7 +23,6 @@ from engine.render.still import (
     still_quality,
 )
 from engine.scene.scene_loader import Scene, load_scene
-from engine.generators import run_to_end
 from engine.transport.pipeline import COARSE, Placement, SkyState
 
 BALL = """

@@ -15,9 +15,9 @@ from engine.material.layer_maps import Images, LayerMaps, MapMeans
 from engine.render.map_factors import MapFactors
 from engine.render.map_sampler import MapSampler, look_up_images, uvs_at
 from engine.scene.description import load_description, parse_description
-from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.mesh import place_copies
 from engine.scene.primitives import PRIMITIVES
+from engine.scene.scene_loader import Scene, load_scene
 from engine.transport.pipeline import Placement
 from tests.engine.scene.conftest import read_mesh
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from engine.generators import run_to_end
 from engine.indirect.series import BounceSeries
 from engine.light.environment import constant_environment
 from engine.material import MODELS, make_layer
@@ -14,13 +15,12 @@ from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.planner import plan_scene
-from engine.render.still_indirect import indirect_radiance
 from engine.render.map_factors import MapFactors
 from engine.render.path_tracer import trace_paths
 from engine.render.still import render_reference, render_still, still_layers, still_quality, with_maps
+from engine.render.still_indirect import indirect_radiance
 from engine.scene.primary_hits import object_ids
 from engine.scene.scene_loader import Scene, load_scene
-from engine.generators import run_to_end
 from engine.transport.pipeline import Placement, SkyState
 from tests.scene_text import camera, placed
 
@@ -121,8 +121,13 @@ def test_strokes_are_the_same_to_the_eye_and_to_paths(placement: Placement) -> N
     maps = LayerMaps(weight_start=0.0, strokes=Strokes((dab,)))
     factors, hits = MapFactors(placement.scene, {0: [layer("lambert"), layer("phong", maps)]}), placement.hits
     rays = hits.ray_directions.reshape(-1, 3)
-    found = placement.caster.intersect(np.tile(placement.scene.camera_position.astype(np.float32), (len(rays), 1)), rays)
-    seen, met = factors.at_primary_hits(placement), factors.at_path_vertices(found, object_ids(placement.scene, found), hits.pixel)
+    found = placement.caster.intersect(
+        np.tile(placement.scene.camera_position.astype(np.float32), (len(rays), 1)), rays
+    )
+    seen, met = (
+        factors.at_primary_hits(placement),
+        factors.at_path_vertices(found, object_ids(placement.scene, found), hits.pixel),
+    )
     np.testing.assert_allclose(met, seen, atol=1e-5)
     far = np.linalg.norm(hits.position - [0.2, 0.1, 0.0], axis=1)
     assert (seen[:, 0] == 1.0).all() and (seen[far < 0.55, 1] == 0.75).all() and (seen[far > 0.6, 1] == 0.0).all()

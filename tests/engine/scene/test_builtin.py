@@ -57,7 +57,8 @@ def test_the_mime_laughs_and_frowns() -> None:
     vertices = scene.vertices[first:last].astype(float)
     rest = Pose(vertices, np.tile(np.eye(3), (len(vertices), 1, 1)))
     laughs, frowns, again = (
-        animated_pose(rig, rest, scene.triangles[start:stop] - first, "moods", time).positions for time in (1.0, 3.0, 4.0)
+        animated_pose(rig, rest, scene.triangles[start:stop] - first, "moods", time).positions
+        for time in (1.0, 3.0, 4.0)
     )
     moved = np.linalg.norm(laughs - frowns, axis=1)
     chin_or_top = np.abs(vertices[:, 1] - vertices[:, 1].mean()) > 0.19
@@ -73,7 +74,9 @@ def test_the_bat_flaps() -> None:
     assert rig is not None and [clip.name for clip in rig.skeleton.clips] == ["flap"]
     vertices = scene.vertices[first:last].astype(float)
     rest = Pose(vertices, np.tile(np.eye(3), (len(vertices), 1, 1)))
-    poses = [animated_pose(rig, rest, scene.triangles[start:stop] - first, "flap", time) for time in (0.0, 0.3, 0.9, 1.2)]
+    poses = [
+        animated_pose(rig, rest, scene.triangles[start:stop] - first, "flap", time) for time in (0.0, 0.3, 0.9, 1.2)
+    ]
     tops = [pose.positions[:, 1].max() for pose in poses]
     assert tops[1] > tops[0] + 0.1 and poses[2].positions[:, 1].min() < 0.2
     assert poses[3].positions == pytest.approx(poses[0].positions, abs=1e-6)  # its last key is its first

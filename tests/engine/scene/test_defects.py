@@ -1,7 +1,7 @@
 import numpy as np
 
-from engine.scene.mesh_defects import count_defects
 from engine.scene.mesh import Mesh
+from engine.scene.mesh_defects import count_defects
 from engine.scene.primitives import PRIMITIVES
 
 

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from engine.scene.primary_hits import trace_primary
-from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene, load_scene
 from engine.sphere.geodesic import geodesic
 from tests.engine.scene.conftest import pack_glb
 

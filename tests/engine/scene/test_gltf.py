@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from engine.errors import LoadError
+from engine.scene.bump_normals import corner_tangents
 from engine.scene.gltf import read_glb
 from engine.scene.scene_loader import load_scene
-from engine.scene.bump_normals import corner_tangents
 
 
 def spoil(tree: dict, path: str, value: object) -> dict:

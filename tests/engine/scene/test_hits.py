@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from engine.errors import LoadError
 from engine.scene.description import parse_description
 from engine.scene.primary_hits import PrimaryHits, trace_primary
-from engine.scene.scene_loader import Scene, build_scene, load_scene
 from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene, build_scene, load_scene
 
 
 def trace(path, resolution=None) -> tuple[Scene, PrimaryHits]:

@@ -7,11 +7,11 @@ import pytest
 
 from assets.generate.room import LINTEL, SILL, WINDOWS, X
 from engine.scene.builtin import builtin_scenes
-from engine.scene.mesh_defects import count_defects
 from engine.scene.description import load_description
-from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.mesh import Mesh
+from engine.scene.mesh_defects import count_defects
 from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene, load_scene
 
 COUNTS = {  # objects, editable ones
     "vase": (9, 7), "room": (8, 6), "ring": (3, 2), "stairwell": (14, 7), "ajar": (9, 8), "storeroom": (11, 10),

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from engine.errors import LoadError
-from engine.scene.scene_loader import load_scene
 from engine.scene.mesh import face_normals
+from engine.scene.scene_loader import load_scene
 
 QUAD = '[[object]]\nname = "card"\nprimitive = "quad"\n'
 TRIANGLE = (

@@ -5,8 +5,8 @@ import pytest
 
 from engine import safe_files
 from engine.errors import LoadError
-from engine.scene.scene_loader import load_scene
 from engine.scene.mesh import read_mesh_file
+from engine.scene.scene_loader import load_scene
 from tests.engine.scene.conftest import read_mesh
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"

@@ -9,10 +9,10 @@ from PIL import Image
 from engine.errors import LoadError
 from engine.material.bumps import NO_BUMPS, Bumps, bump_values, bumps_from, set_bump_field
 from engine.material.parameters import ParameterError
-from engine.scene.primary_hits import PrimaryHits, trace_primary
-from engine.scene.scene_loader import Scene, load_scene
-from engine.scene.raycaster import RayCaster
 from engine.scene.bump_normals import MIN_REFLECTED_COSINE, offset_normals
+from engine.scene.primary_hits import PrimaryHits, trace_primary
+from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene, load_scene
 from tests.scene_text import camera, placed
 
 # Two metres by four, seen from the front: u grows along +X, v along +Y.

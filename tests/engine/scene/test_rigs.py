@@ -18,8 +18,8 @@ from engine.deform import posed_scene
 from engine.deform.animated_pose import animated_pose, sample_clip
 from engine.deform.pose import Moment, Pose
 from engine.scene.gltf import GlbModel, read_glb
-from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.rig import Clip, Track
+from engine.scene.scene_loader import Scene, load_scene
 
 HALF = float(np.sqrt(0.5))
 QUARTER_ABOUT_Z = [0.0, 0.0, HALF, HALF]

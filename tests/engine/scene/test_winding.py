@@ -4,9 +4,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.scene.scene_loader import load_scene
 from engine.scene.mesh import Mesh, with_normals
 from engine.scene.primitives import cube, sphere
+from engine.scene.scene_loader import load_scene
 from engine.scene.winding import inconsistent_faces
 
 

@@ -88,7 +88,9 @@ def test_what_is_kept_is_the_largest_by_the_rule() -> None:
         assert keep.sum() == 60 and keep[:20].all()
         assert weight[keep][20:].min() >= weight[~keep].max()
     np.testing.assert_array_equal(np.flatnonzero(haar.select_coefficients(coefficients, 60, "top")), np.arange(60))
-    assert haar.select_coefficients(coefficients, 10_000).all() and haar.select_coefficients(coefficients, 1).sum() == 20
+    assert (
+        haar.select_coefficients(coefficients, 10_000).all() and haar.select_coefficients(coefficients, 1).sum() == 20
+    )
     np.testing.assert_allclose(truncated(coefficients, 320), coefficients, atol=2e-6)
 
 

@@ -11,8 +11,8 @@ from PIL import Image
 
 from engine.colour import decode_srgb
 from engine.errors import LoadError
-from engine.texture.texture_files import read_texture, read_weight, reduction
 from engine.texture.slopes import read_heights, read_normal_map
+from engine.texture.texture_files import read_texture, read_weight, reduction
 from engine.texture.texture_store import TextureStore
 from tests.pictures import write_exr
 

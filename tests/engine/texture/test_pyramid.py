@@ -83,7 +83,10 @@ def test_what_a_pixel_sees_is_turned_with_the_image() -> None:
 def test_an_image_under_another_transform_is_the_same_object_each_time() -> None:
     pyramid, clamped = make_pyramid(noise(2, 2)), TextureTransform(wrap=("clamp", "clamp"))
     assert pyramid.with_transform(TextureTransform()) is pyramid
-    assert pyramid.with_transform(clamped) is pyramid.with_transform(clamped) and pyramid.with_transform(clamped).flat is pyramid.flat
+    assert (
+        pyramid.with_transform(clamped) is pyramid.with_transform(clamped)
+        and pyramid.with_transform(clamped).flat is pyramid.flat
+    )
 
 
 def over(pyramid: Pyramid, uv: np.ndarray, across: tuple[float, float], down: tuple[float, float]) -> np.ndarray:

@@ -9,8 +9,8 @@ from engine.light.environment import Environment
 from engine.light.triangle_lights import TriangleLights, cut_lights
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
-from engine.scene.primary_hits import PrimaryHits
 from engine.scene.picture_frame import no_lamps
+from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.transport.bandstore import BandStore
 from engine.transport.lighting import prepare_lighting

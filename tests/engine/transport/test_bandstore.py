@@ -9,7 +9,14 @@ from engine.curve import wavelet
 from engine.stored_arrays import UnsoundArrays
 from engine.transport import _band_kernels as kernels
 from engine.transport._projection_kernels import EncodedTile
-from engine.transport.bandstore import BandStore, BandTile, arrays_of_file, arrays_in_pieces, join_tiles, store_from_arrays
+from engine.transport.bandstore import (
+    BandStore,
+    BandTile,
+    arrays_in_pieces,
+    arrays_of_file,
+    join_tiles,
+    store_from_arrays,
+)
 from engine.transport.fixed_picture import picture_of_file
 from tests.engine.forging import forged_numbers, forged_shapes
 from tests.engine.transport.by_hand import contract

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from engine.generators import run_to_end
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.scene.scene_loader import load_scene
-from engine.generators import run_to_end
 from engine.transport.bandstore import BandStore
 from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, SkyState
 from engine.transport.projection import LayerShape, VisibleLight, project_layer

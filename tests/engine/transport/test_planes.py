@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from engine.transport import _plane_kernels as kernels
 from engine.transport.bandstore import BandStore
-from engine.transport.planes import SCALE_SAMPLES, LEAST, MOST, curve_planes
+from engine.transport.planes import LEAST, MOST, SCALE_SAMPLES, curve_planes
 from tests.engine.transport.by_hand import contract
 from tests.engine.transport.test_bandstore import dense_of, sparse_bands, store_of
 

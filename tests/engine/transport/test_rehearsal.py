@@ -15,12 +15,12 @@ import numba
 from app.machine.kernel_cache import use_kernel_cache
 
 use_kernel_cache()
-from app.jobs.cache import Store
+from app.jobs.cache import ArrayCache
 from app.jobs.in_process import InProcessClient
 from tests.opened import ask_for_scene
 from app.placement.placement_messages import StageDone
-from app.jobs.dispatcher import Tasks
-from engine.transport import rehearsal
+from app.jobs.dispatcher import RequestDispatcher
+from engine.transport import kernel_calls
 from tests.app.jobs.ball_and_lamp import SCENE, compute
 
 
@@ -32,21 +32,21 @@ def signatures():
     }
 
 
-rehearsal.warm_up_projection_details()
+kernel_calls.warm_up_projection_details()
 details = signatures()
-rehearsal.warm_up_projection()
+kernel_calls.warm_up_projection()
 rehearsed = signatures()
 for name, known in details.items():
     if name.endswith(("._deposit_split", "._make_scratch", ".encode_bands")) and "relight" not in name:
         assert known and known == rehearsed[name], name
-rehearsal.warm_up_light()
-rehearsal.warm_up_contraction()
-rehearsal.warm_up_footprint()
+kernel_calls.warm_up_light()
+kernel_calls.warm_up_contraction()
+kernel_calls.warm_up_footprint()
 rehearsed = signatures()
 
 folder = Path(sys.argv[1])
 (folder / "scene.toml").write_text(SCENE)
-client = InProcessClient(Tasks(Store(folder / "cache")))
+client = InProcessClient(RequestDispatcher(ArrayCache(folder / "cache")))
 ask_for_scene(client, str(folder / "scene.toml"))
 client.poll(budget_s=float("inf"))
 client.send(compute())

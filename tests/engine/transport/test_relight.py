@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from app.measure.accuracy import errors
+from engine.generators import run_to_end
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
@@ -15,7 +16,6 @@ from engine.scene.local_frames import local_frames
 from engine.scene.scene_loader import load_scene
 from engine.sphere.geodesic import geodesic
 from engine.sphere.haar import inverse
-from engine.generators import run_to_end
 from engine.transport.bandstore import join_tiles
 from engine.transport.pipeline import FINAL, Placement, SkyState
 from engine.transport.projection import LayerShape, project_layer

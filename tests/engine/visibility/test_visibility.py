@@ -8,8 +8,8 @@ import pytest
 
 from engine.light.emitters import emitter_tree
 from engine.scene.builtin import builtin_scenes
-from engine.scene.scene_loader import load_scene
 from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import load_scene
 from engine.scene.surface_points import surface_points
 from engine.sphere.geodesic import geodesic, locate
 from engine.transport.lighting import nearest_neighbours, prepare_lighting

@@ -12,8 +12,8 @@ import pytest
 from PIL import Image
 
 from engine.scene.picture_frame import PictureFrame
-from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.display import DisplayView
+from ui.gl.placement.renderer import PlacementRenderer
 
 pytestmark = pytest.mark.gl
 

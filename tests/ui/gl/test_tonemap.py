@@ -10,8 +10,8 @@ from engine.render.display import display_picture
 from tests.naive import pictures as naive
 from tests.ui.gl.pictures import frame_of, full_frame
 from ui.gl.context import GraphicsError
-from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.display import HOVER_COLOUR, SELECTION_COLOUR, DisplayView, outline_pixels
+from ui.gl.placement.renderer import PlacementRenderer
 
 pytestmark = pytest.mark.gl
 

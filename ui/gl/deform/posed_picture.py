@@ -17,7 +17,17 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform.gpu_parts import CoverPart, AppearancePart, Numbers, PosedPart, ShapePart, SkyPart, PictureExport, ExportedDetail, ExportedTerm
+from engine.deform.gpu_parts import (
+    AppearancePart,
+    CoverPart,
+    ExportedDetail,
+    ExportedTerm,
+    Numbers,
+    PictureExport,
+    PosedPart,
+    ShapePart,
+    SkyPart,
+)
 from engine.scene.camera import camera_frame
 from engine.scene.description import Camera
 from ui.gl.buffers import BufferMemory
@@ -250,4 +260,6 @@ def _view(camera: Camera, size: tuple[int, int], posed: PosedPart) -> dict[str, 
     forward = camera_frame(camera)[2]
     depths = posed.places[:, 9:] @ forward.astype(np.float32) - np.float32(np.dot(posed.camera_position, forward))
     farthest = max(float(depths.max(initial=0.0)), 1e-6) * 1.001
-    return view_uniforms(camera, size, np.asarray(posed.camera_position), float(depths.min(initial=farthest)) * 0.999, farthest)
+    return view_uniforms(
+        camera, size, np.asarray(posed.camera_position), float(depths.min(initial=farthest)) * 0.999, farthest
+    )

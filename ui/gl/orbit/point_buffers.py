@@ -1,4 +1,5 @@
-"""What moving pictures are drawn of, in buffers of the graphics card: filled part by part, see `engine.orbit.gpu_parts`."""
+"""What moving pictures are drawn of, in buffers of the graphics card: filled part by part, see
+`engine.orbit.gpu_parts`."""
 
 from __future__ import annotations
 

@@ -3,8 +3,8 @@
     backdrop ─► what emits, and depth ─► marks on the points that are seen
     for each term: gloss of the marked points towards the eye (gloss.comp) ─► its object's triangles, times its maps
 
-As `engine.orbit.view_radiance` draws moving pictures, and with several samples a pixel: edges are soft. All lies in buffers
-(`point_buffers`); in a frame nothing is sent but the camera.
+As `engine.orbit.view_radiance` draws moving pictures, and with several samples a pixel: edges are soft. All lies in
+buffers (`point_buffers`); in a frame nothing is sent but the camera.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from itertools import product
 import moderngl
 import numpy as np
 
-from engine.orbit.gpu_parts import MeshPart, ExportedTerm
+from engine.orbit.gpu_parts import ExportedTerm, MeshPart
 from engine.scene.description import Camera
 from ui.gl.layer_maps import map_uniforms
 from ui.gl.orbit.point_buffers import PointBuffers, Tables

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.context import GraphicsError
-from ui.gl.passes import Box, Passes
 from ui.gl.frame_check import require_sound
+from ui.gl.passes import Box, Passes
 from ui.gl.placement.accumulator import Accumulator
 from ui.gl.placement.sample_layout import (
     SAMPLES_PER_ROW,

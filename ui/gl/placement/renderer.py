@@ -1,8 +1,8 @@
 """The renderer of Placement mode: what the window calls each frame.
 
 A picture is the sum of layers, each with an accumulator B at its samples. The selected layer, and those that share its
-curve, also have their transport on the GPU, and the curve is followed by increments (`edited_layers`); the others stand as the
-worker computed them.
+curve, also have their transport on the GPU, and the curve is followed by increments (`edited_layers`); the others stand
+as the worker computed them.
 
 In a frame the window calls ``upload`` (a slice of a transport under way), ``wanted`` (the curve of now), ``update`` (as
 many terms as the time allows) and ``composite`` (the display texture). No call waits for the GPU, except the read-backs
@@ -29,13 +29,13 @@ from numpy.typing import NDArray
 from engine.planner import Precision
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.context import GraphicsError
+from ui.gl.display import Display, DisplayView
 from ui.gl.passes import Box, Passes
 from ui.gl.placement.accumulator import TermSum
 from ui.gl.placement.composite import Compositor
 from ui.gl.placement.edited_layers import EditedLayers
 from ui.gl.placement.layers import ComparedAppearance, LayerStack
 from ui.gl.textures import TextureMemory
-from ui.gl.display import Display, DisplayView
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from engine.scene.picture_frame import PictureFrame
+from ui.gl.display import DisplayView
 from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.placement.sample_layout import SAMPLES_PER_ROW
-from ui.gl.display import DisplayView
 
 # Width and height of pictures; their samples fill three rows of textures, as no power of two.
 _SIZES = ((60, 60), (64, 64), (64, 60))

@@ -112,7 +112,9 @@ def test_what_is_known_is_not_told_again(deform: Deform, picture: PosedPicture) 
     light = deform._light
     deform.set_light(SkyState(light.environment, 120.0, 0.3))
     told = deform.export_picture(eye, BENT, picture.part_numbers)
-    assert told.appearance is not None and not any((told.shape, told.cover, told.sky))  # the sky's image stays where it is
+    assert told.appearance is not None and not any(
+        (told.shape, told.cover, told.sky)
+    )  # the sky's image stays where it is
     assert not np.allclose(shown(picture, deform, eye, BENT), before, atol=0.1)
     deform.set_light(light)
     assert shown(picture, deform, eye, BENT) == pytest.approx(before, abs=1e-6)

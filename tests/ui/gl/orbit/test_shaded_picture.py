@@ -16,9 +16,9 @@ from app.project import open_project
 from engine.light.environment import Environment
 from engine.material.layer import Layer
 from engine.material.strokes import Stroke, Strokes
-from engine.orbit.orbit_engine import MOST_SLICE_BYTES, Orbit
-from engine.orbit.gpu_parts import LightPart
 from engine.orbit.gpu_export import PointExporter
+from engine.orbit.gpu_parts import LightPart
+from engine.orbit.orbit_engine import MOST_SLICE_BYTES, Orbit
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import CameraDescription
 from engine.transport.pipeline import SkyState

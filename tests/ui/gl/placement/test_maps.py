@@ -6,9 +6,9 @@ import pytest
 from engine.colour import encode_srgb
 from tests.ui.gl.pictures import frame_of
 from ui.gl.context import GraphicsError
+from ui.gl.display import DisplayView
 from ui.gl.placement.layers import ComparedAppearance
 from ui.gl.placement.renderer import PlacementRenderer
-from ui.gl.display import DisplayView
 
 pytestmark = pytest.mark.gl
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from tests.ui.gl.pictures import finish, frame_of, norms_of
-from ui.gl.placement.shader_warm_up import warm_up
-from ui.gl.placement.renderer import PlacementRenderer
-from ui.gl.textures import TextureMemory
 from ui.gl.display import DisplayView
+from ui.gl.placement.renderer import PlacementRenderer
+from ui.gl.placement.shader_warm_up import warm_up
+from ui.gl.textures import TextureMemory
 
 pytestmark = pytest.mark.gl
 

@@ -9,9 +9,9 @@ from engine.scene.picture_frame import Lamps, PictureFrame
 from tests.naive import pictures as naive
 from tests.ui.gl.pictures import frame_of, full_frame, norms_of
 from ui.gl.context import GraphicsError
+from ui.gl.display import DisplayView, ToneMapping
 from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.textures import read_texture
-from ui.gl.display import DisplayView, ToneMapping
 
 pytestmark = pytest.mark.gl
 
