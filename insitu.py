@@ -35,7 +35,7 @@ def main() -> int:
 def __getattr__(name: str) -> object:
     if name not in __all__:
         raise AttributeError(f"module 'insitu' has no attribute {name!r}")
-    from app.machine.kernel_cache import use_kernel_cache
+    from app.system.kernel_cache import use_kernel_cache
 
     use_kernel_cache()  # before the engine is imported
     from app import interface

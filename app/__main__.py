@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from app.jobs.process import StartedWorker
-    from app.script import Step
+    from app.editor.script import Step
+    from app.worker.process import StartedWorker
 
 INTERRUPTED = 130
 
@@ -26,7 +26,7 @@ class Desktop:
     def open_window(self, source: str) -> int:
         # First of all the worker, which imports its libraries while this process imports the window's.
         started = _started_worker()
-        from app.jobs.client import Client
+        from app.worker.client import Client
 
         with Client(started=started) as client:
             from ui.window import run
@@ -57,7 +57,7 @@ class Desktop:
 
 
 def _started_worker() -> StartedWorker | None:
-    from app.jobs.process import start_worker
+    from app.worker.process import start_worker
 
     try:
         return start_worker()
@@ -69,7 +69,7 @@ def main() -> int:
     """Run the program on its command line; the exit status: 0, 1 (the work failed), 2 (usage), 130 (Ctrl-C)."""
     try:
         from app.cli.console import escape_unprintable, run_guarded
-        from app.machine.kernel_cache import use_kernel_cache
+        from app.system.kernel_cache import use_kernel_cache
 
         escape_unprintable()
         use_kernel_cache()
@@ -80,7 +80,7 @@ def main() -> int:
 
 def _run(arguments: list[str]) -> int:
     from app.cli.console import COMMANDS
-    from app.sources import find_source
+    from app.document.sources import find_source
 
     if not arguments or (len(arguments) == 1 and arguments[0] not in COMMANDS and arguments[0][:1] != "-"):
         return Desktop().open_window(find_source(arguments[0] if arguments else None))

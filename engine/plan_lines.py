@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 
-from engine.errors import InsituError
+from engine.core.errors import InsituError
 from engine.scene.description import MAX_BOUNCES
 
 LineValue = int | str

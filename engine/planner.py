@@ -15,7 +15,7 @@ the bands are narrower than the curve's features. The largest pointwise differen
 half a step at an edge, however narrow the band. A curve gets no fewer
 bands than `EDITABLE_BANDS`: nobody knows the next edit, and bands also set how finely a light is split before its
 cosine and quotient are taken. A layer that nobody means to edit is computed with as many and keeps none of them, but
-its picture (`engine.transport.fixed_picture`). A still keeps none either, and gets twice as many.
+its picture (`engine.precompute.direct.fixed_picture`). A still keeps none either, and gets twice as many.
 This module is light to import: the window's process shares its table.
 """
 
@@ -28,8 +28,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from engine.core.errors import InsituError
 from engine.curve.bands import band_nodes, band_values, band_weights
-from engine.errors import InsituError
 from engine.material import MODELS, kinds
 from engine.material.layer import Layer
 from engine.material.model import Model
@@ -140,7 +140,7 @@ class Plan:
     """What will be computed for one scene. `reasons` says why, by line; `overridden` which lines a person set.
 
     bounces: None until a pilot has said (`engine.render.bounce_plan`); n_rays: a fan of indirect light, 0 for as many
-    as it needs when it is found (`engine.indirect.sampling_settings`); n_edge_rays: one of
+    as it needs when it is found (`engine.precompute.indirect.sampling_settings`); n_edge_rays: one of
     `engine.plan_lines.EDGE_RAYS`; is_still: nothing of it is edited afterwards.
     """
 

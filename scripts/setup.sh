@@ -26,4 +26,4 @@ fi
 # What pictures need is compiled while nobody waits for it yet, and kept in .venv as well: else the first start, or that
 # of another user, would have to.
 echo "setup: compiling in the background what a first picture needs, half a minute; the editor can be started meanwhile"
-nohup .venv/bin/python -P -m app.jobs.kernels </dev/null >/dev/null 2>&1 &
+nohup .venv/bin/python -P -m app.worker.kernels </dev/null >/dev/null 2>&1 &

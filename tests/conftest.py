@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
-from app.jobs.kernels import Kernels
-from app.machine.kernel_cache import use_kernel_cache
+from app.system.kernel_cache import use_kernel_cache
+from app.worker.kernels import Kernels
 
 use_kernel_cache()
 # The same examples each time, and no failure for a slow machine: time is measured elsewhere.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from engine.indirect.sampling_settings import FINE, ROUGH
+from engine.precompute.indirect.sampling_settings import FINE, ROUGH
 
 if TYPE_CHECKING:
     import pytest
@@ -15,4 +15,4 @@ QUICK = replace(ROUGH, name=FINE.name, adaptive=FINE.adaptive)
 
 def light_quickly(patch: pytest.MonkeyPatch) -> None:
     """The worker's finest light is the quick one, in this process."""
-    patch.setattr("app.jobs.indirect_tasks.FINE", QUICK)
+    patch.setattr("app.worker.indirect_tasks.FINE", QUICK)

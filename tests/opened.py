@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from app.editor import WorkerClient
-from app.jobs.in_process import InProcessClient
-from app.jobs.schedule import RequestHandler
-from app.messages import OpenScene, Request, Response, SetCamera
+from app.editor.editor import WorkerClient
+from app.messages.worker_messages import OpenScene, Request, Response, SetCamera
+from app.worker.in_process import InProcessClient
+from app.worker.schedule import RequestHandler
 from engine.scene.description import Camera
 
 

@@ -31,7 +31,7 @@ def build() -> ModuleType:
 @pytest.mark.parametrize(
     "written, built",
     [
-        ("from app.jobs import worker\n", "from insitu.app.jobs import worker\n"),
+        ("from app.worker import worker\n", "from insitu.app.worker import worker\n"),
         ("from engine import (\n    plan,\n)\n", "from insitu.engine import (\n    plan,\n)\n"),
         ("import app.measure as measuring\n", "import insitu.app.measure as measuring\n"),
         ("def f():\n    x = 'é'; from ui.gl import y\n", "def f():\n    x = 'é'; from insitu.ui.gl import y\n"),
@@ -46,7 +46,7 @@ def test_imports_name_the_outer_package(build: ModuleType, written: str, built: 
 
 def test_an_import_that_binds_another_name_is_refused(build: ModuleType) -> None:
     with pytest.raises(ValueError, match="file.py:2: expected"):
-        build.with_outer_package("\nimport app.document\n", "file.py")
+        build.with_outer_package("\nimport app.document.document\n", "file.py")
 
 
 def test_every_source_can_be_moved(build: ModuleType) -> None:

@@ -13,25 +13,25 @@ from functools import partial
 from pathlib import Path
 from typing import cast
 
-from app.commands import EditCommand, SetBumps, SetSurface
-from app.commands.light import set_environment_file
-from app.commands.maps import IMAGE_SUFFIXES, SetMap, image_name, with_full_names
-from app.commands.paint import without_strokes
-from app.editor import Editor
+from app.document.commands import EditCommand, SetBumps, SetSurface
+from app.document.commands.light import set_environment_file
+from app.document.commands.maps import IMAGE_SUFFIXES, SetMap, image_name, with_full_names
+from app.document.commands.paint import without_strokes
+from app.document.linked_layers import Layers
+from app.document.selection import layer_shown
+from app.document.sources import EXPECTED, LIGHT_ENDINGS, PICTURE_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
+from app.document.view_state import OpenPanel, SetView, ViewCommand, Viewpoint
+from app.editor.editor import Editor
 from app.files.bookmarks import add_bookmark, rename_bookmark
 from app.files.journal import Recovery
 from app.files.library import Library
 from app.files.material_file import MAX_MATERIAL_BYTES, dump_material, parse_material
+from app.files.pasting import paste_command
 from app.files.preferences import PreferenceFile
 from app.files.recent import RecentFiles
 from app.files.session import CHANGED
-from app.linked_layers import Layers
-from app.machine.atomic import require_place
-from app.pasting import paste_command
-from app.selection import layer_shown
-from app.sources import EXPECTED, LIGHT_ENDINGS, PICTURE_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
-from app.view_state import OpenPanel, SetView, ViewCommand, Viewpoint
-from engine.errors import InsituError
+from app.system.atomic import require_place
+from engine.core.errors import InsituError
 from engine.material.bumps import BUMP_KINDS
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from engine.scene.builtin import builtin_scenes

@@ -15,14 +15,14 @@ from collections.abc import Callable
 
 import moderngl
 
-from app.document import Document
-from app.editor import Editor
-from app.linked_layers import linked_indices
-from app.measurements import measurement_in
-from app.selection import layer_shown
-from app.view_state import ViewState
-from engine.colour import ToneMapping
-from engine.errors import InsituError
+from app.document.document import Document
+from app.document.linked_layers import linked_indices
+from app.document.measurements import measurement_in
+from app.document.selection import layer_shown
+from app.document.view_state import ViewState
+from app.editor.editor import Editor
+from engine.core.colour import ToneMapping
+from engine.core.errors import InsituError
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 from ui.gl import brdf_views

@@ -10,8 +10,8 @@ import sys
 
 import glfw
 
-from app.lazy_import import IMPORT_FOLDER, qualified
-from engine.errors import InsituError
+from app.system.lazy_import import IMPORT_FOLDER, qualified
+from engine.core.errors import InsituError
 from ui.gl.context import create_window_context, describe_context
 from ui.window import NoDisplay, open_glfw_window
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 
-from app.document import Document, all_factors
+from app.document.document import Document, all_factors
 from engine.material.layer import Layer, object_of
 
 

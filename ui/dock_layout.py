@@ -6,8 +6,8 @@ from pathlib import Path
 
 from imgui_bundle import imgui
 
-from app.editor import Editor
-from app.view_state import OpenPanel
+from app.document.view_state import OpenPanel
+from app.editor.editor import Editor
 from ui import layout
 from ui.layout_memory import LayoutMemory
 

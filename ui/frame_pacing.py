@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from app.editor_status import Status
+from app.messages.editor_status import Status
 
 # After an event tooltips and hover go on for this long, a frame every `REDRAW_SECONDS`.
 SETTLE_SECONDS = 0.9

@@ -17,8 +17,8 @@ import numpy as np
 from imgui_bundle import imgui
 from numpy.typing import NDArray
 
-from app.editor import Editor
-from app.machine.atomic import make_folder_of, save_file
+from app.editor.editor import Editor
+from app.system.atomic import make_folder_of, save_file
 from engine.render.picture_files import pixels_png
 from ui.gl.context import create_headless_context
 from ui.shell import FrameResult, Shell

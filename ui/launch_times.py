@@ -12,8 +12,8 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from app.editor_status import Status
-from app.machine.atomic import replacing
+from app.messages.editor_status import Status
+from app.system.atomic import replacing
 
 TIMES_VARIABLE = "INSITU_TIMES"
 

@@ -14,7 +14,7 @@ from typing import Literal
 
 from imgui_bundle import ImVec2, imgui
 
-from app.view_state import OpenPanel
+from app.document.view_state import OpenPanel
 
 LEFT_WIDTH, RIGHT_WIDTH, COMPACT_WIDTH = 216.0, 290.0, 250.0
 CURVE_HEIGHT, COMPACT_CURVE_HEIGHT = 240.0, 216.0

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import cast, get_args
 
-from app.machine.atomic import replacing
+from app.system.atomic import replacing
 from ui.layout import Form
 
 VERSION = 5

@@ -15,9 +15,9 @@ import moderngl
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from ui.gl.context import GraphicsError, create_headless_context, describe_context
-from ui.gl.deform.posed_picture import PosedPicture
 from ui.gl.gpu_drawing import shader_bytes
 from ui.measurement_program import Figures, command_line, write_found
+from ui.modes.deform.gl.posed_picture import PosedPicture
 
 if TYPE_CHECKING:
     from app.measure.deform import DeformEffort
@@ -28,7 +28,7 @@ WARM_UP = 3
 def frame_rates(context: moderngl.Context, effort: DeformEffort, is_glossy: bool) -> list[float]:
     """Frames a second, one each."""
     from app.measure.deform import mesh_for_frames
-    from engine.deform.pose import Deformation
+    from engine.realtime.zonal_harmonics.pose import Deformation
 
     deform = mesh_for_frames(effort)
     if is_glossy:

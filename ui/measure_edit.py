@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import psutil
 
-from app.project import parse_assignment
-from app.set_path import set_path
-from engine.errors import InsituError
+from app.project.project import parse_assignment
+from app.project.set_path import set_path
+from engine.core.errors import InsituError
 from ui.gl.context import describe_context
 from ui.measure_gl import EditorRig
 from ui.measurement_program import Figures, Pictures, command_line, resolution_of, write_found

@@ -21,27 +21,27 @@ from typing import Any
 
 import numpy as np
 
-from app.commands.curves import SetOperators
-from app.document import Document, Selection
-from app.editor import Editor
-from app.jobs.client import Client
-from app.modes import PLACEMENT
-from app.placement.curves import Curves
-from app.placement.placement_controller import PlacementController
-from app.view_state import SetView
+from app.document.commands.curves import SetOperators
+from app.document.document import Document, Selection
+from app.document.view_state import SetView
+from app.editor.editor import Editor
+from app.modes.placement.curves import Curves
+from app.modes.placement.placement_controller import PlacementController
+from app.modes.registry import PLACEMENT
+from app.worker.client import Client
+from engine.core.errors import InsituError
 from engine.curve.operators import HALF_PI, Operator
 from engine.curve.wavelet import forward
-from engine.errors import InsituError
 from engine.material.layer import object_of, place_of
 from engine.planner import Precision
 from ui.gl.context import create_headless_context, describe_context
 from ui.gl.display import DisplayView
-from ui.gl.placement.renderer import PlacementRenderer, UpdateReport
 from ui.headless import POLL_SECONDS, HeadlessWindow
 from ui.launch_times import launch_times_from
 from ui.measurement_program import exit_status, resolution_of, write_found
+from ui.modes.placement.gl.renderer import PlacementRenderer, UpdateReport
+from ui.modes.placement.placement_feed import PlacementFeed
 from ui.picture_feed import CURVE_POLL_SECONDS, PictureFeed
-from ui.placement_feed import PlacementFeed
 
 EXACT_SECONDS = 3600.0
 ALL_TERMS = (1, 2, 4, 8, 16, 32, 64, 128)

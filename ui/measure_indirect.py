@@ -12,9 +12,9 @@ import time
 
 import numpy as np
 
-from app.commands.curves import SetOperators
+from app.document.commands.curves import SetOperators
+from engine.core.errors import InsituError
 from engine.curve.operators import Operator
-from engine.errors import InsituError
 from engine.material.layer import object_of
 from ui.gl.context import describe_context
 from ui.measure_gl import EditorRig, random_edits

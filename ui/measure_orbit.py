@@ -16,12 +16,12 @@ from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import Camera
 from ui.gl.context import GraphicsError, create_headless_context, describe_context
 from ui.gl.gpu_drawing import shader_bytes
-from ui.gl.orbit.shaded_picture import ShadedPicture
 from ui.measurement_program import Figures, command_line, write_found
+from ui.modes.orbit.gl.shaded_picture import ShadedPicture
 
 if TYPE_CHECKING:
-    from app.project import Project
-    from engine.orbit.orbit_engine import Orbit
+    from app.project.project import Project
+    from engine.realtime.triple_product.orbit_engine import Orbit
 
 COUNTS = (80, 320)  # coefficients a point
 WARM_UP = 3
@@ -33,8 +33,8 @@ def measure(source: str, resolution: tuple[int, int], n_points: int, n_frames: i
 
     Raises InsituError where shaders do not draw.
     """
-    from app.project import open_project
-    from engine.orbit.gpu_export import PointExporter
+    from app.project.project import open_project
+    from engine.realtime.triple_product.gpu_export import PointExporter
 
     context = create_headless_context()
     most_bytes = shader_bytes(context)
@@ -57,7 +57,7 @@ def measure(source: str, resolution: tuple[int, int], n_points: int, n_frames: i
 
 
 def _worked(project: Project, n_points: int) -> Orbit:
-    from engine.orbit.orbit_engine import Orbit
+    from engine.realtime.triple_product.orbit_engine import Orbit
 
     layers: dict[int, tuple[Any, ...]] = {}
     for i, layer in project.indexed_layers:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from engine.errors import InsituError
+from engine.core.errors import InsituError
 
 Figures = dict[str, Any]
 Pictures = dict[str, np.ndarray]

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from imgui_bundle import ImVec2, imgui
 
-from app.barrier import Barrier
+from app.system.barrier import Barrier
 from ui import layout
 from ui.panels import (
     accuracy,

@@ -21,11 +21,11 @@ from typing import Protocol
 
 import moderngl
 
-from app.editor import Editor
-from app.lazy_import import import_named
-from app.mode import Mode
-from app.modes import MODES
-from app.picture_events import PictureEvent, SceneFrame, SkyChanged
+from app.editor.editor import Editor
+from app.messages.picture_events import PictureEvent, SceneFrame, SkyChanged
+from app.modes.mode import Mode
+from app.modes.registry import MODES
+from app.system.lazy_import import import_named
 from engine.scene.description import Camera
 from ui.brush_dabs import SurfaceSpot
 from ui.gl.context import GraphicsError

@@ -12,7 +12,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from app.picture_events import SceneFrame
+from app.messages.picture_events import SceneFrame
 from engine.light.environment import Environment, tone_mapped_thumbnail
 from engine.scene.description import SceneDescription
 from engine.scene.picture_frame import PictureFrame

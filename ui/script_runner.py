@@ -10,21 +10,18 @@ import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from app.commands import EditCommand
-from app.commands.light import SetRotation
-from app.commands.paint import Paint
-from app.commands.plan import override_from_value
-from app.commands.poses import SetTime, with_amounts
-from app.commands.series import set_series
-from app.document import layer_key, split_key
-from app.editor import Editor, WorkerClient
-from app.effective_settings import override_lines_of
-from app.files.bookmarks import find_bookmark
-from app.jobs.client import Client
-from app.machine.atomic import make_folder_of, require_place
-from app.pareto_front import load_front
-from app.placement.placement_status import PlacementStatus
-from app.script import (
+from app.document.commands import EditCommand
+from app.document.commands.light import SetRotation
+from app.document.commands.paint import Paint
+from app.document.commands.plan import override_from_value
+from app.document.commands.poses import SetTime, with_amounts
+from app.document.commands.series import set_series
+from app.document.document import layer_key, split_key
+from app.document.effective_settings import override_lines_of
+from app.document.pareto_front import load_front
+from app.document.view_state import SetView, ViewCommand, Viewpoint
+from app.editor.editor import Editor, WorkerClient
+from app.editor.script import (
     AssertErrorBelow,
     AwaitedPicture,
     CaptureWindow,
@@ -51,9 +48,12 @@ from app.script import (
     UndoViews,
     WaitFor,
 )
-from app.set_path import set_path
-from app.view_state import SetView, ViewCommand, Viewpoint
-from engine.errors import InsituError
+from app.files.bookmarks import find_bookmark
+from app.modes.placement.placement_status import PlacementStatus
+from app.project.set_path import set_path
+from app.system.atomic import make_folder_of, require_place
+from app.worker.client import Client
+from engine.core.errors import InsituError
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from engine.scene.camera_moves import (
     dolly_camera,

@@ -24,15 +24,15 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 from numpy.typing import NDArray
 
-from app.document import Selection
-from app.editor import Editor
+from app.document.document import Selection
+from app.document.selection import layer_shown
+from app.document.view_state import Bookmark
+from app.editor.editor import Editor
+from app.editor.performance_record import PerformanceRecord
 from app.files.library import LibraryEntry
 from app.files.preferences import PreferenceFile
 from app.files.recent import RecentFiles
-from app.performance_record import PerformanceRecord
-from app.selection import layer_shown
-from app.view_state import Bookmark
-from engine.errors import InsituError
+from engine.core.errors import InsituError
 from ui import theme
 from ui.action_handler import ActionHandler, FrameOutcome
 from ui.brdf_feed import BrdfFeed

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.machine.atomic import save_file
-from engine.errors import InsituError
+from app.system.atomic import save_file
+from engine.core.errors import InsituError
 from engine.render.picture_files import deep_png, exr_bytes, pixels_png
 
 

@@ -14,9 +14,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from app.editor import Editor
-from app.linked_layers import Layers
-from app.measurements import measurement_in, with_measurements
+from app.document.linked_layers import Layers
+from app.document.measurements import measurement_in, with_measurements
+from app.editor.editor import Editor
 from engine.measured.measurement import Measurement
 from ui.gl.context import GraphicsError
 from ui.gl.measured_tables import MeasuredTables

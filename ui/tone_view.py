@@ -11,8 +11,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.colour import TABULATED_VIEWS, VIEWS, ToneMapping, view_table
-from engine.errors import InsituError
+from engine.core.colour import TABULATED_VIEWS, VIEWS, ToneMapping, view_table
+from engine.core.errors import InsituError
 
 
 @lru_cache(maxsize=len(TABULATED_VIEWS))

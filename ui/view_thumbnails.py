@@ -13,9 +13,9 @@ import moderngl
 import numpy as np
 from PIL import Image
 
-from app.editor import Editor
+from app.document.view_state import Bookmark, SetView
+from app.editor.editor import Editor
 from app.files.bookmarks import THUMBNAIL_SIZE, with_thumbnail
-from app.view_state import Bookmark, SetView
 from ui.gl.textures import TextureMemory
 from ui.still_saver import ViewportStill
 

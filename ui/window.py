@@ -21,15 +21,15 @@ import glfw
 import numpy as np
 from imgui_bundle import imgui
 
-from app.barrier import Barrier
-from app.editor import Editor, WorkerClient
+from app.editor.editor import Editor, WorkerClient
 from app.files.journal import Journal, Recovery, recoverable_sessions
 from app.files.preferences import PreferenceFile
 from app.files.recent import RecentFiles
-from app.jobs.client import Client
-from app.machine.atomic import save_file
-from app.machine.paths import layout_file, preference_file, recent_file
-from engine.errors import InsituError
+from app.system.atomic import save_file
+from app.system.barrier import Barrier
+from app.system.paths import layout_file, preference_file, recent_file
+from app.worker.client import Client
+from engine.core.errors import InsituError
 from engine.render.picture_files import pixels_png
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from ui.gl.context import REQUIRED_VERSION, GraphicsError, create_window_context, spare_full_disk

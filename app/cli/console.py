@@ -11,9 +11,9 @@ import sys
 import traceback
 from collections.abc import Callable
 
-from app.machine.atomic import write_atomically
-from app.machine.paths import state_directory
-from engine.errors import InsituError, plain_line
+from app.system.atomic import write_atomically
+from app.system.paths import state_directory
+from engine.core.errors import InsituError, plain_line
 
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
 ERROR_FILE = "last-error.txt"

@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import Literal
 
 from app.cli.frontend import Frontend
-from app.jobs.cache import cache_folder
-from app.lazy_import import IMPORT_FOLDER, qualified
-from app.machine.memory import gib, memory_bytes
-from app.machine.paths import state_directory
-from app.machine.system import HAS_ANONYMOUS_FILES, anonymous_file, reserve
-from engine.errors import InsituError
-from engine.threads import n_cores
+from app.system.lazy_import import IMPORT_FOLDER, qualified
+from app.system.memory import gib, memory_bytes
+from app.system.paths import state_directory
+from app.system.system import HAS_ANONYMOUS_FILES, anonymous_file, reserve
+from app.worker.cache import cache_folder
+from engine.core.errors import InsituError
+from engine.core.threads import n_cores
 
 State = Literal["ok", "without", "broken"]
 

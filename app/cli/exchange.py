@@ -11,8 +11,8 @@ import typer
 from app.cli.console import print_line
 from app.cli.options import SCENE_HELP, Bounces, Resolution, Values, assignments
 from app.cli.output import print_notes, progress
-from app.machine.atomic import require_folder, require_place
-from app.project import open_project
+from app.project.project import open_project
+from app.system.atomic import require_folder, require_place
 
 
 def import_brdf(
@@ -23,7 +23,7 @@ def import_brdf(
 ) -> int:
     """Turn measured data into an editable material, and say how well its factors alone fit."""
     from app.files.brdf_files import import_file, import_lines
-    from app.jobs.cache import ArrayCache
+    from app.worker.cache import ArrayCache
 
     started = time.monotonic()
     with progress() as report:
@@ -41,7 +41,7 @@ def export_brdf(
     set_: Values = None,
 ) -> int:
     """Write an object's material, all its layers and edits: as a table of 90 x 90 x 180 angles, or as it is."""
-    from app.commands.maps import with_full_names
+    from app.document.commands.maps import with_full_names
     from app.files.brdf_files import check_merl_name, export_steps
     from app.files.material_file import SUFFIX, Material, save_material
     from engine.render.tabulate import untabulated_features

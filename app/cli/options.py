@@ -6,9 +6,9 @@ from typing import Annotated, Any
 
 import typer
 
-from app.project import parse_assignment
-from engine.indirect.series import MOST_BOUNCES
+from app.project.project import parse_assignment
 from engine.plan_lines import FEWEST_LIGHTS, MOST_LIGHTS
+from engine.precompute.indirect.series import MOST_BOUNCES
 from engine.scene.description import MAX_RESOLUTION
 
 

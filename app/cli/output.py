@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from app.cli.console import print_line
-from app.machine.memory import gib
-from app.project import Project
-from engine.errors import plain_line, plain_notes
+from app.project.project import Project
+from app.system.memory import gib
+from engine.core.errors import plain_line, plain_notes
 from engine.planner import Plan, plan_lines
 
 if TYPE_CHECKING:

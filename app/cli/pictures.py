@@ -36,19 +36,19 @@ from app.cli.options import (
     window_size,
 )
 from app.cli.output import print_project_notes, progress
-from app.machine.atomic import require_folder, require_place
-from app.machine.paths import state_problem
-from app.project import ProjectSpec
-from app.sources import find_source
-from engine.colour import find_view
-from engine.errors import InsituError
-from engine.indirect.series import BounceSeries, parse_series
+from app.document.sources import find_source
+from app.project.project import ProjectSpec
+from app.system.atomic import require_folder, require_place
+from app.system.paths import state_problem
+from engine.core.colour import find_view
+from engine.core.errors import InsituError
 from engine.plan_lines import MODE_LINES
 from engine.planner import N_LIGHTS, N_PATCHES
+from engine.precompute.indirect.series import BounceSeries, parse_series
 from engine.scene.builtin import DEFAULT_SCENE
 
 if TYPE_CHECKING:
-    from app.frame_sequence import Frames
+    from app.stills.frame_sequence import Frames
 
 
 class StillMode(Enum):
@@ -122,7 +122,7 @@ def render(
         many = "--turntable" if frames is None else "--frames"
         raise InsituError(f"--accuracy {accuracy:g} {many}: expected --mode placement, or one picture")
     if turntable is not None or frames is not None:
-        from app.frame_sequence import Frames
+        from app.stills.frame_sequence import Frames
 
         _check_frames(turntable, frames, mode, reference, time_)
         count, animated = (frames, True) if turntable is None else (turntable, False)
@@ -133,8 +133,8 @@ def render(
         raise InsituError(
             f"--scheduler {scheduler}: one picture is drawn here, expected --turntable or --frames as well"
         )
-    from app.stills import StillProgress, check_output, render_project, write_picture
-    from engine.indirect.clamping import TOO_BRIGHT, is_clamped
+    from app.stills.stills import StillProgress, check_output, render_project, write_picture
+    from engine.precompute.indirect.clamping import TOO_BRIGHT, is_clamped
 
     check_output(output)
     shown = None if view is None else find_view(view)
@@ -178,7 +178,7 @@ def _knobs(accuracy: float | None, mode: StillMode, reference: bool, lights: int
     if reference or (lights, patches) != (N_LIGHTS, N_PATCHES):
         other = "--reference" if reference else "--lights, --patches"
         raise InsituError(f"--accuracy {accuracy:g} {other}: expected one of them")
-    from app.pareto_front import load_front
+    from app.document.pareto_front import load_front
 
     return dict(load_front().nearest_point(mode.value, accuracy).knobs)
 
@@ -219,7 +219,7 @@ def _frames(words: ProjectSpec, output: Path, frames: Frames, view: str | None, 
     """Frames all around a scene or through its animation; those that are there already are kept."""
     from app.cli.turntable import FrameFiles, draw_frames
     from app.cluster.cluster_project import open_on_cluster
-    from app.frame_sequence import draw_here
+    from app.stills.frame_sequence import draw_here
 
     started, files = time.monotonic(), FrameFiles.of(output, frames.count)
     if view is not None and files.ending == ".exr":
@@ -249,8 +249,8 @@ def screenshot(
     view: ViewName = None,
 ) -> int:
     """Take a picture of the whole editor window; no display is needed."""
-    from app.script import CaptureWindow, ChooseView, load_script
-    from app.stills import check_output
+    from app.editor.script import CaptureWindow, ChooseView, load_script
+    from app.stills.stills import check_output
 
     check_output(output, (".png",))
     steps = load_script(script, Path(os.path.abspath(output)).parent) if script is not None else ()

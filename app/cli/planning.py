@@ -6,15 +6,15 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from app.project import Project
-from app.stills import chosen_bounces
-from engine.generators import run_to_end
+from app.project.project import Project
+from app.stills.stills import chosen_bounces
+from engine.core.generators import run_to_end
 from engine.planner import N_LIGHTS, Plan, plan_scene
+from engine.precompute.direct.pipeline import Placement
 from engine.render.bounce_plan import planned_bounces
 from engine.render.cost_pilot import estimate_cost
 from engine.render.light_pilot import with_light_budget
 from engine.render.still import StillProgress, still_layers, with_maps
-from engine.transport.pipeline import Placement
 
 
 def plan_project(

@@ -1,7 +1,7 @@
 """Filling the cache: the worker's own computation in this process, for the transport that the editor will ask for.
 
-The talk is the editor's (`app.placement.transport_controller`), so that what is computed is what the editor looks up.
-Stopped half-way, it goes on from the last complete tile.
+The talk is the editor's (`app.modes.placement.transport_controller`), so that what is computed is what the editor looks
+up. Stopped half-way, it goes on from the last complete tile.
 """
 
 from __future__ import annotations
@@ -11,17 +11,25 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
-from app.effective_settings import effective_settings
-from app.jobs.cache import ArrayCache
-from app.jobs.dispatcher import RequestDispatcher
-from app.jobs.in_process import InProcessClient
-from app.messages import OpenScene, Progress, RequestFailed, Response, SceneOpened, SetCamera, ViewTraced
-from app.placement.curves import Curves
-from app.placement.placement_messages import ErrorEstimated, EstimateError, StageDone
-from app.placement.transport_controller import TransportController
-from app.project import Project
-from app.scene_state import SceneState
-from engine.errors import InsituError
+from app.document.effective_settings import effective_settings
+from app.document.scene_state import SceneState
+from app.messages.worker_messages import (
+    OpenScene,
+    Progress,
+    RequestFailed,
+    Response,
+    SceneOpened,
+    SetCamera,
+    ViewTraced,
+)
+from app.modes.placement.curves import Curves
+from app.modes.placement.placement_messages import ErrorEstimated, EstimateError, StageDone
+from app.modes.placement.transport_controller import TransportController
+from app.project.project import Project
+from app.worker.cache import ArrayCache
+from app.worker.dispatcher import RequestDispatcher
+from app.worker.in_process import InProcessClient
+from engine.core.errors import InsituError
 from engine.render.error_estimate import WHAT
 from engine.render.picture_error import ErrorEstimate
 

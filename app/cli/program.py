@@ -15,9 +15,9 @@ from app.cli.frontend import Frontend
 from app.cli.options import LIGHTS, Lights, Override, Resolution, Scene, Scheduler, Values, assignments, lines
 from app.cli.output import describe_check, describe_plan, memory_note, print_project_notes, progress
 from app.cli.pictures import render, screenshot
-from app.machine.memory import available_memory
-from app.project import ProjectSpec
-from app.sources import find_source
+from app.document.sources import find_source
+from app.project.project import ProjectSpec
+from app.system.memory import available_memory
 from engine.planner import N_LIGHTS
 from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
 

@@ -16,13 +16,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.frame_sequence import Draw, Frames, Report, draw_here, judge_frame, poses_of
-from app.machine.atomic import make_folder_of, require_place, save_file
-from app.picture_key import picture_key
-from app.project import Project
-from app.stills import ENDINGS, picture_bytes
-from engine.colour import ToneMapping
-from engine.errors import InsituError
+from app.cli.picture_key import picture_key
+from app.project.project import Project
+from app.stills.frame_sequence import Draw, Frames, Report, draw_here, judge_frame, poses_of
+from app.stills.stills import ENDINGS, picture_bytes
+from app.system.atomic import make_folder_of, require_place, save_file
+from engine.core.colour import ToneMapping
+from engine.core.errors import InsituError
 from engine.light.radiance_files import read_radiance_image
 from engine.texture.texture_files import read_texture
 

@@ -16,12 +16,12 @@ import numpy as np
 
 from app.cluster.cluster_jobs import ViewJob, compute_light, find_indirect, project_tiles
 from app.cluster.dask import Cluster
-from app.jobs.executor import IndirectSteps, LightSteps
-from app.messages import Progress
-from app.scene_state import LayerState
-from engine.transport.bandstore import BandTile
-from engine.transport.pipeline import Placement, Quality, SkyState
-from engine.transport.projection import TILE, LayerShape, VisibleLight
+from app.document.scene_state import LayerState
+from app.messages.worker_messages import Progress
+from app.worker.executor import IndirectSteps, LightSteps
+from engine.precompute.direct.bandstore import BandTile
+from engine.precompute.direct.pipeline import Placement, Quality, SkyState
+from engine.precompute.direct.projection import TILE, LayerShape, VisibleLight
 
 if TYPE_CHECKING:
     from distributed import Future

@@ -17,22 +17,22 @@ from typing import TYPE_CHECKING, TypeVar
 from app.cluster.file_cache import FileCache, fetch_piece
 from app.cluster.program import describe_mismatch, program_digest
 from app.cluster.scene_bundle import SceneBundle
-from app.jobs.cache import ArrayCache
-from app.messages import OpenScene, SetCamera
-from app.scene_state import LayerState, SceneState
-from engine.errors import InsituError
-from engine.safe_files import redirect_files
-from engine.stored_arrays import Arrays
-from engine.transport.bandstore import BandTile
-from engine.transport.pipeline import Quality
-from engine.transport.projection import LayerShape, VisibleLight, project_layer
+from app.document.scene_state import LayerState, SceneState
+from app.messages.worker_messages import OpenScene, SetCamera
+from app.worker.cache import ArrayCache
+from engine.core.errors import InsituError
+from engine.core.safe_files import redirect_files
+from engine.core.stored_arrays import Arrays
+from engine.precompute.direct.bandstore import BandTile
+from engine.precompute.direct.pipeline import Quality
+from engine.precompute.direct.projection import LayerShape, VisibleLight, project_layer
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from app.frame_sequence import Drawer, Frames, Picture
-    from app.jobs.worker_context import WorkerContext
-    from app.project import ProjectSpec
+    from app.project.project import ProjectSpec
+    from app.stills.frame_sequence import Drawer, Frames, Picture
+    from app.worker.worker_context import WorkerContext
 
 _one_task_at_a_time = threading.Lock()
 _opened_by_job: dict[str, object] = {}
@@ -75,7 +75,7 @@ def draw_frame(job: FrameJob, i: int) -> Picture:
 
 def compute_light(job: ViewJob, quality: Quality) -> VisibleLight:
     """All the light of a view, and from where it is seen."""
-    from engine.generators import run_to_end
+    from engine.core.generators import run_to_end
 
     with _exclusive_task(job):
         context = _open_once(job, lambda: _worker_context(job))
@@ -91,8 +91,8 @@ def project_tiles(job: ViewJob, light: VisibleLight, layer: LayerShape, rows: np
 
 def find_indirect(job: ViewJob, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> Arrays:
     """The fine indirect light of a view, as it is kept on disk."""
-    from app.jobs.indirect_tasks import IndirectTasks
-    from engine.indirect.stored_light import arrays_of
+    from app.worker.indirect_tasks import IndirectTasks
+    from engine.precompute.indirect.stored_light import arrays_of
 
     with _exclusive_task(job):
         context = _open_once(job, lambda: _worker_context(job))
@@ -134,7 +134,7 @@ def _open_once(job: Job, make: Callable[[], Opened]) -> Opened:
 
 
 def _drawer(job: FrameJob) -> Drawer:
-    from app.frame_sequence import drawer_of
+    from app.stills.frame_sequence import drawer_of
 
     drawer = drawer_of(job.words.open(), job.frames)
     drawer.prepare(lambda step: None)
@@ -143,8 +143,8 @@ def _drawer(job: FrameJob) -> Drawer:
 
 def _worker_context(job: ViewJob) -> WorkerContext:
     """A worker's bench with the view open on it, and the tables of its measured layers read."""
-    from app.jobs.dispatcher import RequestDispatcher
-    from app.jobs.measured_tasks import ensure_tables
+    from app.worker.dispatcher import RequestDispatcher
+    from app.worker.measured_tasks import ensure_tables
 
     tasks = RequestDispatcher(ArrayCache(), fills=True)
     for request in (job.open, job.camera_request):

@@ -8,20 +8,20 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from app.messages import OpenScene, SetCamera
-from app.project import Project, ProjectSpec
-from app.scene_state import scene_state
-from app.stills import StillProgress
-from engine.errors import InsituError
+from app.document.scene_state import scene_state
+from app.messages.worker_messages import OpenScene, SetCamera
+from app.project.project import Project, ProjectSpec
+from app.stills.stills import StillProgress
+from engine.core.errors import InsituError
+from engine.core.safe_files import record_files
 from engine.material.layer_maps import Images
-from engine.safe_files import record_files
 
 if TYPE_CHECKING:
     from app.cluster.cluster_executor import ClusterExecutor
     from app.cluster.dask import Cluster
     from app.cluster.scene_bundle import SceneBundle
-    from app.document import Document
-    from app.frame_sequence import Frames, Picture, Report
+    from app.document.document import Document
+    from app.stills.frame_sequence import Frames, Picture, Report
 
 
 class ClusterProject:

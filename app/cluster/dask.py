@@ -26,8 +26,8 @@ from distributed.comm import CommClosedError
 from app.cluster.file_cache import missing_pieces, store_piece
 from app.cluster.program import QUESTION, describe_mismatch, program_digest
 from app.cluster.scene_bundle import SceneBundle, bundle_files, pieces_of
-from engine.errors import InsituError
-from engine.safe_files import portable_name
+from engine.core.errors import InsituError
+from engine.core.safe_files import portable_name
 
 CONNECT_SECONDS = 5.0
 WORKERLESS_SECONDS = 60.0

@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from app.cluster.scene_bundle import BundledFile, SceneBundle, digest_of, pieces_of
-from app.jobs.cache import cache_folder
-from app.machine.atomic import make_private_folder, replacing
-from engine.errors import InsituError
+from app.system.atomic import make_private_folder, replacing
+from app.worker.cache import cache_folder
+from engine.core.errors import InsituError
 
 BOUND = 16 << 30
 

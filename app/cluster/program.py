@@ -12,12 +12,12 @@ import importlib.metadata
 import platform
 from pathlib import Path
 
-from app.machine.kernel_cache import use_kernel_cache
+from app.system.kernel_cache import use_kernel_cache
 
 _ROOT = Path(__file__).resolve().parents[2]
 LIBRARIES = ("numpy", "scipy", "numba", "embreex")
 # What a worker evaluates before its first task; an Insitu that does not have this yet says that it has no such module.
-QUESTION = f"__import__('{__name__}', fromlist=['program']).begin_work()"
+QUESTION = f"__import__('{__name__}', fromlist=['program']).prepare_worker()"
 
 
 def prepare_worker() -> str:

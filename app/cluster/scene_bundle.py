@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from engine.safe_files import portable_name
+from engine.core.safe_files import portable_name
 
 PIECE = 16 << 20
 

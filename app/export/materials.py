@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.export.xml_parts import add, add_numbers
-from app.machine.atomic import write_atomically
+from app.system.atomic import write_atomically
 from engine.material.layer import Layer
 from engine.material.model import channels
 from engine.render.integrator import evaluate_layers

@@ -23,9 +23,9 @@ from app.export.materials import WrittenMaterial, write_material
 from app.export.meshes import ply_bytes
 from app.export.names import stem_of, written_names
 from app.export.xml_parts import add, add_numbers
-from app.machine.atomic import replacing_folder, require_folder, write_atomically
-from app.project import Project
-from engine.generators import run_to_end
+from app.project.project import Project
+from app.system.atomic import replacing_folder, require_folder, write_atomically
+from engine.core.generators import run_to_end
 from engine.material.layer import Layer, object_of
 from engine.render.map_sampler import mean_factor
 from engine.render.picture_files import exr_bytes

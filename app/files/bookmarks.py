@@ -9,8 +9,8 @@ from __future__ import annotations
 import io
 from dataclasses import replace
 
-from app.view_state import Bookmark, Viewpoint
-from engine.errors import InsituError
+from app.document.view_state import Bookmark, Viewpoint
+from engine.core.errors import InsituError
 
 MAX_BOOKMARKS = 256
 MAX_NAME = 64

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+from app.document.measurements import with_measurements
 from app.files.material_file import Material, dump_material
-from app.machine.atomic import require_place, save_file
-from app.machine.inputs import set_inputs
-from app.measured_import import measured_layers
-from app.measurements import with_measurements
-from engine.errors import InsituError
-from engine.generators import run_to_end
+from app.files.measured_import import measured_layers
+from app.system.atomic import require_place, save_file
+from app.system.inputs import set_inputs
+from engine.core.errors import InsituError
+from engine.core.generators import run_to_end
+from engine.core.safe_files import resolved
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 from engine.measured.merl import SUFFIX, merl_bytes
 from engine.measured.tables import ArrayStore, read_measurement
 from engine.render.tabulate import tabulate_layers
-from engine.safe_files import resolved
 
 Report = Callable[[float, str], None]
 

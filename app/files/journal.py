@@ -1,7 +1,7 @@
 """The autosave journal: unsaved edits, on disk within a second, found again after any end of the program.
 
 Nothing here depends on the program ending well: a lost X server ends it inside Xlib, where no exit handler runs. Each
-editor has a journal file of its own, replaced as a whole (`app.machine.atomic`) by a thread of its own, so that a slow
+editor has a journal file of its own, replaced as a whole (`app.system.atomic`) by a thread of its own, so that a slow
 disk never stops a frame. A lock held on a file beside it says that its editor lives; the kernel drops the lock with the
 process, so a journal that can be locked is one to recover. Rejected: process numbers, which are used again.
 """
@@ -19,13 +19,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from app.document import Document
+from app.document.document import Document
+from app.document.view_state import ViewState
 from app.files.bookmarks import Bookmarks
 from app.files.session import SUFFIX, JournalRecord, KnownFile, Session, dump_checked, load_session
-from app.machine.atomic import PRIVATE_FILE, make_private_folder, write_atomically
-from app.machine.paths import full_path, journal_directory, written_path
-from app.view_state import ViewState
-from engine.errors import InsituError, LoadError, plain_line
+from app.system.atomic import PRIVATE_FILE, make_private_folder, write_atomically
+from app.system.paths import full_path, journal_directory, written_path
+from engine.core.errors import InsituError, LoadError, plain_line
 
 if TYPE_CHECKING:
     from filelock import FileLock

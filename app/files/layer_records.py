@@ -12,13 +12,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from app.commands.curves import MAX_OPERATORS, CurveEdit
-from app.described_layers import layers_from_descriptions
-from app.document import all_factors, layer_key
-from app.linked_layers import FRESNEL_NAME, Layers, synchronize_layers
-from app.machine.paths import written_path
+from app.document.commands.curves import MAX_OPERATORS, CurveEdit
+from app.document.described_layers import layers_from_descriptions
+from app.document.document import all_factors, layer_key
+from app.document.linked_layers import FRESNEL_NAME, Layers, synchronize_layers
+from app.system.paths import written_path
+from engine.core.errors import LoadError
 from engine.curve.operators import Operator, TabulatedCurve
-from engine.errors import LoadError
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps, map_values
 from engine.material.parameters import FRESNEL, Value

@@ -11,10 +11,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from app.document.linked_layers import Layers
 from app.files.material_file import MAX_NAME, SUFFIX, Material, load_material, save_material
-from app.linked_layers import Layers
-from app.machine.paths import material_directory
-from engine.errors import InsituError
+from app.system.paths import material_directory
+from engine.core.errors import InsituError
 from engine.scene.builtin import builtin_materials
 
 OWN = "Own"

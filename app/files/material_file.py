@@ -23,13 +23,13 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationError
 
-from app.described_layers import layers_from_descriptions
+from app.document.described_layers import layers_from_descriptions
+from app.document.linked_layers import Layers, synchronize_layers
+from app.document.measurements import with_full_paths
 from app.files.layer_records import MAX_LAYERS, CurveRecord, StrictModel, description_of, operator_lines, with_curves
-from app.linked_layers import Layers, synchronize_layers
-from app.machine.atomic import save_file
-from app.measurements import with_full_paths
-from engine.errors import InsituError, LoadError
-from engine.safe_files import resolved
+from app.system.atomic import save_file
+from engine.core.errors import InsituError, LoadError
+from engine.core.safe_files import resolved
 from engine.scene.description import LayerDescription, Text
 from engine.scene.toml_text import check_version, load_toml, parse_toml, toml_lines, toml_value
 from engine.scene.validation_errors import first_validation_error

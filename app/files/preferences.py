@@ -12,8 +12,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from app.machine.atomic import save_file
-from engine.errors import InsituError
+from app.system.atomic import save_file
+from engine.core.errors import InsituError
 from engine.scene.toml_text import load_toml, toml_lines
 
 Mouse = Literal["blender", "maya"]

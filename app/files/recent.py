@@ -11,7 +11,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.machine.atomic import replacing
+from app.system.atomic import replacing
 
 MOST = 10
 MOST_BYTES = 64 * 1024

@@ -18,26 +18,26 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PlainValidator, StrictInt, StrictStr, ValidationError, field_validator, model_validator
 
-from app.commands.light import MAX_INTENSITY, check_light
-from app.commands.poses import MAX_DEFORMERS
-from app.commands.series import FirstBands
-from app.document import Document, LightState, ObjectState, Selection, all_factors
+from app.document.commands.light import MAX_INTENSITY, check_light
+from app.document.commands.poses import MAX_DEFORMERS
+from app.document.commands.series import FirstBands
+from app.document.document import Document, LightState, ObjectState, Selection, all_factors
+from app.document.measurements import with_full_paths
+from app.document.sources import SESSION_ENDING
+from app.document.view_state import AS_PLANNED, Bookmark, SetView, Viewpoint, ViewState
 from app.files.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, check_thumbnail, is_name
 from app.files.layer_records import MAX_LAYERS, Flag, LayerRecord, StrictModel, layer_lines, layers_of
-from app.machine.atomic import save_file
-from app.machine.paths import full_path, written_path
-from app.measurements import with_full_paths
-from app.sources import SESSION_ENDING
-from app.view_state import AS_PLANNED, Bookmark, SetView, Viewpoint, ViewState
-from engine.colour import ToneMapping
-from engine.deform.pose import MAX_GROWTH, Deformation, Moment, largest_growth
-from engine.errors import InsituError, LoadError, describe_value
+from app.system.atomic import save_file
+from app.system.paths import full_path, written_path
+from engine.core.colour import ToneMapping
+from engine.core.errors import InsituError, LoadError, describe_value
+from engine.core.safe_files import read_regular_file, resolved
 from engine.material.bumps import Bumps, bump_parts, bumps_of_parts
 from engine.material.layer import object_of, place_of
 from engine.material.parameters import ParameterError
 from engine.plan_lines import PICTURE_LINES, LineValue, checked_bands, checked_line
 from engine.planner import N_PATCHES
-from engine.safe_files import read_regular_file, resolved
+from engine.realtime.zonal_harmonics.pose import MAX_GROWTH, Deformation, Moment, largest_growth
 from engine.scene.description import MAX_BOUNCES, MAX_OBJECTS, Camera, Name, Number, Pixels, Radiance, Text
 from engine.scene.surface_kinds import DeformSurface
 from engine.scene.toml_text import check_version, parse_toml_bytes, toml_lines, toml_value

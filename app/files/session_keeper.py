@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from app.document import Document
+from app.document.document import Document
+from app.document.view_state import ViewState
 from app.files.bookmarks import without_thumbnails
 from app.files.journal import Journal, Recovery
 from app.files.session import SUFFIX, KnownFile, write_session
-from app.view_state import ViewState
-from engine.errors import InsituError
+from engine.core.errors import InsituError
 
 
 class SessionStore:

@@ -14,7 +14,7 @@ they are made of from call to call.
 from app.interface.nodes import CameraNode, Curve, LayerNode, LightNode, ObjectNode
 from app.interface.scene import Scene
 from app.interface.scene import open_scene as open
+from engine.core.errors import InsituError as Error
 from engine.curve.operators import Operator
-from engine.errors import InsituError as Error
 
 __all__ = ["CameraNode", "Curve", "Error", "LayerNode", "LightNode", "ObjectNode", "Operator", "Scene", "open"]

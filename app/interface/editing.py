@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from app.commands import EditCommand
-from app.document import Document
-from app.history import History
-from app.project import read_measurements
-from app.view_state import Viewpoint
+from app.document.commands import EditCommand
+from app.document.document import Document
+from app.document.history import History
+from app.document.view_state import Viewpoint
+from app.project.project import read_measurements
 from engine.scene.description import Camera
 
 

@@ -1,7 +1,7 @@
 """What a scene is edited through: its objects, their layers and curves, the light and the camera.
 
 A node holds a path into the document and nothing else: reading one of its attributes asks the document, setting one
-carries out the command that the same path has in scripts and on the command line (`app.set_path`).
+carries out the command that the same path has in scripts and on the command line (`app.project.set_path`).
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import ValidationError
 
-from app.commands.curves import AddOperator, ResetCurve, SetOperators
-from app.document import EMISSION, LIGHT_FIELDS, MATERIAL, SWITCHES, TIME, Document, all_factors, resolve
+from app.document.commands.curves import AddOperator, ResetCurve, SetOperators
+from app.document.document import EMISSION, LIGHT_FIELDS, MATERIAL, SWITCHES, TIME, Document, all_factors, resolve
 from app.interface.editing import Editing
-from app.set_path import set_path
+from app.project.set_path import set_path
+from engine.core.errors import InsituError
 from engine.curve.operators import ALL_CHANNELS, HALF_PI, Channels, Edit, Operator, OperatorError
-from engine.deform.deformers import KINDS
-from engine.errors import InsituError
 from engine.material.bumps import bump_fields
 from engine.material.layer import Layer
 from engine.material.layer_maps import map_fields
+from engine.realtime.deformers import KINDS
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import Camera
 from engine.scene.surface_kinds import SURFACES
@@ -87,7 +87,7 @@ class ObjectNode(Node):
     >>> scene["teapot"].visible = False
     >>> scene["teapot"].shiny
     Traceback (most recent call last):
-    engine.errors.InsituError: there is no layer of teapot 'shiny'; there is: 0 (base), 1 (copper)
+    engine.core.errors.InsituError: there is no layer of teapot 'shiny'; there is: 0 (base), 1 (copper)
     """
 
     def __getitem__(self, layer: str | int) -> LayerNode:

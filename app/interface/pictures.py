@@ -7,19 +7,26 @@ from typing import Literal, get_args
 import numpy as np
 
 from app.interface.placement import Picture, PlacementPictures
-from app.project import Project
-from app.stills import chosen_bounces, layers_by_object, plan_still, prepared_deform, prepared_orbit, render_project
-from engine.deform.deform_engine import Deform
-from engine.errors import InsituError
-from engine.generators import run_to_end
-from engine.indirect.clamping import BRIGHTEST, clamp_radiance
-from engine.indirect.series import BounceSeries
-from engine.orbit.orbit_engine import Orbit
+from app.project.project import Project
+from app.stills.stills import (
+    chosen_bounces,
+    layers_by_object,
+    plan_still,
+    prepared_deform,
+    prepared_orbit,
+    render_project,
+)
+from engine.core.errors import InsituError
+from engine.core.generators import run_to_end
+from engine.precompute.direct.pipeline import Placement
+from engine.precompute.indirect.clamping import BRIGHTEST, clamp_radiance
+from engine.precompute.indirect.series import BounceSeries
+from engine.realtime.triple_product.orbit_engine import Orbit
+from engine.realtime.zonal_harmonics.deform_engine import Deform
 from engine.render.bounce_plan import planned_bounces
 from engine.render.error_estimate import estimate_drawn_errors
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import still_layers, with_maps
-from engine.transport.pipeline import Placement
 
 Mode = Literal["placement", "orbit", "deform", "paths"]
 MOST_BOUNCES = 16

@@ -21,17 +21,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.project import Project
-from app.stills import chosen_bounces
-from engine.generators import run_to_end
-from engine.indirect.clamping import BRIGHTEST, clamp_radiance
-from engine.indirect.indirect_light import IndirectLight
-from engine.indirect.representation import GatherPolynomial
-from engine.indirect.sampling_settings import STILL
-from engine.indirect.series import BounceSeries
+from app.project.project import Project
+from app.stills.stills import chosen_bounces
+from engine.core.generators import run_to_end
 from engine.material.layer import Layer, object_of
 from engine.material.layer_maps import Images
 from engine.planner import LayerPlan, Plan, plan_scene
+from engine.precompute.direct.bandstore import join_tiles
+from engine.precompute.direct.pipeline import Placement, Quality, SkyState
+from engine.precompute.direct.projection import LayerShape, VisibleLight, project_layer
+from engine.precompute.indirect.clamping import BRIGHTEST, clamp_radiance
+from engine.precompute.indirect.indirect_light import IndirectLight
+from engine.precompute.indirect.representation import GatherPolynomial
+from engine.precompute.indirect.sampling_settings import STILL
+from engine.precompute.indirect.series import BounceSeries
 from engine.render._layer_kernels import add_points
 from engine.render.bounce_plan import planned_bounces
 from engine.render.error_estimate import estimate_error
@@ -41,9 +44,6 @@ from engine.render.map_sampler import MapSampler, MapSamples
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import StillLayer, compose, curves_of, shape_of, still_quality, view_factors
 from engine.render.still_indirect import find_indirect, noise_in, reflected_light
-from engine.transport.bandstore import join_tiles
-from engine.transport.pipeline import Placement, Quality, SkyState
-from engine.transport.projection import LayerShape, VisibleLight, project_layer
 
 Picture = NDArray[np.float32]
 Key = tuple[Any, ...]

@@ -7,19 +7,19 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from app.document import Document
+from app.document.document import Document
+from app.document.sources import SESSION_ENDING, find_source, source_of
+from app.document.view_state import Viewpoint, ViewState
 from app.files.session import load_session, save_session
-from app.frame_sequence import own_camera
 from app.interface.editing import Editing
 from app.interface.nodes import CameraNode, LightNode, ObjectNode
 from app.interface.pictures import Mode, Pictures
 from app.interface.placement import Picture
-from app.machine.memory import require_memory_for
-from app.project import Project, open_project
-from app.sources import SESSION_ENDING, find_source, source_of
-from app.stills import ENDINGS, check_output, write_picture
-from app.view_state import Viewpoint, ViewState
-from engine.errors import InsituError
+from app.project.project import Project, open_project
+from app.stills.frame_sequence import own_camera
+from app.stills.stills import ENDINGS, check_output, write_picture
+from app.system.memory import require_memory_for
+from engine.core.errors import InsituError
 from engine.render.path_tracer import N_SAMPLES
 from engine.render.picture_error import ErrorEstimate
 from engine.render.picture_files import png_bytes

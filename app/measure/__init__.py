@@ -30,7 +30,6 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from app.machine.atomic import make_folder_of, require_place
 from app.measure.accuracy import REFERENCES, Errors, reference_errors, reference_folder
 from app.measure.api_edits import ApiEditEffort, api_edit_figures
 from app.measure.deform import DeformEffort, deform_figures
@@ -63,9 +62,10 @@ from app.measure.sweep import QUICK, Grid, SweepResult, largest_on_gpu, run_swee
 from app.measure.turning import TurningEffort, turning_errors, write_turning
 from app.measure.visibility import QUICKLY as VISIBILITY_QUICKLY
 from app.measure.visibility import VisibilityEffort, visibility_rows, write_visibility
-from engine.errors import InsituError
+from app.system.atomic import make_folder_of, require_place
+from engine.core.errors import InsituError
+from engine.precompute.direct.pipeline import FINAL, PREVIEW, Placement
 from engine.scene.builtin import DEFAULT_SCENE
-from engine.transport.pipeline import FINAL, PREVIEW, Placement
 
 __all__ = ["FULL", "PARTS", "QUICKLY", "Effort", "Part", "run"]
 

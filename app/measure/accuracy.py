@@ -12,14 +12,14 @@ from PIL import Image
 
 from app.measure.speed import ComputedLayer, Precomputed
 from app.measure.subject import Subject
+from engine.core.threads import on_threads
 from engine.light.environment import Environment
 from engine.light.radiance_files import read_radiance_image
 from engine.material.layer import Layer
+from engine.precompute.direct.pipeline import Placement
 from engine.render.integrator import integrate_direct
 from engine.render.still import compose
 from engine.scene.primary_hits import PrimaryHits
-from engine.threads import on_threads
-from engine.transport.pipeline import Placement
 
 CLAMP_PERCENTILE = 99.9
 ORACLE_PATCHES = 1024

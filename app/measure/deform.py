@@ -18,24 +18,24 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.lazy_import import qualified
 from app.measure.figures import Figure, NotMeasured, not_measured
 from app.measure.launches import run_program
-from engine.deform.bending_points import BendingPoints, bending_points
-from engine.deform.deform_engine import N_LOBES, ORDER, Deform, band_light_of, finish_deform
-from engine.deform.fit_errors import MESH, fit_errors, random_vectors, shadowed_mesh
-from engine.deform.pose import Deformation, deform
-from engine.deform.shading import Lobes, lobes, shade
-from engine.deform.transfer import N_RAYS, TransferPoints, rotate_transfer, simulate_shadows
-from engine.deform.zonal import fit
-from engine.generators import run_to_end
+from app.system.lazy_import import qualified
+from engine.core.generators import run_to_end
 from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
+from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.zonal_harmonics.bending_points import BendingPoints, bending_points
+from engine.realtime.zonal_harmonics.deform_engine import N_LOBES, ORDER, Deform, band_light_of, finish_deform
+from engine.realtime.zonal_harmonics.fit_errors import MESH, fit_errors, random_vectors, shadowed_mesh
+from engine.realtime.zonal_harmonics.pose import Deformation, deform
+from engine.realtime.zonal_harmonics.shading import Lobes, lobes, shade
+from engine.realtime.zonal_harmonics.transfer import N_RAYS, TransferPoints, rotate_transfer, simulate_shadows
+from engine.realtime.zonal_harmonics.zonal import fit
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.surface_points import surface_points
-from engine.transport.pipeline import SkyState
 
 Float64Array = NDArray[np.float64]
 

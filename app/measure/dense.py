@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.measure.multisets import NONE, Multisets
-from engine.errors import InsituError
-from engine.generators import run_to_end
-from engine.indirect.indirect_layers import IndirectLayer, albedos_of
-from engine.indirect.indirect_light import IndirectLight
-from engine.indirect.irradiance import NO_OBJECT, CacheLight, bounce_radiosity
-from engine.indirect.reflection import OutgoingRadiance
-from engine.indirect.representation import Freezing, FrozenLight, SelectedCurve
+from engine.core.errors import InsituError
+from engine.core.generators import run_to_end
+from engine.precompute.indirect.indirect_layers import IndirectLayer, albedos_of
+from engine.precompute.indirect.indirect_light import IndirectLight
+from engine.precompute.indirect.irradiance import NO_OBJECT, CacheLight, bounce_radiosity
+from engine.precompute.indirect.reflection import OutgoingRadiance
+from engine.precompute.indirect.representation import Freezing, FrozenLight, SelectedCurve
 
 
 class DenseTensor:

@@ -22,13 +22,13 @@ from app.measure.accuracy import CLAMP_PERCENTILE, reference_folder
 from app.measure.figures import Figure, not_measured
 from app.measure.speed import precompute_on
 from app.measure.subject import Subject
-from app.project import Project, open_project
-from app.stills import layers_by_object, plan_still, render_picture
-from engine.generators import run_to_end
-from engine.indirect.series import BounceSeries
+from app.project.project import Project, open_project
+from app.stills.stills import layers_by_object, plan_still, render_picture
+from engine.core.generators import run_to_end
+from engine.precompute.direct.pipeline import FINAL, Placement
+from engine.precompute.indirect.series import BounceSeries
 from engine.render.path_tracer import trace_halves
 from engine.render.still import compose
-from engine.transport.pipeline import FINAL, Placement
 
 SCENES = ("teatray", "bunny")
 _SEED = 7

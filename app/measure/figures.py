@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from app.machine.atomic import save_file
-from engine.errors import InsituError
+from app.system.atomic import save_file
+from engine.core.errors import InsituError
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """The front of each mode: which settings of its knobs no other beats in error and time both.
 
-    python -m app.measure.front [FILE]        writes the table that the slider reads (`app.pareto_front`)
+    python -m app.measure.front [FILE]        writes the table that the slider reads (`app.document.pareto_front`)
 
 Errors are by the picture's own judgement (`engine.render.error_estimate`), by the same looks at the truth; seconds are
 of the processor, from an opened scene to the picture, all bounces of the scene included. Placement: lights, patches and
@@ -21,21 +21,21 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from app.document.pareto_front import FRONT_FILE, FrontPoint, format_front
 from app.measure.knobs_deform import Bench, DeformKnobs
 from app.measure.machine import machine_facts
-from app.pareto_front import FRONT_FILE, FrontPoint, format_front
-from app.project import Project, open_project, with_edges
-from app.stills import layers_by_object, plan_still, still_quality
-from engine.deform.deform_engine import N_POINTS
-from engine.generators import run_to_end
-from engine.indirect.sampling_settings import FINE
-from engine.indirect.series import BounceSeries
-from engine.orbit.orbit_engine import Orbit
+from app.project.project import Project, open_project, with_edges
+from app.stills.stills import layers_by_object, plan_still, still_quality
+from engine.core.generators import run_to_end
+from engine.precompute.direct.pipeline import Placement, Quality
+from engine.precompute.indirect.sampling_settings import FINE
+from engine.precompute.indirect.series import BounceSeries
+from engine.realtime.triple_product.orbit_engine import Orbit
+from engine.realtime.zonal_harmonics.deform_engine import N_POINTS
 from engine.render.bounce_plan import planned_bounces
 from engine.render.error_estimate import estimate_drawn_errors, estimate_point_errors
 from engine.render.still import StillLayer, reflect_layers, still_layers, with_maps
 from engine.render.still_indirect import indirect_radiance
-from engine.transport.pipeline import Placement, Quality
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from app.measure.accuracy import Errors, errors
 from app.measure.figures import Figure, not_measured
-from app.project import Project, open_project
-from app.stills import render_picture
-from engine.indirect.series import BounceSeries
-from engine.transport.pipeline import Placement
+from app.project.project import Project, open_project
+from app.stills.stills import render_picture
+from engine.precompute.direct.pipeline import Placement
+from engine.precompute.indirect.series import BounceSeries
 
 ROOM = "storeroom"
 HEIGHT, WINDOW = 256, (48, 40)

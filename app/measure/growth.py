@@ -14,16 +14,16 @@ from pathlib import Path
 
 import numpy as np
 
-from app.document import document_from_description
-from app.jobs.indirect_tasks import IndirectTasks
-from app.machine.atomic import save_file
+from app.document.document import document_from_description
 from app.measure.figures import Figure
 from app.measure.subject import at_most, open_subject
-from app.placement.curves import Curves
-from app.placement.placement_messages import FreezeIndirect, IndirectFrozen
-from app.sky import sky_of
+from app.modes.placement.curves import Curves
+from app.modes.placement.placement_messages import FreezeIndirect, IndirectFrozen
+from app.project.sky import sky_of
+from app.system.atomic import save_file
+from app.worker.indirect_tasks import IndirectTasks
+from engine.precompute.direct.pipeline import Placement
 from engine.scene.scene_loader import Scene
-from engine.transport.pipeline import Placement
 
 FIGURE = "gi_memory_growth"
 SOURCE, N_BOUNCES = "cornell", 4

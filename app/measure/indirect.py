@@ -20,10 +20,10 @@ from app.measure.representations import CSV as REPRESENTATIONS_CSV
 from app.measure.representations import representation_rows
 from app.measure.representations import write_rows as write_representations
 from app.measure.subject import at_most, open_subject
-from app.project import open_project, with_edges
-from app.stills import render_picture
-from engine.indirect.series import parse_series
-from engine.transport.pipeline import Placement
+from app.project.project import open_project, with_edges
+from app.stills.stills import render_picture
+from engine.precompute.direct.pipeline import Placement
+from engine.precompute.indirect.series import parse_series
 
 CSV = "indirect_memory.csv"
 OF_CORNELL = ("gi_edit_ms", "gi_memory_mb_cornell", "gi_first_s", "gi_first_error")

@@ -10,12 +10,12 @@ from typing import Any
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
-from app.machine.atomic import save_file
 from app.measure.knobs import CSV, FRONT, KnobRow, knobs_of
 from app.measure.markdown import table
 from app.measure.plots import FRONT as FRONT_COLOUR
 from app.measure.plots import INK, save_figure
 from app.measure.ticks import read_well
+from app.system.atomic import save_file
 
 REPORT = "report.md"
 TITLES = {"placement": "Placement", "orbit": "Orbit", "deform": "Deform"}

@@ -15,7 +15,7 @@ from app.measure.knobs_orbit import OrbitKnobs, orbit_knobs
 from app.measure.knobs_placement import PlacementKnobs, placement_knobs
 from app.measure.machine import load_average, machine_facts
 from app.measure.subject import at_most, open_subject
-from app.project import open_project
+from app.project.project import open_project
 
 
 @dataclass(frozen=True)

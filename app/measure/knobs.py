@@ -24,8 +24,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from app.machine.atomic import save_file
 from app.measure.accuracy import errors
+from app.system.atomic import save_file
 
 KnobMode = Literal["placement", "orbit", "deform"]
 CSV, FRONT = "knobs.csv", "front.json"

@@ -15,16 +15,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from app.document.view_state import ViewState
 from app.measure.accuracy import errors
 from app.measure.deform import BEND, relief, varied_sky
 from app.measure.knobs import Knob, Shown
 from app.measure.sweep import MIB
-from app.view_state import ViewState
-from engine.deform.bending_points import bending_points
-from engine.deform.deform_engine import N_LOBES, ORDER
-from engine.deform.pose import deform
-from engine.deform.shading import band_light, lobes, shade
-from engine.deform.transfer import (
+from engine.core.generators import run_to_end
+from engine.light.environment import triangle_integrals
+from engine.realtime.zonal_harmonics.bending_points import bending_points
+from engine.realtime.zonal_harmonics.deform_engine import N_LOBES, ORDER
+from engine.realtime.zonal_harmonics.pose import deform
+from engine.realtime.zonal_harmonics.shading import band_light, lobes, shade
+from engine.realtime.zonal_harmonics.transfer import (
     N_RAYS,
     TransferPoints,
     cosine_directions,
@@ -32,9 +34,7 @@ from engine.deform.transfer import (
     rotate_transfer,
     simulate_shadows,
 )
-from engine.deform.zonal import MAX_LOBES, fit
-from engine.generators import run_to_end
-from engine.light.environment import triangle_integrals
+from engine.realtime.zonal_harmonics.zonal import MAX_LOBES, fit
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points
 from engine.sphere.harmonics import project

@@ -21,12 +21,12 @@ from app.measure.orbit import _inner_rows, _layers_of, _wait
 from app.measure.subject import Subject
 from app.measure.sweep import MIB
 from app.measure.truncation import Float64Array, direct_factors
-from app.project import Project
-from engine.orbit.orbit_engine import N_COEFFICIENTS, N_POINTS, Orbit
-from engine.orbit.view_radiance import N_MOVING, Quality
+from app.project.project import Project
+from engine.core.stored_arrays import Arrays
+from engine.precompute.direct.pipeline import Placement
+from engine.realtime.triple_product.orbit_engine import N_COEFFICIENTS, N_POINTS, Orbit
+from engine.realtime.triple_product.view_radiance import N_MOVING, Quality
 from engine.sphere.haar import Rule, forward, inverse, select_coefficients
-from engine.stored_arrays import Arrays
-from engine.transport.pipeline import Placement
 
 SELECTIONS: dict[str, Rule] = {"adaptive, by size": "size", "adaptive, by energy": "energy", "top only": "top"}
 WHOLE = "single precision"

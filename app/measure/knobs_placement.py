@@ -23,18 +23,18 @@ from app.measure.speed import ComputedLayer, Precomputed, precompute_on, visibil
 from app.measure.subject import Subject
 from app.measure.sweep import BYTES, EDIT, MIB, PRECISIONS, edited_layer, gpu_planes, largest_on_gpu
 from app.measure.turning import Way, spent
-from app.project import Project, open_project
-from app.stills import layers_by_object, plan_still
+from app.project.project import Project, open_project
+from app.stills.stills import layers_by_object, plan_still
+from engine.core.generators import run_to_end
 from engine.curve.operators import Operator
 from engine.curve.wavelet import forward
-from engine.generators import run_to_end
-from engine.indirect.sampling_settings import FINE, ROUGH, STILL, SamplingSettings
-from engine.indirect.series import BounceSeries, parse_series
 from engine.material.layer import Layer
+from engine.precompute.direct.pipeline import FINAL, Placement, Quality
+from engine.precompute.indirect.sampling_settings import FINE, ROUGH, STILL, SamplingSettings
+from engine.precompute.indirect.series import BounceSeries, parse_series
 from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, still_layers, with_maps
 from engine.render.still_indirect import indirect_radiance
-from engine.transport.pipeline import FINAL, Placement, Quality
 from engine.visibility.point_visibility import brute_force_visibility
 from engine.visibility.targets import VISIBILITY_LEVEL
 from engine.visibility.thesis_variants import variant_visibility, voronoi_targets

@@ -22,9 +22,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from app.lazy_import import IMPORT_FOLDER, qualified
-from app.machine.system import kill_group
 from app.measure.figures import NotMeasured
+from app.system.lazy_import import IMPORT_FOLDER, qualified
+from app.system.system import kill_group
 
 Milestone = Literal["first_frame", "scene", "first_layer", "first_picture", "exact"]
 RENDERER = "ui.measure_gl"

@@ -11,8 +11,8 @@ from typing import Any
 
 import psutil
 
-from app.machine.memory import memory_bytes
-from engine.threads import n_cores
+from app.system.memory import memory_bytes
+from engine.core.threads import n_cores
 
 PACKAGES = ("numpy", "scipy", "numba", "embreex", "OpenEXR", "moderngl", "glfw", "imgui-bundle")
 

@@ -19,14 +19,14 @@ from app.measure.accuracy import errors, reference_folder
 from app.measure.figures import Figure, NotMeasured, not_measured
 from app.measure.launches import measure_orbit
 from app.measure.truncation import Truncated, truncation_errors, write_truncation
-from app.project import Project, open_project
+from app.project.project import Project, open_project
 from engine.light.environment import Environment
 from engine.material.layer import Layer
-from engine.orbit.orbit_engine import N_POINTS, Orbit
+from engine.precompute.direct.pipeline import Placement, SkyState
+from engine.realtime.triple_product.orbit_engine import N_POINTS, Orbit
 from engine.render.integrator import integrate_direct
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.primary_hits import PrimaryHits
-from engine.transport.pipeline import Placement, SkyState
 
 JUDGED, SCENE = ("teatray", "bunny"), "rings"
 N_NAMED = 320

@@ -28,11 +28,11 @@ from numpy.typing import NDArray
 from app.measure.accuracy import CLAMP_PERCENTILE, errors, reference_folder
 from app.measure.figures import Figure, NotMeasured, not_measured
 from app.measure.launches import run_program
-from app.project import Project, open_project
-from app.stills import render_picture
-from engine.indirect.series import parse_series
+from app.project.project import Project, open_project
+from app.stills.stills import render_picture
+from engine.precompute.direct.pipeline import Placement
+from engine.precompute.indirect.series import parse_series
 from engine.scene.primary_hits import PrimaryHits
-from engine.transport.pipeline import Placement
 
 VARIABLE = "INSITU_PEER_PYTHON"
 PROGRAM = Path(__file__).with_name("peer_program.py")

@@ -23,12 +23,12 @@ from pathlib import Path
 import numpy as np
 
 from app.cli.planning import plan_project
-from app.jobs.cache import CACHE_VARIABLE, ArrayCache
-from app.lazy_import import qualified
-from app.machine.atomic import save_file
 from app.measure.accuracy import REFERENCES, reference_folder
-from app.project import ProjectSpec, open_project
-from engine.errors import InsituError
+from app.project.project import ProjectSpec, open_project
+from app.system.atomic import save_file
+from app.system.lazy_import import qualified
+from app.worker.cache import CACHE_VARIABLE, ArrayCache
+from engine.core.errors import InsituError
 from engine.planner import Plan
 from engine.scene.builtin import builtin_scenes
 
@@ -208,7 +208,7 @@ def main(said: str) -> None:
     from app.cli.precompute import fill
 
     words, n_lights = json.loads(said)
-    words |= {name: tuple(map(tuple, words[name])) for name in ("values", "overrules")}
+    words |= {name: tuple(map(tuple, words[name])) for name in ("values", "overrides")}
     words["resolution"] = words["resolution"] and tuple(words["resolution"])
     project = ProjectSpec(**words).open()
     started = time.process_time()

@@ -14,10 +14,10 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from app.machine.atomic import save_file
 from app.measure.knobs import pareto_front
 from app.measure.sweep import SweepRow
 from app.measure.ticks import read_well
+from app.system.atomic import save_file
 
 SIZE = (8.0, 5.0)
 DPI = 150

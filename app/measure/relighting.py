@@ -15,18 +15,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document import document_from_description
-from app.jobs.cache import ArrayCache
-from app.jobs.dispatcher import RequestDispatcher
-from app.jobs.in_process import InProcessClient
+from app.document.document import document_from_description
+from app.document.scene_state import SceneState, layer_state, scene_state
 from app.measure.accuracy import errors
 from app.measure.figures import Figure, NotMeasured, not_measured
-from app.messages import OpenScene, Request, RequestFailed, Response, SetCamera
-from app.placement.placement_messages import ComputeTransport, LayerPicture, PrepareRelighting, RelightingPrepared
-from app.project import open_project
-from app.scene_state import SceneState, layer_state, scene_state
+from app.messages.worker_messages import OpenScene, Request, RequestFailed, Response, SetCamera
+from app.modes.placement.placement_messages import ComputeTransport, LayerPicture, PrepareRelighting, RelightingPrepared
+from app.project.project import open_project
+from app.worker.cache import ArrayCache
+from app.worker.dispatcher import RequestDispatcher
+from app.worker.in_process import InProcessClient
 from engine.planner import RenderSettings, band_counts
-from engine.transport.pipeline import FINAL, PREVIEW
+from engine.precompute.direct.pipeline import FINAL, PREVIEW
 
 NAMES = ("turn_error", "turn_cpu_s", "relight_rows_s")
 SCENE = "teatray"

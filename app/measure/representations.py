@@ -19,23 +19,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document import document_from_description
-from app.machine.atomic import save_file
+from app.document.document import document_from_description
 from app.measure.dense import DenseTensor
 from app.measure.growth import SOURCE, cut
 from app.measure.knobs import Knob, Shown
 from app.measure.subject import at_most, open_subject
-from app.sky import sky_of
-from engine.generators import run_to_end
-from engine.indirect.indirect_layers import IndirectLayer, diffuse_slant, indirect_layer
-from engine.indirect.indirect_light import IndirectLight
-from engine.indirect.representation import FrozenLight, GatherPolynomial, Representation, SelectedCurve
-from engine.indirect.sampling_settings import ROUGH, SamplingSettings
-from engine.indirect.solver import Solver
+from app.project.sky import sky_of
+from app.system.atomic import save_file
+from engine.core.generators import run_to_end
 from engine.material import MODELS
 from engine.material.layer import make_layer
+from engine.precompute.direct.pipeline import Placement
+from engine.precompute.indirect.indirect_layers import IndirectLayer, diffuse_slant, indirect_layer
+from engine.precompute.indirect.indirect_light import IndirectLight
+from engine.precompute.indirect.representation import FrozenLight, GatherPolynomial, Representation, SelectedCurve
+from engine.precompute.indirect.sampling_settings import ROUGH, SamplingSettings
+from engine.precompute.indirect.solver import Solver
 from engine.scene.scene_loader import Scene
-from engine.transport.pipeline import Placement
 
 CSV = "indirect_representations.csv"
 MODEL, N_BANDS = "phong", 64

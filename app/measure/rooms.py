@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from app.measure.accuracy import Errors, errors
 from app.measure.figures import Figure, not_measured
-from app.project import Project, open_project, with_edges
-from app.stills import render_picture
-from engine.indirect.series import BounceSeries
-from engine.transport.pipeline import Placement
+from app.project.project import Project, open_project, with_edges
+from app.stills.stills import render_picture
+from engine.precompute.direct.pipeline import Placement
+from engine.precompute.indirect.series import BounceSeries
 
 BLOCK = 8
 # Of the picture's mean: in what is darker, a blotch is seen against this.

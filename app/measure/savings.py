@@ -18,20 +18,20 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.machine.atomic import save_file
-from app.project import Project, open_project
-from app.stills import plan_still
-from engine.generators import run_to_end
-from engine.indirect.sampling_settings import FINE
-from engine.indirect.series import BounceSeries
+from app.project.project import Project, open_project
+from app.stills.stills import plan_still
+from app.system.atomic import save_file
+from engine.core.generators import run_to_end
 from engine.planner import MOST_BANDS, Plan
+from engine.precompute.direct.pipeline import Placement
+from engine.precompute.indirect.sampling_settings import FINE
+from engine.precompute.indirect.series import BounceSeries
 from engine.render.bounce_plan import MOST_PLANNED, planned_bounces
 from engine.render.error_estimate import compare_errors
 from engine.render.light_pilot import with_light_budget
 from engine.render.still import StillLayer, reflect_layers, still_layers, still_quality, with_maps
 from engine.render.still_indirect import find_indirect, reflected_light
 from engine.scene.builtin import builtin_scenes
-from engine.transport.pipeline import Placement
 
 # Of pictures that are compared, and of those that only have kernels read.
 N_PIXELS, KERNEL_PIXELS = 120_000, 2000

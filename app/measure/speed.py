@@ -18,12 +18,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.measure.subject import Subject, layer_bands, layer_shape
-from engine.generators import run_to_end
+from engine.core.generators import run_to_end
 from engine.material.layer import Layer
+from engine.precompute.direct.bandstore import BandStore, join_tiles
+from engine.precompute.direct.pipeline import Placement, Quality
+from engine.precompute.direct.projection import VisibleLight, project_layer
 from engine.scene.primary_hits import PrimaryHits
-from engine.transport.bandstore import BandStore, join_tiles
-from engine.transport.pipeline import Placement, Quality
-from engine.transport.projection import VisibleLight, project_layer
 from engine.visibility.coherent_grid import coherent_visibility
 from engine.visibility.point_visibility import brute_force_visibility, empty_visibility, evaluate_rows
 from engine.visibility.targets import VISIBILITY_LEVEL, sphere_targets

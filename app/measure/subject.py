@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from app.document import Document
-from app.project import open_project
+from app.document.document import Document
+from app.project.project import open_project
 from engine.material.layer import Layer
 from engine.planner import band_counts, bands_for_sharpest
+from engine.precompute.direct.pipeline import SkyState
+from engine.precompute.direct.projection import LayerShape
 from engine.scene.scene_loader import Scene
-from engine.transport.pipeline import SkyState
-from engine.transport.projection import LayerShape
 
 Bands = dict[str, int]
 

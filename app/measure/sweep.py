@@ -2,7 +2,7 @@
 
 Precomputation: lights × bands × half or float, with coherent visibility; at the planned bands also with visibility by
 brute force, and with the rays of the cut alone. The seconds of a row are those of shadows, light and projection, from
-nothing. Half floats are what the GPU holds (`engine.transport.planes`), contracted here as the GPU would.
+nothing. Half floats are what the GPU holds (`engine.precompute.direct.planes`), contracted here as the GPU would.
 
 Editing: K wavelets in one frame after an edit of the whole curve. The error is that of the picture the frame shows,
 against the oracle of the edited material; the seconds are those of the frame on this machine's renderer.
@@ -24,17 +24,17 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from app.machine.atomic import save_file
 from app.measure.accuracy import Errors, errors, layer_coefficients, oracle, random_rows, reflected, seen_scale
 from app.measure.knobs import pareto_front
 from app.measure.speed import ComputedLayer, Precomputed, precompute_on, visibility_seconds
 from app.measure.subject import Subject
+from app.system.atomic import save_file
 from engine.curve.operators import HALF_PI, Operator
 from engine.curve.wavelet import forward
 from engine.material.layer import Layer
 from engine.planner import Precision
-from engine.transport.pipeline import FINAL, Placement
-from engine.transport.planes import curve_planes
+from engine.precompute.direct.pipeline import FINAL, Placement
+from engine.precompute.direct.planes import curve_planes
 from engine.visibility.point_visibility import brute_force_visibility
 
 Shadows = Literal["coherent", "brute", "cut"]

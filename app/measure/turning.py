@@ -3,8 +3,8 @@
 Three ways to spend them: *anew*, the n that count most; *incremented*, the n whose changes count most, added to the
 frame before [eq. 7.4]; *by bands*, where each level of the wavelets is given up and begun anew in the frames in which
 what it holds is farther from the light than nothing is. Beside them the rows that Placement keeps, whose terms each
-pixel chooses for itself (`engine.transport.relight`). What counts is the size of a coefficient times the RMS of what
-pixels reflect of it. docs/relighting.md has what came of it.
+pixel chooses for itself (`engine.precompute.direct.relight`). What counts is the size of a coefficient times the RMS of
+what pixels reflect of it. docs/relighting.md has what came of it.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from app.machine.atomic import save_file
-from app.project import Project, open_project
-from engine.generators import run_to_end
+from app.project.project import Project, open_project
+from app.system.atomic import save_file
+from engine.core.generators import run_to_end
 from engine.material.layer import Layer
+from engine.precompute.direct.pipeline import FINAL, Placement
+from engine.precompute.direct.relight import MEAN_TERMS, RowMaker, light_coefficients, turning_effects
 from engine.sphere.haar import levels_of_coefficients
-from engine.transport.pipeline import FINAL, Placement
-from engine.transport.relight import MEAN_TERMS, RowMaker, light_coefficients, turning_effects
 from engine.visibility.targets import VISIBILITY_LEVEL
 
 Way = Literal["anew", "incremented", "by bands"]

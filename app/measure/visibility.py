@@ -24,11 +24,11 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
-from app.machine.atomic import save_file
 from app.measure.accuracy import reference_folder
 from app.measure.markdown import table
 from app.measure.plots import save_figure
-from app.project import Project, open_project
+from app.project.project import Project, open_project
+from app.system.atomic import save_file
 from engine.light.triangle_lights import cut_lights
 from engine.scene.primary_hits import PrimaryHits, trace_primary
 from engine.scene.raycaster import Intersections, RayCaster

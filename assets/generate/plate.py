@@ -8,7 +8,7 @@ out so. The table is a primitive with its own texture coordinates, the oak repea
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.colour import encode_srgb
+from engine.core.colour import encode_srgb
 
 from .mesh import Floats, Mesh, moved, with_coordinates
 from .surfaces import carried, circle, rounded_profile

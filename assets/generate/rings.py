@@ -4,7 +4,7 @@ around. Each ring is a lobed rope that turns about itself on its way: 25,000 ver
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.colour import encode_srgb
+from engine.core.colour import encode_srgb
 
 from .mesh import Floats, Mesh, axis_rotation, moved, transformed
 from .surfaces import carried, circle, panel, parametric, rounded_profile

@@ -13,9 +13,9 @@ import numpy as np
 from PIL import Image
 
 from app.measure.subject import at_most, open_subject
-from app.project import open_project
-from app.stills import render_picture
-from engine.indirect.series import BounceSeries
+from app.project.project import open_project
+from app.stills.stills import render_picture
+from engine.precompute.indirect.series import BounceSeries
 from engine.render.display import display_picture
 
 SCENES = ("cornell", "vase", "room", "ring")

@@ -14,19 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from app.commands import SetTime
-from app.project import Project, open_project
-from app.stills import layers_by_object
+from app.document.commands import SetTime
+from app.project.project import Project, open_project
+from app.stills.stills import layers_by_object
 from assets.scripts.bounces import save
-from engine.deform.deform_engine import Deform, finish_deform
-from engine.deform.pose import Deformation, Poses
-from engine.deform.posed_scene import pose_scene
-from engine.generators import run_to_end
-from engine.indirect.clamping import BRIGHTEST, clamp_radiance
+from engine.core.generators import run_to_end
+from engine.precompute.direct.pipeline import Placement
+from engine.precompute.indirect.clamping import BRIGHTEST, clamp_radiance
+from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
+from engine.realtime.zonal_harmonics.pose import Deformation, Poses
+from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.render.display import display_picture
 from engine.render.path_tracer import render_paths
 from engine.scene.surface_kinds import NO_SURFACE, DeformSurface, SurfacesByObject
-from engine.transport.pipeline import Placement
 
 N_RAYS, N_POINTS = 800, 5000
 SIZE, SMALL = (256, 256), (320, 240)

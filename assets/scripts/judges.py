@@ -11,9 +11,9 @@ from pathlib import Path
 
 from app.measure.gloss import BALLS, ball_in_view
 from app.measure.rooms import ROOMS
-from app.project import Project, open_project
-from app.stills import render_picture, write_picture
-from engine.indirect.series import BounceSeries
+from app.project.project import Project, open_project
+from app.stills.stills import render_picture, write_picture
+from engine.precompute.indirect.series import BounceSeries
 from engine.render.still import StillProgress
 
 RESOLUTION = 48, 36

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from app.project import Project, open_project
+from app.project.project import Project, open_project
 from assets.scripts.bounces import GAP
 from engine.material.layer import Layer
-from engine.orbit.orbit_engine import N_COEFFICIENTS, Orbit
-from engine.orbit.view_radiance import Quality
+from engine.realtime.triple_product.orbit_engine import N_COEFFICIENTS, Orbit
+from engine.realtime.triple_product.view_radiance import Quality
 from engine.render.display import display_picture
 from engine.scene.builtin import builtin_environments, builtin_scenes, scene_path
 

@@ -23,8 +23,8 @@ from app.measure.accuracy import reference_folder
 from app.measure.figures import NotMeasured
 from app.measure.launches import run_program
 from app.measure.peer import Stills, inner_pixels, peer_python, render_stills
-from app.project import open_project
-from engine.transport.pipeline import Placement
+from app.project.project import open_project
+from engine.precompute.direct.pipeline import Placement
 
 LONGEST_SECONDS = 3000.0
 REPETITIONS = 3

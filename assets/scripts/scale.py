@@ -112,18 +112,18 @@ def _most_memory() -> int:
 
 def measure(folder: Path, resolution: tuple[int, int] = RESOLUTION) -> dict[str, Any]:
     """One view of the scene in a folder, after a small one that has its kernels loaded."""
-    from app.machine.kernel_cache import use_kernel_cache
+    from app.system.kernel_cache import use_kernel_cache
 
     use_kernel_cache()
-    from app.project import open_project
-    from app.stills import plan_still, render_picture
-    from engine.generators import run_to_end
-    from engine.indirect.series import BounceSeries
+    from app.project.project import open_project
+    from app.stills.stills import plan_still, render_picture
+    from engine.core.generators import run_to_end
+    from engine.precompute.direct.pipeline import Placement
+    from engine.precompute.direct.projection import project_layer
+    from engine.precompute.indirect.series import BounceSeries
     from engine.render.still import shape_of, still_layers, still_quality, with_maps
     from engine.render.still_indirect import indirect_radiance
     from engine.scene.raycaster import RayCaster
-    from engine.transport.pipeline import Placement
-    from engine.transport.projection import project_layer
 
     small = open_project(str(folder / "small.toml"))
     render_picture(small, lambda step: None, series=BounceSeries(2))

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.errors import InsituError
+from engine.core.errors import InsituError
 
 Array = NDArray[Any]
 

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from engine.core.threads import even_parts, on_threads
 from engine.light.environment import LUMINANCE
-from engine.threads import even_parts, on_threads
 
 # Of a patch's samples in the R2 sequence, the plane's evenest [Roberts18]: no two beside one another are alike.
 R2 = np.array([0.7548776662466927, 0.5698402909980532])

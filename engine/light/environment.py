@@ -23,11 +23,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from engine.colour import encode_srgb
-from engine.errors import LoadError
+from engine.core.colour import encode_srgb
+from engine.core.errors import LoadError
+from engine.core.threads import even_parts, on_threads
 from engine.light.radiance_files import read_radiance_image
 from engine.light.resampling import area_average
-from engine.threads import even_parts, on_threads
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Rec. 709 luminance weights."""

@@ -24,9 +24,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.threads import even_parts, on_threads
 from engine.light import _kernels
 from engine.sphere.geodesic import geodesic
-from engine.threads import even_parts, on_threads
 
 
 def integrate_over_triangles(

@@ -19,7 +19,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
 from engine.material import kinds
 from engine.material.parameters import Parameter, ParameterError, Value
 

@@ -10,7 +10,7 @@ from typing import Literal, cast
 
 import numpy as np
 
-from engine.errors import InsituError
+from engine.core.errors import InsituError
 from engine.measured.measurement import Measurement
 
 Value = float | tuple[float, float, float] | str | Measurement

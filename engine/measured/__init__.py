@@ -11,7 +11,7 @@ tabulated and interpolated were rejected: times curves they would be it at the g
 memory.
 
 Direct light has a quotient for each colour. Indirect light has the directions of one for all, weighted by what each
-reflects, the colours of the curves, and in each colour the energy of its own quotient (`engine.indirect.albedo`):
-equivalent albedos of two measured materials, of two layers and of one, are within 0.6 % of integrals of the data, where
-the quotient for all was up to 20 % off.
+reflects, the colours of the curves, and in each colour the energy of its own quotient
+(`engine.precompute.indirect.albedo`): equivalent albedos of two measured materials, of two layers and of one, are
+within 0.6 % of integrals of the data, where the quotient for all was up to 20 % off.
 """

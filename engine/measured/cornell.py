@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
+from engine.core.safe_files import read_regular_file
 from engine.measured.spectrum import rgb_weights
-from engine.safe_files import read_regular_file
 
 SUFFIX = ".brdf"
 MAX_BYTES = 64 * 2**20

@@ -17,7 +17,8 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.errors import InsituError, LoadError
+from engine.core.errors import InsituError, LoadError
+from engine.core.stored_arrays import ArrayReader, Arrays
 from engine.measured.coordinates import N_NODES, SHAPE
 from engine.measured.cornell import SUFFIX as CORNELL
 from engine.measured.cornell import read_cornell, scattered_samples
@@ -27,7 +28,6 @@ from engine.measured.measurement import CURVES, ENDINGS, FitReport, Measurement
 from engine.measured.merl import merl_samples, read_merl
 from engine.measured.scattered_fit import METHOD as SCATTERED_METHOD
 from engine.measured.scattered_fit import fit_scattered
-from engine.stored_arrays import ArrayReader, Arrays
 
 Made = TypeVar("Made")
 # Raised when anything changes what is made of a file.
@@ -37,7 +37,7 @@ Steps = Generator[tuple[float, str], None, Measurement]
 
 
 class ArrayStore(Protocol):
-    """Arrays kept on disk by key, such as `app.jobs.cache.ArrayCache`."""
+    """Arrays kept on disk by key, such as `app.worker.cache.ArrayCache`."""
 
     def get(self, key: str, read: Callable[[Arrays], Made]) -> Made | None: ...
 

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect.albedo import equivalent_albedo
 from engine.material.layer import Layer
 from engine.planner import usual_bands
+from engine.precompute.direct.pipeline import Placement
+from engine.precompute.indirect.albedo import equivalent_albedo
 from engine.render.map_sampler import mean_factor
 from engine.scene.primary_hits import object_ids, shading_frames
 from engine.scene.scene_loader import Scene
-from engine.transport.pipeline import Placement
 
 TOLERANCE = 0.005
 MOST_PLANNED = 4

@@ -13,19 +13,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from engine.generators import map_steps, run_to_end
-from engine.indirect.sampling_settings import FINE
+from engine.core.generators import map_steps, run_to_end
+from engine.core.threads import n_threads, on_threads
 from engine.light.triangle_lights import cut_lights
 from engine.planner import Cost, Plan
+from engine.precompute.direct.fixed_picture import BYTES_A_POINT
+from engine.precompute.direct.lighting import prepare_lighting
+from engine.precompute.direct.near_leaves import near_leaves
+from engine.precompute.direct.pipeline import Placement, Quality, SkyState
+from engine.precompute.direct.projection import LayerShape, VisibleLight, project_points
+from engine.precompute.indirect.sampling_settings import FINE
 from engine.render.indirect_pilot import IndirectCost, indirect_cost
 from engine.render.still import StillLayer, StillProgress, by_object, still_quality
 from engine.render.still_indirect import direct_mean, indirect_layers, models_of
-from engine.threads import n_threads, on_threads
-from engine.transport.fixed_picture import BYTES_A_POINT
-from engine.transport.lighting import prepare_lighting
-from engine.transport.near_leaves import near_leaves
-from engine.transport.pipeline import Placement, Quality, SkyState
-from engine.transport.projection import LayerShape, VisibleLight, project_points
 from engine.visibility.coherent_grid import COARSEST_STEP
 from engine.visibility.point_visibility import empty_visibility, evaluate_rows
 

@@ -1,14 +1,14 @@
 """From linear radiance to the screen's values, in whichever view: pictures in files, as the window shows them.
 
 Exposure in stops, then the view: Narkowicz' fit of the ACES reference rendering on the brightest and darkest channel, a
-plain clamp, or what OpenColorIO makes of it (`engine.colour`); sRGB (IEC 61966-2-1). shaders/common/tone_mapping.glsl
-does the same, and slow twins test both.
+plain clamp, or what OpenColorIO makes of it (`engine.core.colour`); sRGB (IEC 61966-2-1).
+shaders/common/tone_mapping.glsl does the same, and slow twins test both.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.colour import TABULATED_VIEWS, ToneMapping, display_transform, encode_srgb
+from engine.core.colour import TABULATED_VIEWS, ToneMapping, display_transform, encode_srgb
 from engine.light.environment import LUMINANCE
 
 BRIGHTEST = 1e4

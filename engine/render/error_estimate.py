@@ -36,15 +36,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.light.triangle_lights import TriangleLights, cut_lights
+from engine.precompute.direct.lighting import prepare_lighting
+from engine.precompute.direct.near_leaves import near_leaves
+from engine.precompute.direct.pipeline import Placement, Quality, SkyState
+from engine.precompute.direct.projection import VisibleLight, project_points
 from engine.render.path_tracer import trace_halves
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import StillLayer, StillProgress, by_object, layer_radiance, shape_of
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
-from engine.transport.lighting import prepare_lighting
-from engine.transport.near_leaves import near_leaves
-from engine.transport.pipeline import Placement, Quality, SkyState
-from engine.transport.projection import VisibleLight, project_points
 from engine.visibility.point_visibility import Visibility, empty_visibility, evaluate_rows
 from engine.visibility.targets import Targets
 

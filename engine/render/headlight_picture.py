@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.layer import Layer
+from engine.precompute.direct.pipeline import SkyState
 from engine.render.headlight_shading import headlight_colour, headlight_radiance
 from engine.scene.picture_frame import picture_frame
 from engine.scene.primary_hits import trace_primary_steps
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
-from engine.transport.pipeline import SkyState
 
 
 def headlight_picture(

@@ -20,9 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.threads import n_threads, on_threads
+from engine.precompute.direct.bandstore import BandStore
 from engine.render._layer_kernels import BLOCK, sum_bands
-from engine.threads import n_threads, on_threads
-from engine.transport.bandstore import BandStore
 
 # Below this share of the curve's largest value, differences from it are no longer precise.
 DARKER = 0.1

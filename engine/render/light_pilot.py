@@ -23,12 +23,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.generators import map_steps
+from engine.core.generators import map_steps
 from engine.planner import MIN_LIGHTS_FOR_SPHERE, SLOW_ANGLES, Plan, RenderSettings
+from engine.precompute.direct.pipeline import Placement, SkyState, final_quality
+from engine.precompute.direct.projection import VisibleLight, project_points
 from engine.render.still import StillLayer, curves_of, radiance_with_curves, shape_of
 from engine.scene.primary_hits import PrimaryHits
-from engine.transport.pipeline import Placement, SkyState, final_quality
-from engine.transport.projection import VisibleLight, project_points
 
 # Whole pictures were found to differ by what the points said: 0.22 % for 0.2, 0.18 % for 0.1, 0.23 % for 0.2.
 TOLERANCE, EDITED_TOLERANCE = 0.004, 0.01

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
+from engine.precompute.direct.pipeline import Placement
 from engine.render.map_sampler import MapSampler, look_up_images, paint_weights
 from engine.scene.raycaster import Intersections
 from engine.scene.scene_loader import Scene
 from engine.scene.surface_uvs import uvs_at
-from engine.transport.pipeline import Placement
 
 Factors = NDArray[np.float32]
 

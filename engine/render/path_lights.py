@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.light.environment import LUMINANCE, downsample
+from engine.precompute.direct.pipeline import SkyState
 from engine.scene.scene_loader import Scene
-from engine.transport.pipeline import SkyState
 
 Float64Array = NDArray[np.float64]
 

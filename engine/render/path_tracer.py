@@ -18,9 +18,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect.series import MOST_BOUNCES
+from engine.core.threads import n_threads, pool
 from engine.light.environment import LUMINANCE
 from engine.material.layer import Layer
+from engine.precompute.direct.pipeline import Placement, SkyState
+from engine.precompute.indirect.series import MOST_BOUNCES
 from engine.render.map_factors import MapFactors
 from engine.render.path_lights import EmitterLight, LightSamples, PathLight, SkyLight
 from engine.render.path_lobes import N_NUMBERS, Scattering
@@ -29,8 +31,6 @@ from engine.scene.local_frames import local_frames
 from engine.scene.primary_hits import PrimaryHits, emission_towards, object_ids, shading_frames
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
-from engine.threads import n_threads, pool
-from engine.transport.pipeline import Placement, SkyState
 
 Float64Array = NDArray[np.float64]
 Rows = NDArray[np.integer]

@@ -11,7 +11,7 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.colour import ToneMapping
+from engine.core.colour import ToneMapping
 from engine.render.display import display_picture
 
 

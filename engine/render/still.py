@@ -17,18 +17,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.generators import map_steps
+from engine.core.generators import map_steps
+from engine.core.threads import n_threads, pool
 from engine.light.emitters import EmitterPatches
 from engine.material.layer import Layer, object_of
 from engine.planner import Plan
+from engine.precompute.direct.bandstore import BandStore, BandTile
+from engine.precompute.direct.pipeline import FINAL, Placement, Quality, SkyState, final_quality
+from engine.precompute.direct.projection import LayerShape, project_layer
 from engine.render.integrator import integrate_direct
 from engine.render.map_factors import MapFactors
 from engine.render.map_sampler import MapSampler, MapSamples
 from engine.scene.primary_hits import PrimaryHits
-from engine.threads import n_threads, pool
-from engine.transport.bandstore import BandStore, BandTile
-from engine.transport.pipeline import FINAL, Placement, Quality, SkyState, final_quality
-from engine.transport.projection import LayerShape, project_layer
 
 # What the shadows take of the time, for a progress bar that moves evenly.
 SHADOWS = 0.3

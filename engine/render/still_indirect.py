@@ -6,20 +6,20 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.generators import map_steps, run_to_end
-from engine.indirect.clamping import clamp_radiance, unscaled
-from engine.indirect.gather import object_of_rows
-from engine.indirect.indirect_layers import IndirectLayer, indirect_layer, view_factors
-from engine.indirect.indirect_light import IndirectLight
-from engine.indirect.representation import GatherPolynomial
-from engine.indirect.sampling_settings import STILL, SamplingSettings
-from engine.indirect.series import BounceSeries
-from engine.indirect.solver import Solver
+from engine.core.generators import map_steps, run_to_end
 from engine.material.layer import Layer
+from engine.precompute.direct.pipeline import Placement, SkyState
+from engine.precompute.indirect.clamping import clamp_radiance, unscaled
+from engine.precompute.indirect.gather import object_of_rows
+from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer, view_factors
+from engine.precompute.indirect.indirect_light import IndirectLight
+from engine.precompute.indirect.representation import GatherPolynomial
+from engine.precompute.indirect.sampling_settings import STILL, SamplingSettings
+from engine.precompute.indirect.series import BounceSeries
+from engine.precompute.indirect.solver import Solver
 from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, StillProgress, by_object
 from engine.scene.primary_hits import PrimaryHits
-from engine.transport.pipeline import Placement, SkyState
 
 # Of the picture's points, those whose direct light is looked at, and by how many paths each.
 _N_ROWS, _N_PATHS = 2048, 8

@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from engine.errors import LoadError
-from engine.safe_files import read_regular_file
+from engine.core.errors import LoadError
+from engine.core.safe_files import read_regular_file
 
 MESH_ENDINGS = (".ply", ".obj", ".glb")
 MAX_MESH_BYTES = 512 * 2**20
@@ -65,8 +65,8 @@ def read_mesh_file(path: Path) -> MeshFile:
     As there, normals that are no numbers are computed from the faces around, and texture coordinates beyond what single
     precision tells apart are 0; a note says how many.
     """
-    from engine.scene.obj import parse_obj
-    from engine.scene.ply import parse_ply
+    from engine.scene.loaders.obj import parse_obj
+    from engine.scene.loaders.ply import parse_ply
 
     parsers = {".ply": parse_ply, ".obj": parse_obj}
     parse = parsers.get(path.suffix.lower())

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
 from engine.scene.builtin import ASSETS
 from engine.scene.description import (
     MAX_COORDINATE,

@@ -12,11 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from engine.errors import LoadError
-from engine.safe_files import resolve_inside
+from engine.core.errors import LoadError
+from engine.core.safe_files import resolve_inside
 from engine.scene.description import MAX_OBJECTS, LayerDescription, ObjectDescription, SceneDescription
-from engine.scene.gltf import GlbModel, GlbPart, read_glb
-from engine.scene.gltf_materials import GREY
+from engine.scene.loaders.gltf import GlbModel, GlbPart, read_glb
+from engine.scene.loaders.gltf_materials import GREY
 from engine.scene.mesh import Mesh, MeshFile, join_meshes, read_mesh_file, with_flat_normals
 from engine.scene.primitives import PRIMITIVES
 from engine.scene.rig import Rig, join_bindings

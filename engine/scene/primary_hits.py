@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from engine.generators import run_to_end
+from engine.core.generators import run_to_end
 from engine.scene.camera import centre_directions, pixel_directions
 from engine.scene.edges import Surface, edge_pixels, group_samples, ray_offsets, turn_of
 from engine.scene.local_frames import object_tangents

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from engine.threads import has_own_threads, n_threads
+from engine.core.threads import has_own_threads, n_threads
 
 Float32Array = npt.NDArray[np.float32]
 

@@ -1,9 +1,9 @@
 """How the vertices of a mesh hang on the nodes of its file, and how animations move these [glTF20, 3.7, 3.11].
 
-Descriptions in arrays, and the mesh at rest; `engine.deform.animated_pose` moves it. A *bone* is a node together with
-the map that takes the mesh as its accessors have it into the node's own axes (a skin's inverse bind matrix). What has
-no skin hangs on one bone, the node that has the mesh, by the identity. A vertex x with weights w_b, bones at G_b, and
-morph targets d_m of weights u_m is at
+Descriptions in arrays, and the mesh at rest; `engine.realtime.zonal_harmonics.animated_pose` moves it. A *bone* is a
+node together with the map that takes the mesh as its accessors have it into the node's own axes (a skin's inverse bind
+matrix). What has no skin hangs on one bone, the node that has the mesh, by the identity. A vertex x with weights w_b,
+bones at G_b, and morph targets d_m of weights u_m is at
 
     Σ_b w_b G_b B_b (x + Σ_m u_m d_m),
 

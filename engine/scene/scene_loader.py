@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
+from engine.core.safe_files import record_files, resolve_inside
 from engine.material.bumps import Bumps
 from engine.material.layer_maps import Images, split_image_name
-from engine.safe_files import record_files, resolve_inside
 from engine.scene.box_projection import box_frame
 from engine.scene.bump_normals import BumpNormals
 from engine.scene.description import Camera, SceneDescription, load_description

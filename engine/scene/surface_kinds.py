@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
 from engine.material.parameters import Parameter
 from engine.scene.validation_errors import first_validation_error
 

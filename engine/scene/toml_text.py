@@ -16,8 +16,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from engine.errors import InsituError, LoadError
-from engine.safe_files import read_regular_file
+from engine.core.errors import InsituError, LoadError
+from engine.core.safe_files import read_regular_file
 
 MAX_PARTS = 16
 MAX_LEVELS = 16

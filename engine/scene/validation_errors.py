@@ -7,7 +7,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
 
 _PREFIXES = ("Input should be ", "Value should have ", "Tuple should have ", "String should have ")
 _MESSAGES = {"tuple_type": "a list", "model_type": "a table", "bool_type": "true or false", "string_type": "a string",

@@ -21,8 +21,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.threads import even_parts, on_threads
 from engine.sphere import _kernels
-from engine.threads import even_parts, on_threads
 
 MAX_LEVEL = 7
 _THREADING_PAYS = 20_000

@@ -13,10 +13,10 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from engine.core.threads import even_parts, on_threads
 from engine.sphere import _harmonic_kernels as kernels
 from engine.sphere.geodesic import geodesic
 from engine.sphere.haar import level_of
-from engine.threads import even_parts, on_threads
 
 Float64Array = NDArray[np.float64]
 

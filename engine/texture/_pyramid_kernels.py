@@ -9,8 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from engine import lanes
-from engine.fast_math import FAST
+from engine.core import lanes
+from engine.core.fast_math import FAST
 
 Float64Array = NDArray[np.float64]
 Texels = NDArray[np.float32]

@@ -15,10 +15,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from engine import lanes
+from engine.core import lanes
+from engine.core.threads import even_parts, on_threads
 from engine.material.layer_maps import IDENTITY_TRANSFORM, WRAPS, TextureTransform
 from engine.texture import _pyramid_kernels as kernels
-from engine.threads import even_parts, on_threads
 
 Float64Array = NDArray[np.float64]
 MOST_PROBES = 16

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
 from engine.texture.texture_files import Image, ReportNote, Values, grey_shares, ignore_note, read_image
 
 # tan 87 degrees: what leans further, or points into the surface, counts as that.

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.colour import decode_srgb
-from engine.errors import LoadError
+from engine.core.colour import decode_srgb
+from engine.core.errors import LoadError
 from engine.light import resampling
 from engine.light.radiance_files import read_radiance_image
 from engine.light.resampling import block_means

@@ -14,10 +14,10 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
+from engine.core.safe_files import local_path, read_regular_file, resolve_inside
 from engine.material.bumps import Bumps
 from engine.material.layer_maps import Images, Space, split_image_name
-from engine.safe_files import local_path, read_regular_file, resolve_inside
 from engine.texture.pyramid import Pyramid, make_pyramid
 from engine.texture.slopes import read_heights, read_normal_map
 from engine.texture.texture_files import MAX_IMAGE_BYTES, Image, read_texture, read_weight
@@ -100,7 +100,7 @@ class TextureStore:
         """The bytes of an image, and what errors call it."""
         if number is None:
             return read_regular_file(path, MAX_IMAGE_BYTES), str(path)
-        from engine.scene.gltf_images import image_reader
+        from engine.scene.loaders.gltf_images import image_reader
 
         reader = (self._files or {}).get(path) or image_reader(path)
         if self._files is not None:

@@ -24,11 +24,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from engine.core.threads import pool
 from engine.scene.edges import nearest_centres
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic
-from engine.threads import pool
 from engine.visibility import _kernels as kernels
 from engine.visibility.point_visibility import BLOCK, Guess, Visibility, evaluate_block, horizons
 from engine.visibility.targets import VISIBILITY_LEVEL

@@ -43,7 +43,7 @@ vec3 display_colour(vec3 radiance) {
     return viridis((stops + 8.0) / 16.0) * (fract(stops) < 0.5 ? 0.85 : 1.0);
 }
 #elif TONE_TABLE
-// A view as a table of display colours over log2 of the channels (engine/colour.py).
+// A view as a table of display colours over log2 of the channels (engine/core/colour.py).
 uniform sampler3D view_table;
 uniform vec2 table_stops;  // log2 of radiance in the first and the last texel
 

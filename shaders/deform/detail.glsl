@@ -1,4 +1,4 @@
-// Provides: what a white matt pixel sends whose lobes lie on texture coordinates, as `engine.deform.surface_details`.
+// Provides: what a white matt pixel sends whose lobes lie on texture coordinates, as `engine.realtime.zonal_harmonics.surface_details`.
 #include "deform/light.glsl"
 
 layout(std430, binding = 0) readonly buffer Map { float map_lobes[]; };  // an entry: low (4), lobes of axis and bands

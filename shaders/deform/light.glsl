@@ -1,6 +1,6 @@
-// Provides: the light of a pose, as `engine.deform.shading.BandLight` has it.
+// Provides: the light of a pose, as `engine.realtime.zonal_harmonics.shading.BandLight` has it.
 
-const int ORDER = 6;  // `engine.deform.object_transfer.ORDER`
+const int ORDER = 6;  // `engine.realtime.zonal_harmonics.object_transfer.ORDER`
 
 layout(std430, binding = 3) readonly buffer Light { float light[]; };  // harmonics, then the table
 uniform ivec2 table;  // rows, columns

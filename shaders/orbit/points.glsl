@@ -1,4 +1,4 @@
-// Provides: what shading points keep (engine/orbit/gpu_parts.py): places and frames, irradiance, and colours and marks of
+// Provides: what shading points keep (engine/realtime/triple_product/gpu_parts.py): places and frames, irradiance, and colours and marks of
 // the picture that is being drawn.
 
 layout(std430, binding = 0) readonly buffer Points { vec4 points[]; };  // three each

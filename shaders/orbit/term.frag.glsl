@@ -1,6 +1,6 @@
 #version 430 core
 // Provides: one term of what an object reflects: its points' colours, the irradiance of a normal that bumps turn
-// (engine/orbit/_perturbed_kernels.py, `leaning_irradiance`), times texture and weight.
+// (engine/realtime/triple_product/_perturbed_kernels.py, `leaning_irradiance`), times texture and weight.
 #include "common/images.glsl"
 
 centroid in vec3 colour;

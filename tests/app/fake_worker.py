@@ -7,11 +7,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document import document_from_description
-from app.jobs.band_planning import plan_bands
-from app.measurements import document_with_measurements, unread_files
-from app.messages import CancelRequests, OpenScene, Request, Response, SceneOpened, SetCamera, ViewTraced, with_numbers
-from app.placement.placement_messages import (
+from app.document.document import document_from_description
+from app.document.measurements import document_with_measurements, unread_files
+from app.messages.worker_messages import (
+    CancelRequests,
+    OpenScene,
+    Request,
+    Response,
+    SceneOpened,
+    SetCamera,
+    ViewTraced,
+    with_numbers,
+)
+from app.modes.placement.placement_messages import (
     ComputeTransport,
     ContractTransport,
     ErrorEstimated,
@@ -23,6 +31,7 @@ from app.placement.placement_messages import (
     RelightingPrepared,
     StageDone,
 )
+from app.worker.band_planning import plan_bands
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 from engine.planner import Precision, band_counts
@@ -58,7 +67,8 @@ FRAME = PictureFrame(
 
 
 class FakeClient:
-    """Satisfies ``app.editor.WorkerClient``. ``requests`` holds all that was sent, oldest first, with ids from 1.
+    """Satisfies ``app.editor.editor.WorkerClient``. ``requests`` holds all that was sent, oldest first, with ids from
+    1.
 
     It ``plans`` bands by itself, a poll after it was asked.
     """

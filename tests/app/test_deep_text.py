@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from app.editor.script import load_script
 from app.files.journal import Recovery
 from app.files.material_file import load_material, parse_material
 from app.files.session import load_session
-from app.project import parse_assignment
-from app.script import load_script
-from engine.errors import LoadError
+from app.project.project import parse_assignment
+from engine.core.errors import LoadError
 from engine.scene.description import load_description
 from engine.scene.toml_text import MAX_LEVELS, MAX_PARTS
 

@@ -9,31 +9,38 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app import stills
-from app.commands import AddDeformer, SetDeformer, SetSurface, SetTime
-from app.deform.deform_controller import DeformController
-from app.deform.deform_events import PoseArrived
-from app.deform.deform_messages import DeformLoss, DrawDeform, PathPreview, PathsTraced, PoseExported, PrepareDeform
-from app.document import Document
-from app.editor_status import Status
-from app.jobs.deform_worker import DeformWorker
-from app.jobs.dispatcher import RequestDispatcher
-from app.jobs.in_process import InProcessClient
-from app.messages import OpenScene, RequestFailed, Response, SetCamera
-from app.mode import OpenedScene
-from app.orbit.orbit_messages import DrawOrbit, OrbitNotReady, OrbitPictureDrawn, OrbitProgress, PrepareOrbit
-from app.project import open_project
-from app.scene_state import scene_state
-from app.stills import render_project
-from engine.deform import heights
-from engine.deform.gpu_parts import NO_PARTS, PictureExport, PosedPart
-from engine.deform.pose import Deformation
-from engine.indirect.series import BounceSeries
+from app.document.commands import AddDeformer, SetDeformer, SetSurface, SetTime
+from app.document.document import Document
+from app.document.scene_state import scene_state
+from app.messages.editor_status import Status
+from app.messages.worker_messages import OpenScene, RequestFailed, Response, SetCamera
+from app.modes.deform.deform_controller import DeformController
+from app.modes.deform.deform_events import PoseArrived
+from app.modes.deform.deform_messages import (
+    DeformLoss,
+    DrawDeform,
+    PathPreview,
+    PathsTraced,
+    PoseExported,
+    PrepareDeform,
+)
+from app.modes.mode import OpenedScene
+from app.modes.orbit.orbit_messages import DrawOrbit, OrbitNotReady, OrbitPictureDrawn, OrbitProgress, PrepareOrbit
+from app.project.project import open_project
+from app.stills import stills
+from app.stills.stills import render_project
+from app.worker.deform_worker import DeformWorker
+from app.worker.dispatcher import RequestDispatcher
+from app.worker.in_process import InProcessClient
+from engine.precompute.direct.pipeline import Placement
+from engine.precompute.indirect.series import BounceSeries
+from engine.realtime.zonal_harmonics import heights
+from engine.realtime.zonal_harmonics.gpu_parts import NO_PARTS, PictureExport, PosedPart
+from engine.realtime.zonal_harmonics.pose import Deformation
 from engine.render.error_estimate import interior_points
 from engine.scene.rig import Animation
 from engine.scene.surface_kinds import DeformSurface
-from engine.transport.pipeline import Placement
-from tests.app.orbit.test_talk import Table
+from tests.app.modes.orbit.test_talk import Table
 from tests.pictures import write_exr
 from tests.scene_text import camera, placed
 
@@ -44,7 +51,7 @@ SIZE = (24, 18)
 @pytest.fixture
 def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(DeformWorker, "n_rays", 16)
-    monkeypatch.setattr("engine.deform.deform_engine.N_POINTS", 60)
+    monkeypatch.setattr("engine.realtime.zonal_harmonics.deform_engine.N_POINTS", 60)
     path = tmp_path / "box.toml"
     sky = "[environment]\nradiance = [1, 2, 3]\n"
     layers = 'layer = [{ model = "lambert" }, { model = "rough_conductor" }]\n'
@@ -146,7 +153,7 @@ def test_a_moving_picture_is_the_windows_where_it_draws_and_one_at_rest_the_work
 
 
 def test_a_split_picture_is_traced_pass_by_pass(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("engine.deform.path_reference.N_PASSES", 2)
+    monkeypatch.setattr("engine.realtime.zonal_harmonics.path_reference.N_PASSES", 2)
     client = InProcessClient(RequestDispatcher())
     client.send(SetCamera(client.send(OpenScene(str(file)))))
     answers(client)

@@ -13,22 +13,22 @@ from scipy.ndimage import zoom
 from app.__main__ import Desktop
 from app.cli.program import run
 from app.measure.accuracy import errors
-from app.project import Project, open_project, with_edges
-from app.stills import Still, layers_by_object, plan_still, render_picture, render_project
-from engine.deform.deform_engine import Deform, finish_deform
-from engine.generators import run_to_end
-from engine.indirect import lattice
-from engine.indirect.indirect_light import IndirectLight
-from engine.indirect.sampling_settings import STILL, SamplingSettings
-from engine.indirect.series import BounceSeries
+from app.project.project import Project, open_project, with_edges
+from app.stills.stills import Still, layers_by_object, plan_still, render_picture, render_project
+from engine.core.generators import run_to_end
 from engine.light.radiance_files import read_radiance_image
-from engine.orbit.orbit_engine import Orbit
+from engine.precompute.direct.pipeline import Placement
+from engine.precompute.indirect import lattice
+from engine.precompute.indirect.indirect_light import IndirectLight
+from engine.precompute.indirect.sampling_settings import STILL, SamplingSettings
+from engine.precompute.indirect.series import BounceSeries
+from engine.realtime.triple_product.orbit_engine import Orbit
+from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
 from engine.render.error_estimate import estimate_drawn_errors, estimate_point_errors, interior_points
 from engine.render.path_tracer import trace_halves
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import Picture, reflect_layers, still_layers, still_quality, with_maps
 from engine.render.still_indirect import find_indirect, noise_in, reflected_light
-from engine.transport.pipeline import Placement
 from tests.scene_text import ground, placed
 
 JUDGES = Path(__file__).resolve().parents[1] / "golden" / "rooms"

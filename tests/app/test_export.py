@@ -13,24 +13,24 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.commands.layers import SetParameter
-from app.editor import Editor
+from app.document.commands.layers import SetParameter
+from app.document.view_state import SetView
+from app.editor.editor import Editor
 from app.export.materials import LEAST_COSINE, grid, tabulated
 from app.export.mitsuba import export_scene
-from app.jobs.cache import ArrayCache
-from app.jobs.dispatcher import RequestDispatcher
-from app.jobs.in_process import InProcessClient
 from app.measure.peer import VARIABLE
-from app.project import open_project
-from app.stills import render_picture
-from app.view_state import SetView
+from app.project.project import open_project
+from app.stills.stills import render_picture
+from app.worker.cache import ArrayCache
+from app.worker.dispatcher import RequestDispatcher
+from app.worker.in_process import InProcessClient
+from engine.core.errors import InsituError
 from engine.curve.operators import Operator
-from engine.errors import InsituError
 from engine.light.radiance_files import read_radiance_image
 from engine.material import MODELS, make_layer
+from engine.precompute.direct.pipeline import Placement
 from engine.render.integrator import evaluate_layers
-from engine.scene.ply import parse_ply
-from engine.transport.pipeline import Placement
+from engine.scene.loaders.ply import parse_ply
 from tests.app.files.test_brdf_files import insitu
 from tests.pictures import write_exr
 from tests.ui.small_scene import coloured_sky, write_small_scene

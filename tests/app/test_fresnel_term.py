@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.commands.curves import SetOperators
-from app.commands.layers import SetFresnelTerm, SetModel, SetParameter
-from app.document import Document, document_from_description
-from app.editor import Editor
+from app.document.commands.curves import SetOperators
+from app.document.commands.layers import SetFresnelTerm, SetModel, SetParameter
+from app.document.document import Document, document_from_description
+from app.document.view_state import ViewState
+from app.editor.editor import Editor
 from app.files.session import fit_session, load_session, save_session
-from app.placement.placement_messages import ComputeTransport
-from app.set_path import set_path
-from app.view_state import ViewState
+from app.modes.placement.placement_messages import ComputeTransport
+from app.project.set_path import set_path
+from engine.core.errors import InsituError, LoadError
 from engine.curve.operators import Operator
-from engine.errors import InsituError, LoadError
 from engine.material import MODELS
 from engine.scene.description import parse_description
 from tests.app.fake_worker import SCENE, FakeClient

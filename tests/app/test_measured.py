@@ -7,17 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.commands.layers import SetFrozen, SetParameter
-from app.document import Document, document_from_description
-from app.editor import Editor
+from app.document.commands.layers import SetFrozen, SetParameter
+from app.document.document import Document, document_from_description
+from app.document.measurements import (
+    layers_of_document,
+    measured_files,
+    measurement_in,
+    unread_files,
+    with_measurements,
+)
+from app.editor.editor import Editor
 from app.files.material_file import Material, dump_material, load_material, parse_material
+from app.files.measured_import import import_measured, measured_layers
 from app.files.session import load_session
-from app.jobs.cache import ArrayCache
-from app.jobs.dispatcher import RequestDispatcher
-from app.jobs.in_process import InProcessClient
-from app.measured_import import import_measured, measured_layers
-from app.measurements import layers_of_document, measured_files, measurement_in, unread_files, with_measurements
-from app.messages import (
+from app.messages.worker_messages import (
     FetchTable,
     FilesWritten,
     MeasurementsRead,
@@ -29,11 +32,14 @@ from app.messages import (
     TableFetched,
     WriteFiles,
 )
-from app.placement.curves import Curves
-from app.placement.placement_messages import ComputeTransport, LayerPicture, PlanBands
-from app.project import open_project
-from app.set_path import set_path
-from engine.errors import InsituError, LoadError
+from app.modes.placement.curves import Curves
+from app.modes.placement.placement_messages import ComputeTransport, LayerPicture, PlanBands
+from app.project.project import open_project
+from app.project.set_path import set_path
+from app.worker.cache import ArrayCache
+from app.worker.dispatcher import RequestDispatcher
+from app.worker.in_process import InProcessClient
+from engine.core.errors import InsituError, LoadError
 from engine.measured import tables
 from engine.measured.merl import merl_samples, read_merl
 from engine.planner import RenderSettings, band_counts
@@ -65,7 +71,7 @@ def scene(tmp_path: Path, merl_file: Path) -> Path:
 
 
 def document_of(opened: SceneOpened, source: Path) -> Document:
-    from app.measurements import document_with_measurements
+    from app.document.measurements import document_with_measurements
 
     description = SceneDescription.model_validate_json(opened.description)
     return document_with_measurements(document_from_description(str(source), description), opened.measurements)
@@ -156,7 +162,7 @@ def test_the_window_plans_no_bands_of_an_import(
     editor = Editor(client, "shelf")
     client.open_scene()
     editor.tick(0.0)
-    monkeypatch.delattr("app.placement.band_plans.band_counts")
+    monkeypatch.delattr("app.modes.placement.band_plans.band_counts")
     file = tmp_path / "drawn.binary"
     editor.do(import_measured("pot", file))
     (asked,) = client.sent(ReadMeasured)
@@ -222,7 +228,7 @@ def test_the_worker_hands_a_table_out(merl_file: Path, tmp_path: Path, monkeypat
     number = given.measurement.number
     assert np.array_equal(given.samples, tables.table_of(number).samples) and given.samples.dtype == np.float32
     # By its number at once; a copy of the file is the same table, by its own name; another number is another file.
-    monkeypatch.delattr("app.jobs.measured_tasks.read_measurement")
+    monkeypatch.delattr("app.worker.measured_tasks.read_measurement")
     (again,) = run_in_process(tasks, FetchTable("copy.binary", number))
     assert isinstance(again, TableFetched) and again.measurement == replace(given.measurement, file="copy.binary")
     monkeypatch.undo()

@@ -7,15 +7,23 @@ from pathlib import Path
 
 import pytest
 
-from app.lazy_import import import_named
-from app.messages import CancelRequests, FetchTable, OpenScene, ReadMeasured, Request, SetCamera
-from app.modes import MODES
-from app.placement.placement_messages import ComputeTransport, ContractTransport, FreezeIndirect, PlanBands, SampleMaps
+from app.messages.worker_messages import CancelRequests, FetchTable, OpenScene, ReadMeasured, Request, SetCamera
+from app.modes.placement.placement_messages import (
+    ComputeTransport,
+    ContractTransport,
+    FreezeIndirect,
+    PlanBands,
+    SampleMaps,
+)
+from app.modes.registry import MODES
+from app.system.lazy_import import import_named
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.parametrize("file", ["app/editor.py", "app/editor_status.py", "ui/shell.py", "app/jobs/dispatcher.py"])
+@pytest.mark.parametrize(
+    "file", ["app/editor/editor.py", "app/messages/editor_status.py", "ui/shell.py", "app/worker/dispatcher.py"]
+)
 def test_what_every_mode_shares_has_no_word_of_placement_s(file: str) -> None:
     found = re.findall(r"\b\w*(?:bands|bounces|transport)\w*\b", (ROOT / file).read_text(), re.IGNORECASE)
     assert found == []

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from app.commands.light import set_environment_file
-from app.commands.maps import image_name
-from app.editor import Editor
+from app.document.commands.light import set_environment_file
+from app.document.commands.maps import image_name
+from app.editor.editor import Editor
+from app.editor.script import load_script
 from app.files.material_file import load_material
 from app.files.session import load_session
-from app.project import open_project
-from app.script import load_script
-from engine.errors import InsituError
+from app.project.project import open_project
+from engine.core.errors import InsituError
 from engine.light.environment import load_environment
 from engine.scene.scene_loader import load_scene
 from tests.app.cli.command_line import run

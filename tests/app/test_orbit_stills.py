@@ -6,16 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app import stills
-from app.project import open_project
-from app.stills import render_project
-from engine.generators import run_to_end
-from engine.indirect.series import BounceSeries
+from app.project.project import open_project
+from app.stills import stills
+from app.stills.stills import render_project
+from engine.core.generators import run_to_end
 from engine.material.layer import Layer
-from engine.orbit.orbit_still import render_orbit
-from engine.transport.pipeline import Placement
+from engine.precompute.direct.pipeline import Placement
+from engine.precompute.indirect.series import BounceSeries
+from engine.realtime.triple_product.orbit_still import render_orbit
 from tests.app.files.test_brdf_files import insitu
-from tests.engine.orbit.conftest import SCENE
+from tests.engine.realtime.triple_product.conftest import SCENE
 from tests.pictures import write_exr
 
 

@@ -12,13 +12,13 @@ import pytest
 from PIL import Image
 from pydantic import BaseModel
 
-from app.frame_sequence import Frames
-from app.jobs.cache import content_key
-from app.picture_key import parts_of, picture_key
-from app.project import Project, open_project
+from app.cli.picture_key import parts_of, picture_key
+from app.project.project import Project, open_project
+from app.stills.frame_sequence import Frames
+from app.worker.cache import content_key
 from engine.scene.builtin import builtin_scenes
 from engine.texture.texture_store import TextureStore
-from tests.engine.deform.test_moments import write_bar
+from tests.engine.realtime.zonal_harmonics.test_moments import write_bar
 from tests.scene_text import camera, placed
 
 BUMP = 'bump_map = { file = "bump.png", height = 0.01 }\n'

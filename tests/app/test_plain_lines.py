@@ -10,10 +10,10 @@ import pytest
 
 from app.cli.console import print_line
 from app.cli.output import print_project_notes
-from app.editor_status import StatusMetrics
-from engine.errors import LONGEST_LINE, MOST_NOTES
+from app.messages.editor_status import StatusMetrics
+from engine.core.errors import LONGEST_LINE, MOST_NOTES
+from engine.precompute.direct.pipeline import SkyState
 from engine.scene.scene_loader import load_scene
-from engine.transport.pipeline import SkyState
 
 HOSTILE = "\x1b]0;owned\x07\x1b[31mRED\nnote: all is well\r\u202e" + "A" * 100_000
 

@@ -9,16 +9,16 @@ from pathlib import Path
 import pytest
 
 from app.cli.precompute import precompute
-from app.editor import Editor
+from app.document.view_state import ViewState
+from app.editor.editor import Editor
 from app.files.session import save_session
-from app.jobs import indirect_tasks
-from app.jobs.cache import ArrayCache
-from app.jobs.dispatcher import RequestDispatcher
-from app.jobs.in_process import InProcessClient
-from app.project import open_project
-from app.view_state import ViewState
-from engine.indirect.sampling_settings import ROUGH
-from engine.indirect.solver import Solver
+from app.project.project import open_project
+from app.worker import indirect_tasks
+from app.worker.cache import ArrayCache
+from app.worker.dispatcher import RequestDispatcher
+from app.worker.in_process import InProcessClient
+from engine.precompute.indirect.sampling_settings import ROUGH
+from engine.precompute.indirect.solver import Solver
 
 SCENE = """version = 1
 name = "two"

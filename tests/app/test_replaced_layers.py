@@ -5,14 +5,14 @@ from itertools import pairwise
 
 import pytest
 
-from app.commands.layers import SetModel
-from app.commands.material import SetMaterial
-from app.editor import Editor
+from app.document.commands.layers import SetModel
+from app.document.commands.material import SetMaterial
+from app.editor.editor import Editor
 from app.files.library import Library, LibraryEntry
-from app.placement.desired_state import same_coefficients
+from app.modes.placement.desired_state import same_coefficients
 from engine.material import MODELS
 from tests.app.fake_worker import ServingClient
-from tests.app.placement.test_transport_talk import Renderer, settle
+from tests.app.modes.placement.test_transport_talk import Renderer, settle
 
 
 def all_pairs(names: list[str]) -> Iterator[str]:

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from app.measure.accuracy import errors
-from app.project import open_project
-from app.stills import render_project
-from engine.indirect.series import BounceSeries
+from app.project.project import open_project
+from app.stills.stills import render_project
+from engine.precompute.direct.pipeline import Placement
+from engine.precompute.indirect.series import BounceSeries
 from engine.render.picture_error import POOR
-from engine.transport.pipeline import Placement
 from tests.scene_text import camera, placed
 
 

@@ -9,7 +9,7 @@ from assets.generate.mesh import Mesh, axis_rotation, check, cleaned, face_norma
 from assets.generate.scenes import MODELS, SCENES
 from assets.generate.surfaces import arc_profile, bezier, carried, circle, rounded_profile, rounded_rectangle, tube
 from assets.generate.teapot import bernstein, bernstein_slope, load_patches, teapot
-from engine.scene.gltf import read_glb
+from engine.scene.loaders.gltf import read_glb
 from engine.scene.raycaster import RayCaster
 
 ASSETS = Path(__file__).resolve().parents[2] / "assets"

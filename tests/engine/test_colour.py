@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from app.files.material_file import load_material
-from engine.colour import (
+from engine.core.colour import (
     TABLE_SIDE,
     TABLE_STOPS,
     TABULATED_VIEWS,
@@ -19,7 +19,7 @@ from engine.colour import (
     find_view,
     view_table,
 )
-from engine.errors import LoadError
+from engine.core.errors import LoadError
 from engine.render.display import display_picture, display_values
 
 ROOT = Path(__file__).resolve().parents[2]

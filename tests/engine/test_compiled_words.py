@@ -17,9 +17,9 @@ PROGRAM = """
 import sys
 import numpy as np
 from numba.core import event
-from engine.orbit import _visibility_kernels as orbit
+from engine.realtime.triple_product import _visibility_kernels as orbit
 from engine.scene import _bump_kernels as relief
-from engine.transport import _relight_kernels as relight
+from engine.precompute.direct import _relight_kernels as relight
 
 single = lambda *shape: np.ones(shape, np.float32)
 double, whole = np.ones, np.zeros(1, np.int64)

@@ -2,7 +2,7 @@ import pickle
 
 import pytest
 
-from engine.errors import LONGEST_LINE, MOST_NOTES, InsituError, LoadError, plain_line, plain_notes, printable_name
+from engine.core.errors import LONGEST_LINE, MOST_NOTES, InsituError, LoadError, plain_line, plain_notes, printable_name
 from engine.scene.description import parse_description
 
 

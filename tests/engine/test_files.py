@@ -3,8 +3,8 @@ import socket
 
 import pytest
 
-from engine.errors import LoadError
-from engine.safe_files import read_regular_file, resolve_inside
+from engine.core.errors import LoadError
+from engine.core.safe_files import read_regular_file, resolve_inside
 
 
 def test_reads_a_regular_file_up_to_its_cap(tmp_path):

@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.deform.deform_engine import Deform
-from engine.deform.pose import Deformation
 from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.orbit.orbit_engine import Orbit
+from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.triple_product.orbit_engine import Orbit
+from engine.realtime.zonal_harmonics.deform_engine import Deform
+from engine.realtime.zonal_harmonics.pose import Deformation
 from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.surface_kinds import DeformSurface, Subsurface
-from engine.transport.pipeline import SkyState
 from tests.scene_text import camera, placed
 
 SIZE = (48, 36)

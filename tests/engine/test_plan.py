@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.errors import InsituError
+from engine.core.errors import InsituError
 from engine.material import MODELS, make_layer
 from engine.material.kinds import THETA_H
 from engine.material.layer import Layer
@@ -203,13 +203,13 @@ def test_what_cannot_be_is_refused(
 
 
 def test_the_pilot_estimates_what_the_work_takes(scene: Scene, layers: dict[str, Layer]) -> None:
-    from engine.generators import run_to_end
+    from engine.core.generators import run_to_end
     from engine.light.environment import constant_environment
+    from engine.precompute.direct.bandstore import join_tiles
+    from engine.precompute.direct.pipeline import FINAL, Placement, SkyState
+    from engine.precompute.direct.projection import LayerShape, project_layer
     from engine.render.cost_pilot import estimate_cost
     from engine.render.still import still_layers
-    from engine.transport.bandstore import join_tiles
-    from engine.transport.pipeline import FINAL, Placement, SkyState
-    from engine.transport.projection import LayerShape, project_layer
 
     placement, sky = Placement(scene), SkyState(constant_environment(1.0))
     planned = plan(scene, layers, n_lights=FINAL.n_lights, editable=("ball.1",))

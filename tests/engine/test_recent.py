@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from engine.array_cache import cache_recent_arrays
-from engine.indirect.albedo import albedo_bands
+from engine.core.array_cache import cache_recent_arrays
 from engine.material import MODELS
 from engine.material.layer import make_layer
+from engine.precompute.indirect.albedo import albedo_bands
 
 
 def test_the_oldest_are_forgotten_by_their_size() -> None:

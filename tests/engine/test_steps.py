@@ -4,7 +4,7 @@ from collections.abc import Generator
 
 import pytest
 
-from engine.generators import StepRunner, map_steps, run_to_end
+from engine.core.generators import StepRunner, map_steps, run_to_end
 
 
 def _sum_of(numbers: list[int]) -> Generator[float, None, int]:

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from engine import threads
-from engine.generators import run_to_end
-from engine.indirect.indirect_layers import indirect_layer
+from engine.core import threads
+from engine.core.generators import run_to_end
 from engine.light.environment import Environment, _angular_to_latlong, triangle_integrals
 from engine.material import MODELS, make_layer
+from engine.precompute.direct.pipeline import PREVIEW, SkyState
+from engine.precompute.indirect.indirect_layers import indirect_layer
 from engine.render.path_tracer import trace_paths
 from engine.render.still import StillLayer, render_reference, render_still
 from engine.sphere.geodesic import locate
-from engine.transport.pipeline import PREVIEW, SkyState
-from tests.engine.indirect.small_scenes import QUICK, matt, placed, placement_of, solve
+from tests.engine.precompute.indirect.small_scenes import QUICK, matt, placed, placement_of, solve
 
 OBJECTS = [
     {"name": "floor", "primitive": "quad", "transform": [4, 0, 0, 0, 0, 0, 4, 0, 0, -4, 0, 0, 0, 0, 0, 1]},

@@ -19,8 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-from app.machine.kernel_cache import use_kernel_cache
-from engine.errors import LONGEST_LINE, InsituError
+from app.system.kernel_cache import use_kernel_cache
+from engine.core.errors import LONGEST_LINE, InsituError
 from tests.fuzz.formats import FORMATS, Format
 from tests.fuzz.mutations import damaged
 

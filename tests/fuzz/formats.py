@@ -39,14 +39,14 @@ def texts(pattern: str) -> Callable[[Path], list[bytes]]:
 
 
 def read_scene(path: Path) -> None:
-    from app.document import document_from_description
+    from app.document.document import document_from_description
     from engine.scene.description import load_description
 
     document_from_description(str(path), load_description(path))
 
 
 def scenes(folder: Path) -> list[bytes]:
-    from tests.app.jobs.ball_and_lamp import SCENE
+    from tests.app.worker.ball_and_lamp import SCENE
 
     return [SCENE.encode(), *texts("scenes/*/scene.toml")(folder)]
 
@@ -55,15 +55,15 @@ def sessions(folder: Path) -> list[bytes]:
     """One that says little, and one in which all that there can be differs from its default."""
     from PIL import Image
 
-    from app.commands.curves import AddOperator, CollapseOperators
-    from app.commands.layers import SetFresnelTerm
-    from app.commands.light import SetEnvironment
-    from app.commands.maps import SetMap
-    from app.commands.paint import Paint
-    from app.commands.poses import AddDeformer
-    from app.document import document_from_description
+    from app.document.commands.curves import AddOperator, CollapseOperators
+    from app.document.commands.layers import SetFresnelTerm
+    from app.document.commands.light import SetEnvironment
+    from app.document.commands.maps import SetMap
+    from app.document.commands.paint import Paint
+    from app.document.commands.poses import AddDeformer
+    from app.document.document import document_from_description
+    from app.document.view_state import Bookmark, Viewpoint, ViewState
     from app.files.session import save_session
-    from app.view_state import Bookmark, Viewpoint, ViewState
     from engine.curve.operators import Operator
     from engine.material.strokes import Stroke, pack_dabs
     from engine.scene.description import Camera, parse_description
@@ -100,7 +100,7 @@ def read_session(path: Path) -> None:
 
 
 def read_script(path: Path) -> None:
-    from app.script import load_script
+    from app.editor.script import load_script
 
     load_script(path)
 
@@ -112,8 +112,8 @@ def read_material(path: Path) -> None:
 
 
 def materials(folder: Path) -> list[bytes]:
-    from app.commands.curves import AddOperator
-    from app.document import document_from_description
+    from app.document.commands.curves import AddOperator
+    from app.document.document import document_from_description
     from app.files.material_file import Material, dump_material
     from engine.curve.operators import Operator
     from engine.scene.description import parse_description
@@ -213,9 +213,9 @@ def glbs(_: Path) -> list[bytes]:
 
 
 def read_glb_file(path: Path) -> None:
-    from engine.deform.animated_pose import animated_pose
-    from engine.deform.pose import Pose
-    from engine.scene.gltf import read_glb
+    from engine.realtime.zonal_harmonics.animated_pose import animated_pose
+    from engine.realtime.zonal_harmonics.pose import Pose
+    from engine.scene.loaders.gltf import read_glb
 
     read_mesh_file(path)
     for part in read_glb(path).parts:
@@ -340,9 +340,9 @@ def read_cornell_file(path: Path) -> None:
 
 def entries(folder: Path) -> list[bytes]:
     """Of visibility, of a store of bands, and of fitted lobes."""
-    from engine.deform.membrane import membrane
-    from engine.orbit.stored_visibility import deflate_bits
-    from tests.engine.transport.test_bandstore import sparse_bands, store_of, whole
+    from engine.realtime.triple_product.stored_visibility import deflate_bits
+    from engine.realtime.zonal_harmonics.membrane import membrane
+    from tests.engine.precompute.direct.test_bandstore import sparse_bands, store_of, whole
 
     bits = np.random.default_rng(1).integers(0, 256, (9, 40)).astype(np.uint8)
     fitted = membrane(np.full(5, 0.5), 6)
@@ -355,7 +355,7 @@ def entries(folder: Path) -> list[bytes]:
 
 
 def _kept(folder: Path, arrays: dict[str, np.ndarray]) -> bytes:
-    from app.jobs.cache import ArrayCache
+    from app.worker.cache import ArrayCache
 
     ArrayCache(folder).put("k", arrays)
     return (folder / "k.arrays").read_bytes()
@@ -363,11 +363,11 @@ def _kept(folder: Path, arrays: dict[str, np.ndarray]) -> bytes:
 
 def read_entry(path: Path) -> None:
     """By all who take such; none of them raises."""
-    from app.jobs.cache import ArrayCache
-    from app.jobs.deform_worker import stored_lobes
-    from engine.orbit.stored_visibility import inflate_bits
-    from engine.stored_arrays import ArrayReader
-    from engine.transport.bandstore import arrays_of_file, store_from_arrays
+    from app.worker.cache import ArrayCache
+    from app.worker.deform_worker import stored_lobes
+    from engine.core.stored_arrays import ArrayReader
+    from engine.precompute.direct.bandstore import arrays_of_file, store_from_arrays
+    from engine.realtime.triple_product.stored_visibility import inflate_bits
 
     data = path.read_bytes()
     for read in (
@@ -383,7 +383,7 @@ def read_entry(path: Path) -> None:
 
 
 def tiles(folder: Path) -> list[bytes]:
-    from app.jobs.cache import ArrayCache
+    from app.worker.cache import ArrayCache
 
     with ArrayCache(folder / "tiles").open_tiles("k", 3) as kept:
         for i in range(3):
@@ -392,7 +392,7 @@ def tiles(folder: Path) -> list[bytes]:
 
 
 def read_tiles(path: Path) -> None:
-    from app.jobs.cache import ArrayCache
+    from app.worker.cache import ArrayCache
 
     with ArrayCache(path.parent).open_tiles(path.stem, 3) as kept:
         for i in kept.complete_tiles:

@@ -39,7 +39,7 @@ def test_a_number_is_the_same_file_again(tmp_path: Path) -> None:
 # A format whose reader does what none should; which of it, the damaged file decides.
 FAULTY = """
 import os, zlib
-from engine.errors import InsituError
+from engine.core.errors import InsituError
 from tests.fuzz import child
 from tests.fuzz.formats import FORMATS, Format
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from engine.material import MODELS
 from engine.material._kernels import gamma, quotient_cosine
-from engine.transport.projection import LayerShape, VisibleLight
+from engine.precompute.direct.projection import LayerShape, VisibleLight
 from tests.naive.curves import hats
 
 HALF_PI = np.pi / 2

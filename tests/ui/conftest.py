@@ -9,7 +9,7 @@ from pathlib import Path
 import moderngl
 import pytest
 
-from app.editor import Editor
+from app.editor.editor import Editor
 from tests.fineness import light_quickly
 from tests.ui.stand_in import StandInClient
 from ui.gl.context import create_headless_context
@@ -27,7 +27,7 @@ def state_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def no_rows_for_other_skies(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """They take as long as the picture itself. Random walks meet them all the same."""
     if "sequence" not in request.module.__name__:
-        monkeypatch.setattr("app.placement.relight_controller.IDLE_SECONDS", math.inf)
+        monkeypatch.setattr("app.modes.placement.relight_controller.IDLE_SECONDS", math.inf)
 
 
 @pytest.fixture(autouse=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from app.jobs.kernels import prepared_tasks
+from app.worker.kernels import prepared_tasks
 
 if TYPE_CHECKING:
-    from app.jobs.dispatcher import RequestDispatcher
+    from app.worker.dispatcher import RequestDispatcher
 
 HANDLERS = "tests.ui.quick_worker:quick_tasks"
 
@@ -16,8 +16,8 @@ HANDLERS = "tests.ui.quick_worker:quick_tasks"
 def quick_tasks() -> RequestDispatcher:
     """The worker's own, but for these."""
     tasks = prepared_tasks()
-    from app.jobs import indirect_tasks
-    from app.jobs.orbit_worker import OrbitWorker
+    from app.worker import indirect_tasks
+    from app.worker.orbit_worker import OrbitWorker
     from engine.render import error_estimate
     from tests.fineness import QUICK
 

@@ -227,7 +227,7 @@ class Stage:
 
     def as_at_the_start(self, select: str | None) -> None:
         """Panels and view as at the start, this selected."""
-        from app.view_state import SetView, ViewState
+        from app.document.view_state import SetView, ViewState
         from ui.panels.window_state import PanelState
 
         start = ViewState()
@@ -259,8 +259,8 @@ class Stage:
 
 def main() -> int:
     """The window's process."""
-    from app.jobs.client import Client
-    from app.placement import relight_controller
+    from app.modes.placement import relight_controller
+    from app.worker.client import Client
     from tests.ui.quick_worker import HANDLERS
     from tests.ui.stand_in import StandInClient
     from ui import window

@@ -9,11 +9,11 @@ from pathlib import Path
 import moderngl
 import numpy as np
 
-from app.editor import Editor, WorkerClient
-from app.jobs.dispatcher import RequestDispatcher
-from app.jobs.in_process import InProcessClient
-from app.messages import Request
-from app.view_state import SetView
+from app.document.view_state import SetView
+from app.editor.editor import Editor, WorkerClient
+from app.messages.worker_messages import Request
+from app.worker.dispatcher import RequestDispatcher
+from app.worker.in_process import InProcessClient
 from tests.pictures import write_exr
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed

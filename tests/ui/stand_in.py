@@ -12,9 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.document import document_from_description
-from app.jobs.band_planning import plan_bands
-from app.messages import (
+from app.document.document import document_from_description
+from app.messages.worker_messages import (
     MeasurementsRead,
     OpenScene,
     Progress,
@@ -27,7 +26,7 @@ from app.messages import (
     ViewTraced,
     with_numbers,
 )
-from app.placement.placement_messages import (
+from app.modes.placement.placement_messages import (
     ComputeTransport,
     ContractTransport,
     LayerPicture,
@@ -36,6 +35,7 @@ from app.placement.placement_messages import (
     StageDone,
     StageFootprint,
 )
+from app.worker.band_planning import plan_bands
 from engine.curve.wavelet import forward
 from engine.planner import Precision, band_counts
 from engine.scene.description import SceneDescription

@@ -6,16 +6,16 @@ from dataclasses import replace
 
 import pytest
 
-from app.commands.layers import SetEditable
-from app.editor_status import Status
-from app.placement.placement_messages import ComputeTransport
-from app.placement.placement_status import PlacementStatus, error_note
+from app.document.commands.layers import SetEditable
+from app.messages.editor_status import Status
+from app.modes.placement.placement_messages import ComputeTransport
+from app.modes.placement.placement_status import PlacementStatus, error_note
 from engine.render.picture_error import ErrorEstimate
 from tests.ui.stand_in import StandInClient
 from ui import theme as look
 from ui.headless import HeadlessWindow
+from ui.modes.placement.accuracy_placement import figures
 from ui.panels.accuracy import error_hint
-from ui.panels.accuracy_placement import figures
 from ui.panels.status_bar import ERROR_SECONDS, HEADLIGHT, picture_state
 
 STATUS = PlacementStatus(

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.commands.layers import SetParameter
-from app.editor import Editor
+from app.document.commands.layers import SetParameter
+from app.document.view_state import SetView
+from app.editor.editor import Editor
 from app.files.bookmarks import without_thumbnails
 from app.files.session import load_session
-from app.view_state import SetView
 from engine.scene.camera import camera_frame
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow

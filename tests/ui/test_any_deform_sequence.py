@@ -12,21 +12,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.commands import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetSurface, SetTime
-from app.commands.layers import SetParameter
-from app.commands.light import SetRotation
-from app.deform.deform_controller import DeformController
-from app.editor import Editor
-from app.effective_settings import effective_view
-from app.jobs.cache import ArrayCache
-from app.orbit.desired_state import DesiredOrbit
-from app.view_state import SetView
-from engine.deform.deform_engine import Deform
-from engine.deform.pose import Poses
+from app.document.commands import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetSurface, SetTime
+from app.document.commands.layers import SetParameter
+from app.document.commands.light import SetRotation
+from app.document.effective_settings import effective_view
+from app.document.view_state import SetView
+from app.editor.editor import Editor
+from app.modes.deform.deform_controller import DeformController
+from app.modes.orbit.desired_state import DesiredOrbit
+from app.worker.cache import ArrayCache
+from engine.realtime.zonal_harmonics.deform_engine import Deform
+from engine.realtime.zonal_harmonics.pose import Poses
 from engine.scene.description import Camera, CameraDescription
 from engine.scene.scene_loader import Scene
 from engine.scene.surface_kinds import SurfacesByObject
-from tests.engine.deform.test_moments import write_bar
+from tests.engine.realtime.zonal_harmonics.test_moments import write_bar
 from tests.ui.test_any_orbit_sequence import (
     CAMERAS,
     NamedOrbit,
@@ -40,7 +40,7 @@ from tests.ui.test_any_sequence import MAY_BE_TOLD, RESOLUTION, LateClient
 
 
 class NamedDeform(NamedOrbit):
-    """As `engine.deform.deform_engine.Deform`, drawn as `NamedOrbit` is."""
+    """As `engine.realtime.zonal_harmonics.deform_engine.Deform`, drawn as `NamedOrbit` is."""
 
     lost: Mapping[int, float] = {}  # noqa: RUF012 - it has none
 
@@ -152,7 +152,7 @@ COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
 
 @pytest.mark.parametrize("seed", [*range(3), *(pytest.param(s, marks=pytest.mark.sweep) for s in range(3, 100))])
 def test_the_last_picture_is_of_the_last_document(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
-    monkeypatch.setattr("engine.deform.deform_engine.Deform", NamedDeform)
+    monkeypatch.setattr("engine.realtime.zonal_harmonics.deform_engine.Deform", NamedDeform)
     random = np.random.default_rng(seed)
     walk = OrbitWalk(str(write_bar(tmp_path)), LateClient(random, ArrayCache(tmp_path / "cache")), None, mode="deform")
     done = []

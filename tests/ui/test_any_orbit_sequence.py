@@ -15,28 +15,28 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.commands.plan import override_from_value
-from app.document import Document
-from app.editor import Editor
-from app.effective_settings import effective_view
-from app.jobs.cache import ArrayCache
-from app.modes import MODES
-from app.orbit.desired_state import DesiredOrbit
-from app.orbit.orbit_controller import OrbitController
-from app.orbit.orbit_events import OrbitPicture
-from app.view_state import SetView, ViewState
+from app.document.commands.plan import override_from_value
+from app.document.document import Document
+from app.document.effective_settings import effective_view
+from app.document.view_state import SetView, ViewState
+from app.editor.editor import Editor
+from app.modes.orbit.desired_state import DesiredOrbit
+from app.modes.orbit.orbit_controller import OrbitController
+from app.modes.orbit.orbit_events import OrbitPicture
+from app.modes.registry import MODES
+from app.worker.cache import ArrayCache
 from engine.material.layer import Layer
-from engine.orbit.orbit_engine import Orbit
+from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.triple_product.orbit_engine import Orbit
 from engine.render.still import StillProgress
 from engine.scene.description import Camera, CameraDescription
 from engine.scene.scene_loader import Scene
-from engine.transport.pipeline import SkyState
 from tests.ui.small_scene import write_small_scene
 from tests.ui.test_any_sequence import COMMANDS as OTHERS
 from tests.ui.test_any_sequence import FRAME_SECONDS, MAY_BE_TOLD, MOST_FRAMES, RESOLUTION, LateClient, relative_error
-from ui.orbit_feed import OrbitFeed
+from ui.modes.orbit.orbit_feed import OrbitFeed
+from ui.modes.placement.placement_feed import PlacementFeed
 from ui.picture_feed import PictureFeed
-from ui.placement_feed import PlacementFeed
 
 N_STEPS = 5
 
@@ -52,8 +52,8 @@ def said_of_layers(layers: Sequence[Layer]) -> list[object]:
 
 
 class NamedOrbit:
-    """As `engine.orbit.orbit_engine.Orbit`; each picture is of one colour, that of all it is drawn of, or black while
-    anything of it is still to be made ready. Nothing of it is kept in the cache."""
+    """As `engine.realtime.triple_product.orbit_engine.Orbit`; each picture is of one colour, that of all it is drawn
+    of, or black while anything of it is still to be made ready. Nothing of it is kept in the cache."""
 
     n_bytes, n_bounces, has_traced, notes = 1, 1, False, ()
 
@@ -242,7 +242,7 @@ def replace_camera(walk: OrbitWalk):  # type: ignore[no-untyped-def]
 
 @pytest.fixture
 def source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    monkeypatch.setattr("engine.orbit.orbit_engine.Orbit", NamedOrbit)
+    monkeypatch.setattr("engine.realtime.triple_product.orbit_engine.Orbit", NamedOrbit)
     return str(write_small_scene(tmp_path))
 
 

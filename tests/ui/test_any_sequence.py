@@ -13,18 +13,18 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.commands.curves import AddOperator, ResetCurve
-from app.commands.layers import SetEditable, SetFresnelTerm, SetModel, SetParameter, SetVisible
-from app.commands.light import SetEnvironment, SetRotation
-from app.commands.material import AddLayers, RemoveLayer, SetMaterial, new_layer
-from app.editor import Editor
+from app.document.commands.curves import AddOperator, ResetCurve
+from app.document.commands.layers import SetEditable, SetFresnelTerm, SetModel, SetParameter, SetVisible
+from app.document.commands.light import SetEnvironment, SetRotation
+from app.document.commands.material import AddLayers, RemoveLayer, SetMaterial, new_layer
+from app.document.view_state import SetView
+from app.editor.editor import Editor
 from app.files.library import Library
-from app.jobs.cache import ArrayCache
-from app.jobs.dispatcher import RequestDispatcher
-from app.jobs.pending_requests import PendingRequests
-from app.jobs.schedule import Schedule
-from app.messages import CancelRequests, Request, RequestFailed, Response, WorkerRestarted, with_numbers
-from app.view_state import SetView
+from app.messages.worker_messages import CancelRequests, Request, RequestFailed, Response, WorkerRestarted, with_numbers
+from app.worker.cache import ArrayCache
+from app.worker.dispatcher import RequestDispatcher
+from app.worker.pending_requests import PendingRequests
+from app.worker.schedule import Schedule
 from engine.curve.operators import Operator
 from tests.ui.small_scene import write_small_scene
 from ui.picture_feed import PictureFeed

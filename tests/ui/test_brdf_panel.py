@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 from imgui_bundle import ImVec2, imgui
 
-from app.commands.curves import SetOperators
-from app.commands.layers import SetModel, SetParameter
-from app.commands.material import SetMaterial
-from app.measured_import import measured_layers
-from app.measurements import with_measurements
-from app.messages import FetchTable, RequestFailed, TableFetched
-from app.view_state import OpenPanel, SetView, ViewState
+from app.document.commands.curves import SetOperators
+from app.document.commands.layers import SetModel, SetParameter
+from app.document.commands.material import SetMaterial
+from app.document.measurements import with_measurements
+from app.document.view_state import OpenPanel, SetView, ViewState
+from app.files.measured_import import measured_layers
+from app.messages.worker_messages import FetchTable, RequestFailed, TableFetched
 from engine.curve.operators import Operator
 from engine.measured.table_lookup import evaluate_table
 from tests.naive.measured import analytic_samples, drawn_measurement

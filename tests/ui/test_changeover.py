@@ -12,12 +12,12 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.commands.curves import AddOperator
-from app.commands.layers import SetParameter
-from app.commands.light import SetEmission, SetEnvironment, SetRotation
-from app.commands.material import SetMaterial
-from app.jobs.cache import ArrayCache
-from app.view_state import SetView
+from app.document.commands.curves import AddOperator
+from app.document.commands.layers import SetParameter
+from app.document.commands.light import SetEmission, SetEnvironment, SetRotation
+from app.document.commands.material import SetMaterial
+from app.document.view_state import SetView
+from app.worker.cache import ArrayCache
 from tests.ui.small_scene import SCENE, write_small_scene
 from tests.ui.test_any_sequence import LIBRARY, LIFT, LateClient, Walk, relative_error
 from ui.panels.status_bar import picture_state

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.commands.curves import AddOperator
-from app.commands.layers import SetParameter, SetVisible
-from app.commands.light import SetIntensity
-from app.jobs.cache import ArrayCache
-from app.jobs.dispatcher import RequestDispatcher
-from app.jobs.in_process import InProcessClient
-from app.view_state import SetView
+from app.document.commands.curves import AddOperator
+from app.document.commands.layers import SetParameter, SetVisible
+from app.document.commands.light import SetIntensity
+from app.document.view_state import SetView
+from app.worker.cache import ArrayCache
+from app.worker.dispatcher import RequestDispatcher
+from app.worker.in_process import InProcessClient
 from engine.curve.operators import Operator
 from tests.ui.small_scene import linear_picture, opened_window, wait_until_exact, write_small_scene
 from ui.headless import HeadlessWindow

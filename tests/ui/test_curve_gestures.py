@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.view_state import Tool, ViewState
+from app.document.view_state import Tool, ViewState
 from engine.curve.operators import Operator, apply_operators, diagonal
 from engine.curve.pairs import is_pair
 from ui.panels.curve_gestures import (

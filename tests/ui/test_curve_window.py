@@ -136,7 +136,7 @@ def test_steps_are_as_large_as_what_is_seen(real: RealWindow) -> None:
 
 def test_a_drag_in_a_sharp_highlights_skirt_lifts_it_by_little(real: RealWindow) -> None:
     real.fresh()
-    real.do("from app.commands import SetParameter; editor.do(SetParameter('teapot.1', 'alpha', 0.06))")
+    real.do("from app.document.commands import SetParameter; editor.do(SetParameter('teapot.1', 'alpha', 0.06))")
     real.drag("curve.magnitude", by=(0, -38))
     (lifted,) = magnitudes(real)
     height = 2.0 * (real.at("curve.plot")[1] - real.at("curve.a")[1] - 12.0)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from app.commands.curves import AddOperator
-from app.view_state import SetView
+from app.document.commands.curves import AddOperator
+from app.document.view_state import SetView
 from engine.curve.operators import Operator
 from ui.headless import HeadlessWindow
 

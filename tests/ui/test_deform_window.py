@@ -12,22 +12,22 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.commands import AddDeformer, SetDeformer
-from app.jobs.cache import ArrayCache
-from app.jobs.deform_worker import DeformWorker
-from app.jobs.dispatcher import RequestDispatcher
-from app.jobs.in_process import InProcessClient
-from engine.deform.gpu_parts import PictureExport
-from engine.deform.pose import Deformation
-from tests.engine.deform.test_moments import write_bar
+from app.document.commands import AddDeformer, SetDeformer
+from app.worker.cache import ArrayCache
+from app.worker.deform_worker import DeformWorker
+from app.worker.dispatcher import RequestDispatcher
+from app.worker.in_process import InProcessClient
+from engine.realtime.zonal_harmonics.gpu_parts import PictureExport
+from engine.realtime.zonal_harmonics.pose import Deformation
+from tests.engine.realtime.zonal_harmonics.test_moments import write_bar
 from tests.engine.scene.test_rigs import Bar
 from tests.ui.small_scene import is_drawn, opened_window, wait_until_exact, write_small_scene
-from ui.deform_feed import DeformFeed
 from ui.gl.context import GraphicsError
-from ui.gl.deform.posed_picture import PosedPicture
 from ui.gl.gpu_drawing import VARIABLE
 from ui.headless import HeadlessWindow
-from ui.orbit_feed import OrbitFeed
+from ui.modes.deform.deform_feed import DeformFeed
+from ui.modes.deform.gl.posed_picture import PosedPicture
+from ui.modes.orbit.orbit_feed import OrbitFeed
 
 pytestmark = pytest.mark.gl
 Opened = Callable[[Path], HeadlessWindow]
@@ -37,7 +37,7 @@ Opened = Callable[[Path], HeadlessWindow]
 def opened(context: moderngl.Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Opened]:
     """A scene in Deform, by few rays and points."""
     monkeypatch.setattr(DeformWorker, "n_rays", 16)
-    monkeypatch.setattr("engine.deform.deform_engine.N_POINTS", 60)
+    monkeypatch.setattr("engine.realtime.zonal_harmonics.deform_engine.N_POINTS", 60)
     client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
     with ExitStack() as stack:
         way = {"resolution": (48, 32), "mode": "deform", "n_lights": 40, "n_bounces": 1}

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.document import Document
-from app.view_state import SetView
+from app.document.document import Document
+from app.document.view_state import SetView
 from engine.curve.operators import Operator
 from ui.headless import HeadlessWindow
 from ui.panels.curve_gestures import core

@@ -9,14 +9,14 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.commands.layers import SetParameter
-from app.commands.light import SetEmission
-from app.jobs.cache import ArrayCache
-from app.jobs.dispatcher import RequestDispatcher
-from app.placement.placement_messages import ComputeTransport
-from app.project import open_project
-from app.stills import render_picture
-from engine.indirect.series import BounceSeries
+from app.document.commands.layers import SetParameter
+from app.document.commands.light import SetEmission
+from app.modes.placement.placement_messages import ComputeTransport
+from app.project.project import open_project
+from app.stills.stills import render_picture
+from app.worker.cache import ArrayCache
+from app.worker.dispatcher import RequestDispatcher
+from engine.precompute.indirect.series import BounceSeries
 from tests.ui.small_scene import (
     SCENE,
     CountingClient,

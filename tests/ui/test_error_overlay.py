@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.editor_status import Status
-from app.placement.placement_controller import PlacementController
+from app.messages.editor_status import Status
+from app.modes.placement.placement_controller import PlacementController
 from ui.headless import HeadlessWindow
 from ui.panels.viewport import ERROR_AWAITED, ERROR_UNKNOWN, error_missing
 

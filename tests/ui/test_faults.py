@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.barrier import Barrier
-from app.commands.layers import SetParameter
-from app.editor import Editor
+from app.document.commands.layers import SetParameter
+from app.editor.editor import Editor
 from app.files.journal import Journal
-from app.machine.paths import state_directory
+from app.system.barrier import Barrier
+from app.system.paths import state_directory
 from tests.ui.stand_in import StandInClient
 from ui import shell as shell_module
 from ui.headless import HeadlessWindow

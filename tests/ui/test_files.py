@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 from imgui_bundle import imgui
 
-from app.commands.light import SetIntensity
-from app.document import LightState
-from app.editor import Editor
+from app.document.commands.light import SetIntensity
+from app.document.document import LightState
+from app.document.probe_file import likely_mapping, probe_size
+from app.editor.editor import Editor
 from app.files.session import load_session
-from app.machine.inputs import add_inputs
-from app.machine.paths import display_name
-from app.placement.placement_messages import ComputeTransport
-from app.probe_file import likely_mapping, probe_size
+from app.modes.placement.placement_messages import ComputeTransport
+from app.system.inputs import add_inputs
+from app.system.paths import display_name
 from tests.ui.stand_in import StandInClient
 from ui.action_handler import ActionHandler, picture_name
 from ui.headless import HeadlessWindow

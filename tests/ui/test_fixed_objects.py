@@ -9,11 +9,11 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.commands.curves import AddOperator
-from app.commands.layers import SetEditable
-from app.jobs.cache import ArrayCache
-from app.jobs.dispatcher import RequestDispatcher
-from app.jobs.in_process import InProcessClient
+from app.document.commands.curves import AddOperator
+from app.document.commands.layers import SetEditable
+from app.worker.cache import ArrayCache
+from app.worker.dispatcher import RequestDispatcher
+from app.worker.in_process import InProcessClient
 from engine.curve.operators import Operator
 from tests.ui.small_scene import SCENE, linear_picture, opened_window, wait_until_exact, write_small_scene
 from ui.headless import HeadlessWindow

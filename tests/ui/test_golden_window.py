@@ -24,11 +24,11 @@ import pytest
 from imgui_bundle import imgui
 from PIL import Image
 
-from app.commands.light import SetRotation
-from app.jobs.cache import ArrayCache
-from app.jobs.dispatcher import RequestDispatcher
-from app.jobs.in_process import InProcessClient
-from app.view_state import OpenPanel, SetView
+from app.document.commands.light import SetRotation
+from app.document.view_state import OpenPanel, SetView
+from app.worker.cache import ArrayCache
+from app.worker.dispatcher import RequestDispatcher
+from app.worker.in_process import InProcessClient
 from tests.ui.small_scene import opened_window, wait_until_exact, write_small_scene
 from ui.headless import HeadlessWindow
 from ui.shell import Shell
@@ -58,7 +58,7 @@ def window(context: moderngl.Context, tmp_path: Path, monkeypatch: pytest.Monkey
     """The window with an edited curve, its picture exact; what is measured by the clock stands still."""
     if "llvmpipe" not in context.info["GL_RENDERER"]:
         pytest.skip("the golden picture is that of Mesa's llvmpipe")
-    monkeypatch.setattr("app.editor_status.resident_megabytes", lambda *pids: 512.0)
+    monkeypatch.setattr("app.messages.editor_status.resident_megabytes", lambda *pids: 512.0)
     monkeypatch.setattr(Shell, "note_frame_time", lambda shell, milliseconds: setattr(shell, "_frame_ms", 12.5))
     client = InProcessClient(RequestDispatcher(ArrayCache(tmp_path / "cache")))
     with opened_window(context, write_small_scene(tmp_path), client, n_lights=400) as opened:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from imgui_bundle import imgui
 
-from app.editor import Editor
-from app.messages import Progress, RequestFailed
+from app.editor.editor import Editor
+from app.messages.worker_messages import Progress, RequestFailed
 from tests.ui.stand_in import StandInClient
 from ui.frame_pacing import PROGRESS_SECONDS
 from ui.headless import HeadlessWindow

@@ -9,11 +9,11 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.commands.light import SetIntensity
-from app.jobs.cache import ArrayCache
-from app.jobs.dispatcher import RequestDispatcher
-from app.placement.placement_messages import ComputeTransport, ContractTransport
-from app.view_state import SetView
+from app.document.commands.light import SetIntensity
+from app.document.view_state import SetView
+from app.modes.placement.placement_messages import ComputeTransport, ContractTransport
+from app.worker.cache import ArrayCache
+from app.worker.dispatcher import RequestDispatcher
 from tests.ui.small_scene import SCENE, CountingClient, opened_window, wait_until_exact, write_small_scene
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed

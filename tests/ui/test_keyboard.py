@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.commands.curves import SetOperators
-from app.commands.layers import SetFrozen
-from app.document import Document
-from app.view_state import SetView
+from app.document.commands.curves import SetOperators
+from app.document.commands.layers import SetFrozen
+from app.document.document import Document
+from app.document.view_state import SetView
 from engine.curve.operators import Operator
 from tests.ui.small_scene import linear_picture, wait_until_exact
 from ui.headless import HeadlessWindow

@@ -10,7 +10,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.jobs.client import Client
+from app.worker.client import Client
 from engine.curve.operators import Operator
 from tests.ui.quick_worker import HANDLERS
 from tests.ui.small_scene import linear_picture, opened_window, wait_until_exact, write_small_scene

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from imgui_bundle import ImVec2, imgui
 
-from app.document import ObjectState
-from app.editor import Editor
-from app.messages import Progress
-from app.placement.indirect_controller import IndirectController
-from app.view_state import SetView
+from app.document.document import ObjectState
+from app.document.view_state import SetView
+from app.editor.editor import Editor
+from app.messages.worker_messages import Progress
+from app.modes.placement.indirect_controller import IndirectController
 from engine.material.layer import Layer
 from tests.ui.conftest import opened
 from tests.ui.stand_in import StandInClient
@@ -179,7 +179,7 @@ def test_surfaces_are_exact_greys(window: HeadlessWindow) -> None:
 
 def test_panels_close_and_come_back(window: HeadlessWindow) -> None:
     editor = window.shell.editor
-    from app.view_state import OpenPanel
+    from app.document.view_state import OpenPanel
 
     before = window.pixels()
     editor.do(OpenPanel("light", False))

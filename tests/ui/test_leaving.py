@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from app.commands.light import SetRotation
+from app.document.commands.light import SetRotation
 from app.files.journal import Journal, recoverable_sessions
 from app.files.session import load_session
 from engine.curve.operators import Operator

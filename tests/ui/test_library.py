@@ -11,7 +11,7 @@ from imgui_bundle import imgui
 from PIL import Image
 
 from app.files.library import Library
-from app.measured_import import measured_layers
+from app.files.measured_import import measured_layers
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
 from ui.gl.lit_sphere import sphere_picture

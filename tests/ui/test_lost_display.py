@@ -15,7 +15,7 @@ from tests.ui.real_window import opened
 @pytest.mark.window
 def test_edits_outlive_the_display(tmp_path: Path) -> None:
     with opened(tmp_path) as real:
-        real.do("from app.commands.light import SetIntensity; editor.do(SetIntensity(7.0))")
+        real.do("from app.document.commands.light import SetIntensity; editor.do(SetIntensity(7.0))")
         time.sleep(2.0 * WRITE_SECONDS)  # a second, for what the journal promises
         for server in psutil.Process().children():
             if server.name() == "Xvfb":

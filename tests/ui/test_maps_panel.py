@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.commands.layers import SetVisible
-from app.commands.maps import SetMap
-from app.placement.placement_messages import MapsSampled, SampleMaps
+from app.document.commands.layers import SetVisible
+from app.document.commands.maps import SetMap
+from app.modes.placement.placement_messages import MapsSampled, SampleMaps
 from engine.material.layer_maps import LayerMaps, MapMeans
 from tests.ui.stand_in import StandInClient, scene_frame
 from ui.headless import HeadlessWindow

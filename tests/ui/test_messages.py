@@ -8,7 +8,7 @@ import moderngl
 import pytest
 from imgui_bundle import imgui
 
-from app.messages import Progress
+from app.messages.worker_messages import Progress
 from tests.ui.conftest import opened
 from ui.headless import HeadlessWindow
 from ui.panels.status_bar import HEIGHT

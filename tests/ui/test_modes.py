@@ -11,20 +11,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from app.commands.layers import SetParameter
-from app.document import Document
-from app.editor import Editor
-from app.editor_status import Status
+from app.document.commands.layers import SetParameter
+from app.document.document import Document
+from app.document.view_state import SetView, ViewState
+from app.editor.editor import Editor
 from app.files.session import load_session
-from app.jobs.cache import ArrayCache
-from app.jobs.dispatcher import RequestDispatcher
-from app.jobs.in_process import InProcessClient
-from app.jobs.worker_context import WorkerContext
-from app.messages import Request, Response, SetCamera
-from app.mode import EditorServices, Mode, ModeController, ModeWorker
-from app.modes import PLACEMENT
-from app.picture_events import PictureEvent
-from app.view_state import SetView, ViewState
+from app.messages.editor_status import Status
+from app.messages.picture_events import PictureEvent
+from app.messages.worker_messages import Request, Response, SetCamera
+from app.modes.mode import EditorServices, Mode, ModeController, ModeWorker
+from app.modes.registry import PLACEMENT
+from app.worker.cache import ArrayCache
+from app.worker.dispatcher import RequestDispatcher
+from app.worker.in_process import InProcessClient
+from app.worker.worker_context import WorkerContext
 from tests.ui.small_scene import linear_picture, wait_until_exact, write_small_scene
 from ui.gl.textures import small_texture
 from ui.headless import HeadlessWindow

@@ -8,12 +8,12 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.jobs.cache import ArrayCache
-from app.jobs.dispatcher import RequestDispatcher
-from app.jobs.in_process import InProcessClient
-from app.jobs.orbit_worker import OrbitWorker
-from app.modes import MODES
-from app.view_state import Viewpoint
+from app.document.view_state import Viewpoint
+from app.modes.registry import MODES
+from app.worker.cache import ArrayCache
+from app.worker.dispatcher import RequestDispatcher
+from app.worker.in_process import InProcessClient
+from app.worker.orbit_worker import OrbitWorker
 from engine.light.environment import load_environment
 from engine.scene.camera import centre_directions
 from engine.scene.description import Camera

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.commands.curves import SetOperators
-from app.view_state import SetView
+from app.document.commands.curves import SetOperators
+from app.document.view_state import SetView
 from engine.curve.operators import Operator, TabulatedCurve
 from ui.headless import HeadlessWindow
 from ui.panels.operator_list import magnitude_text

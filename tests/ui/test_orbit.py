@@ -9,20 +9,20 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.jobs.cache import ArrayCache
-from app.jobs.dispatcher import RequestDispatcher
-from app.jobs.in_process import InProcessClient
-from app.jobs.orbit_worker import OrbitWorker
-from app.orbit.orbit_messages import DrawOrbit
-from app.view_state import Bookmark, SetView, Viewpoint
+from app.document.view_state import Bookmark, SetView, Viewpoint
+from app.modes.orbit.orbit_messages import DrawOrbit
+from app.worker.cache import ArrayCache
+from app.worker.dispatcher import RequestDispatcher
+from app.worker.in_process import InProcessClient
+from app.worker.orbit_worker import OrbitWorker
 from engine.scene.description import Camera
 from tests.ui.small_scene import CountingClient, is_drawn, opened_window, wait_until_exact, write_small_scene
 from ui.gl.context import GraphicsError
 from ui.gl.gpu_drawing import VARIABLE
-from ui.gl.orbit.shaded_picture import ShadedPicture
 from ui.gl.textures import read_texture
 from ui.headless import HeadlessWindow
-from ui.orbit_feed import OrbitFeed
+from ui.modes.orbit.gl.shaded_picture import ShadedPicture
+from ui.modes.orbit.orbit_feed import OrbitFeed
 
 pytestmark = pytest.mark.gl
 

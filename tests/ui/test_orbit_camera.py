@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.commands.light import SetRotation
+from app.document.commands.light import SetRotation
+from app.document.view_state import Viewpoint
 from app.files.preferences import PreferenceFile
-from app.view_state import Viewpoint
-from engine.errors import InsituError
+from engine.core.errors import InsituError
 from engine.scene.camera_moves import distance, focal_length, is_level
 from engine.scene.description import Camera
 from tests.ui.stand_in import HEIGHT, WIDTH

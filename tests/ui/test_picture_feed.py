@@ -11,26 +11,27 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.commands.layers import SetParameter, SetVisible
-from app.commands.light import SetEnvironment, SetIntensity, SetRotation
-from app.commands.material import SetMaterial, new_layer
-from app.editor import Editor
-from app.lazy_import import import_named
-from app.messages import SkyImage
-from app.modes import MODES
-from app.placement.placement_controller import PlacementController
-from app.placement.placement_events import LayerMapsChanged
-from app.placement.placement_messages import ComputeTransport
-from app.view_state import SetView
+from app.document.commands.layers import SetParameter, SetVisible
+from app.document.commands.light import SetEnvironment, SetIntensity, SetRotation
+from app.document.commands.material import SetMaterial, new_layer
+from app.document.view_state import SetView
+from app.editor.editor import Editor
+from app.messages.worker_messages import SkyImage
+from app.modes.placement.placement_controller import PlacementController
+from app.modes.placement.placement_events import LayerMapsChanged
+from app.modes.placement.placement_messages import ComputeTransport
+from app.modes.registry import MODES
+from app.system.lazy_import import import_named
 from engine.render.headlight_shading import headlight_colour, headlight_radiance
 from tests.app.fake_worker import FakeClient
 from tests.ui.stand_in import HEIGHT, WIDTH, StandInClient, scene_frame, transport_of
-from ui import picture_feed, placement_feed, scene_view
-from ui.gl.placement.renderer import PlacementRenderer
-from ui.gl.placement.sample_layout import SAMPLES_PER_ROW, row_count
+from ui import picture_feed, scene_view
 from ui.headless import HeadlessWindow
+from ui.modes.placement import placement_feed
+from ui.modes.placement.gl.renderer import PlacementRenderer
+from ui.modes.placement.gl.sample_layout import SAMPLES_PER_ROW, row_count
+from ui.modes.placement.placement_feed import PlacementFeed
 from ui.picture_feed import PictureFeed
-from ui.placement_feed import PlacementFeed
 
 pytestmark = pytest.mark.gl
 

@@ -7,7 +7,7 @@ import random
 import pytest
 from imgui_bundle import imgui
 
-from app.view_state import SetView, ViewState
+from app.document.view_state import SetView, ViewState
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
 from ui.panels.picture import Picture

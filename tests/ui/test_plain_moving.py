@@ -9,14 +9,14 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.commands.poses import AddDeformer, SetDeformer
-from app.jobs.cache import ArrayCache
-from app.jobs.deform_worker import DeformWorker
-from app.jobs.orbit_worker import OrbitWorker
-from app.sky import sky_of
-from app.view_state import SetView
-from engine.deform.posed_scene import pose_scene
-from engine.generators import run_to_end
+from app.document.commands.poses import AddDeformer, SetDeformer
+from app.document.view_state import SetView
+from app.project.sky import sky_of
+from app.worker.cache import ArrayCache
+from app.worker.deform_worker import DeformWorker
+from app.worker.orbit_worker import OrbitWorker
+from engine.core.generators import run_to_end
+from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 from engine.render.headlight_picture import headlight_picture
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.raycaster import RayCaster

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from app.commands.layers import SetEditable
-from app.commands.plan import OverrideLine
-from app.effective_settings import effective_view
-from app.placement.placement_messages import ComputeTransport
-from app.placement.placement_status import PlacementStatus
-from app.placement.plan_table import PlanTableRow, plan_table
-from app.view_state import SetView, ViewState
+from app.document.commands.layers import SetEditable
+from app.document.commands.plan import OverrideLine
+from app.document.effective_settings import effective_view
+from app.document.view_state import SetView, ViewState
+from app.modes.placement.placement_messages import ComputeTransport
+from app.modes.placement.placement_status import PlacementStatus
+from app.modes.placement.plan_table import PlanTableRow, plan_table
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
 from ui.panels.actions import SetPanel
@@ -50,7 +50,7 @@ def test_each_line_says_what_it_has_come_to_and_why(window: HeadlessWindow) -> N
 
 
 def test_what_the_worker_found_to_be_enough_is_told() -> None:
-    from app.document import Document
+    from app.document.document import Document
 
     status = PlacementStatus(needed_lights=1000, plan_reasons={"lights": "within 0.2 % of what 4,000 show"})
     (_, lights, *_) = plan_table(Document("scene"), ViewState(), status)
@@ -58,7 +58,7 @@ def test_what_the_worker_found_to_be_enough_is_told() -> None:
 
 
 def test_rays_of_indirect_light_are_told_once_there_is_any() -> None:
-    from app.document import Document
+    from app.document.document import Document
 
     found = PlacementStatus(found_rays=256, plan_reasons={"rays": "within 0.3 % of what 512 show"})
     for status, told in (
@@ -78,7 +78,7 @@ def test_the_first_line_says_what_the_picture_takes(shown: HeadlessWindow) -> No
 
 
 def test_until_it_is_there_the_cost_is_the_time_that_is_left() -> None:
-    from app.document import Document
+    from app.document.document import Document
 
     at_work = PlacementStatus(stage="final", fraction=0.3, seconds_left=12.4, memory_mb=683.0, gpu_mb=1240.0)
     (cost, *_) = plan_table(Document("scene"), ViewState(), at_work)

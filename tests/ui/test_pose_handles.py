@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.commands import AddDeformer
-from app.editor import Editor
-from app.view_state import SetView
-from engine.deform.deformers import KINDS
+from app.document.commands import AddDeformer
+from app.document.view_state import SetView
+from app.editor.editor import Editor
+from engine.realtime.deformers import KINDS
 from ui.headless import HeadlessWindow
 
 pytestmark = pytest.mark.gl

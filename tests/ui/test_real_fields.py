@@ -130,7 +130,7 @@ def test_a_drag_changes_what_is_seen_alike_for_every_parameter(real: RealWindow)
     real.drag((x, y), by=(100, 0))
     assert real.ask(ALPHA) == pytest.approx(2.0 * start)
     # The width of a highlight goes with the root of its exponent.
-    real.do("from app.commands import SetModel; editor.do(SetModel('teapot.1', 'ashikhmin_shirley'))")
+    real.do("from app.document.commands import SetModel; editor.do(SetModel('teapot.1', 'ashikhmin_shirley'))")
     exponent = "editor.document.layer('teapot.1').values['n_u']"
     real.drag("material.n_u", by=(50, 0))
     assert real.ask(exponent) + 1.0 == pytest.approx(2.0 * 21.0)

@@ -22,7 +22,10 @@ def grip(real: RealWindow) -> tuple[float, float]:
         "editor.camera_history.scene_opened(editor.scenes.opened.description, boxes)"
     )
     real.click("mode.2")
-    real.do("from app.commands import AddDeformer; editor.select('teapot'); editor.do(AddDeformer('teapot', 'bend'))")
+    real.do(
+        "from app.document.commands import AddDeformer; editor.select('teapot'); "
+        "editor.do(AddDeformer('teapot', 'bend'))"
+    )
     assert real.ask("editor.mode.name") == "deform" and real.n_steps() == 1
     return real.at(GRIP)
 

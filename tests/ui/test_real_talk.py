@@ -17,7 +17,7 @@ small = real_window_fixture(small_scene=True, resolution=(48, 32))
 
 SET_MATERIAL = """
 from app.files.library import Library
-from app.commands.material import SetMaterial
+from app.document.commands.material import SetMaterial
 library = Library()
 library.read_all()
 editor.do(SetMaterial("teapot", library.entry({name!r}).material.layers))
@@ -64,11 +64,11 @@ def test_a_fault_in_every_frame_is_one_line_and_the_hand_goes_on(real: RealWindo
 
 def test_a_parameter_that_changes_while_the_stages_come(small: RealWindow) -> None:
     small.fresh(select="ball.1.theta_h")
-    small.do("from app.commands import SetModel; editor.do(SetModel('ball.1', 'cook_torrance'))")
+    small.do("from app.document.commands import SetModel; editor.do(SetModel('ball.1', 'cook_torrance'))")
     small.wait_until("editor.status.picture == 'preview'")
     for n in range(60):  # until all stages are there
         edit = f"editor.do(SetParameter('ball.1', 'eta', {1.2 + 0.01 * n}), 'eta')"
-        small.do(f"from app.commands import SetParameter; {edit}")
+        small.do(f"from app.document.commands import SetParameter; {edit}")
         assert not small.ask("editor.status.is_error"), small.notice()
         if small.ask("editor.status.is_finished"):
             break
@@ -97,7 +97,7 @@ def test_exact_is_said_of_nothing_that_is_not(small: RealWindow) -> None:
     assert small.ask(said).startswith("finished")
     small.wait_until("editor.status.estimate is not None")
     assert 0.0 < small.ask("editor.status.estimate.direct") < 0.1 and " off" in small.ask(said)
-    small.do("from app.view_state import SetView; editor.do(SetView.of(n_bounces=3))")
+    small.do("from app.document.view_state import SetView; editor.do(SetView.of(n_bounces=3))")
     assert "exact" not in small.ask(said) and "error" not in small.ask(said)
     small.wait_until("editor.status.is_finished", timeout=240.0)
     assert (

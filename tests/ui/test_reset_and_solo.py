@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.commands.layers import SetModel, SetParameter
+from app.document.commands.layers import SetModel, SetParameter
 from tests.ui.conftest import opened
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.commands.layers import SetParameter
+from app.document.commands.layers import SetParameter
+from app.document.view_state import SetView
 from app.files.session import load_session
-from app.jobs.cache import ArrayCache
-from app.jobs.dispatcher import RequestDispatcher
-from app.jobs.in_process import InProcessClient
-from app.machine.memory import memory_bytes
-from app.messages import SetCamera
-from app.project import open_project
-from app.view_state import SetView
+from app.messages.worker_messages import SetCamera
+from app.project.project import open_project
+from app.system.memory import memory_bytes
+from app.worker.cache import ArrayCache
+from app.worker.dispatcher import RequestDispatcher
+from app.worker.in_process import InProcessClient
 from tests.ui.small_scene import linear_picture, opened_window, wait_until_exact, write_small_scene
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
@@ -132,7 +132,7 @@ def test_a_side_is_typed_and_one_out_of_range_is_said(window: HeadlessWindow) ->
 def test_more_than_the_memory_is_refused_before_anything_is_done(
     window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in ("app.machine.memory", "ui.panels.resolution_dialog"):
+    for module in ("app.system.memory", "ui.panels.resolution_dialog"):
         monkeypatch.setattr(f"{module}.memory_bytes", lambda: (10 * 2**20, memory_bytes()[1]))
     shell, asked = window.shell, len(looks(window))
     shell.do(SetPanel({"resolution": (4096, 4096)}))

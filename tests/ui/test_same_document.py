@@ -13,10 +13,10 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.commands.layers import SetParameter
-from app.commands.light import SetRotation
-from app.commands.plan import override_from_value
-from app.jobs.cache import ArrayCache
+from app.document.commands.layers import SetParameter
+from app.document.commands.light import SetRotation
+from app.document.commands.plan import override_from_value
+from app.worker.cache import ArrayCache
 from tests.ui.small_scene import write_small_scene
 from tests.ui.test_any_sequence import LateClient, Walk, fresh, relative_error
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.messages import Request, Response
-from app.placement.placement_messages import ErrorEstimated, EstimateError
-from app.script import CaptureWindow, load_script
+from app.editor.script import CaptureWindow, load_script
+from app.messages.worker_messages import Request, Response
+from app.modes.placement.placement_messages import ErrorEstimated, EstimateError
+from engine.core.errors import InsituError
 from engine.curve.operators import Operator
-from engine.errors import InsituError
 from engine.render.picture_error import ErrorEstimate
 from tests.app.limits import largest_file
 from tests.ui.stand_in import StandInClient

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from app.view_state import SetView
-from engine.colour import ToneMapping
-from engine.errors import InsituError
+from app.document.view_state import SetView
+from engine.core.colour import ToneMapping
+from engine.core.errors import InsituError
 from engine.render.display import display_picture
 from ui import tone_view
 from ui.headless import HeadlessWindow

@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.commands.layers import SetParameter
+from app.document.commands.layers import SetParameter
 from tests.ui.stand_in import StandInClient
 from ui.display_names import with_display_names
 from ui.headless import HeadlessWindow

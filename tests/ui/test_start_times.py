@@ -6,7 +6,7 @@ import json
 import time
 from pathlib import Path
 
-from app.editor_status import Status
+from app.messages.editor_status import Status
 from ui.launch_times import launch_times_from
 
 

@@ -13,8 +13,8 @@ import pytest
 from imgui_bundle import imgui
 from PIL import Image
 
-from app.commands.light import SetIntensity
-from app.view_state import SetView
+from app.document.commands.light import SetIntensity
+from app.document.view_state import SetView
 from engine.light.radiance_files import read_radiance_image
 from engine.render.picture_files import deep_png
 from tests.ui.real_window import RealWindow, real_window_fixture

@@ -9,7 +9,7 @@ from pathlib import Path
 import moderngl
 import pytest
 
-from app.jobs.client import Client
+from app.worker.client import Client
 from tests.ui.small_scene import opened_window, wait_until_exact, write_small_scene
 from ui.headless import HeadlessWindow
 from ui.panels.status_bar import work_line

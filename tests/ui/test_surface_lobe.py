@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.commands.layers import SetParameter
-from app.script import PickLobe
+from app.document.commands.layers import SetParameter
+from app.editor.script import PickLobe
 from engine.material import MODELS, make_layer
 from engine.scene.camera import pixel_directions, project
 from engine.scene.description import CameraDescription

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from app.commands import SetSurface
-from app.commands.layers import SetFrozen
-from app.editor import Editor
-from app.view_state import OpenPanel, SetView
+from app.document.commands import SetSurface
+from app.document.commands.layers import SetFrozen
+from app.document.view_state import OpenPanel, SetView
+from app.editor.editor import Editor
 from engine.scene.surface_kinds import NO_SURFACE, SURFACES, DeformSurface
 from ui.headless import HeadlessWindow
 from ui.panels.file_dialog import answer

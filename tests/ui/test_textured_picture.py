@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.commands.maps import SetMap
-from app.jobs.cache import ArrayCache
-from app.jobs.dispatcher import RequestDispatcher
-from app.jobs.in_process import InProcessClient
-from app.project import open_project
-from app.stills import render_picture
-from engine.indirect.series import BounceSeries
+from app.document.commands.maps import SetMap
+from app.project.project import open_project
+from app.stills.stills import render_picture
+from app.worker.cache import ArrayCache
+from app.worker.dispatcher import RequestDispatcher
+from app.worker.in_process import InProcessClient
+from engine.precompute.indirect.series import BounceSeries
 from tests.ui.small_scene import linear_picture, opened_window, wait_until_exact
 
 pytestmark = pytest.mark.gl

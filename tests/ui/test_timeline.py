@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 from imgui_bundle import imgui
 
-from app.editor import Editor
-from app.view_state import SetView
+from app.document.view_state import SetView
+from app.editor.editor import Editor
 from engine.scene.rig import Animation
 from ui.headless import HeadlessWindow
 

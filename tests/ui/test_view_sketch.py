@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.view_state import SetView
+from app.document.view_state import SetView
 from engine.scene.camera_moves import orbit_camera
 from engine.scene.description import Camera
 from tests.ui.test_orbit_camera import centre

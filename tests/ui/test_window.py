@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from app.sources import EXPECTED
+from app.document.sources import EXPECTED
 from tests.ui.test_files import exr_head
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -13,7 +13,7 @@ from pathlib import Path
 import moderngl
 import platformdirs
 
-from engine.errors import InsituError
+from engine.core.errors import InsituError
 
 REQUIRED_VERSION = 410
 _ROOM_FOR_SHADERS = 64 << 20

@@ -12,7 +12,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.colour import ToneMapping
+from engine.core.colour import ToneMapping
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.passes import Box, Passes
 from ui.gl.textures import TextureMemory, read_texture

@@ -12,7 +12,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.colour import ToneMapping
+from engine.core.colour import ToneMapping
 from engine.material.layer import Layer
 from ui.gl.brdf_stack import BrdfStack
 from ui.gl.passes import Passes

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from app.lazy_import import qualified
+from app.system.lazy_import import qualified
 
 Number = float | int | bool
 

@@ -18,7 +18,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from engine.errors import InsituError
+from engine.core.errors import InsituError
 from ui.gl.python_functions import Number, PythonSource
 
 LEAST, LARGEST = 1.1754944e-38, 3.4028235e38

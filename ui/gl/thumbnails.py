@@ -14,8 +14,8 @@ import moderngl
 import numpy as np
 from PIL import Image
 
+from app.document.linked_layers import Layers
 from app.files.library import Library, LibraryEntry
-from app.linked_layers import Layers
 from ui.gl.brdf_stack import BrdfStack
 from ui.gl.context import GraphicsError, create_headless_context
 from ui.gl.lit_sphere import LitSphere, sphere_picture

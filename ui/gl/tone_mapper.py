@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import moderngl
 
-from engine.colour import TABLE_SIDE, TABLE_STOPS, TABULATED_VIEWS, TONE_MAPPINGS, ToneMapping, view_table
+from engine.core.colour import TABLE_SIDE, TABLE_STOPS, TABULATED_VIEWS, TONE_MAPPINGS, ToneMapping, view_table
 from ui.gl.context import GraphicsError
 from ui.gl.passes import Passes, Textures, uniform
 from ui.gl.textures import TextureMemory

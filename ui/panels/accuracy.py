@@ -1,8 +1,8 @@
 """Speed against accuracy: what the picture costs and how far it is from exact, both measured, and what trades them.
 
-One slider moves all of a mode's knobs along the settings that no other beats in both (`app.pareto_front`). It says the
-error that was measured there of the front's own scenes, and the time for as many pixels; how far off the picture itself
-is stands below, once that was judged. Knobs that stand beside the front are "custom".
+One slider moves all of a mode's knobs along the settings that no other beats in both (`app.document.pareto_front`). It
+says the error that was measured there of the front's own scenes, and the time for as many pixels; how far off the
+picture itself is stands below, once that was judged. Knobs that stand beside the front are "custom".
 The time of a frame and the worker's progress are everybody's; what stands between them is the mode's own.
 """
 
@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from app.editor_status import Status, duration
-from app.effective_settings import effective_view, override_lines_of
-from app.lazy_import import import_named
-from app.pareto_front import FrontPoint, ParetoFront, load_front
-from app.view_state import SetView
+from app.document.effective_settings import effective_view, override_lines_of
+from app.document.pareto_front import FrontPoint, ParetoFront, load_front
+from app.document.view_state import SetView
+from app.messages.editor_status import Status, duration
+from app.system.lazy_import import import_named
 from engine.render.picture_error import ErrorEstimate, percent
 from ui import theme as look
 from ui.panels import history_plot, number_fields, widgets

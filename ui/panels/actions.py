@@ -1,7 +1,7 @@
 """What panels ask for beyond edits. Panels draw and return values; `ui.shell` alone carries them out.
 
-A panel returns, in order, document commands (`app.commands`), view commands (`app.view_state`) and the window
-actions of this module.
+A panel returns, in order, document commands (`app.document.commands`), view commands (`app.document.view_state`) and
+the window actions of this module.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from app.commands import EditCommand
+from app.document.commands import EditCommand
+from app.document.view_state import OpenPanel, SetView, Viewpoint
 from app.files.journal import Recovery
 from app.files.material_file import Material
-from app.view_state import OpenPanel, SetView, Viewpoint
 from ui.panels.window_state import Grip
 
 

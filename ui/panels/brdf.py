@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from app.view_state import BRDF_PLOTS, SetView
+from app.document.view_state import BRDF_PLOTS, SetView
 from engine.material import kinds
 from ui import theme as look
 from ui.gl.brdf_views import Albedo

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from app.view_state import SetView
+from app.document.view_state import SetView
 from ui import theme as look
 from ui.gl.brdf_views import BrdfSlice
 from ui.panels import widgets

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands.surfaces import SetBumps
-from app.document import ObjectState
+from app.document.commands.surfaces import SetBumps
+from app.document.document import ObjectState
 from engine.material.bumps import MAX_HEIGHT, MAX_STRENGTH
 from engine.material.layer_maps import MAX_REPEATS
 from ui import theme as look

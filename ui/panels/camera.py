@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from app.document.view_state import Bookmark, SetView, Viewpoint
 from app.files.bookmarks import MAX_NAME, remove_bookmark
-from app.view_state import Bookmark, SetView, Viewpoint
 from engine.scene.camera_moves import focal_length, is_level, with_focal_length
 from engine.scene.description import MAX_RESOLUTION
 from ui import theme as look

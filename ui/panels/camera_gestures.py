@@ -17,8 +17,8 @@ from typing import Literal
 
 from imgui_bundle import imgui
 
+from app.document.view_state import SetView, Viewpoint
 from app.files.preferences import Mouse, Scroll
-from app.view_state import SetView, Viewpoint
 from engine.scene.camera_moves import (
     Side,
     depth_of,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from imgui_bundle import ImVec2, ImVec4, imgui
 
-from engine.colour import decode_srgb, encode_srgb
+from engine.core.colour import decode_srgb, encode_srgb
 from ui import theme as look
 from ui.panels import number_fields, widgets
 from ui.panels.context import PanelContext

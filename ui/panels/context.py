@@ -13,17 +13,17 @@ import numpy as np
 from imgui_bundle import imgui
 from numpy.typing import NDArray
 
-from app.camera_history import NO_CAMERA
-from app.document import Document, Selection
-from app.editor_status import Status
+from app.document.document import Document, Selection
+from app.document.selection import layer_shown
+from app.document.view_state import Bookmark, ViewState
+from app.editor.camera_history import NO_CAMERA
+from app.editor.performance_record import PerformanceRecord
 from app.files.journal import Recovery
 from app.files.library import LibraryEntry
 from app.files.preferences import Preferences
 from app.files.recent import Recent
-from app.mode import Mode
-from app.performance_record import PerformanceRecord
-from app.selection import layer_shown
-from app.view_state import Bookmark, ViewState
+from app.messages.editor_status import Status
+from app.modes.mode import Mode
 from engine.scene.description import Camera
 from ui.brush_dabs import SurfaceSpot
 from ui.panels.brdf_board import BrdfBoard

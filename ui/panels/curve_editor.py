@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from app.commands.curves import ResetCurve, operator_title
-from app.document import all_factors
-from app.view_state import CHANNELS, SetView
+from app.document.commands.curves import ResetCurve, operator_title
+from app.document.document import all_factors
+from app.document.view_state import CHANNELS, SetView
 from engine.curve.operators import apply_operators
 from ui import theme as look
 from ui.panels import curve_keys, operator_list, widgets

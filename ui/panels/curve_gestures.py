@@ -16,8 +16,8 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from app.commands.curves import CurveEdit
-from app.view_state import CHANNELS, Channel, Tool, ViewState, channels_of
+from app.document.commands.curves import CurveEdit
+from app.document.view_state import CHANNELS, Channel, Tool, ViewState, channels_of
 from engine.curve.operators import HALF_PI, Curve, Operator, apply_operators
 from engine.curve.pairs import edit_at
 from ui.panels.window_state import CurveGrip

@@ -13,8 +13,8 @@ from typing import TypeVar
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from app.commands.curves import CurveEdit, SetOperators
-from app.view_state import SetView
+from app.document.commands.curves import CurveEdit, SetOperators
+from app.document.view_state import SetView
 from engine.curve.operators import Curve, apply_operators
 from engine.material.layer import Layer
 from ui.panels import curve_plot as plot

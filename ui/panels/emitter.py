@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from app.commands.light import EMISSION, SetEmission
-from app.document import RGB, ObjectState
+from app.document.commands.light import EMISSION, SetEmission
+from app.document.document import RGB, ObjectState
 from ui.panels import colour_controls, number_fields, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag
 from ui.panels.context import PanelContext

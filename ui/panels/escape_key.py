@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from imgui_bundle import imgui
 
-from app.view_state import SetView
+from app.document.view_state import SetView
 from ui.panels.actions import Action, CancelDrag, Select, SetPanel
 from ui.panels.context import PanelContext
 

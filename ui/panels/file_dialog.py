@@ -12,8 +12,8 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands.maps import IMAGE_SUFFIXES
-from app.sources import LIGHT_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
+from app.document.commands.maps import IMAGE_SUFFIXES
+from app.document.sources import LIGHT_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from ui import theme as look
 from ui.panels import widgets

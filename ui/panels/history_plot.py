@@ -6,7 +6,7 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 from numpy.typing import NDArray
 
-from app.performance_record import SECONDS
+from app.editor.performance_record import SECONDS
 from engine.render.picture_error import percent
 from ui import theme as look
 from ui.panels import widgets

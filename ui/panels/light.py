@@ -14,8 +14,8 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands.light import SetEnvironment, SetIntensity, SetMapping, SetRotation
-from app.document import CONSTANT_ENVIRONMENT, SCENE_ENVIRONMENT, Mapping
+from app.document.commands.light import SetEnvironment, SetIntensity, SetMapping, SetRotation
+from app.document.document import CONSTANT_ENVIRONMENT, SCENE_ENVIRONMENT, Mapping
 from ui import theme as look
 from ui.panels import number_fields, widgets
 from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, HoldGrip, MergedEdit, SetPanel

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands.maps import SetMap
-from app.commands.paint import ClearMap
+from app.document.commands.maps import SetMap
+from app.document.commands.paint import ClearMap
 from engine.material.layer_maps import MAX_REPEATS, SPACES, LayerMaps
 from ui import theme as look
 from ui.panels import number_fields, paint, widgets

@@ -6,11 +6,11 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands.layers import SetFresnelTerm, SetModel, SetParameter
-from app.document import ObjectState, Selection
-from app.lazy_import import import_named
-from app.linked_layers import linked_indices
-from app.measured_import import describe_measurement
+from app.document.commands.layers import SetFresnelTerm, SetModel, SetParameter
+from app.document.document import ObjectState, Selection
+from app.document.linked_layers import linked_indices
+from app.files.measured_import import describe_measurement
+from app.system.lazy_import import import_named
 from engine.material import MODELS, Layer, Parameter
 from engine.material.parameters import Value
 from engine.measured.measurement import Measurement

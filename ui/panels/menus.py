@@ -10,10 +10,10 @@ from functools import partial
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands.curves import ResetCurve
-from app.document import Selection
-from app.view_state import OpenPanel, SetView
-from engine.colour import VIEWS
+from app.document.commands.curves import ResetCurve
+from app.document.document import Selection
+from app.document.view_state import OpenPanel, SetView
+from engine.core.colour import VIEWS
 from ui.layout import PANELS, is_behind
 from ui.panels import number_fields, widgets
 from ui.panels.actions import (

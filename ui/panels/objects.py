@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
-from app.commands.layers import SetEditable, SetFrozen, SetVisible
-from app.commands.material import AddLayers, RemoveLayer, new_layer
-from app.document import ObjectState, layer_key
-from app.pasting import copy_layer, copy_material
-from app.solo import is_layer_visible, solo_layer, toggle_solo
+from app.document.commands.layers import SetEditable, SetFrozen, SetVisible
+from app.document.commands.material import AddLayers, RemoveLayer, new_layer
+from app.document.document import ObjectState, layer_key
+from app.document.solo import is_layer_visible, solo_layer, toggle_solo
+from app.files.pasting import copy_layer, copy_material
 from engine.material import MODELS
 from engine.material.layer import Layer
 from ui import theme as look

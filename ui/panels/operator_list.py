@@ -8,7 +8,7 @@ from typing import Any, cast
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands.curves import (
+from app.document.commands.curves import (
     CollapseOperators,
     CurveEdit,
     MoveOperator,
@@ -17,7 +17,7 @@ from app.commands.curves import (
     SetOperators,
     operator_title,
 )
-from app.view_state import SetView, Tool
+from app.document.view_state import SetView, Tool
 from engine.curve.operators import HALF_PI, SMALLEST_STRETCH, Operator, OperatorError
 from engine.curve.pairs import edits_of
 from ui import theme as look

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands.maps import SetMap
-from app.commands.paint import BlendByMap, Paint, blended_with
-from app.document import layer_key
+from app.document.commands.maps import SetMap
+from app.document.commands.paint import BlendByMap, Paint, blended_with
+from app.document.document import layer_key
 from engine.material.layer import object_of
 from engine.material.layer_maps import LayerMaps
 from ui import theme as look

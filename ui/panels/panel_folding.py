@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
-from app.view_state import OpenPanel
+from app.document.view_state import OpenPanel
 from ui import theme as look
 from ui.layout import PANELS, VIEWPORT, Panel
 from ui.panels import widgets

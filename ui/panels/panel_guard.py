@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from imgui_bundle import imgui
 
-from app.barrier import Barrier
+from app.system.barrier import Barrier
 from ui import theme as look
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from imgui_bundle import ImVec2, imgui
 
-from app.lazy_import import import_named
+from app.system.lazy_import import import_named
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action, BeginDrag, HoldGrip

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands.plan import OverrideLine
-from app.placement.plan_table import PlanTableRow, plan_table
+from app.document.commands.plan import OverrideLine
+from app.modes.placement.plan_table import PlanTableRow, plan_table
 from ui import theme as look
 from ui.display_names import with_display_names
 from ui.panels import widgets

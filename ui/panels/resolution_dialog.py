@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
-from app.machine.memory import bytes_for, gib, memory_bytes
+from app.system.memory import bytes_for, gib, memory_bytes
 from engine.scene.description import MAX_RESOLUTION
 from ui import theme as look
 from ui.panels import number_fields, widgets

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands.curves import MuteOperator, RemoveOperator
-from app.document import Selection, all_factors
-from app.pasting import copy_curve, copy_material
-from app.solo import toggle_solo
-from app.view_state import SetView, Tool
+from app.document.commands.curves import MuteOperator, RemoveOperator
+from app.document.document import Selection, all_factors
+from app.document.solo import toggle_solo
+from app.document.view_state import SetView, Tool
+from app.files.pasting import copy_curve, copy_material
 from engine.scene.builtin import DEFAULT_SCENE
 from ui import theme as look
 from ui.panels import camera_gestures, paint, timeline

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from imgui_bundle import ImVec2, imgui
 
-from app.editor_status import Status
+from app.messages.editor_status import Status
 from engine.render.picture_error import percent
 from ui import theme as look
 from ui.panels import view_sketch, widgets

@@ -7,8 +7,8 @@ from typing import Any
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands import SetSurface
-from app.document import ObjectState
+from app.document.commands import SetSurface
+from app.document.document import ObjectState
 from engine.material.parameters import Parameter
 from engine.scene.surface_kinds import SURFACES
 from ui.panels import number_fields, widgets

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands import SetTime
-from app.timeline import Timeline, timeline
-from app.view_state import SetView
+from app.document.commands import SetTime
+from app.document.timeline import Timeline, timeline
+from app.document.view_state import SetView
 from ui import theme as look
 from ui.panels import number_fields, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, Play

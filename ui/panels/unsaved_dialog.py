@@ -12,7 +12,7 @@ from datetime import datetime
 from imgui_bundle import ImVec2, imgui
 
 from app.files.journal import Recovery
-from app.machine.paths import display_name
+from app.system.paths import display_name
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action, AnswerUnsaved, Quit, Recover, SetPanel

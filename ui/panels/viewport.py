@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands.light import SetRotation
-from app.editor_status import Status
-from app.lazy_import import import_named
-from app.solo import solo_layer
-from app.view_state import SetView
+from app.document.commands.light import SetRotation
+from app.document.solo import solo_layer
+from app.document.view_state import SetView
+from app.messages.editor_status import Status
+from app.system.lazy_import import import_named
 from engine.material.layer import object_of
 from ui import theme as look
 from ui.panels import camera_gestures, error_legend, paint, picture_handles, surface_plot, view_sketch, widgets

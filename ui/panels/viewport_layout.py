@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from imgui_bundle import ImVec2, imgui
 
-from app.view_state import LIMITS, SetView, ViewState
+from app.document.view_state import LIMITS, SetView, ViewState
 from ui.panels.actions import Action, HoldGrip
 from ui.panels.context import PanelContext
 from ui.panels.picture import Picture

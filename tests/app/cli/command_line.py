@@ -8,8 +8,8 @@ from typing import Any
 
 from app.cli import program
 from app.cli.console import run_guarded
-from app.script import Step
-from engine.errors import InsituError
+from app.editor.script import Step
+from engine.core.errors import InsituError
 
 SCENE = """
 version = 1

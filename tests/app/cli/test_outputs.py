@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from app.editor import Editor
-from app.jobs.dispatcher import RequestDispatcher
-from app.jobs.in_process import InProcessClient
+from app.editor.editor import Editor
+from app.worker.dispatcher import RequestDispatcher
+from app.worker.in_process import InProcessClient
 from engine.scene.scene_loader import load_scene
 from tests.app.cli.command_line import SCENE, run
 from tests.pictures import write_exr
@@ -38,7 +38,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 @pytest.fixture
 def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is refused is refused before a picture is made."""
-    monkeypatch.setattr("app.stills.render_project", lambda *_, **__: pytest.fail("the work was done"))
+    monkeypatch.setattr("app.stills.stills.render_project", lambda *_, **__: pytest.fail("the work was done"))
 
 
 def refused(capsys: Captured, *words: str | Path) -> str:
@@ -123,7 +123,7 @@ def test_the_editor_replaces_nothing_that_it_has_read(lit: Path, merl_file: Path
     other.parent.mkdir()
     other.hardlink_to(lit.with_name("other.exr"))
     before = contents(lit.parent)
-    from app.commands.light import set_environment_file
+    from app.document.commands.light import set_environment_file
 
     assert editor.do(set_environment_file(lit.with_name("other.exr"))) is None
     editor.undo()

@@ -12,21 +12,21 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app import stills
 from app.cli import planning as cli_planning
 from app.cli.output import memory_note
 from app.cli.planning import plan_project
 from app.cli.precompute import precompute
-from app.editor import Editor
+from app.document.view_state import ViewState
+from app.editor.editor import Editor
 from app.files.session import save_session
-from app.jobs.dispatcher import RequestDispatcher
-from app.jobs.in_process import InProcessClient
 from app.measure import planning
 from app.measure.planning import carried_out
-from app.messages import Progress
-from app.project import ProjectSpec, open_project
-from app.view_state import ViewState
-from engine.errors import InsituError
+from app.messages.worker_messages import Progress
+from app.project.project import ProjectSpec, open_project
+from app.stills import stills
+from app.worker.dispatcher import RequestDispatcher
+from app.worker.in_process import InProcessClient
+from engine.core.errors import InsituError
 from engine.planner import Cost, Plan
 from engine.scene.builtin import builtin_scenes
 from tests.scene_text import ground

@@ -8,11 +8,11 @@ import pytest
 
 import app.cli.precompute as filling
 from app.cli.precompute import precompute
-from app.commands.layers import SetVisible
-from app.jobs.cache import ArrayCache
-from app.jobs.dispatcher import RequestDispatcher
-from app.messages import Progress
-from app.project import open_project
+from app.document.commands.layers import SetVisible
+from app.messages.worker_messages import Progress
+from app.project.project import open_project
+from app.worker.cache import ArrayCache
+from app.worker.dispatcher import RequestDispatcher
 from engine.render.error_estimate import WHAT
 from tests.scene_text import ground
 
@@ -34,7 +34,7 @@ def entries(folder: Path) -> dict[str, bytes]:
 
 def test_it_keeps_what_the_editor_keeps_bit_by_bit(scene: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     precompute(open_project(scene, (40, 30)), lambda progress: None, N_LIGHTS, ArrayCache(tmp_path / "filled"))
-    monkeypatch.setattr(filling, "RequestDispatcher", lambda store, fills, labour: RequestDispatcher(store))
+    monkeypatch.setattr(filling, "RequestDispatcher", lambda store, fills, executor: RequestDispatcher(store))
     precompute(open_project(scene, (40, 30)), lambda progress: None, N_LIGHTS, ArrayCache(tmp_path / "worker"))
     assert len(entries(tmp_path / "worker")) == 4  # visibility, two layers, and the unit they are in
     assert entries(tmp_path / "filled") == entries(tmp_path / "worker")

@@ -19,7 +19,7 @@ from app.__main__ import Desktop
 from app.cli import console, program
 from app.cli.console import COMMANDS, run_guarded
 from app.cli.output import progress
-from engine.errors import InsituError
+from engine.core.errors import InsituError
 from tests.app.cli.command_line import Recorder, run
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -95,7 +95,7 @@ def test_wrong_usage_is_status_2_and_one_line(words: list[str], said: str, capsy
 def test_failed_work_is_status_1_and_one_line(
     words: list[str], said: str, scene: Path, tmp_path: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.machine.memory.memory_bytes", lambda: (8 << 30, 16 << 30))
+    monkeypatch.setattr("app.system.memory.memory_bytes", lambda: (8 << 30, 16 << 30))
     assert run(*(word.replace("SCENE", str(scene)).replace("OUT", str(tmp_path)) for word in words)) == 1
     error = capsys.readouterr().err
     assert said in error and error.startswith("insitu: ") and error.count("\n") == 1
@@ -196,7 +196,9 @@ def test_ctrl_c_is_quiet(scene: Path, tmp_path: Path) -> None:
 
 def test_the_way_to_the_window_imports_nothing_slow() -> None:
     slow = {"typer", "rich", "numba", "scipy", "trimesh"}
-    program = f"import sys, app.__main__, app.cli.console, app.project; print(*sorted({slow!r} & set(sys.modules)))"
+    program = (
+        f"import sys, app.__main__, app.cli.console, app.project.project; print(*sorted({slow!r} & set(sys.modules)))"
+    )
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
 

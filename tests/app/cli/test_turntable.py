@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app import stills
 from app.cli.turntable import FrameFiles
-from app.frame_sequence import cameras
-from app.project import open_project
-from app.stills import render_project
-from engine.errors import InsituError
-from engine.indirect.series import BounceSeries
+from app.project.project import open_project
+from app.stills import stills
+from app.stills.frame_sequence import cameras
+from app.stills.stills import render_project
+from engine.core.errors import InsituError
 from engine.light.radiance_files import read_radiance_image
+from engine.precompute.indirect.series import BounceSeries
 from engine.scene.description import Camera
 from tests.app.files.test_brdf_files import insitu
-from tests.app.machine.test_outputs import as_on_a_full_disk
-from tests.engine.deform.test_moments import write_bar
-from tests.engine.orbit.conftest import BLOCK
+from tests.app.system.test_outputs import as_on_a_full_disk
+from tests.engine.realtime.triple_product.conftest import BLOCK
+from tests.engine.realtime.zonal_harmonics.test_moments import write_bar
 
 
 @pytest.fixture
@@ -81,7 +81,7 @@ def test_an_animation_is_frames_of_it_and_a_time_one_of_them(
     tmp_path: Path, mode: str, capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(stills, "DEFORM_RAYS", 16)
-    monkeypatch.setattr("engine.deform.deform_engine.N_POINTS", 60)
+    monkeypatch.setattr("engine.realtime.zonal_harmonics.deform_engine.N_POINTS", 60)
     (tmp_path / "scene").mkdir()
     bar, out = write_bar(tmp_path / "scene"), tmp_path / "out"
     few = ("--resolution", 12, 9, "--bounces", 1, "--mode", mode)
@@ -200,7 +200,7 @@ def test_a_turn_that_was_killed_before_a_frame_was_whole_goes_on(tmp_path: Path)
 
 @pytest.mark.parametrize("out", ["/proc/self/turn", "/proc/self/turn/a.exr"])
 def test_a_folder_that_cannot_be_written_is_told_before_the_scene_is_read(scene: Path, out: str, capsys, monkeypatch):
-    monkeypatch.setattr("app.project.ProjectSpec.open", lambda words: pytest.fail("the scene was read"))
+    monkeypatch.setattr("app.project.project.ProjectSpec.open", lambda words: pytest.fail("the scene was read"))
     assert turn(scene, Path(out), "--turntable", 2) == 1
     assert turn(scene, Path(out), "--frames", 2) == 1
     told = capsys.readouterr().err.splitlines()

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from app.cli.precompute import precompute as fill_cache
-from app.jobs.cache import ArrayCache
-from app.project import open_project
-from engine.errors import InsituError
+from app.project.project import open_project
+from app.worker.cache import ArrayCache
+from engine.core.errors import InsituError
 from engine.light.radiance_files import read_radiance_image
 from tests.app.cli.command_line import SCENE, Recorder, run
 from tests.app.limits import small_disk

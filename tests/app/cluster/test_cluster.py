@@ -29,11 +29,11 @@ from app.cluster.cluster_executor import ClusterExecutor
 from app.cluster.cluster_jobs import FrameJob, draw_frame
 from app.cluster.cluster_project import ClusterProject, open_on_cluster
 from app.cluster.dask import Cluster
-from app.frame_sequence import Frames, draw_here
-from app.jobs.cache import ArrayCache
-from app.project import ProjectSpec
-from engine.errors import InsituError
-from engine.indirect.series import BounceSeries
+from app.project.project import ProjectSpec
+from app.stills.frame_sequence import Frames, draw_here
+from app.worker.cache import ArrayCache
+from engine.core.errors import InsituError
+from engine.precompute.indirect.series import BounceSeries
 from engine.render.picture_files import exr_bytes
 from tests.app.cli.command_line import SCENE, run
 

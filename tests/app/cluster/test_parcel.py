@@ -10,9 +10,9 @@ import pytest
 from app.cluster import scene_bundle as parcels
 from app.cluster.file_cache import FileCache
 from app.cluster.scene_bundle import bundle_files, digest_of, pieces_of
-from app.project import open_project
-from engine.errors import LoadError
-from engine.safe_files import exists, portable_name, read_regular_file, record_files, redirect_files
+from app.project.project import open_project
+from engine.core.errors import LoadError
+from engine.core.safe_files import exists, portable_name, read_regular_file, record_files, redirect_files
 from tests.app.cli.command_line import SCENE
 
 

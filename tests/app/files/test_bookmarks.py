@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from app.document.view_state import Bookmark, Viewpoint
 from app.files.bookmarks import (
     MAX_BOOKMARKS,
     Bookmarks,
@@ -19,8 +20,7 @@ from app.files.bookmarks import (
     rename_bookmark,
     with_thumbnail,
 )
-from app.view_state import Bookmark, Viewpoint
-from engine.errors import InsituError
+from engine.core.errors import InsituError
 
 HERE, THERE = Viewpoint(), Viewpoint(resolution=(20, 10))
 

@@ -10,9 +10,9 @@ import pytest
 from app.__main__ import Desktop
 from app.cli.console import run_guarded
 from app.cli.program import run
+from app.document.measurements import measurement_in
 from app.files.material_file import load_material
-from app.measurements import measurement_in
-from engine.generators import run_to_end
+from engine.core.generators import run_to_end
 from engine.material import MODELS, make_layer
 from engine.measured.coordinates import above_horizon, grid_directions
 from engine.measured.merl import merl_samples, read_merl

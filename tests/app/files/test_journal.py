@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from app.commands.light import SetIntensity, SetRotation
-from app.document import Document
-from app.editor import Editor
+from app.document.commands.light import SetIntensity, SetRotation
+from app.document.document import Document
+from app.document.view_state import ViewState
+from app.editor.editor import Editor
 from app.files.journal import RETRY_SECONDS, WRITE_SECONDS, Journal, recoverable_sessions
 from app.files.session import KnownFile, load_session, save_session
-from app.view_state import ViewState
 from tests.app.fake_worker import FakeClient
 from tests.app.limits import largest_file
 
@@ -95,8 +95,8 @@ def wait_until(is_so: Callable[[], bool]) -> None:
 
 EDITOR = textwrap.dedent("""
     import sys, time
-    from app.commands.light import SetIntensity
-    from app.editor import Editor
+    from app.document.commands.light import SetIntensity
+    from app.editor.editor import Editor
     from app.files.journal import Journal
     from tests.app.fake_worker import FakeClient
 

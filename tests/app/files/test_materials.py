@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.commands.layers import SetFresnelTerm, SetParameter
-from app.commands.material import AddLayers, RemoveLayer, SetMaterial, new_layer, operators_of_copy
-from app.document import Document, ObjectState
+from app.document.commands.layers import SetFresnelTerm, SetParameter
+from app.document.commands.material import AddLayers, RemoveLayer, SetMaterial, new_layer, operators_of_copy
+from app.document.document import Document, ObjectState
+from app.document.linked_layers import with_fresnel
 from app.files.library import Library, categories
 from app.files.material_file import Material, dump_material, load_material, parse_material, save_material
-from app.linked_layers import with_fresnel
-from app.set_path import set_path
+from app.project.set_path import set_path
+from engine.core.errors import InsituError, LoadError
 from engine.curve.operators import Operator, TabulatedCurve
-from engine.errors import InsituError, LoadError
-from engine.indirect.albedo import equivalent_albedo
 from engine.material import MODELS, make_layer
+from engine.precompute.indirect.albedo import equivalent_albedo
 
 BUMP = Operator("amplify", "y", 0.1, 0.2, 0.4, 0.6, 0.5)
 ANGLES = np.linspace(0.0, 1.5, 40)

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.barrier import Barrier
 from app.cli.console import run_guarded
+from app.document.view_state import ViewState
 from app.files.journal import Journal
 from app.files.library import Library
-from app.jobs.cache import ArrayCache
-from app.jobs.worker import log_to_file
-from app.machine.paths import journal_directory, layout_file, material_directory, state_problem
-from app.view_state import ViewState
-from engine.errors import InsituError
+from app.system.barrier import Barrier
+from app.system.paths import journal_directory, layout_file, material_directory, state_problem
+from app.worker.cache import ArrayCache
+from app.worker.worker import log_to_file
+from engine.core.errors import InsituError
 from engine.material import MODELS, make_layer
 from ui.layout_memory import LayoutMemory
 

@@ -9,16 +9,16 @@ from pathlib import Path
 
 import pytest
 
-from app.commands.light import SetIntensity, SetRotation
-from app.document import Document
-from app.editor import Editor
+from app.document.commands.light import SetIntensity, SetRotation
+from app.document.document import Document
+from app.document.view_state import ViewState
+from app.editor.editor import Editor
 from app.files.journal import WRITE_SECONDS, Journal, recoverable_sessions
 from app.files.material_file import Material, load_material, save_material
 from app.files.session import KnownFile, load_session, save_session, write_session
-from app.view_state import ViewState
-from engine.deform.pose import Moment
-from engine.errors import InsituError
+from engine.core.errors import InsituError
 from engine.material import MODELS, make_layer
+from engine.realtime.zonal_harmonics.pose import Moment
 from tests.app.fake_worker import FakeClient
 
 # As the system hands out a name of bytes that are no UTF-8, and names that look like what is written of such a one.

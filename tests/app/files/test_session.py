@@ -14,15 +14,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from app.commands.curves import AddOperator, CollapseOperators, SetOperators
-from app.commands.layers import SetFrozen, SetParameter, SetVisible
-from app.commands.light import SetEnvironment
-from app.commands.series import SetFirstBands
-from app.document import Document, Selection, document_from_description
+from app.document.commands.curves import AddOperator, CollapseOperators, SetOperators
+from app.document.commands.layers import SetFrozen, SetParameter, SetVisible
+from app.document.commands.light import SetEnvironment
+from app.document.commands.series import SetFirstBands
+from app.document.document import Document, Selection, document_from_description
+from app.document.view_state import Bookmark, Viewpoint, ViewState
 from app.files.session import fit_session, load_session, save_session
-from app.view_state import Bookmark, Viewpoint, ViewState
+from engine.core.errors import InsituError, LoadError
 from engine.curve.operators import Operator, diagonal
-from engine.errors import InsituError, LoadError
 from engine.scene.description import Camera, parse_description
 from tests.app.fake_worker import SCENE
 from tests.app.limits import largest_file
@@ -280,9 +280,9 @@ def test_a_full_disk_leaves_the_old_file(edited: Document, tmp_path: Path) -> No
 KILL_LOOP = textwrap.dedent("""
     import os, random, signal, sys, time
     from pathlib import Path
-    from app.commands.light import SetIntensity
+    from app.document.commands.light import SetIntensity
     from app.files.session import load_session, save_session
-    from app.view_state import ViewState
+    from app.document.view_state import ViewState
 
     path, n_kills = Path(sys.argv[1]), int(sys.argv[2])
     document = load_session(path).document

@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.document import Document, LightState, ObjectState
+from app.document.document import Document, LightState, ObjectState
+from app.document.view_state import ViewState
 from app.export.mitsuba import export_scene
 from app.files.material_file import Material, save_material
 from app.files.session import save_session
-from app.machine import atomic
-from app.machine.atomic import replacing_folder, save_file, write_atomically
 from app.measure.plots import write_plots
 from app.measure.sweep import SweepRow, write_csv
-from app.project import open_project
-from app.stills import check_output, write_picture
-from app.view_state import ViewState
-from engine.errors import InsituError
+from app.project.project import open_project
+from app.stills.stills import check_output, write_picture
+from app.system import atomic
+from app.system.atomic import replacing_folder, save_file, write_atomically
+from engine.core.errors import InsituError
 from engine.material import MODELS, make_layer
 from tests.app.limits import largest_file, small_disk
 from tests.ui.small_scene import write_small_scene

@@ -12,8 +12,8 @@ import pytest
 
 import insitu
 from app.interface import placement
-from engine.generators import run_to_end
-from engine.indirect import reflection
+from engine.core.generators import run_to_end
+from engine.precompute.indirect import reflection
 from engine.render.still_indirect import reflected_light
 from tests.scene_text import camera, placed
 

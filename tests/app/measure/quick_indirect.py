@@ -3,7 +3,7 @@
 import functools
 import sys
 
-from app.jobs.client import Client
+from app.worker.client import Client
 from tests.ui.quick_worker import HANDLERS
 from ui import measure_gl, measure_indirect
 

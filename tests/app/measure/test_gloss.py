@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from app.measure.gloss import BALLS, NAMES, GlossEffort, ball_in_view, error_on_ball, gloss_figures
-from app.stills import render_picture
-from engine.indirect.series import BounceSeries
+from app.stills.stills import render_picture
 from engine.light.radiance_files import read_radiance_image
+from engine.precompute.indirect.series import BounceSeries
 
 JUDGES = Path(__file__).resolve().parents[2] / "golden" / "rooms"
 # Of the mean, to which a lamp's image is three hundred times as bright: that is off by less than a hundredth. The

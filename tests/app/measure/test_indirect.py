@@ -17,8 +17,8 @@ from app.measure.growth import GrowthRow
 from app.measure.indirect import IndirectEffort, indirect_figures
 from app.measure.peer import FIGURE as PEER
 from app.measure.representations import RepresentationRow as Compared
-from app.project import open_project
-from engine.transport.pipeline import Placement
+from app.project.project import open_project
+from engine.precompute.direct.pipeline import Placement
 from tests.pictures import write_exr
 
 FOUND: dict[str, Any] = {

@@ -23,7 +23,7 @@ from app.measure.knobs_placement import QUICKLY, SIMPLE_SERIES, PlacementKnobs, 
 from app.measure.markdown import table
 from app.measure.subject import open_subject
 from app.measure.turning import spent
-from engine.indirect.sampling_settings import ROUGH
+from engine.precompute.indirect.sampling_settings import ROUGH
 from tests.app.measure.test_run import EFFORT
 
 FACTS = {

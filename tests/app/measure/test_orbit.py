@@ -8,8 +8,8 @@ import pytest
 from app.measure import orbit as measuring
 from app.measure.figures import SPECS, Figure, not_measured
 from app.measure.orbit import NAMES, TABLE, OrbitEffort, errors_by_coefficients, gpu_figure, orbit_figures
-from app.project import open_project
-from tests.engine.orbit.conftest import BLOCK
+from app.project.project import open_project
+from tests.engine.realtime.triple_product.conftest import BLOCK
 
 TINY = OrbitEffort(20, 3, (20, 320), (24, 18), 2, 100, 1000)
 

@@ -12,7 +12,7 @@ import app.measure.peer as peer
 from app.measure.figures import NotMeasured
 from app.measure.peer import FIGURE, VARIABLE, Stills, inner_pixels, peer_figure, render_stills
 from app.measure.subject import open_subject
-from engine.transport.pipeline import Placement
+from engine.precompute.direct.pipeline import Placement
 
 MASK = np.ones((60, 80), bool)
 

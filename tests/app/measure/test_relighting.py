@@ -7,7 +7,7 @@ import pytest
 
 from app.measure.figures import SPECS
 from app.measure.relighting import NAMES, RelightEffort, relight_figures
-from tests.app.jobs.test_relighting import SCENE, skylight
+from tests.app.worker.test_relighting import SCENE, skylight
 from tests.pictures import write_exr
 
 

@@ -21,7 +21,7 @@ from app.measure.indirect import IndirectEffort
 from app.measure.launches import Screen, launch, measure_indirect, open_screen
 from app.measure.sweep import Grid
 from app.measure.visibility import Size, VisibilityEffort
-from engine.errors import InsituError
+from engine.core.errors import InsituError
 
 EFFORT = Effort(
     "test",

@@ -16,8 +16,8 @@ from app.measure.speed import (
     wrong_answers,
 )
 from app.measure.subject import at_most, open_subject
+from engine.precompute.direct.pipeline import FINAL, PREVIEW, Placement
 from engine.sphere.geodesic import geodesic
-from engine.transport.pipeline import FINAL, PREVIEW, Placement
 from engine.visibility.point_visibility import brute_force_visibility
 from engine.visibility.targets import VISIBILITY_LEVEL
 

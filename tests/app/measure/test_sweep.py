@@ -15,7 +15,7 @@ from app.measure.subject import layer_bands, open_subject
 from app.measure.sweep import Grid, SweepRow, precision_picture, run_sweep, terms_by_effect, write_csv
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.transport.pipeline import PREVIEW
+from engine.precompute.direct.pipeline import PREVIEW
 
 GRID = Grid((50, 400), (16, 64), (1, 64), side=24, n_points=8, level=4, oracle_lights=2000)
 

@@ -5,9 +5,9 @@ import numpy as np
 
 from app.measure.orbit import _layers_of
 from app.measure.truncation import COUNTS, FILE, PLOT, RULES, WAYS, Truncated, truncation_errors, write_truncation
-from app.project import open_project
-from engine.transport.pipeline import Placement
-from tests.engine.orbit.conftest import SCENE
+from app.project.project import open_project
+from engine.precompute.direct.pipeline import Placement
+from tests.engine.realtime.triple_product.conftest import SCENE
 
 
 def errors_of(folder: Path, counts: tuple[int, ...]) -> list[Truncated]:

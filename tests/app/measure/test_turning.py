@@ -7,7 +7,7 @@ import pytest
 
 from app.measure.turning import ROWS, WAYS, TurningEffort, Way, followed, turning_errors, write_turning
 from engine.sphere.haar import levels_of_coefficients
-from tests.app.jobs.test_relighting import SCENE, skylight
+from tests.app.worker.test_relighting import SCENE, skylight
 from tests.pictures import write_exr
 
 N = 5120

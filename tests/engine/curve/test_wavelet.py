@@ -6,8 +6,8 @@ import pickle
 import numpy as np
 import pytest
 
+from engine.core.errors import InsituError
 from engine.curve.wavelet import HIGH_PASS, LOW_PASS, BandCountError, forward, inverse, transform_matrix
-from engine.errors import InsituError
 from tests.naive.curves import daubechies4
 
 SIZES = [1, 2, 4, 8, 16, 32, 64, 128, 256, 512]

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
 from engine.light.environment import (
     LUMINANCE,
     Environment,

@@ -8,7 +8,7 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from engine.errors import LoadError, plain_line
+from engine.core.errors import LoadError, plain_line
 from engine.light.radiance_files import MAX_SIDE, read_radiance_image
 
 HEIGHT, WIDTH = 24, 40

@@ -6,7 +6,7 @@ import pickle
 import numpy as np
 import pytest
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
 from engine.material import MODELS, ParameterError, make_layer, validate_parameters
 from tests.naive.measured import drawn_measurement
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.errors import LoadError
-from engine.generators import run_to_end
+from engine.core.errors import LoadError
+from engine.core.generators import run_to_end
 from engine.measured.coordinates import above_horizon, directions_at
 from engine.measured.cornell import read_cornell, scattered_samples
 from engine.measured.measurement import Measurement

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine.errors import InsituError, LoadError
-from engine.generators import run_to_end
+from engine.core.errors import InsituError, LoadError
+from engine.core.generators import run_to_end
+from engine.core.stored_arrays import UnsoundArrays
 from engine.light.environment import load_environment
 from engine.material import MODELS, make_layer
 from engine.material._kernels import model_quotient_cosine
@@ -22,12 +23,11 @@ from engine.measured.measurement import Measurement
 from engine.measured.table_lookup import evaluate_table
 from engine.measured.tables import read_measurement, table_of
 from engine.planner import plan_scene
+from engine.precompute.direct._angle_kernels import tint
+from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.render.integrator import evaluate_by_curves
 from engine.render.still import render_reference, render_still, still_layers, still_quality
 from engine.scene.scene_loader import load_scene
-from engine.stored_arrays import UnsoundArrays
-from engine.transport._angle_kernels import tint
-from engine.transport.pipeline import Placement, SkyState
 from tests.engine.forging import forged_numbers, forged_shapes
 from tests.naive.measured import analytic_samples, drawn_measurement
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
 from engine.measured.coordinates import SHAPE, directions_at, grid_directions, half_and_difference, node_angles
 from engine.measured.merl import N_BYTES, merl_bytes, merl_samples, read_merl
 from tests.naive.measured import analytic_samples

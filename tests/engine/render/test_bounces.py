@@ -7,6 +7,7 @@ import pytest
 
 from engine.material import MODELS, validate_parameters
 from engine.material.layer import Layer
+from engine.precompute.direct.pipeline import Placement
 from engine.render.bounce_plan import (
     MOST_PLANNED,
     carried_light,
@@ -16,7 +17,6 @@ from engine.render.bounce_plan import (
     shares_of,
 )
 from engine.scene.scene_loader import load_scene
-from engine.transport.pipeline import Placement
 
 INSIDE = 'primitive = "sphere"\ntransform = [9, 0, 0, 0, 0, 9, 0, 0, 0, 0, 9, 0, 0, 0, 0, 1]'
 OUTSIDE = 'primitive = "sphere"'

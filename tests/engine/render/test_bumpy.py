@@ -6,17 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.generators import run_to_end
-from engine.indirect.series import BounceSeries
+from engine.core.generators import run_to_end
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
 from engine.planner import plan_scene
+from engine.precompute.direct.pipeline import Placement, SkyState
+from engine.precompute.indirect.series import BounceSeries
 from engine.render.path_tracer import trace_paths
 from engine.render.still import render_reference, render_still, still_layers, still_quality
 from engine.render.still_indirect import indirect_radiance
 from engine.scene.scene_loader import load_scene
-from engine.transport.pipeline import Placement, SkyState
 from tests.engine.bump_images import FLOOR, TILT, write_bump_images
 from tests.scene_text import camera, placed
 

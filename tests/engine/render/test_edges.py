@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.generators import run_to_end
-from engine.indirect.series import BounceSeries
+from engine.core.generators import run_to_end
 from engine.light.environment import constant_environment
 from engine.planner import plan_scene
+from engine.precompute.direct.pipeline import FINAL, Placement, SkyState
+from engine.precompute.indirect.series import BounceSeries
 from engine.render.error_estimate import estimate_error
 from engine.render.still import reflect_layers, render_still, still_layers
 from engine.render.still_indirect import indirect_radiance
 from engine.scene.scene_loader import Scene, load_scene
-from engine.transport.pipeline import FINAL, Placement, SkyState
 from tests.engine.render.test_still import TABLE
 
 QUALITY = replace(FINAL, n_lights=100, n_patches=64)
@@ -31,7 +31,7 @@ def picture(scene: Scene, n_edge_rays: int = 0, n_bounces: int = 1) -> np.ndarra
 
 
 def layers_of(scene: Scene):
-    from app.document import document_from_description, reflecting_layers
+    from app.document.document import document_from_description, reflecting_layers
 
     layers = dict(reflecting_layers(document_from_description("table", scene.description)))
     plan = plan_scene(scene, layers, has_sky=True)

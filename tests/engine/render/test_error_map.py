@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.project import open_project, with_edges
-from engine.generators import run_to_end
+from app.project.project import open_project, with_edges
+from engine.core.generators import run_to_end
+from engine.precompute.direct.pipeline import Placement
 from engine.render.display import false_colour
 from engine.render.error_colours import error_to_radiance
 from engine.render.error_estimate import PointErrors
 from engine.render.error_map import OPACITY, error_colours, error_map
 from engine.render.picture_error import ErrorEstimate
-from engine.transport.pipeline import Placement
 
 
 def test_errors_stay_on_their_object_and_follow_their_points() -> None:

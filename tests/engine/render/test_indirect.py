@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from app.measure.accuracy import masked_reference
-from app.project import open_project, with_edges
-from app.stills import render_picture
-from engine.indirect.series import BounceSeries, parse_series
+from app.project.project import open_project, with_edges
+from app.stills.stills import render_picture
 from engine.light.radiance_files import read_radiance_image
-from engine.transport.pipeline import Placement
+from engine.precompute.direct.pipeline import Placement
+from engine.precompute.indirect.series import BounceSeries, parse_series
 
 
 def errors(found: np.ndarray, expected: np.ndarray) -> tuple[float, float]:

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from engine.generators import run_to_end
-from engine.indirect.irradiance_cache import MAX_RECORDS
-from engine.indirect.solver import Solver
+from engine.core.generators import run_to_end
 from engine.light.environment import constant_environment
+from engine.precompute.direct.pipeline import SkyState
+from engine.precompute.indirect.irradiance_cache import MAX_RECORDS
+from engine.precompute.indirect.solver import Solver
 from engine.render.indirect_pilot import NO_WASTE, expected_waste, indirect_cost
-from engine.transport.pipeline import SkyState
-from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of
+from tests.engine.precompute.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of
 
 ASKING = replace(QUICK, n_rays=512, n_samples=64)
 

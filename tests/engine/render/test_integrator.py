@@ -13,17 +13,17 @@ from engine.light.environment import Environment, constant_environment, load_env
 from engine.light.triangle_lights import cut_lights
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
+from engine.precompute.direct.bandstore import BandStore
+from engine.precompute.direct.lighting import prepare_lighting
+from engine.precompute.direct.near_leaves import near_leaves
+from engine.precompute.direct.pipeline import Placement
+from engine.precompute.direct.projection import LayerShape, VisibleLight, project_layer
 from engine.render.integrator import evaluate_layer, integrate_direct
 from engine.scene.builtin import builtin_scenes
 from engine.scene.scene_loader import load_scene
-from engine.transport.bandstore import BandStore
-from engine.transport.lighting import prepare_lighting
-from engine.transport.near_leaves import near_leaves
-from engine.transport.pipeline import Placement
-from engine.transport.projection import LayerShape, VisibleLight, project_layer
 from engine.visibility.point_visibility import brute_force_visibility
 from engine.visibility.targets import sphere_targets
-from tests.engine.transport.by_hand import caster_of, points_at, square
+from tests.engine.precompute.direct.by_hand import caster_of, points_at, square
 
 UP = np.array([[0.0, 1.0, 0.0]])
 ORIGIN = np.zeros((1, 3))

@@ -7,7 +7,7 @@ import pytest
 
 from engine.render._layer_kernels import add_points
 from engine.render.layer_transport import LayerTransport
-from tests.engine.transport.test_bandstore import sparse_bands, store_of
+from tests.engine.precompute.direct.test_bandstore import sparse_bands, store_of
 
 
 @pytest.mark.parametrize("bands", [(16, 8), (32, 1)])

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from engine.core.generators import run_to_end
 from engine.curve.operators import Operator
-from engine.generators import run_to_end
 from engine.light.environment import Environment, constant_environment
 from engine.light.radiance_files import read_radiance_image
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
+from engine.precompute.direct.pipeline import Placement, SkyState
 from engine.render.integrator import integrate_direct
 from engine.render.path_lights import EmitterLight, SkyLight
 from engine.render.path_lobes import Scattering
 from engine.render.path_tracer import PathEstimate, noise_of_halves, render_paths, trace_paths
 from engine.scene.scene_loader import load_scene
-from engine.transport.pipeline import Placement, SkyState
 from tests.chi_square import p_of_directions
 
 CAMERA = """
@@ -264,7 +264,7 @@ def test_bounces_and_samples_out_of_range_are_refused(tmp_path: Path, n_bounces:
 @pytest.fixture
 def reference(shared_reference: Path) -> Callable[[str], tuple[Placement, Layers, SkyState, np.ndarray]]:
     """A scene, and the rows of its points that its mask counts."""
-    from app.project import open_project
+    from app.project.project import open_project
 
     def opened(name: str) -> tuple[Placement, Layers, SkyState, np.ndarray]:
         project = open_project(str(shared_reference / f"{name}.toml"))

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from engine.core.generators import run_to_end
 from engine.curve.operators import Operator
-from engine.generators import run_to_end
 from engine.light.environment import constant_environment, load_environment
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
 from engine.planner import plan_scene
+from engine.precompute.direct.pipeline import COARSE, Placement, SkyState
 from engine.render.still import (
     StillProgress,
     render_reference,
@@ -23,7 +24,6 @@ from engine.render.still import (
     still_quality,
 )
 from engine.scene.scene_loader import Scene, load_scene
-from engine.transport.pipeline import COARSE, Placement, SkyState
 
 BALL = """
 version = 1
@@ -179,6 +179,6 @@ def test_references(name: str, shared_reference: Path, compare: ModuleType, open
 
 @pytest.fixture
 def open_reference(shared_reference: Path) -> Callable:
-    from app.project import open_project
+    from app.project.project import open_project
 
     return lambda name: open_project(str(shared_reference / f"{name}.toml"))

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
 from engine.material import MODELS
 from engine.material.layer import Layer
 from engine.material.layer_maps import Images, LayerMaps, MapMeans
+from engine.precompute.direct.pipeline import Placement
 from engine.render.map_factors import MapFactors
 from engine.render.map_sampler import MapSampler, look_up_images, uvs_at
 from engine.scene.description import load_description, parse_description
 from engine.scene.mesh import place_copies
 from engine.scene.primitives import PRIMITIVES
 from engine.scene.scene_loader import Scene, load_scene
-from engine.transport.pipeline import Placement
 from tests.engine.scene.conftest import read_mesh
 
 HEAD = """

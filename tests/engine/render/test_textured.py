@@ -7,21 +7,21 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine.generators import run_to_end
-from engine.indirect.series import BounceSeries
+from engine.core.generators import run_to_end
 from engine.light.environment import constant_environment
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
 from engine.material.layer_maps import LayerMaps
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.planner import plan_scene
+from engine.precompute.direct.pipeline import Placement, SkyState
+from engine.precompute.indirect.series import BounceSeries
 from engine.render.map_factors import MapFactors
 from engine.render.path_tracer import trace_paths
 from engine.render.still import render_reference, render_still, still_layers, still_quality, with_maps
 from engine.render.still_indirect import indirect_radiance
 from engine.scene.primary_hits import object_ids
 from engine.scene.scene_loader import Scene, load_scene
-from engine.transport.pipeline import Placement, SkyState
 from tests.scene_text import camera, placed
 
 # A card of two units, nearly filling 24 pixels,  that it throws light on.

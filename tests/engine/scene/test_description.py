@@ -2,7 +2,7 @@ import tomllib
 
 import pytest
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
 from engine.scene.description import SceneDescription, load_description, parse_description
 
 BASE = """

@@ -6,9 +6,9 @@ import struct
 import numpy as np
 import pytest
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
 from engine.scene.bump_normals import corner_tangents
-from engine.scene.gltf import read_glb
+from engine.scene.loaders.gltf import read_glb
 from engine.scene.scene_loader import load_scene
 
 
@@ -225,7 +225,7 @@ def test_twenty_thousand_nested_nodes_are_too_deep(triangle_glb, glb_file):
 
 
 def test_instances_do_not_multiply_without_bound(triangle_glb, glb_file, monkeypatch):
-    monkeypatch.setattr("engine.scene.gltf.MOST_COPIED", 300)
+    monkeypatch.setattr("engine.scene.loaders.gltf.MOST_COPIED", 300)
     tree, binary = triangle_glb
     tree["nodes"] = [{"mesh": 0}] * 101
     tree["scenes"] = [{"nodes": list(range(101))}]
@@ -253,7 +253,7 @@ def test_random_damage_ends_in_a_model_or_one_error(triangle_glb, glb_file):
 @pytest.mark.parametrize(("name", "n_triangles"), [("CesiumMan", 4672), ("Fox", 576)])
 def test_agrees_with_an_independent_reader(shared_data, monkeypatch, name, n_triangles):
     """Which has no skins."""
-    monkeypatch.setattr("engine.scene.gltf_rig.RigReader._hung", lambda *_: None)
+    monkeypatch.setattr("engine.scene.loaders.gltf_rig.RigReader._hung", lambda *_: None)
     trimesh = pytest.importorskip("trimesh")
     path = shared_data / "glb" / f"{name}.glb"
     (part,) = read_glb(path).parts

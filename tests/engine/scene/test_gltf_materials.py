@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from engine.material import MODELS, validate_parameters
-from engine.scene.gltf_materials import conductor_index, metallic_roughness_layers
+from engine.scene.loaders.gltf_materials import conductor_index, metallic_roughness_layers
 
 
 def normal_reflectance(eta: float, k: float) -> float:

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
 from engine.material.bumps import Bumps
 from engine.material.layer_maps import LayerMaps
 from engine.render.map_sampler import look_up_images, uvs_at
-from engine.scene.gltf import GlbModel, read_glb
+from engine.scene.loaders.gltf import GlbModel, read_glb
 from engine.scene.scene_loader import load_scene
 
 Glb = tuple[dict[str, Any], bytes]

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
 from engine.scene.description import parse_description
 from engine.scene.primary_hits import PrimaryHits, trace_primary
 from engine.scene.raycaster import RayCaster

@@ -3,7 +3,7 @@ import os
 import numpy as np
 import pytest
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
 from engine.scene.mesh import face_normals
 from engine.scene.scene_loader import load_scene
 

@@ -3,8 +3,8 @@ import os
 import numpy as np
 import pytest
 
-from engine import safe_files
-from engine.errors import LoadError
+from engine.core import safe_files
+from engine.core.errors import LoadError
 from engine.scene.mesh import read_mesh_file
 from engine.scene.scene_loader import load_scene
 from tests.engine.scene.conftest import read_mesh

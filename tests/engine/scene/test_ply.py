@@ -3,7 +3,7 @@ import struct
 import numpy as np
 import pytest
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
 from engine.scene.mesh import read_mesh_file
 from tests.engine.scene.conftest import read_mesh
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
 from engine.material.bumps import NO_BUMPS, Bumps, bump_values, bumps_from, set_bump_field
 from engine.material.parameters import ParameterError
 from engine.scene.bump_normals import MIN_REFLECTED_COSINE, offset_normals

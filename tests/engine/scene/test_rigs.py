@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from engine.deform import posed_scene
-from engine.deform.animated_pose import animated_pose, sample_clip
-from engine.deform.pose import Moment, Pose
-from engine.scene.gltf import GlbModel, read_glb
+from engine.realtime.zonal_harmonics import posed_scene
+from engine.realtime.zonal_harmonics.animated_pose import animated_pose, sample_clip
+from engine.realtime.zonal_harmonics.pose import Moment, Pose
+from engine.scene.loaders.gltf import GlbModel, read_glb
 from engine.scene.rig import Clip, Track
 from engine.scene.scene_loader import Scene, load_scene
 
@@ -243,7 +243,7 @@ def test_what_cannot_be_read_rests_and_says_why(bar: Bar, read: Callable, spoil:
 
 
 def test_files_that_ask_for_too_much_rest(bar: Bar, read: Callable, monkeypatch: Any) -> None:
-    monkeypatch.setattr("engine.scene.gltf_rig.MOST_NUMBERS", -100_000)
+    monkeypatch.setattr("engine.scene.loaders.gltf_rig.MOST_NUMBERS", -100_000)
     assert any("numbers more, expected fewer in a file of this size" in note for note in read(bar).notes)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
 from engine.scene.camera import project
 from engine.scene.scene_loader import Scene, load_scene
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from engine.errors import LoadError
+from engine.core.errors import LoadError
 from engine.scene.toml_text import MAX_LEVELS, MAX_PARTS, MAX_WORD, parse_toml, toml_lines
 
 SMALLEST_BUDGET = 4 << 20

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engine.errors import LoadError
-from engine.scene.gltf import read_glb
+from engine.core.errors import LoadError
+from engine.scene.loaders.gltf import read_glb
 from tests.engine.scene.conftest import pack_glb, read_mesh
 
 trimesh = pytest.importorskip("trimesh")

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine.colour import decode_srgb
-from engine.errors import LoadError
+from engine.core.colour import decode_srgb
+from engine.core.errors import LoadError
 from engine.texture.slopes import read_heights, read_normal_map
 from engine.texture.texture_files import read_texture, read_weight, reduction
 from engine.texture.texture_store import TextureStore

@@ -10,11 +10,11 @@ import pytest
 from engine.material.layer_maps import Images, LayerMaps, map_values, maps_from
 from engine.material.parameters import ParameterError
 from engine.material.strokes import MAX_DABS, Stroke, Strokes, pack_dabs
+from engine.precompute.direct.pipeline import Placement
 from engine.render.map_sampler import MapSampler
 from engine.scene.description import parse_description
 from engine.scene.scene_loader import build_scene
 from engine.texture.stroke_painting import MOST_BACK, PaintedPoints
-from engine.transport.pipeline import Placement
 
 CAMERA = {"position": [0, 0, 3], "target": [0, 0, 0], "fov_y": 25, "resolution": [32, 32]}
 UP = np.array([0.0, 0.0, 1.0])

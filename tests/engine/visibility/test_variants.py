@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from engine.precompute.direct.lighting import prepare_lighting
+from engine.precompute.direct.pipeline import Placement
 from engine.scene.builtin import builtin_scenes
 from engine.scene.scene_loader import load_scene
 from engine.sphere.geodesic import geodesic
-from engine.transport.lighting import prepare_lighting
-from engine.transport.pipeline import Placement
 from engine.visibility.point_visibility import brute_force_visibility
 from engine.visibility.thesis_variants import VARIANTS, variant_visibility, voronoi_targets
 from tests.naive.sphere import vertex_neighbours

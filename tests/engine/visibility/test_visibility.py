@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 
 from engine.light.emitters import emitter_tree
+from engine.precompute.direct.lighting import nearest_neighbours, prepare_lighting
+from engine.precompute.direct.pipeline import Placement
 from engine.scene.builtin import builtin_scenes
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import load_scene
 from engine.scene.surface_points import surface_points
 from engine.sphere.geodesic import geodesic, locate
-from engine.transport.lighting import nearest_neighbours, prepare_lighting
-from engine.transport.pipeline import Placement
 from engine.visibility import _kernels as kernels
 from engine.visibility.coherent_grid import coherent_visibility, grid_steps
 from engine.visibility.point_visibility import Visibility, brute_force_visibility, empty_visibility, evaluate_rows
 from engine.visibility.targets import Targets, sphere_targets
-from tests.engine.transport.by_hand import NOWHERE, caster_of, points_at, square
+from tests.engine.precompute.direct.by_hand import NOWHERE, caster_of, points_at, square
 from tests.naive.visibility import visible
 from tests.scene_text import camera, placed
 

@@ -6,7 +6,7 @@ import moderngl
 import pytest
 
 from ui.gl.context import GraphicsError, create_headless_context
-from ui.gl.placement.renderer import PlacementRenderer
+from ui.modes.placement.gl.renderer import PlacementRenderer
 
 
 @pytest.fixture(scope="session")

@@ -4,7 +4,7 @@ import numpy as np
 
 from engine.planner import Precision
 from engine.scene.picture_frame import PictureFrame
-from ui.gl.placement.renderer import PlacementRenderer
+from ui.modes.placement.gl.renderer import PlacementRenderer
 
 
 def frame_of(object_image: np.ndarray, emitters: tuple[int, ...] = (), seed: int = 5) -> PictureFrame:

@@ -13,7 +13,7 @@ from PIL import Image
 
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.display import DisplayView
-from ui.gl.placement.renderer import PlacementRenderer
+from ui.modes.placement.gl.renderer import PlacementRenderer
 
 pytestmark = pytest.mark.gl
 

@@ -11,8 +11,8 @@ import moderngl
 import numpy as np
 import pytest
 
+from engine.core.generators import run_to_end
 from engine.curve.operators import Operator
-from engine.generators import run_to_end
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement

@@ -5,13 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from engine.colour import ToneMapping
+from engine.core.colour import ToneMapping
 from engine.render.display import display_picture
 from tests.naive import pictures as naive
 from tests.ui.gl.pictures import frame_of, full_frame
 from ui.gl.context import GraphicsError
 from ui.gl.display import HOVER_COLOUR, SELECTION_COLOUR, DisplayView, outline_pixels
-from ui.gl.placement.renderer import PlacementRenderer
+from ui.modes.placement.gl.renderer import PlacementRenderer
 
 pytestmark = pytest.mark.gl
 

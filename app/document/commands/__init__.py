@@ -1,0 +1,36 @@
+"""The edits: small frozen values that make a new document. Panels return them; they are the only writers.
+
+A command names what it changes by key or path (see ``app.document.document``) and raises InsituError, with nothing
+changed, when that is not there, is frozen, or the value is outside its range. A new one gets its place in
+`EditCommand`.
+"""
+
+from __future__ import annotations
+
+from app.document.commands.curves import (
+    AddOperator,
+    CollapseOperators,
+    MoveOperator,
+    MuteOperator,
+    RemoveOperator,
+    ReplaceOperator,
+    ResetCurve,
+    SetOperators,
+)
+from app.document.commands.layers import SetEditable, SetFresnelTerm, SetFrozen, SetModel, SetParameter, SetVisible
+from app.document.commands.light import SetEmission, SetEnvironment, SetIntensity, SetMapping, SetRotation
+from app.document.commands.maps import SetMap
+from app.document.commands.material import AddLayers, RemoveLayer, SetMaterial
+from app.document.commands.paint import BlendByMap, ClearMap, Paint
+from app.document.commands.plan import OverrideLine
+from app.document.commands.poses import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetTime
+from app.document.commands.series import SetFirstBands
+from app.document.commands.surfaces import SetBumps, SetSurface
+
+EditCommand = (
+    SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator
+    | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetFresnelTerm | SetEditable
+    | SetBumps | SetMap | Paint | BlendByMap | ClearMap | SetMaterial | AddLayers | RemoveLayer | SetRotation
+    | SetIntensity | SetEnvironment | SetMapping | SetEmission | SetFirstBands | SetPose | AddDeformer | SetDeformer
+    | MoveDeformer | RemoveDeformer | SetTime | SetSurface | OverrideLine
+)  # fmt: skip

@@ -1,0 +1,155 @@
+"""The edits of the light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, cast
+
+from app.document.document import RGB, Document, LightState, Mapping
+from app.document.probe_file import likely_mapping, probe_size
+from engine.core.errors import InsituError, LoadError
+from engine.core.safe_files import resolved
+from engine.material.parameters import Parameter
+
+MAX_INTENSITY = 1e6
+EMISSION = Parameter(
+    "emission",
+    "rgb",
+    (1.0, 1.0, 1.0),
+    "Emission",
+    "Radiance of the light's surface, per channel: what is seen of it, and what it throws on the scene.",
+    (),
+    maximum=1e9,
+    logarithmic=True,
+)
+
+
+@dataclass(frozen=True)
+class SetRotation:
+    """Turn the environment to ``degrees`` counter-clockwise about +Y; brought into [0, 360)."""
+
+    degrees: float
+
+    @property
+    def label(self) -> str:
+        return "rotate the environment"
+
+    def apply(self, document: Document) -> Document:
+        degrees = _number("light.rotation", self.degrees, -1e9, 1e9) % 360.0
+        return replace(document, light=replace(document.light, rotation=0.0 if degrees == 360.0 else degrees))
+
+
+@dataclass(frozen=True)
+class SetIntensity:
+    """Multiply all light by ``intensity``."""
+
+    intensity: float
+
+    @property
+    def label(self) -> str:
+        return "light intensity"
+
+    def apply(self, document: Document) -> Document:
+        value = _number("light.intensity", self.intensity, 0.0, MAX_INTENSITY)
+        return replace(document, light=replace(document.light, intensity=value))
+
+
+@dataclass(frozen=True)
+class SetEnvironment:
+    """Light the scene by another environment, or one radiance from everywhere; rotation and intensity stay."""
+
+    environment: str
+    mapping: Mapping = "latlong"
+    radiance: tuple[float, float, float] | None = None
+
+    @property
+    def label(self) -> str:
+        return f"environment {self.environment}"
+
+    def apply(self, document: Document) -> Document:
+        light = document.light
+        changed = LightState(self.environment, self.mapping, light.rotation, light.intensity, self.radiance)
+        return replace(document, light=check_light(changed, "light"))
+
+
+def set_environment_file(file: Path) -> SetEnvironment:
+    """Light the scene by a file, read as its size suggests."""
+    return SetEnvironment(str(resolved(file)), likely_mapping(file))
+
+
+@dataclass(frozen=True)
+class SetMapping:
+    """Read the environment's file as a lat-long or as an angular map [Debevec98].
+
+    Refused for environments that are no file of the person's, and "angular" for a file that is not square: its header
+    is looked at here, so that a picture that cannot be is never asked for.
+    """
+
+    mapping: Mapping
+
+    @property
+    def label(self) -> str:
+        return f"environment as {'an angular' if self.mapping == 'angular' else 'a lat-long'} map"
+
+    def apply(self, document: Document) -> Document:
+        light = check_light(replace(document.light, mapping=self.mapping), "light")
+        if not light.is_file:
+            raise InsituError(
+                f"environment {light.environment!r} has a mapping of its own; only a file's can be chosen"
+            )
+        file = Path(light.environment)
+        size = probe_size(file) if self.mapping == "angular" else None
+        if size is not None and size[0] != size[1]:
+            raise InsituError(
+                f"{file.name} has {size[0]} x {size[1]} pixels, an angular map is square; nothing changed"
+            )
+        return replace(document, light=light)
+
+
+@dataclass(frozen=True)
+class SetEmission:
+    """Let an emitter shine with this radiance: three numbers, or one for all."""
+
+    object: str
+    emission: Any
+
+    @property
+    def label(self) -> str:
+        return f"{self.object} emission"
+
+    def apply(self, document: Document) -> Document:
+        state = document.object(self.object)
+        if not state.emits:
+            raise InsituError(f"{self.object} does not shine; the scene's file says which objects do")
+        if state.frozen:
+            raise InsituError(f"{self.object} is frozen; thaw it to change its light")
+        red, green, blue = cast(RGB, EMISSION.accept(self.emission))
+        return document.with_object(replace(state, emission=(red, green, blue)))
+
+
+def emission_of(document: Document) -> tuple[tuple[str, RGB], ...]:
+    """(name, radiance) of all emitters."""
+    return tuple((state.name, state.emission) for state in document.objects if state.emission is not None)
+
+
+def check_light(light: LightState, where: str) -> LightState:
+    """The light itself when all of it makes sense, else LoadError."""
+    if not light.environment:
+        raise LoadError(where, "environment", light.environment, "a name or a path")
+    if light.mapping not in ("latlong", "angular"):
+        raise LoadError(where, "mapping", light.mapping, "latlong or angular")
+    if (light.radiance is None) == (light.environment == "constant"):
+        raise LoadError(where, "radiance", light.radiance, "a radiance with environment = constant, and only then")
+    for value in light.radiance or ():
+        _number(f"{where}.radiance", value, 0.0, 1e12)
+    _number(f"{where}.rotation", light.rotation, -1e9, 1e9)
+    _number(f"{where}.intensity", light.intensity, 0.0, MAX_INTENSITY)
+    return light
+
+
+def _number(where: str, value: Any, low: float, high: float) -> float:
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not is_number or not low <= value <= high:
+        raise LoadError(where, "value", value, f"a number from {low:g} to {high:g}")
+    return float(value)

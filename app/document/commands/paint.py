@@ -1,0 +1,108 @@
+"""Painting on a layer's weight map: a stroke, what is blended by one map, and a clean slate.
+
+Layers of one object with the same map, some of them with it inverted, are blended by it: they are painted together, or
+the first stroke would part them. A stroke's value is meant for the layer in hand; where that has the map inverted, one
+minus it goes into the map.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from app.document.commands.layers import editable_layer
+from app.document.document import Document, split_key
+from app.document.linked_layers import Layers
+from engine.core.errors import InsituError
+from engine.material.layer import Layer
+from engine.material.layer_maps import LayerMaps
+from engine.material.strokes import MAX_DABS, MAX_STROKES, Stroke, Strokes
+
+
+@dataclass(frozen=True)
+class Paint:
+    """Begin a stroke on a layer's weight map, or (`begins` False) go on with the newest by the dabs of this one."""
+
+    key: str
+    stroke: Stroke
+    begins: bool = True
+
+    @property
+    def label(self) -> str:
+        return f"paint {self.key}"
+
+    def apply(self, document: Document) -> Document:
+        maps = editable_layer(document, self.key).maps
+        strokes = maps.strokes
+        if strokes.n_dabs + self.stroke.n_dabs > MAX_DABS or len(strokes.strokes) >= MAX_STROKES:
+            raise InsituError(f"{self.key}: its map is full, it holds {MAX_DABS} dabs; undo some strokes or clear it")
+        if self.begins or not strokes:
+            value = 1.0 - self.stroke.value if maps.weight_invert else self.stroke.value
+            strokes = strokes.with_stroke(replace(self.stroke, value=value))
+        else:
+            strokes = strokes.with_dabs(self.stroke)
+        for key in blended_with(document, self.key):
+            layer = document.layer(key)
+            document = document.with_layer(key, layer.replace(maps=replace(layer.maps, strokes=strokes)))
+        return document
+
+
+@dataclass(frozen=True)
+class BlendByMap:
+    """Give the layer `other` the map of the layer `key`, inverted: where one is, the other is not."""
+
+    key: str
+    other: str
+
+    @property
+    def label(self) -> str:
+        return f"blend {self.key} and {self.other} by a map"
+
+    def apply(self, document: Document) -> Document:
+        maps, layer = document.layer(self.key).maps, editable_layer(document, self.other)
+        theirs = replace(
+            layer.maps, weight=maps.weight, weight_start=maps.weight_start, strokes=maps.strokes,
+            weight_invert=not maps.weight_invert,
+        )  # fmt: skip
+        return document.with_layer(self.other, layer.replace(maps=theirs))
+
+
+@dataclass(frozen=True)
+class ClearMap:
+    """Take a layer's weight map away, image and strokes."""
+
+    key: str
+
+    @property
+    def label(self) -> str:
+        return f"{self.key} without weight map"
+
+    def apply(self, document: Document) -> Document:
+        layer = editable_layer(document, self.key)
+        return document.with_layer(self.key, layer.replace(maps=_without_weight(layer.maps)))
+
+
+def blended_with(document: Document, key: str) -> tuple[str, ...]:
+    """Keys of the layers that are painted with this one, itself among them."""
+    name, index = split_key(document, key)
+    layers = document.object(name).layers
+    same = [i for i, layer in enumerate(layers) if _map_of(layer) == _map_of(layers[index])]
+    blended = layers[index].maps.has_weight and len({layers[i].maps.weight_invert for i in same}) == 2
+    return tuple(f"{name}.{i}" for i in same) if blended else (f"{name}.{index}",)
+
+
+def without_strokes(layers: Layers) -> Layers:
+    """The layers as another object may have them: strokes belong to the place where they were painted, and what is
+    painted on no image goes with them."""
+    return tuple(
+        layer.replace(maps=replace(layer.maps, strokes=Strokes()) if layer.maps.weight else _without_weight(layer.maps))
+        if layer.maps.strokes else layer
+        for layer in layers
+    )  # fmt: skip
+
+
+def _map_of(layer: Layer) -> tuple[str, float, Strokes]:
+    return layer.maps.weight, layer.maps.weight_start, layer.maps.strokes
+
+
+def _without_weight(maps: LayerMaps) -> LayerMaps:
+    return replace(maps, weight="", weight_start=1.0, weight_invert=False, strokes=Strokes())

@@ -1,0 +1,183 @@
+"""The edits of poses: the time of animations, and the row of deformers that each object goes through, as commands like
+those of `app.document.commands`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import isfinite
+from typing import Any
+
+from app.document.document import Document, ObjectState
+from engine.core.errors import InsituError, LoadError
+from engine.realtime.deformers import KINDS
+from engine.realtime.zonal_harmonics.pose import MAX_GROWTH, Deformation, Moment, largest_growth
+
+MAX_DEFORMERS = 16
+
+
+@dataclass(frozen=True)
+class SetPose:
+    """Let an object go through these deformers, one after another, and no others; none: as its file has it."""
+
+    object: str
+    deformations: tuple[Deformation, ...] = ()
+
+    @property
+    def label(self) -> str:
+        return f"pose of {self.object}"
+
+    def apply(self, document: Document) -> Document:
+        if len(self.deformations) > MAX_DEFORMERS:
+            raise InsituError(f"{self.object} has {MAX_DEFORMERS} deformers; remove one to add another")
+        if (times := largest_growth(self.deformations)) > MAX_GROWTH:
+            larger = f"{self.object}: its deformers make it {times:.3g} times as large"
+            raise InsituError(f"{larger}, expected at most {MAX_GROWTH:g} times")
+        return document.with_object(replace(document.object(self.object), deformations=self.deformations))
+
+
+@dataclass(frozen=True)
+class AddDeformer:
+    """Put a deformer of a kind behind the others of an object."""
+
+    object: str
+    kind: str
+    amount: float = 0.0
+    axis: str = "y"
+
+    @property
+    def label(self) -> str:
+        return f"{self.kind} {self.object}"
+
+    def apply(self, document: Document) -> Document:
+        row = document.object(self.object).deformations
+        return SetPose(self.object, (*row, _deformation(self.kind, self.amount, self.axis))).apply(document)
+
+
+@dataclass(frozen=True)
+class SetDeformer:
+    """Give one of an object's deformers another amount or another axis; None: the one it has."""
+
+    object: str
+    index: int
+    amount: float | None = None
+    axis: str | None = None
+
+    @property
+    def label(self) -> str:
+        return f"deform {self.object}"
+
+    def apply(self, document: Document) -> Document:
+        row = _row(document, self.object, self.index)
+        old = row[self.index]
+        amount = old.amount if self.amount is None else self.amount
+        row[self.index] = _deformation(old.kind, amount, self.axis or old.axis)
+        return SetPose(self.object, tuple(row)).apply(document)
+
+
+@dataclass(frozen=True)
+class MoveDeformer:
+    """Move one of an object's deformers to the place of another."""
+
+    object: str
+    index: int
+    to: int
+
+    @property
+    def label(self) -> str:
+        return f"reorder the deformers of {self.object}"
+
+    def apply(self, document: Document) -> Document:
+        row = _row(document, self.object, self.index)
+        row.insert(min(max(self.to, 0), len(row) - 1), row.pop(self.index))
+        return SetPose(self.object, tuple(row)).apply(document)
+
+
+@dataclass(frozen=True)
+class RemoveDeformer:
+    """Take one of an object's deformers away."""
+
+    object: str
+    index: int
+
+    @property
+    def label(self) -> str:
+        return f"remove a deformer of {self.object}"
+
+    def apply(self, document: Document) -> Document:
+        row = _row(document, self.object, self.index)
+        del row[self.index]
+        return SetPose(self.object, tuple(row)).apply(document)
+
+
+@dataclass(frozen=True)
+class SetTime:
+    """Show an object, None: all that are animated, as an animation has it at a time, seconds; None: as its file has it.
+    clip: its name; None: the one that is seen, or an object's first. Who has none of that name stays."""
+
+    time: float | None
+    clip: str | None = None
+    object: str | None = None
+
+    @property
+    def label(self) -> str:
+        return "rest" if self.time is None else f"time {self.time:.2f} s"
+
+    def apply(self, document: Document) -> Document:
+        asked = document.objects if self.object is None else (document.object(self.object),)
+        animated = [state for state in asked if state.animations]
+        if not animated:
+            raise InsituError(f"{self.object or 'the scene'} has no animation")
+        there = list(dict.fromkeys(each.name for state in animated for each in state.animations))
+        if self.clip is not None and self.clip not in there:
+            raise InsituError(f"animation {self.clip!r}, expected one of {', '.join(there)}")
+        for state in animated:
+            document = document.with_object(replace(state, moment=self._moment_of(state)))
+        return document
+
+    def _moment_of(self, state: ObjectState) -> Moment | None:
+        if self.time is None:
+            return None
+        clip = self.clip or (state.moment.clip if state.moment is not None else state.animations[0].name)
+        return _at(clip, self.time) if clip in [each.name for each in state.animations] else state.moment
+
+
+def with_time(value: Any, name: str | None = None) -> SetTime:
+    """The command that takes an object, None: all, to a time that a file or a command line says. Raises LoadError."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(value):
+        raise LoadError(f"{name}.time" if name else "time", "value", value, "a finite number of seconds")
+    return SetTime(float(value), object=name)
+
+
+def with_amounts(document: Document, name: str, amounts: Mapping[str, Any]) -> SetPose:
+    """The command that gives an object's deformers, by kind, these amounts: the first of a kind, and where there is
+    none a new one behind the others. Raises InsituError."""
+    row = list(document.object(name).deformations)
+    for kind, amount in amounts.items():
+        there = next((i for i, each in enumerate(row) if each.kind == kind), len(row))
+        row[there : there + 1] = [_deformation(kind, amount, row[there].axis if there < len(row) else "y")]
+    return SetPose(name, tuple(row))
+
+
+def _row(document: Document, name: str, index: int) -> list[Deformation]:
+    row = list(document.object(name).deformations)
+    if not 0 <= index < len(row):
+        raise InsituError(f"{name} has {len(row) or 'no'} deformers, none at {index}")
+    return row
+
+
+def _at(clip: str, time: float) -> Moment:
+    try:
+        return Moment(clip, time)
+    except ValueError as error:
+        raise InsituError(str(error)) from None
+
+
+def _deformation(kind: str, amount: Any, axis: str) -> Deformation:
+    if isinstance(amount, bool) or not isinstance(amount, (int, float)):
+        low, high = KINDS[kind].limits if kind in KINDS else (0.0, 0.0)
+        raise LoadError(kind, "value", amount, f"a number from {low:g} to {high:g}")
+    try:
+        return Deformation(kind, float(amount), axis)
+    except ValueError as error:
+        raise InsituError(str(error)) from None

@@ -1,0 +1,72 @@
+"""Edits of what lies under all of an object's layers: its normal or bump map (`engine.material.bumps`), and what Deform
+knows of its surface (`engine.scene.surface_kinds`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from app.document.document import SURFACE, Document, ObjectState
+from engine.core.errors import InsituError, LoadError
+from engine.material.bumps import set_bump_field
+from engine.scene.surface_kinds import SURFACES, surface_with
+
+NONE = "none"
+
+
+@dataclass(frozen=True)
+class SetBumps:
+    """Give a part of what turns an object's normals a value; an image's name of "" takes it away."""
+
+    object: str
+    name: str
+    value: Any
+
+    @property
+    def label(self) -> str:
+        return f"{self.object} {self.name.replace('_', ' ')}"
+
+    def apply(self, document: Document) -> Document:
+        state = _reflecting(document, self.object, "bumps")
+        bumps = set_bump_field(state.bumps, self.name, self.value)
+        return document.with_object(replace(state, new_bumps=None if bumps == state.own_bumps else bumps))
+
+
+@dataclass(frozen=True)
+class SetSurface:
+    """Make an object's surface one of a kind ("": of none), with these values of what that kind has."""
+
+    object: str
+    kind: str
+    values: tuple[tuple[str, Any], ...] = ()
+
+    @property
+    def label(self) -> str:
+        return f"{self.object} {self.kind or 'surface'}"
+
+    def apply(self, document: Document) -> Document:
+        state = _reflecting(document, self.object, "a surface for Deform")
+        new = surface_with(state.surface, self.kind, dict(self.values), self.object)
+        return document.with_object(replace(state, new_surface=None if new == state.own_surface else new))
+
+
+def surface_named(object_name: str, path: str, value: Any) -> SetSurface:
+    """The command for "surface" = "membrane", or "none"; or "membrane.translucency" = 0.5. Raises LoadError."""
+    kind, _, name = path.partition(".")
+    if kind == SURFACE and not name:
+        if value not in (NONE, *SURFACES):
+            raise LoadError(object_name, SURFACE, value, f"one of {', '.join((NONE, *SURFACES))}")
+        return SetSurface(object_name, "" if value == NONE else value)
+    if kind == SURFACE or not name:
+        raise LoadError(object_name, path, value, f"{SURFACE}, or one of its values such as membrane.translucency")
+    return SetSurface(object_name, kind, ((name, value),))
+
+
+def _reflecting(document: Document, name: str, what: str) -> ObjectState:
+    """An object that is to be edited. Raises InsituError where it is frozen or cannot have `what`."""
+    state = document.object(name)
+    if state.frozen:
+        raise InsituError(f"{name} is frozen; thaw it to edit it")
+    if state.is_lamp:
+        raise InsituError(f"{name} shines; only what reflects has {what}")
+    return state

@@ -1,0 +1,343 @@
+"""What a person edits: the materials, the light and the poses of one scene, as one immutable value.
+
+A document is a tree of frozen dataclasses. An edit makes a new document that shares all it did not touch with the
+old one, so undo, A/B comparison, autosave from a second thread and the worker's requests need no copies and no locks,
+and undo restores bit by bit. Geometry and camera are not here: they are the scene's and the view's.
+Rejected: a mutable model with change signals, which undo, the journal and the worker would each have to guard.
+
+Names: a layer's *key* is ``"object.index"``; a *path* names anything a person can reach, written with the layer's
+index or its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.alpha"``, ``"teapot.bend"``,
+``"bat.time"``, ``"bat.membrane.translucency"``, ``"lamp.emission"``, ``"light.rotation"``.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+from app.document.described_layers import layers_from_descriptions
+from app.document.linked_layers import linked_indices, with_layer
+from app.system.paths import is_file_name
+from engine.core.errors import InsituError
+from engine.material.bumps import NO_BUMPS, Bumps, BumpsByObject, bump_fields
+from engine.material.layer import Layer
+from engine.material.layer_maps import map_fields
+from engine.material.model import Factor, Model
+from engine.plan_lines import LineValue
+from engine.realtime.deformers import KINDS
+from engine.realtime.zonal_harmonics.pose import Deformation, Moment, Motion, Poses, without_identity
+from engine.scene.description import ObjectDescription, SceneDescription
+from engine.scene.rig import Animations
+from engine.scene.surface_kinds import NO_SURFACE, SURFACES, DeformSurface, SurfacesByObject
+
+Mapping = Literal["latlong", "angular"]
+Kind = Literal[
+    "object", "layer", "factor", "parameter", "map", "switch", "deformer", "time", "bumps", "surface", "light"
+]
+RGB = tuple[float, float, float]
+
+SCENE_ENVIRONMENT = "scene"
+CONSTANT_ENVIRONMENT = "constant"
+
+
+@dataclass(frozen=True)
+class LightState:
+    """The environment and how it stands.
+
+    ``environment`` is ``"scene"`` (what the scene file says, its ``scale`` included), ``"constant"`` (``radiance``
+    from everywhere), a built-in environment's name or a file's path, read as ``mapping`` says. ``rotation`` in
+    degrees turns it counter-clockwise about +Y seen from above. ``intensity`` multiplies all light, emitters
+    included: it is applied to the finished picture, so it costs nothing and transport does not depend on it.
+    """
+
+    environment: str = SCENE_ENVIRONMENT
+    mapping: Mapping = "latlong"
+    rotation: float = 0.0
+    intensity: float = 1.0
+    radiance: RGB | None = None
+
+    @property
+    def is_file(self) -> bool:
+        """Whether the environment is a file that was opened: built-in ones have names without an ending."""
+        return is_file_name(self.environment)
+
+
+@dataclass(frozen=True)
+class ObjectState:
+    """One object of the scene: its layers and what a person may do with them.
+
+    ``frozen`` objects and layers refuse edits of their material until they thaw. ``editable`` False marks an object
+    that the scene declares fixed. It goes through its ``deformations`` one after another, from where its file's
+    animation has taken it at a ``moment``; None: from where the file has it. ``animations`` are those of its file.
+    ``new_bumps`` take the place of the ``own_bumps`` that the scene's file gives it, ``new_surface`` that of
+    ``own_surface``, which Deform alone knows.
+    """
+
+    name: str
+    layers: tuple[Layer, ...] = ()
+    emission: RGB | None = None
+    editable: bool = True
+    visible: bool = True
+    frozen: bool = False
+    deformations: tuple[Deformation, ...] = ()
+    moment: Moment | None = None
+    animations: Animations = ()
+    own_bumps: Bumps = NO_BUMPS
+    new_bumps: Bumps | None = None
+    own_surface: DeformSurface = NO_SURFACE
+    new_surface: DeformSurface | None = None
+
+    @property
+    def motion_stack(self) -> Motion:
+        """All that it goes through."""
+        return self.deformations if self.moment is None else (self.moment, *self.deformations)
+
+    @property
+    def bumps(self) -> Bumps:
+        """What turns its normals."""
+        return self.own_bumps if self.new_bumps is None else self.new_bumps
+
+    @property
+    def surface(self) -> DeformSurface:
+        """What Deform knows of its surface beyond its material."""
+        return self.own_surface if self.new_surface is None else self.new_surface
+
+    @property
+    def emits(self) -> bool:
+        """Whether the scene has it shine, be that black for now; with layers it reflects as well."""
+        return self.emission is not None
+
+    @property
+    def is_lamp(self) -> bool:
+        """Whether it is seen by its emission alone."""
+        return self.emits and not self.layers
+
+
+class Selection(NamedTuple):
+    """The layer (and curve, when one is chosen) that panels show; of a lamp, which has none, layer 0."""
+
+    object: str
+    layer: int
+    factor: str | None = None
+
+    @property
+    def key(self) -> str:
+        return layer_key(self.object, self.layer)
+
+    @property
+    def path(self) -> str:
+        return self.key if self.factor is None else f"{self.key}.{self.factor}"
+
+
+@dataclass(frozen=True)
+class Document:
+    """A scene's materials, light and poses. ``source`` is a built-in scene's name or the path of a scene file.
+
+    ``first_bands``: J of the sharpest curves at the first bounce from the eye; None as many as are planned.
+    ``overrides``: the lines of the plan that a person has set, by name, and what to.
+    """
+
+    source: str
+    objects: tuple[ObjectState, ...] = ()
+    light: LightState = LightState()
+    first_bands: int | None = None
+    overrides: tuple[tuple[str, LineValue], ...] = ()
+
+    def object(self, name: str) -> ObjectState:
+        """The object called ``name``; InsituError with the names there are when it is not there."""
+        for state in self.objects:
+            if state.name == name:
+                return state
+        raise _unknown("object", name, [state.name for state in self.objects])
+
+    def layer(self, key: str) -> Layer:
+        """The layer with this key (or path to a layer)."""
+        name, index = split_key(self, key)
+        return self.object(name).layers[index]
+
+    def layers(self) -> Iterator[tuple[str, Layer]]:
+        """(key, layer) of all layers, in the scene's order."""
+        for state in self.objects:
+            for index, layer in enumerate(state.layers):
+                yield layer_key(state.name, index), layer
+
+    def with_object(self, changed: ObjectState) -> Document:
+        """This document with the object of the same name replaced."""
+        self.object(changed.name)
+        return replace(self, objects=tuple(changed if o.name == changed.name else o for o in self.objects))
+
+    def with_layer(self, key: str, changed: Layer) -> Document:
+        """This document with one layer replaced, and its curves in the layers that share them."""
+        name, index = split_key(self, key)
+        state = self.object(name)
+        return self.with_object(replace(state, layers=with_layer(state.layers, index, changed)))
+
+    def is_frozen(self, key: str) -> bool:
+        """Whether the layer, one that shares its curves, or the object it belongs to, refuses edits."""
+        name, index = split_key(self, key)
+        state = self.object(name)
+        return state.frozen or any(state.layers[i].frozen for i in linked_indices(state.layers, index))
+
+    @property
+    def poses(self) -> Poses:
+        """What all objects go through that are not as the scene's file has them, by name."""
+        return without_identity([(state.name, state.motion_stack) for state in self.objects])
+
+    @property
+    def new_bumps(self) -> BumpsByObject:
+        """The bumps of all objects that are not as the scene's file has them, by name."""
+        return tuple((state.name, state.new_bumps) for state in self.objects if state.new_bumps is not None)
+
+    @property
+    def new_surfaces(self) -> SurfacesByObject:
+        """The surfaces for Deform of all objects that are not as the scene's file has them, by name."""
+        return tuple((state.name, state.new_surface) for state in self.objects if state.new_surface is not None)
+
+    def is_visible(self, key: str) -> bool:
+        """Whether the layer takes part in the picture."""
+        name, index = split_key(self, key)
+        state = self.object(name)
+        return state.visible and state.layers[index].visible
+
+
+@dataclass(frozen=True)
+class Target:
+    """What a path names. ``key`` is None for an object or the light, ``name`` None for an object or a layer."""
+
+    kind: Kind
+    object: str = ""
+    layer: int | None = None
+    name: str | None = None
+
+    @property
+    def key(self) -> str | None:
+        return None if self.layer is None else layer_key(self.object, self.layer)
+
+
+SWITCHES = ("visible", "frozen", "editable")
+MATERIAL = "material"
+TIME = "time"
+SURFACE = "surface"
+EMISSION = "emission"
+FRESNEL_TERM = "fresnel_term"
+LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping")
+
+
+def layer_key(object_name: str, index: int) -> str:
+    return f"{object_name}.{index}"
+
+
+def split_key(document: Document, key: str) -> tuple[str, int]:
+    """(object name, layer index) of a layer's key; the layer may be written by its name."""
+    target = resolve(document, key)
+    if target.kind != "layer" or target.layer is None:
+        raise InsituError(f"{key!r} is not a layer; layers of this scene: {', '.join(k for k, _ in document.layers())}")
+    return target.object, target.layer
+
+
+def resolve(document: Document, path: str) -> Target:
+    """What a path names in this document.
+
+    Raises InsituError that says which part is unknown and what there is in its place.
+    """
+    head, _, rest = path.partition(".")
+    if head == "light" and rest in LIGHT_FIELDS:
+        return Target("light", name=rest)
+    if head == "light" and all(state.name != "light" for state in document.objects):
+        raise _unknown("property of the light", rest, LIGHT_FIELDS)
+    state, rest = _split_object(document, path)
+    if not rest:
+        return Target("object", state.name)
+    kind = _kind_of(rest)
+    if kind is not None and rest.partition(".")[0] not in [layer.name for layer in state.layers]:
+        return Target(kind, state.name, name=rest)
+    index, rest = _split_layer(state, rest)
+    if not rest:
+        return Target("layer", state.name, index)
+    if rest in ("visible", "frozen", FRESNEL_TERM):
+        return Target("switch", state.name, index, rest)
+    return _resolve_in_layer(state, index, rest)
+
+
+def _kind_of(name: str) -> Kind | None:
+    """What an object has by this name besides its layers."""
+    if name in (*SWITCHES, MATERIAL, EMISSION):
+        return "switch"
+    if name in KINDS:
+        return "deformer"
+    if name == TIME:
+        return "time"
+    if name in bump_fields():
+        return "bumps"
+    return "surface" if name.partition(".")[0] in (SURFACE, *SURFACES) else None
+
+
+def _resolve_in_layer(state: ObjectState, index: int, name: str) -> Target:
+    layer = state.layers[index]
+    factors = [factor.name for factor in all_factors(layer.model)]
+    parameters = [parameter.name for parameter in layer.parameter_table]
+    if name in factors:
+        return Target("factor", state.name, index, name)
+    if name in parameters:
+        return Target("parameter", state.name, index, name)
+    if name in map_fields():
+        return Target("map", state.name, index, name)
+    raise _unknown(f"curve or parameter of {layer_key(state.name, index)}", name, [*factors, *parameters])
+
+
+def all_factors(model: Model) -> tuple[Factor, ...]:
+    """The curves of a model that a person can edit: those of its transport, then the view's; shared ones once."""
+    there = model.factors if model.view_factor is None else (*model.factors, model.view_factor)
+    return tuple(factor for factor in there if factor.name not in model.shared)
+
+
+def _split_object(document: Document, path: str) -> tuple[ObjectState, str]:
+    """The object a path begins with and the rest of the path."""
+    name, _, rest = path.partition(".")
+    return document.object(name), rest
+
+
+def _split_layer(state: ObjectState, rest: str) -> tuple[int, str]:
+    """The index of the layer that ``rest`` begins with (number or name) and what follows."""
+    names = [layer.name for layer in state.layers]
+    head, _, tail = rest.partition(".")
+    if head.isdecimal() and head.isascii() and len(head) < 6 and int(head) < len(names):
+        return int(head), tail
+    if head and head in names:
+        return names.index(head), tail
+    there = [f"{index}" + (f" ({name})" if name else "") for index, name in enumerate(names)]
+    raise _unknown(f"layer of {state.name}", head, there)
+
+
+def _unknown(what: str, name: str, there: Iterable[str]) -> InsituError:
+    options = list(there)
+    close = difflib.get_close_matches(name, options, n=1)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return InsituError(f"there is no {what} {name!r}; {hint}there is: {', '.join(options) or 'none'}")
+
+
+def reflecting_layers(document: Document) -> tuple[tuple[str, Layer], ...]:
+    """The visible layers of all objects, by key."""
+    return tuple((key, layer) for key, layer in document.layers() if document.is_visible(key))
+
+
+def document_from_description(
+    source: str, description: SceneDescription, animations: Sequence[Animations] = ()
+) -> Document:
+    """The document of a scene as its file describes it; animations: each object's, where there are any. Raises
+    LoadError that names a bad layer's key."""
+    objects = tuple(_object_state(source, described) for described in description.objects)
+    if animations:
+        objects = tuple(replace(state, animations=own) for state, own in zip(objects, animations, strict=True))
+    environment = description.environment
+    return Document(source, objects, LightState(rotation=0.0 if environment is None else environment.rotation))
+
+
+def _object_state(source: str, described: ObjectDescription) -> ObjectState:
+    layers = layers_from_descriptions(source, described.name, described.layers)
+    emission = described.emission if described.emits else None
+    return ObjectState(
+        described.name, layers, emission, described.editable, own_bumps=described.bumps, own_surface=described.deform
+    )

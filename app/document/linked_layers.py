@@ -1,0 +1,117 @@
+"""Layers of one object that share their curves: the terms of a sum, edited once [BenArtzi07, 3.3.1].
+
+A layer may follow another by its name. What makes the curves that both models have, operators and parameters alike, is
+then the same in all layers of that group, whichever of them is edited; what scales a layer or stands in its quotient
+stays its own. A second Fresnel term (`Layer.rises`) shares everything with the layer it follows, R included. Each layer
+has its own transport, and pictures of layers are summed as ever.
+
+Layers with several terms inside were rejected: every part of the program that knows a layer by its key would have had
+to learn of terms, to no other effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from engine.core.errors import InsituError
+from engine.material.layer import Layer
+from engine.material.model import channels
+from engine.material.parameters import FRESNEL, Parameter
+
+Layers = tuple[Layer, ...]
+FRESNEL_NAME = "fresnel"
+
+
+def linked_indices(layers: Sequence[Layer], index: int) -> tuple[int, ...]:
+    """Indices of the layers that share curves with this one, itself included; the one that leads stands first."""
+    lead = layers[index].follows or layers[index].name
+    followers = [i for i, layer in enumerate(layers) if layer.follows == lead]
+    leaders = [i for i, layer in enumerate(layers) if layer.name == lead and not layer.follows]
+    group = (*leaders[:1], *followers)
+    return group if index in group else (index,)
+
+
+def with_layer(layers: Layers, index: int, changed: Layer) -> Layers:
+    """The layers with one replaced, and its curves in all that share them; who follows it follows its new name.
+
+    One that is of another model now begins with the curves of the others.
+    """
+    found = [*layers]
+    found[index] = changed
+    group = linked_indices(layers, index)
+    lead = group[0]
+    if changed.rises:
+        found[lead] = layers[lead].with_curves_of(changed)
+    source = lead if changed.rises else index
+    others = [i for i in group if i != source and not layers[i].rises]
+    if others and found[source].model is not layers[source].model:
+        found[source] = found[source].with_curves_of(layers[others[0]])
+    for i in others:
+        found[i] = layers[i].with_curves_of(found[source])
+    for i in (i for i in group if layers[i].rises):
+        found[i] = found[i].with_curves_of(found[lead])
+    for i in group:
+        if layers[i].follows == layers[lead].name != found[lead].name:
+            found[i] = found[i].replace(follows=found[lead].name)
+    return tuple(found)
+
+
+def synchronize_layers(layers: Layers) -> Layers:
+    """The layers, those that follow with the curves of the one they follow."""
+    leads = [layers[linked_indices(layers, index)[0]] for index in range(len(layers))]
+    return tuple(each if each is lead else each.with_curves_of(lead) for each, lead in zip(layers, leads, strict=True))
+
+
+def with_fresnel(layers: Layers, index: int) -> Layers:
+    """The layers with a Fresnel term for one of them, at the end; head-on it reflects as before, its colour being R."""
+    layer = layers[index]
+    if layer.fresnel is not None:
+        return layers
+    if layer.follows:
+        raise InsituError(
+            f"{layer.title} follows {layers[linked_indices(layers, index)[0]].title}; give that layer the Fresnel term"
+        )
+    strength = _strength(layer)
+    fresnel: object = FRESNEL.default
+    if strength is not None:
+        now = channels(layer.values, strength.name)
+        fresnel = np.minimum(now, 1.0)
+        layer = layer.with_parameter(strength.name, _fitting(strength, np.maximum(now, 1.0)))
+    lead = layer.with_fresnel(fresnel)
+    term = lead.replace(name=_free_name(layers), follows=lead.name, visible=True, frozen=False, rises=True)
+    return (*layers[:index], lead, *layers[index + 1 :], term)
+
+
+def without_fresnel(layers: Layers, index: int) -> Layers:
+    """The layers without the Fresnel term of one of them (or that is the one): R goes back into its colour."""
+    lead = linked_indices(layers, index)[0]
+    layer = layers[lead]
+    if layer.fresnel is None:
+        return layers
+    strength = _strength(layer)
+    if strength is not None:
+        layer = layer.with_parameter(
+            strength.name, _fitting(strength, channels(layer.values, strength.name) * layer.fresnel)
+        )
+    kept = (*layers[:lead], layer.with_fresnel(None), *layers[lead + 1 :])
+    return tuple(each for each in kept if not (each.rises and each.follows == layer.name))
+
+
+def _strength(layer: Layer) -> Parameter | None:
+    """The parameter that is the layer's strength or colour and nothing else."""
+    return next((p for p in layer.model.parameters if p.drives == ("scale",) and p.kind != "choice"), None)
+
+
+def _fitting(parameter: Parameter, value: np.ndarray) -> object:
+    """A strength (3,) as the parameter takes it."""
+    inside = np.clip(value, parameter.minimum, parameter.maximum)
+    return tuple(inside.tolist()) if parameter.kind == "rgb" else float(inside.mean())
+
+
+def _free_name(layers: Layers) -> str:
+    """A name that no layer has."""
+    taken = {layer.name for layer in layers}
+    names = (FRESNEL_NAME, *(f"{FRESNEL_NAME} {number}" for number in range(2, len(layers) + 3)))
+    return next(name for name in names if name not in taken)

@@ -1,0 +1,99 @@
+"""What requests carry of a document, whatever mode asks: its light and its layers, in one form.
+
+It is made quickly, of values that the document has anyway; curves, quotients and what images do on average follow from
+it on either side. It has no pixels and no camera: those are the view's that the worker has open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document.document import RGB, Document, LightState
+from engine.material.layer import Layer, object_of
+from engine.material.layer_maps import MapMeans
+
+Float64Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LayerState:
+    """A layer that reflects: its key, the layer itself, images and all, and how many bands each curve of its transport
+    has, in the order of its model's `factors`; none where nobody wants transport.
+
+    visible: whether it takes part in the picture. fixed: nobody means to edit its object, so that its picture under
+    these curves will do. means: those of its images over the surface, None while they are not known.
+    """
+
+    key: str
+    layer: Layer
+    bands: tuple[int, ...] = ()
+    visible: bool = True
+    fixed: bool = False
+    means: MapMeans | None = None
+
+    @property
+    def object(self) -> str:
+        """The name of its object."""
+        return object_of(self.key)
+
+    @property
+    def model(self) -> str:
+        """The name of its model."""
+        return self.layer.model.name
+
+    @cached_property
+    def quotient_parameters(self) -> tuple[float, ...]:
+        """What its quotient's kernel needs, eight numbers."""
+        return tuple(self.layer.quotient_parameters().tolist())
+
+    @property
+    def quotient(self) -> tuple[str, tuple[float, ...]]:
+        """What the fixed part of its reflection depends on."""
+        return self.model, self.quotient_parameters
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """The names of its transport's curves."""
+        return tuple(factor.name for factor in self.layer.model.factors[: len(self.bands)])
+
+    @cached_property
+    def coefficients(self) -> tuple[Float64Array, ...]:
+        """Band values of these curves, (J, 3) each."""
+        return tuple(self.layer.coefficients(name, n) for name, n in zip(self.factors, self.bands, strict=True))
+
+    @property
+    def mean_factor(self) -> Float64Array:
+        """What its images multiply it by on average, (3,); 1 while that is not known."""
+        return np.ones(3) if self.means is None else self.means.factor(self.layer.maps)
+
+
+@dataclass(frozen=True)
+class SceneState:
+    """A scene's light, at intensity 1, the radiance of its emitters by name, and the layers of all other objects."""
+
+    light: LightState
+    layers: tuple[LayerState, ...]
+    emission: tuple[tuple[str, RGB], ...] = ()
+
+    @property
+    def visible(self) -> tuple[LayerState, ...]:
+        """The layers that take part in the picture."""
+        return tuple(state for state in self.layers if state.visible)
+
+
+def layer_state(document: Document, key: str, bands: tuple[int, ...] = (), means: MapMeans | None = None) -> LayerState:
+    """One of a document's layers, by its key."""
+    fixed = not document.object(object_of(key)).editable
+    return LayerState(key, document.layer(key), bands, document.is_visible(key), fixed, means)
+
+
+def scene_state(document: Document, layer: Callable[[Document, str], LayerState] = layer_state) -> SceneState:
+    """What the worker is told of a document. layer: what it is told of one of the layers, by key."""
+    emission = {state.name: state.emission for state in document.objects if state.emission is not None}
+    layers = tuple(layer(document, key) for key, _ in document.layers())
+    return SceneState(replace(document.light, intensity=1.0), layers, tuple(emission.items()))

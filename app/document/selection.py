@@ -1,0 +1,91 @@
+"""What a path selects in a document, and what stays selected when the document changes."""
+
+from __future__ import annotations
+
+from app.document.commands.curves import CurveEdit
+from app.document.document import Document, Selection, all_factors, resolve
+from engine.core.errors import InsituError
+from engine.curve.pairs import edits_of
+
+Operators = tuple[CurveEdit, ...]
+
+
+def selection_of(document: Document, path: str | Selection) -> Selection:
+    """Of an object its topmost layer, of a layer its first curve, a lamp as it is. InsituError where there is no
+    such thing."""
+    if isinstance(path, Selection) and document.object(path.object).is_lamp:
+        return Selection(path.object, 0)
+    target = resolve(document, path.path if isinstance(path, Selection) else path)
+    if target.kind == "light":
+        raise InsituError("the light cannot be selected; name an object, a layer or a curve")
+    state = document.object(target.object)
+    layers = state.layers
+    if state.is_lamp:
+        return Selection(state.name, 0)
+    if not layers:
+        raise InsituError(f"{target.object} has no layers to edit")
+    topmost = max(i for i, layer in enumerate(layers) if not layer.rises)
+    index = topmost if target.layer is None else target.layer
+    factor = target.name if target.kind == "factor" else layers[index].model.factors[0].name
+    return Selection(target.object, index, factor)
+
+
+def layer_shown(document: Document, selected: Selection | None) -> Selection | None:
+    """The selection, where it is of a layer: a lamp is seen by its emission."""
+    return None if selected is None or document.object(selected.object).is_lamp else selected
+
+
+def initial_selection(document: Document) -> str | None:
+    """What is selected in a scene just opened: the first editable object's topmost layer."""
+    with_layers = [state for state in document.objects if state.layers]
+    editable = [state for state in with_layers if state.editable]
+    return next((state.name for state in editable or with_layers), None)
+
+
+def selection_after_edit(document: Document, selected: Selection) -> str | Selection:
+    """What is selected in the place of a layer or a curve that an edit took away; else what was."""
+    state = document.object(selected.object)
+    layers = state.layers
+    if state.is_lamp:
+        return selected
+    if selected.layer >= len(layers):
+        return selected.object
+    names = [factor.name for factor in all_factors(layers[selected.layer].model)]
+    return selected if selected.factor is None or selected.factor in names else selected.key
+
+
+def operator_after_edit(before: Document, after: Document, selected: Selection | None, index: int | None) -> int | None:
+    """Where the selected operator of the selected curve stands after an edit, an undo or a redo; None where it is gone.
+
+    Where none is selected, one that came (deleted before, or taken back) is.
+    """
+    old, new = _operators(before, selected), _operators(after, selected)
+    if old == new:
+        return index
+    same = 0
+    while same < min(len(old), len(new)) and old[same] == new[same]:
+        same += 1
+    tail = 0
+    while tail < min(len(old), len(new)) - same and old[-1 - tail] == new[-1 - tail]:
+        tail += 1
+    kept = None if index is None or index >= len(old) else _follow_index(old, new, same, tail, index)
+    came = new[same : len(new) - tail]
+    return same if kept is None and len(old) == same + tail and len(edits_of(came)) == 1 else kept
+
+
+def _follow_index(old: Operators, new: Operators, same: int, tail: int, index: int) -> int | None:
+    """Of lists that agree in their first `same` and last `tail` places; what lies between was moved or changed."""
+    if index < same:
+        return index
+    if index >= len(old) - tail:
+        return index + len(new) - len(old)
+    moved = [place for place in range(same, len(new) - tail) if new[place] == old[index]]
+    return moved[0] if moved else index if len(old) == len(new) else None
+
+
+def _operators(document: Document, selected: Selection | None) -> Operators:
+    """The operators of the selected curve; none where there is no such curve."""
+    if selected is None or selected.factor is None:
+        return ()
+    layers = next((state.layers for state in document.objects if state.name == selected.object), ())
+    return layers[selected.layer].operators(selected.factor) if selected.layer < len(layers) else ()

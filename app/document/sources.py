@@ -1,0 +1,75 @@
+"""What a person can name to be opened: by its ending, before anything of it is read.
+
+A scene is a built-in one's name, a scene file, or a mesh, which stands on a floor of its own
+(`engine.scene.mesh_scene`). A session names a scene. Light alone opens the built-in scene under it.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from app.system.paths import full_path
+from engine.core.errors import InsituError
+from engine.core.safe_files import exists, resolved
+from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
+from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
+from engine.scene.mesh import MESH_ENDINGS
+
+SESSION_ENDING = ".insitu"
+SCENE_ENDINGS = (".toml", *MESH_ENDINGS)
+LIGHT_ENDINGS = (".exr", ".hdr", ".pic")
+PICTURE_ENDINGS = (".png", ".jpg", ".jpeg")
+EXPECTED = (
+    f"a scene (.toml), a session ({SESSION_ENDING}), a mesh ({', '.join(MESH_ENDINGS)}) or light "
+    f"({', '.join(LIGHT_ENDINGS)})"
+)
+
+
+@dataclass(frozen=True)
+class Source:
+    """What is to be opened: a scene by name or full path, under a light of its own or under that of a file; or the
+    session of that path, which says what scene it belongs to."""
+
+    scene: str = DEFAULT_SCENE
+    light: Path | None = None
+    session: Path | None = None
+
+
+def source_of(name: str) -> Source:
+    """What a person means by a name or path; whether it is there, reading it will tell. Raises InsituError: what it is,
+    and what to do."""
+    path, ending = Path(name), Path(name).suffix.lower()
+    if name in builtin_scenes():
+        return Source(name)
+    if os.path.isdir(path):
+        raise InsituError(f"{name}: a folder, expected {EXPECTED}")
+    if ending in LIGHT_ENDINGS:
+        return Source(light=resolved(path))
+    if ending == SESSION_ENDING:
+        return Source(session=resolved(path))
+    if ending in SCENE_ENDINGS or not os.path.exists(path):
+        return Source(full_path(name))
+    raise InsituError(f"{name}: {_describe_ending(ending)}")
+
+
+def find_source(name: str | None) -> str:
+    """The name of a built-in scene, or of a file that is there and can be opened. Raises InsituError."""
+    name = name or DEFAULT_SCENE
+    if name not in builtin_scenes() and not exists(name):
+        there = ", ".join(builtin_scenes())
+        raise InsituError(f"{name}: no such file, and no built-in scene of that name; built-in scenes are {there}")
+    source_of(name)
+    return name if name in builtin_scenes() else str(Path(name))
+
+
+def _describe_ending(ending: str) -> str:
+    """What a file that cannot be opened is, and what to do with it."""
+    if ending in MEASURED_ENDINGS:
+        return "a measured BRDF, a material of its own; open a scene and import it onto an object there (File menu)"
+    if ending in PICTURE_ENDINGS:
+        return "a picture; open a scene and give it to a layer as its texture there (material panel)"
+    if ending == ".gltf":
+        return "glTF in several files, expected one: export it as .glb"
+    return f"{'no file that is known' if ending else 'a file without an ending'}, expected {EXPECTED}"

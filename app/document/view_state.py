@@ -1,0 +1,243 @@
+"""How a person looks at the document: selection, exposure, comparison, curve zoom. Not undone, saved with a session.
+
+A frozen value like the document, changed by commands alone, so panels stay functions of what they are given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple
+
+from app.document.document import Document, Selection
+from engine.core.colour import ToneMapping
+from engine.core.errors import InsituError
+from engine.planner import N_PATCHES, Precision
+from engine.scene.description import Camera, SceneDescription
+
+Tool = Literal["translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy"]
+Channel = Literal["rgb", "r", "g", "b"]
+BrdfPlot = Literal["lobe", "slice", "albedo"]
+
+CHANNELS: tuple[Channel, ...] = ("rgb", "r", "g", "b")
+BRDF_PLOTS: tuple[BrdfPlot, ...] = ("lobe", "slice", "albedo")
+AS_PLANNED = 0
+HALF_PI = 1.5707963267948966
+DEFAULT_REGIONS = (0.1, 0.25, 0.45, 0.6)
+DEFAULT_PANELS = MappingProxyType(
+    {
+        "objects": True,
+        "viewport": True,
+        "curve": True,
+        "material": True,
+        "light": True,
+        "accuracy": True,
+        "plan": True,
+        "library": True,
+        "brdf": True,
+    }
+)
+
+
+class Viewpoint(NamedTuple):
+    """From where a scene is seen, and its picture's (width, height) in pixels; None: as the scene's file has them."""
+
+    camera: Camera | None = None
+    resolution: tuple[int, int] | None = None
+
+
+@dataclass(frozen=True)
+class SetViewpoint:
+    """A command of the view's own history: see the scene from there."""
+
+    viewpoint: Viewpoint
+    label: str
+
+    def apply(self, before: Viewpoint) -> Viewpoint:
+        return self.viewpoint
+
+
+@dataclass(frozen=True)
+class Bookmark:
+    """A view that is kept by a name, with a small picture of it as a JPEG file, empty while there is none."""
+
+    name: str
+    viewpoint: Viewpoint
+    thumbnail: bytes = b""
+
+
+@dataclass(frozen=True)
+class ViewState:
+    """Selection and display. Angles in radians, exposure in stops, frame budget in milliseconds.
+
+    ``mode`` is the name of the mode that makes the picture.
+    ``n_lights`` cut the environment in the finished picture, ``n_patches`` what shines in the scene; ``n_bounces`` are
+    the reflections between light and eye (``AS_PLANNED`` until the worker has found how many the scene requires),
+    the second of at most ``second_bands`` bands a curve (1: by albedo; None: as many as it has), ``precision`` is that
+    of transport on the GPU; ``n_fan_rays`` of `engine.plan_lines.HEMISPHERE_RAYS` has a fan of indirect light (0: as
+    many as are needed); ``n_edge_rays`` of `engine.planner.EDGE_RAYS` go through a pixel at an edge (None: as many as
+    the scene requires). Orbit has ``n_points`` beside the meshes' own, and
+    keeps ``n_coefficients`` of light at each; Deform sends ``n_rays`` from each
+    and keeps ``n_lobes``.
+    ``compare`` is the document that A/B shows left of ``compare_divider`` (0 the left edge, 1 the right).
+    Unless it is shown to ``fit``, the picture has ``zoom`` screen pixels for each of its own, and the point at the
+    shares ``centre`` (across, down) of it stands in the panel's middle.
+    ``camera`` and ``resolution``, (width, height) of the picture, stand in for the scene's own, None for those;
+    ``bookmarks`` are views that are kept by name. While an animation is ``playing`` that is the time which is seen,
+    seconds; where it ends it begins anew if it ``loops``. ``split``: where Deform's picture gives way, from left to
+    right, from what paths show to transfer that does not turn, and to its own (0 the left edge, 1 the right);
+    ``fit_error``: whether in its place is seen how far its lobes are off. ``shows_error``: whether over the picture is
+    seen where it is off.
+    ``regions`` are a ≤ b ≤ c ≤ d of the operator being shown or about to be made; ``operator`` is its index in the
+    selected curve's list, None for one about to be made. ``curve_zoom`` is (γ low, γ high, y low, y high); None fits.
+    The BRDF panel shows ``brdf_plot`` of the selected layer, or with ``brdf_whole`` of all layers of its object, in the
+    plane along the tangent or ``brdf_across`` it; its lobe answers light from ``lobe_angle``. ``solo`` is the key of a
+    layer that is seen without the others of its object. ``lobe_pixel`` (column, row) is where the picture carries the
+    selected layer's lobe.
+    """
+
+    mode: str = "placement"
+    selected: Selection | None = None
+    hovered: str | None = None
+    exposure: float = 0.0
+    tone_mapping: ToneMapping = "filmic"
+    compare: Document | None = None
+    compare_divider: float = 0.5
+    fit: bool = True
+    zoom: float = 1.0
+    centre: tuple[float, float] = (0.5, 0.5)
+    log_y: bool = False
+    curve_zoom: tuple[float, float, float, float] | None = None
+    channel: Channel = "rgb"
+    active_tool: Tool = "translate_y"
+    regions: tuple[float, float, float, float] = DEFAULT_REGIONS
+    operator: int | None = None
+    solo: str | None = None
+    lobe_pixel: tuple[int, int] | None = None
+    brdf_plot: BrdfPlot = "lobe"
+    brdf_whole: bool = False
+    brdf_across: bool = False
+    lobe_angle: float = 0.7853981633974483
+    lobe_log: bool = False
+    frame_budget_ms: float = 16.0
+    precision: Precision = "half"
+    n_lights: int = 4000
+    n_patches: int = N_PATCHES
+    n_bounces: int = 1
+    second_bands: int | None = None
+    n_edge_rays: int | None = None
+    n_fan_rays: int = 0
+    n_points: int = 40_000
+    n_coefficients: int = 320
+    n_rays: int = 1000
+    n_lobes: int = 4
+    panels: Mapping[str, bool] = field(default_factory=lambda: DEFAULT_PANELS)
+    show_shortcuts: bool = False
+    camera: Camera | None = None
+    resolution: tuple[int, int] | None = None
+    bookmarks: tuple[Bookmark, ...] = ()
+    playing: float | None = None
+    loops: bool = True
+    split: tuple[float, float] | None = None
+    fit_error: bool = False
+    shows_error: bool = False
+
+    @property
+    def viewpoint(self) -> Viewpoint:
+        return Viewpoint(self.camera, self.resolution)
+
+    def panel_open(self, name: str) -> bool:
+        return self.panels.get(name, True)
+
+    def with_panel(self, name: str, is_open: bool) -> ViewState:
+        return replace(self, panels=MappingProxyType({**self.panels, name: is_open}))
+
+    def for_scene(self, description: SceneDescription) -> ViewState:
+        """A scene that was just opened, looked at in the same way: nothing in it is chosen yet."""
+        return replace(
+            self, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None, solo=None,
+            lobe_pixel=None, camera=None, resolution=None, bookmarks=(), playing=None,
+            n_bounces=description.bounces or AS_PLANNED,
+        )  # fmt: skip
+
+    def from_viewpoint(self, look: Viewpoint) -> ViewState:
+        """From another camera or in other pixels: nothing is chosen in the picture yet."""
+        return replace(self, hovered=None, compare=None, lobe_pixel=None, **look._asdict())
+
+    @property
+    def channels(self) -> tuple[bool, bool, bool]:
+        """Which of red, green and blue a new edit of the curve changes."""
+        return channels_of(self.channel)
+
+
+def channels_of(channel: Channel) -> tuple[bool, bool, bool]:
+    """Whether red, green and blue are meant."""
+    red, green, blue = (channel in ("rgb", name) for name in ("r", "g", "b"))
+    return red, green, blue
+
+
+VIEW_FIELDS = frozenset(f.name for f in fields(ViewState))
+LIMITS: dict[str, tuple[float, float]] = {
+    "exposure": (-20.0, 20.0),
+    "compare_divider": (0.0, 1.0),
+    "zoom": (0.05, 64.0),
+    "lobe_angle": (0.0, 1.55),
+    "frame_budget_ms": (2.0, 200.0),
+    "n_lights": (20, 20000),
+    "n_patches": (20, 20000),
+    "n_bounces": (1, 8),
+    "n_fan_rays": (0, 1024),
+    "n_points": (0, 200_000),
+    "n_coefficients": (20, 1280),
+    "n_rays": (32, 20000),
+    "n_lobes": (1, 4),
+}
+
+
+@dataclass(frozen=True)
+class SetView:
+    """Change fields of the view: ``SetView.of(exposure=1.0)``. Numbers are clamped to their range."""
+
+    changes: tuple[tuple[str, Any], ...]
+
+    @classmethod
+    def of(cls, **changes: Any) -> SetView:
+        unknown = sorted(set(changes) - VIEW_FIELDS)
+        if unknown:
+            raise InsituError(f"the view has no {', '.join(unknown)}")
+        return cls(tuple(changes.items()))
+
+    def apply(self, view: ViewState) -> ViewState:
+        return replace(view, **{name: _in_range(name, value) for name, value in self.changes})
+
+
+@dataclass(frozen=True)
+class OpenPanel:
+    """Show or hide a panel."""
+
+    name: str
+    is_open: bool = True
+
+    def apply(self, view: ViewState) -> ViewState:
+        return view.with_panel(self.name, self.is_open)
+
+
+ViewCommand = SetView | OpenPanel
+
+
+def _in_range(name: str, value: Any) -> Any:
+    if name == "split":
+        return value and tuple(sorted(min(max(float(x), 0.0), 1.0) for x in value))
+    if name == "regions":
+        return _ordered_regions(value)
+    if name in LIMITS:
+        low, high = LIMITS[name]
+        return type(low)(min(max(value, low), high))
+    return value
+
+
+def _ordered_regions(regions: tuple[float, ...]) -> tuple[float, float, float, float]:
+    """a ≤ b ≤ c ≤ d within [0, π/2], whatever order they come in."""
+    a, b, c, d = sorted(min(max(float(x), 0.0), HALF_PI) for x in regions)
+    return a, b, c, d

@@ -1,0 +1,182 @@
+"""From where the scene is seen: the camera of the view, its own history of steps, and what can be framed by it.
+
+The camera is a part of the view, not of the document: moving it is no edit, and is undone by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document.document import Document
+from app.document.history import History
+from app.document.view_state import SetViewpoint, Viewpoint, ViewState
+from app.editor.view_controller import ViewController
+from app.system.memory import require_memory_for
+from engine.core.errors import InsituError
+from engine.scene.description import Camera, SceneDescription
+
+NO_CAMERA = Camera(position=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0))
+Box = NDArray[np.float64]
+# A ground's thickness is at most this share of its length, and it is at least so many times as large as what it holds.
+FLAT, GROUND_SIZE = 0.05, 2.0
+
+
+class CameraHost(Protocol):
+    """What the looks need of the editor."""
+
+    view: ViewState
+
+    @property
+    def document(self) -> Document: ...
+
+    def notify(self, text: str, is_error: bool = False) -> None: ...
+
+
+class CameraHistory:
+    """The looks at one scene. `controller` is told when a hand lets go, so that the view need not rest before it is
+    traced.
+
+    own_camera, own_resolution: those of the scene's file; history: that of the view, the document's stays.
+    """
+
+    def __init__(self, host: CameraHost, controller: ViewController) -> None:
+        self._host, self._controller = host, controller
+        self.own_camera, self.own_resolution = NO_CAMERA, (0, 0)
+        self.history = History(Viewpoint())
+        self._boxes: dict[str, Box] = {}
+
+    def scene_opened(self, description: SceneDescription, boxes: Box) -> None:
+        """Another scene is there, with the box (2, 3) of each of its objects, not a number where it has no surface."""
+        self.own_resolution = description.camera.resolution
+        self.own_camera = Camera(**{name: getattr(description.camera, name) for name in Camera.model_fields})
+        named = zip((described.name for described in description.objects), boxes, strict=False)
+        self._boxes = {name: box for name, box in named if np.all(np.isfinite(box))}
+
+    def reset_history(self) -> None:
+        """There is no step to go back to from the present look."""
+        self.history = History(self._host.view.viewpoint)
+
+    @property
+    def camera(self) -> Camera:
+        """The camera that the scene is looked at from, or is about to be."""
+        return self._host.view.camera or self.own_camera
+
+    @property
+    def resolution(self) -> tuple[int, int]:
+        """(width, height) of the picture, in pixels."""
+        return self._host.view.resolution or self.own_resolution
+
+    @property
+    def aspect(self) -> float:
+        """How many times as wide as high the picture is."""
+        width, height = self.resolution
+        return width / max(height, 1)
+
+    def set_viewpoint(self, look: Viewpoint, label: str, gesture: str | None = None) -> str | None:
+        """See the scene from there: a step of the history, one with those before it of the same gesture.
+
+        None, or one line that says why not: so many pixels need more memory than there is.
+        """
+        camera = None if look.camera == self.own_camera else look.camera
+        resolution = None if look.resolution == self.own_resolution else look.resolution
+        try:
+            if resolution not in (None, self._host.view.resolution):
+                require_memory_for(resolution, "choose fewer")
+        except InsituError as error:
+            self._host.notify(str(error), True)
+            return str(error)
+        if self._history_now().do(SetViewpoint(Viewpoint(camera, resolution), label), gesture):
+            self._apply_viewpoint(self.history.document)
+        return None
+
+    def resize(self, resolution: tuple[int, int] | None) -> str | None:
+        """See the scene in so many pixels (None: its own) at once; None, or why not."""
+        refusal = self.set_viewpoint(self._host.view.viewpoint._replace(resolution=resolution), "the picture's size")
+        self._controller.hand_released()
+        return refusal
+
+    def begin_drag(self, label: str) -> None:
+        """A hand took hold of the camera: all until ``end_drag`` is one step."""
+        self._history_now().begin_drag(label)
+
+    def drag_to(self, look: Viewpoint) -> None:
+        """See the scene from there while a hand holds the camera; one that took hold of another scene's holds none."""
+        if self.history.dragging:
+            self.set_viewpoint(look, "")
+
+    def end_drag(self) -> None:
+        """The hand let go: the view need not rest any longer to be traced."""
+        if self.history.dragging:
+            self._history_now().end_drag()
+            self._controller.hand_released()
+
+    def cancel_drag(self) -> None:
+        """Take back the drag under way."""
+        if self.history.dragging:
+            self._history_now().cancel_drag()
+            self._apply_viewpoint(self.history.document)
+            self._controller.hand_released()
+
+    def undo(self) -> str | None:
+        """One step back, the document stays; its label, None when there was nothing."""
+        return self._describe_step(self._history_now().undo, "view undone")
+
+    def redo(self) -> str | None:
+        """One step forward; its label, None when there was nothing."""
+        return self._describe_step(self._history_now().redo, "view redone")
+
+    def restore_viewpoint(self, seen: Viewpoint) -> None:
+        """The present look cannot be had: it is the one that was seen before, as if no step had led away."""
+        self._apply_viewpoint(seen)
+        self.history.retract(lambda before: before == seen)
+
+    def box_of(self, name: str | None) -> Box:
+        """The least and the largest corner (2, 3) of an object, in metres; None: of what the scene shows, without what
+        is hidden, lamps, and the grounds and backdrops behind it."""
+        if name is not None and name not in self._boxes:
+            raise InsituError(f"there is no object {name!r} to be framed; there is: {', '.join(self._boxes)}")
+        left_out = {state.name for state in self._host.document.objects if state.is_lamp or not state.visible}
+        names = [name] if name is not None else [each for each in self._boxes if each not in left_out]
+        boxes = np.array([self._boxes[each] for each in names or self._boxes])
+        if not len(boxes):
+            raise InsituError("there is nothing to be framed")
+        boxes = boxes[~find_ground_boxes(boxes)]
+        return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+
+    def _history_now(self) -> History[Viewpoint]:
+        """The history, where the view is: a session's, or one set by a script."""
+        self.history.document = self._host.view.viewpoint
+        return self.history
+
+    def _apply_viewpoint(self, look: Viewpoint) -> None:
+        self._host.view = replace(self._host.view, **look._asdict())
+
+    def _describe_step(self, step: Callable[[], str | None], what: str) -> str | None:
+        label = step()
+        if label is not None:
+            self._apply_viewpoint(self.history.document)
+            self._controller.hand_released()
+            self._host.notify(f"{what}: {label}")
+        return label
+
+
+def find_ground_boxes(boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which of the boxes (N, 2, 3) are floors or backdrops (N,): flat, and in their plane around all that is not flat
+    and at least `GROUND_SIZE` times as large as that. A tray, a wing or the wall of a room is none."""
+    extents = boxes[:, 1] - boxes[:, 0]
+    thin = extents.argmin(axis=1)
+    flat = extents.min(axis=1) <= FLAT * extents.max(axis=1)
+    grounds = np.zeros(len(boxes), np.bool_)
+    if flat.all():
+        return grounds
+    low, high = boxes[~flat, 0].min(axis=0), boxes[~flat, 1].max(axis=0)
+    for i in np.flatnonzero(flat):
+        plane = np.arange(3) != thin[i]
+        is_around = (boxes[i, 0] <= low) & (boxes[i, 1] >= high) & (extents[i] >= GROUND_SIZE * (high - low))
+        grounds[i] = is_around[plane].all()
+    return grounds

@@ -1,0 +1,513 @@
+"""The editor without a window: document, history and view on one side, the worker on the other.
+
+    commands ─► History ─► Document ─► the mode's talk ─► requests ─► worker ─► answers ─► picture events ─► renderer
+
+What makes the picture is the mode's affair (`app.modes.mode`). The window calls ``do`` with what panels ask for,
+``tick`` once a frame, and gives the events it returns to the renderer. Nothing here draws, waits, or raises for what a
+person did: a refused command comes back as one line of text.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol
+
+from app.document.commands import EditCommand
+from app.document.commands.material import SetMaterial
+from app.document.document import Document, Selection
+from app.document.effective_settings import effective_view
+from app.document.history import History
+from app.document.named_files import files_of_document
+from app.document.player import Player
+from app.document.selection import layer_shown, operator_after_edit, selection_after_edit, selection_of
+from app.document.view_state import OpenPanel, SetView, ViewCommand, ViewState
+from app.editor.camera_history import CameraHistory
+from app.editor.export_requests import material_export_request, scene_export_request
+from app.editor.opening import Opening
+from app.editor.scene_controller import SceneController
+from app.editor.table_controller import TableController
+from app.export.names import written_names
+from app.files.journal import Journal, Recovery
+from app.files.measured_import import PendingMeasurement, describe_reading, import_measured
+from app.files.session_keeper import SessionStore
+from app.messages.editor_status import Status, StatusMetrics
+from app.messages.picture_events import PictureEvent
+from app.messages.worker_messages import (
+    CancelRequests,
+    FilesWritten,
+    MeasurementsRead,
+    Progress,
+    Request,
+    RequestFailed,
+    Response,
+    SceneOpened,
+    SkyImage,
+    TableFetched,
+    ViewTraced,
+    WorkerRestarted,
+    WorkerWarnings,
+)
+from app.modes.mode import Mode, ModeController, Shared
+from app.modes.registry import MODES
+from app.system.atomic import require_folder, require_place
+from app.system.barrier import Barrier
+from app.system.inputs import add_inputs
+from app.system.paths import display_name, is_file_name
+from engine.core.errors import InsituError, plain_line
+from engine.planner import planned_edge_rays
+
+__all__ = ["Editor", "Status", "WorkerClient"]
+
+POLL_SECONDS = 0.004
+STOPPED = "stopped; Resume in the Accuracy panel goes on, and so does another light or roughness"
+
+
+class WorkerClient(Protocol):
+    """What the editor needs of ``app.worker.client.Client``."""
+
+    @property
+    def alive(self) -> bool: ...
+
+    @property
+    def pid(self) -> int | None: ...
+
+    @property
+    def arriving(self) -> bool: ...
+
+    def send(self, request: Request) -> int: ...
+
+    def poll(self, budget_s: float = ...) -> list[Response]: ...
+
+    def close(self) -> None: ...
+
+
+class Editor:
+    """The controller of one window.
+
+    client: the worker; source: the scene (or session) to open at once; resolution: (width, height) in place of the
+    scene's own; journal: where unsaved edits are kept, None for nowhere (pictures without a person); barrier: what
+    holds back faults in a frame, None for one that lets them through; modes: those to choose from.
+    """
+
+    def __init__(
+        self,
+        client: WorkerClient,
+        source: str,
+        *,
+        resolution: tuple[int, int] | None = None,
+        journal: Journal | None = None,
+        barrier: Barrier | None = None,
+        modes: Sequence[Mode] = MODES,
+    ) -> None:
+        self.barrier = barrier or Barrier()
+        self.barrier.on_fault = partial(self.notify, is_error=True)
+        self.history = History(Document(source))
+        self.view = self._view_before_drag = ViewState()
+        self.resolution = resolution
+        self.metrics = StatusMetrics()
+        self._client = client
+        self._keeper = SessionStore(journal)
+        self._reading = PendingMeasurement(client.send)
+        self._tables = TableController(client.send)
+        self.scenes = SceneController(self, self._keeper)
+        self.camera_history = CameraHistory(self, self.scenes.tracing)
+        self.player = Player(self)
+        self._cancelled = -1
+        self._shared: dict[type, Any] = {}
+        self.modes = tuple(modes)
+        self.mode = self.modes[0]
+        self.controller: ModeController = self.mode.controller(self)
+        self.open(source)
+
+    # ------------------------------------------------------------------------------------------------------- document
+
+    @property
+    def document(self) -> Document:
+        """The document as it is now."""
+        return self.history.document
+
+    @property
+    def scene_is_open(self) -> bool:
+        """Whether there is a scene to edit (the first one is still being loaded otherwise)."""
+        return bool(self.document.objects)
+
+    def do(self, command: EditCommand | ViewCommand, merge_key: str | None = None) -> str | None:
+        """Carry out an edit or a change of view; None, or one line that says why it was refused.
+
+        Consecutive edits with the same ``merge_key`` are one step of the history.
+        """
+        before = self.document
+        try:
+            if isinstance(command, SetView | OpenPanel):
+                self.view = command.apply(self.view)
+            elif self._reading.defer_command(command, self.document):
+                return None
+            elif self.history.do(command, merge_key):
+                self._document_changed(before, command)
+                if isinstance(command, SetMaterial) and self.view.selected is not None:
+                    self.select(self.view.selected.object)  # its layers are others
+        except (InsituError, ValueError) as error:
+            return self._refuse(str(error))
+        return None
+
+    def begin_drag(self, label: str | None = None) -> None:
+        """A hand took hold: all edits until ``end_drag`` are one step of the history."""
+        if not self.history.dragging:
+            self._view_before_drag = self.view
+        self.history.begin_drag(label)
+
+    def end_drag(self) -> None:
+        """The hand let go; what waited for it to rest is asked for at the next tick."""
+        if self.history.dragging:
+            self.history.end_drag()
+            self.scenes.tracing.hand_released()
+            self.controller.drag_ended()
+
+    def cancel_drag(self) -> None:
+        """Take back the drag under way, the camera's, too; the curve's handles stand for the operator that they stood
+        for before it."""
+        self.camera_history.cancel_drag()
+        if self.history.dragging:
+            self.history.cancel_drag()
+            before = self._view_before_drag
+            self.view = replace(self.view, operator=before.operator, regions=before.regions)
+            self.controller.drag_ended()
+            self.document_changed()
+
+    def undo(self) -> str | None:
+        """One step back; the label of what was undone, None when there was nothing."""
+        return self._describe_step(self.history.undo, "undone")
+
+    def redo(self) -> str | None:
+        """One step forward; the label of what was redone, None when there was nothing."""
+        return self._describe_step(self.history.redo, "redone")
+
+    def select(self, path: str | Selection | None) -> str | None:
+        """Select an object, layer or curve; of an object its last layer, of a layer its first curve.
+
+        None, or one line that says why there is no such thing.
+        """
+        try:
+            selected = None if path is None else selection_of(self.document, path)
+        except InsituError as error:
+            return self._refuse(str(error))
+        if selected != self.view.selected:
+            self.view = replace(self.view, selected=selected, operator=None, curve_zoom=None)
+            self.controller.edited()
+        return None
+
+    def notify(self, text: str, is_error: bool = False) -> None:
+        """Put one line into ``status.message``."""
+        self.metrics.notify(text, is_error)
+
+    def notify_once(self, note: str) -> None:
+        """What is worth a word when it first comes up in a scene."""
+        if note and plain_line(note) not in self.metrics.notes:
+            self.metrics.note(note)
+            self.notify(note)
+
+    # ---------------------------------------------------------------------------------------------------------- files
+
+    @property
+    def unsaved(self) -> bool:
+        """Whether there are edits that no session file has."""
+        return self.scene_is_open and self._keeper.unsaved(self.document, self.view)
+
+    @property
+    def scene_document(self) -> Document:
+        """The document as the scene's own file describes it."""
+        opened = self.scenes.opened
+        return self.document if opened is None else opened.described
+
+    @property
+    def session_has_changed(self) -> bool:
+        """Whether the session's file has been written elsewhere since it was opened or saved here."""
+        return self._keeper.file_has_changed
+
+    @property
+    def session_path(self) -> Path | None:
+        """Where the session was saved last, or opened from."""
+        return self._keeper.path
+
+    def open(self, source: str) -> str | None:
+        """Open a scene (built-in name or file) or a session; what is open stays until the new one is there.
+
+        None, or one line that says why it cannot be opened.
+        """
+        try:
+            opening = Opening.of(source)
+        except InsituError as error:
+            self.scenes.open_default(str(error))
+            return self._refuse(str(error))
+        self._open(opening)
+        return None
+
+    def save(self, path: Path | None = None) -> str | None:
+        """Save the session, to ``path`` or where it was saved last; None, or one line that says why not."""
+        try:
+            path = self._keeper.save(path, self.document, self.view)
+        except InsituError as error:
+            return self._refuse(str(error))
+        self.notify(f"saved {path}")
+        return None
+
+    @property
+    def file(self) -> Path | None:
+        """The session or the scene's file that a person would open to come back here; None of a built-in scene."""
+        source = self.document.source
+        return self.session_path or (Path(source) if self.scene_is_open and is_file_name(source) else None)
+
+    @property
+    def name(self) -> str:
+        """What a person calls what is open."""
+        return display_name(str(self.session_path or self.document.source))
+
+    def give_up_unsaved(self) -> None:
+        """Keep what is unsaved neither in a session nor in the journal; undo still has it."""
+        self._keeper.give_up(self.document, self.view)
+
+    def recover(self, recovery: Recovery) -> str | None:
+        """Open what an editor that ended early left behind; None, or one line that says why it cannot be."""
+        try:
+            opening = Opening.of_recovery(recovery)
+        except InsituError as error:
+            return self._refuse(str(error))
+        self._open(opening)
+        return None
+
+    def close(self) -> None:
+        """End the worker; what is unsaved stays in the journal, to be offered at the next start."""
+        self._client.close()
+        self._keeper.close(self.document, self.view)
+
+    def cancel_work(self) -> None:
+        """Stop the worker; what it has delivered stays on screen, until `resume_work` or another light or roughness."""
+        self._cancelled = self._client.send(CancelRequests())
+        self.controller.cancelled()
+        self._reading.cancel()
+        self.scenes.give_up()
+        self.metrics.progress = None
+        self.metrics.stopped = not self.status.is_finished
+        self.notify(STOPPED if self.metrics.stopped else "stopped")
+
+    def import_measured(self, path: Path, cloth: bool = False) -> str | None:
+        """Make the selected object of what a file measured, once the worker has read it, of two layers or as `cloth` of
+        one; None, or why not."""
+        if self.view.selected is None:
+            return self._refuse(f"{path.name}: no object is selected to be made of it")
+        try:
+            command = import_measured(self.view.selected.object, path, cloth)
+        except InsituError as error:
+            return self._refuse(str(error))
+        return self.do(command)
+
+    def export_measured(self, path: Path) -> str | None:
+        """Have the selected object's material written as a MERL file; None, or one line that says why not."""
+        if layer_shown(self.document, self.view.selected) is None or self.view.selected is None:
+            return self._refuse(f"{path.name}: no object is selected whose material could be written")
+        try:
+            require_place(path)
+        except InsituError as error:
+            return self._refuse(str(error))
+        self._client.send(material_export_request(path, self.document, self.view.selected.object))
+        return None
+
+    def export_scene(self, folder: Path) -> str | None:
+        """Have the scene written for Mitsuba 3, as it is now; None, or one line that says why not."""
+        if not self.scene_is_open:
+            return self._refuse(f"{folder.name}: no scene is open that could be written")
+        try:
+            require_folder(folder, written_names([state.name for state in self.document.objects]))
+        except InsituError as error:
+            return self._refuse(str(error))
+        self._client.send(scene_export_request(folder, self.document, self.view))
+        return None
+
+    @property
+    def is_reading(self) -> bool:
+        """Whether an edit waits for a file that the worker reads."""
+        return self._reading.is_under_way
+
+    def resume_work(self) -> None:
+        """Ask again for what was stopped or failed: the picture, or where none is open yet the scene."""
+        self.metrics.stopped = False
+        if not self.scenes.reopen():
+            self.controller.resume()
+
+    # -------------------------------------------------------------------------------------------------------- picture
+
+    def tick(self, now: float | None = None) -> list[PictureEvent]:
+        """Take the worker's answers and ask for what is missing; once a frame. ``now``: a steady clock, seconds."""
+        now = time.monotonic() if now is None else now
+        events = self._follow_mode()
+        self.player.advance(now)
+        none: list[PictureEvent] = []
+        run, silence = self.barrier.run, list[Response]()
+        for response in run("The talk with the worker", partial(self._client.poll, POLL_SECONDS), silence, ()):
+            events = events + run("An answer of the worker", partial(self._take, response), none)
+        if self.scene_is_open:
+            view = effective_view(self.view, self.document)
+            self.scenes.update(now, view)
+            made_of = self.document, view
+            update = partial(self.controller.update, now, *made_of)
+            events = events + run("What follows an edit", update, none, made_of)
+            run("The journal", partial(self._autosave, now), None, made_of)
+        self.metrics.stopped &= not (self.controller.is_running or self.status.is_finished)
+        self.metrics.measure_memory(now, self._client.pid)
+        return events
+
+    def shared_state(self, kind: type[Shared]) -> Shared:
+        """What talks leave to those after them, see `app.modes.mode.EditorServices`."""
+        found: Shared = self._shared.setdefault(kind, kind())
+        return found
+
+    def send(self, request: Request) -> int:
+        """Hand a request over to the worker; its number."""
+        return self._client.send(request)
+
+    @property
+    def tables(self) -> TableController:
+        """The samples of measurements, which the BRDF panel shows."""
+        return self._tables
+
+    def reload_images(self, key: str) -> None:
+        """Read the images of a layer again, where they have been painted on in another program."""
+        self.controller.reload_images(key)
+
+    @property
+    def response_arriving(self) -> bool:
+        """Whether an answer is here but for a check that goes on with the next `tick`: there is no need to wait."""
+        return self._client.arriving
+
+    @property
+    def status(self) -> Status:
+        """The truth about what is on screen."""
+        status = self.metrics.status(self._client.alive)
+        opened = self.scenes.opened
+        planned_edges = 0 if opened is None else planned_edge_rays(opened.description)
+        status = replace(status, is_away=self.scenes.tracing.is_away, planned_edges=planned_edges)
+        return self.controller.status(status)
+
+    # -------------------------------------------------------------------------------------------------------- answers
+
+    def _take(self, response: Response) -> list[PictureEvent]:
+        """Note an answer; what of it the renderer needs."""
+        match response:
+            case SceneOpened():
+                self.scenes.take_loaded(response)
+            case ViewTraced():
+                return self.scenes.take_traced(response)
+            case Progress():
+                if response.id > self._cancelled:  # else it was on its way when the work was stopped
+                    self.metrics.progress = response
+            case RequestFailed():
+                self.take_failure(response)
+            case MeasurementsRead():
+                self._take_measurements(response)
+            case TableFetched():
+                self.metrics.progress = None
+                self._tables.receive(response)
+            case FilesWritten():
+                self.metrics.progress = None
+                self.notify("; ".join((f"written {response.path}", *response.notes)))
+            case WorkerWarnings():
+                self.metrics.note(*response.lines)
+                self.notify("; ".join(response.lines), True)
+            case SkyImage() if response.id == self.scenes.tracing.id:
+                return self.scenes.take_sky(response)
+            case WorkerRestarted():
+                self.controller.worker_restarted()
+                self.notify(
+                    f"computing stopped ({response.reason}) and was started again; your edits are untouched", True
+                )
+            case _:
+                return self.controller.receive(response)
+        return []
+
+    def picture_voided(self, notes: tuple[str, ...]) -> None:
+        """The worker sees another scene, or the same in another way."""
+        gauges = self.metrics
+        self.metrics = StatusMetrics(message_number=gauges.message_number, memory_mb=gauges.memory_mb)
+        self.metrics.note(*notes)
+        self._tables.scene_opened()
+
+    def _follow_mode(self) -> list[PictureEvent]:
+        """Where the view is in another mode, leave this one: the scene is told to that one as if it had just come."""
+        if self.view.mode == self.mode.name:
+            return []
+        chosen = next((mode for mode in self.modes if mode.name == self.view.mode), None)
+        if chosen is None:  # a session's, of a program that has more
+            self.view = replace(self.view, mode=self.mode.name)
+            return []
+        self.player.pause()
+        self.controller.deactivated()
+        self.mode, self.controller, self.metrics.progress = chosen, chosen.controller(self), None
+        return self.scenes.announce_scene(self.controller)
+
+    def _take_measurements(self, response: MeasurementsRead) -> None:
+        """Carry out the edit that waited for them."""
+        self.metrics.progress = None
+        command = self._reading.complete_edit(response)
+        if command is None:
+            return
+        self.controller.add_band_plans(zip(command.layers, response.planned, strict=False))
+        if self.do(command) is None:
+            self.select(command.object)
+            self.notify(describe_reading(command.layers))
+
+    def take_failure(self, response: RequestFailed) -> None:
+        """What was asked for under its number will not come."""
+        self.metrics.progress = None
+        if self._tables.receive_failure(response):
+            return
+        self._reading.cancel(response.id)
+        self.controller.receive(response)
+        self.scenes.take_failure(response)
+        self.notify(response.line, True)
+
+    # ----------------------------------------------------------------------------------------------------------- parts
+
+    def _open(self, opening: Opening) -> None:
+        self._reading.cancel()
+        self.scenes.open(opening)
+
+    def _autosave(self, now: float) -> None:
+        problem = self._keeper.autosave(now, self.document, self.view)
+        if problem and problem != self.metrics.message:
+            self.notify(problem, True)
+
+    def playback_stopped(self, before: Document) -> None:
+        """An animation stopped at another time than that of the document `before`."""
+        self._keeper.rebase_saved(before, self.document)
+        self._document_changed()
+
+    def document_changed(self) -> None:
+        """It is another without a command of a person's: whoever compares is told."""
+        self._document_changed()
+
+    def _document_changed(self, before: Document | None = None, command: EditCommand | None = None) -> None:
+        """Whoever compares is told. before: what it was, where the selected operator is to be followed."""
+        add_inputs(files_of_document(self.document, before))
+        self.controller.edited(command)
+        selected = self.view.selected
+        if selected is not None and (choice := selection_after_edit(self.document, selected)) != selected:
+            self.select(choice)
+        elif before is not None:
+            operator = operator_after_edit(before, self.document, selected, self.view.operator)
+            self.view = replace(self.view, operator=operator)
+
+    def _describe_step(self, step: Callable[[], str | None], what: str) -> str | None:
+        before, label = self.document, step()
+        self.controller.drag_ended()
+        if label is not None:
+            self._document_changed(before)
+            self.notify(f"{what}: {label}")
+        return label
+
+    def _refuse(self, line: str) -> str:
+        self.notify(line, True)
+        return line

@@ -1,0 +1,241 @@
+"""The scene that is open, the one that is being opened, and from where it is traced: the talk with the worker about it.
+
+What is open stays until the next one was loaded and traced. What a picture of it needs is the mode's affair, whose talk
+is told of every scene and of every look at it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Protocol
+
+from app.document.commands import EditCommand
+from app.document.commands.light import set_environment_file
+from app.document.document import Document, Selection
+from app.document.history import History
+from app.document.named_files import files_of_document
+from app.document.selection import initial_selection
+from app.document.timeline import visible_poses
+from app.document.view_state import ViewState
+from app.editor.camera_history import CameraHistory
+from app.editor.opening import Opening
+from app.editor.view_controller import ViewController, describe_empty_frame
+from app.files.session import Session
+from app.files.session_keeper import SessionStore
+from app.messages.editor_status import StatusMetrics
+from app.messages.picture_events import PictureEvent, SceneFrame, SkyChanged
+from app.messages.worker_messages import Request, RequestFailed, SceneOpened, SkyImage, ViewTraced
+from app.modes.mode import ModeController, OpenedScene
+from app.system.inputs import add_inputs, set_inputs
+from engine.core.errors import InsituError
+from engine.scene.builtin import DEFAULT_SCENE
+from engine.scene.description import SceneDescription
+
+
+class SceneHost(Protocol):
+    """What it needs of the editor."""
+
+    view: ViewState
+    history: History[Document]
+    metrics: StatusMetrics
+    controller: ModeController
+    camera_history: CameraHistory
+    resolution: tuple[int, int] | None
+
+    @property
+    def document(self) -> Document: ...
+
+    @property
+    def scene_is_open(self) -> bool: ...
+
+    def send(self, request: Request) -> int: ...
+
+    def notify(self, text: str, is_error: bool = False) -> None: ...
+
+    def do(self, command: EditCommand) -> str | None: ...
+
+    def select(self, path: str | Selection | None) -> str | None: ...
+
+    def document_changed(self) -> None: ...
+
+    def picture_voided(self, notes: tuple[str, ...]) -> None: ...
+
+    def take_failure(self, response: RequestFailed) -> None: ...
+
+
+class SceneController:
+    """`tracing` is the part of the talk about the view; `opened`: the scene as it is open, None before the first."""
+
+    def __init__(self, host: SceneHost, keeper: SessionStore) -> None:
+        self._host, self._keeper = host, keeper
+        self.tracing = ViewController(host.send)
+        self.opened: OpenedScene | None = None
+        self._shown: list[PictureEvent] = []
+        self._opening: Opening | None = None
+        self._given_up: Opening | None = None
+
+    def open(self, opening: Opening) -> None:
+        """Have a scene loaded and traced."""
+        host = self._host
+        host.controller.scene_closed()
+        id = host.send(opening.request())
+        self.tracing.request_view(
+            opening.initial_view(host.resolution), id, opening.poses, opening.bumps, host.view.n_edge_rays
+        )
+        self._opening = replace(opening, id=id)
+        host.metrics.progress = None
+
+    def open_default(self, why: str) -> None:
+        """Where nothing is open, so that the window is of use: the built-in scene, and why it is that one."""
+        if not self._host.scene_is_open and self._opening is None:
+            self.open(Opening.of(DEFAULT_SCENE, f"{why} - the built-in {DEFAULT_SCENE} is open instead"))
+
+    def give_up(self) -> None:
+        """The work was stopped: what is being opened or traced will not come."""
+        self._given_up, self._opening = self._opening, None
+        self._give_up_view(self._given_up)
+
+    def reopen(self) -> bool:
+        """Open what was given up, where there is no other scene; whether there was one to be opened."""
+        if self._given_up is None or self._host.scene_is_open:
+            return False
+        self.open(self._given_up)
+        return True
+
+    def update(self, now: float, view: ViewState) -> None:
+        """Once a frame: have the scene traced as it is looked at, once view and poses rest. view: the host's, with what
+        was decided for it."""
+        document, controller = self._host.document, self._host.controller
+        sight = view.viewpoint, visible_poses(document, self._host.view), document.new_bumps, view.n_edge_rays
+        if self._opening is None and self.tracing.update(now, *sight):
+            (controller.view_moved if self.tracing.is_away else controller.view_restored)()
+
+    def announce_scene(self, controller: ModeController) -> list[PictureEvent]:
+        """Tell another mode's talk of the scene as if it had just come; what its picture is to be told."""
+        if self.opened is None:
+            return []
+        controller.scene_opened(replace(self.opened, document=self._host.document))
+        if self._opening is not None:
+            controller.scene_closed()
+        elif self.tracing.is_away:
+            controller.view_moved()
+        return list(self._shown)
+
+    # -------------------------------------------------------------------------------------------------------- answers
+
+    def take_loaded(self, response: SceneOpened) -> None:
+        """A scene was read: it is open once it is traced."""
+        if self._opening is not None and response.id == self._opening.id:
+            self._opening = replace(self._opening, opened=response)
+
+    def take_sky(self, response: SkyImage) -> list[PictureEvent]:
+        """What lies behind the scene."""
+        self._host.metrics.note(*response.notes)
+        sky = SkyChanged(response.radiance)
+        self._shown = [*self._shown[:1], sky]
+        return self._host.controller.sky_changed(sky)
+
+    def take_traced(self, response: ViewTraced) -> list[PictureEvent]:
+        """The scene was traced: one that is being opened is open now."""
+        if not self.tracing.note_traced(response):
+            return []
+        opening = self._opening
+        if opening is not None and opening.opened is not None:
+            events = self._take_scene(opening, opening.opened, response)
+            self._report_flaws(response)
+            return events
+        assert self.opened is not None
+        host = self._host
+        host.picture_voided(self.opened.notes)
+        host.view = host.view.from_viewpoint(host.view.viewpoint)  # which may have moved on
+        host.controller.view_traced(self._view_traced(replace(self.opened, document=host.document), response))
+        host.document_changed()
+        if self.tracing.has_resized:
+            width, height = self.tracing.traced.resolution or host.camera_history.own_resolution
+            host.notify(f"the picture has {width} x {height} pixels")
+        if missing := describe_empty_frame(response.frame):
+            host.notify(missing)
+        self._report_flaws(response)
+        return self._shown
+
+    def take_failure(self, response: RequestFailed) -> None:
+        """A scene could not be opened, or not be traced."""
+        opening = self._opening
+        if opening is not None and response.id == opening.id or self.tracing.is_pending(response.id):
+            self._opening = None
+            self._give_up_view(opening)
+            if opening is not None and opening.source != DEFAULT_SCENE:
+                self.open_default(response.line)
+
+    def _take_scene(self, opening: Opening, opened: SceneOpened, response: ViewTraced) -> list[PictureEvent]:
+        host = self._host
+        description = SceneDescription.model_validate_json(opened.description)
+        try:
+            described = opening.document(description, opened)
+        except InsituError as error:
+            host.take_failure(RequestFailed(str(error), id=opened.id))
+            return []
+        left_unsaved = self._keeper.leave_document(host.document, host.view)
+        host.picture_voided(opened.notes)
+        self._opening = None
+        host.camera_history.scene_opened(description, opened.boxes)
+        host.view = host.view.for_scene(description)
+        host.history = History(described)
+        self._keeper.set_document(described, host.view)
+        kept = "; the unsaved edits before it can be recovered at the next start" if left_unsaved else ""
+        said = opening.fallback_reason or f"opened {description.name}{kept}"
+        said = "; ".join(filter(None, (said, *opened.notes, describe_empty_frame(response.frame))))
+        host.notify(said, bool(opening.fallback_reason))
+        set_inputs(map(Path, opened.files))
+        if opening.session is not None:
+            self._restore(opening, opening.session, opened)
+        add_inputs([] if opening.session_path is None else [opening.session_path])
+        add_inputs(files_of_document(host.document))
+        host.view = host.view.from_viewpoint(self.tracing.adopt_resolution(host.camera_history.own_resolution))
+        host.camera_history.reset_history()
+        scene = OpenedScene(0, opened.planned, description, described, host.document, opened.notes)
+        host.controller.scene_opened(self._view_traced(scene, response))
+        if host.view.selected is None:
+            host.select(initial_selection(host.document))
+        if opening.light is not None:
+            host.do(set_environment_file(opening.light))
+        return self._shown
+
+    def _restore(self, opening: Opening, session: Session, opened: SceneOpened) -> None:
+        """Put a session's document and view in the place of the scene's, where they fit."""
+        host = self._host
+        try:
+            document = opening.restored(session, host.document, opened)
+        except InsituError as error:
+            host.notify(f"opened the scene without its session: {error}", True)
+            return
+        host.history = History(document)
+        host.view = replace(session.view, panels=host.view.panels)
+        self._keeper.set_document(document, host.view, opening.session_path, opening.recovery, opening.digest)
+        host.notify("recovered what was not saved" if opening.recovery else f"opened {opening.file}")
+
+    def _view_traced(self, scene: OpenedScene, seen: ViewTraced) -> OpenedScene:
+        """A scene as it was traced; the renderer is to be told of it."""
+        described = scene.description.from_camera(self.tracing.traced.camera)
+        self._shown = [SceneFrame(self.tracing.scene, scene.document.source, described, seen.frame)]
+        self.opened = scene = replace(scene, view_id=seen.id)
+        return scene
+
+    def _report_flaws(self, response: ViewTraced) -> None:
+        """What bumps are not shown, and why."""
+        if response.flaws:
+            self._host.notify("; ".join(response.flaws), True)
+            self._host.metrics.note(*response.flaws)
+
+    def _give_up_view(self, opening: Opening | None) -> None:
+        """What was asked to be traced will not come: the view is again the one there is a picture of, where a hand has
+        not moved it on."""
+        host = self._host
+        asked = self.tracing.give_up()
+        if asked is None or not host.scene_is_open:
+            return
+        stays = opening is None and asked == host.view.viewpoint and not host.camera_history.history.dragging
+        if stays:  # else the hand has moved it on, and it will be traced from there
+            host.camera_history.restore_viewpoint(self.tracing.traced)
+        (host.controller.view_restored if opening is None else host.controller.scene_open_failed)()

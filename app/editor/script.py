@@ -1,0 +1,435 @@
+"""Scripts of edits for ``insitu screenshot --script``: a TOML list of ``[[step]]``, each one thing a hand would do.
+
+    [[step]]
+    select = "teapot.1.theta_h"
+    [[step]]
+    drag = { item = "curve.b", by = [40, -25] }
+    [[step]]
+    wait = "exact"
+
+A script is read and checked whole before its first step runs. Who owns the window carries the steps out, with the same
+mouse events and commands as a hand; here they are typed values.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, StrictInt, StrictStr, ValidationError, model_validator
+
+from app.files.bookmarks import MAX_NAME, is_name
+from engine.core.colour import ToneMapping, find_view
+from engine.core.errors import LoadError
+from engine.core.safe_files import resolved
+from engine.plan_lines import LineValue
+from engine.realtime.deformers import KINDS
+from engine.scene.camera_moves import Side
+from engine.scene.description import Number, Parameter, Text
+from engine.scene.toml_text import load_toml
+from engine.scene.validation_errors import first_validation_error
+
+MAX_SCRIPT_BYTES = 2**20
+MAX_STEPS = 10_000
+MAX_PIXELS = 100_000.0
+
+Point = tuple[float, float]
+Turn = Annotated[Number, Field(ge=-1e6, le=1e6)]
+AwaitedPicture = Literal["first", "orbit", "exact", "judged"]
+
+
+@dataclass(frozen=True)
+class SetValues:
+    """Give what each path names (``"teapot.1.alpha"``, ``"light.rotation"``) a value."""
+
+    values: tuple[tuple[str, Any], ...]
+
+
+@dataclass(frozen=True)
+class SelectPath:
+    """Select an object, a layer or a curve."""
+
+    path: str
+
+
+@dataclass(frozen=True)
+class SetAccuracy:
+    """Move the knobs of the mode at hand to a place between speed, 0, and accuracy, 1 (`app.document.pareto_front`)."""
+
+    share: float
+
+
+@dataclass(frozen=True)
+class OverrideLines:
+    """Set lines of the plan, by name; "auto": as planned (`app.document.commands.plan`)."""
+
+    lines: tuple[tuple[str, LineValue], ...]
+
+
+@dataclass(frozen=True)
+class DeformObject:
+    """Give an object's deformers, by kind, these amounts; take it, None: all that are animated, to a time of an
+    animation, see `app.document.commands.SetTime`."""
+
+    object: str | None
+    amounts: tuple[tuple[str, float], ...] = ()
+    time: float | None = None
+    clip: str | None = None
+
+
+@dataclass(frozen=True)
+class DragItem:
+    """Press on a named handle, move by so many pixels (right, down), release."""
+
+    item: str
+    by: Point
+
+
+@dataclass(frozen=True)
+class DragPoints:
+    """Press at a pixel of the window, move to another, release."""
+
+    start: Point
+    end: Point
+
+
+@dataclass(frozen=True)
+class ShowPanelStep:
+    """Open a panel and bring it before those that share its place."""
+
+    panel: str
+
+
+@dataclass(frozen=True)
+class ChooseView:
+    """Show light as one of the views of `engine.core.colour` does."""
+
+    view: ToneMapping
+
+
+@dataclass(frozen=True)
+class GoToView:
+    """See the scene from a view that is kept by this name."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class SaveViewStep:
+    """Keep the view by this name."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class ChooseMode:
+    """Let the mode of this name make the picture."""
+
+    mode: str
+
+
+@dataclass(frozen=True)
+class PickLobe:
+    """Show the selected layer's lobe at a pixel (column, row) of the picture."""
+
+    pixel: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class PaintStroke:
+    """Paint a stroke on a layer's weight map, through points (column, row) of the picture; ``radius`` in its pixels."""
+
+    layer: str
+    points: tuple[Point, ...]
+    radius: float
+    value: float
+    strength: float
+    hardness: float
+
+
+@dataclass(frozen=True)
+class RotateLight:
+    """Turn the environment to so many degrees."""
+
+    degrees: float
+
+
+@dataclass(frozen=True)
+class ImportFile:
+    """Make the selected object of what a file measured (as ``cloth``, of one layer)."""
+
+    file: Path
+    cloth: bool
+
+
+@dataclass(frozen=True)
+class UndoSteps:
+    """Undo so many times."""
+
+    count: int
+
+
+@dataclass(frozen=True)
+class UndoViews:
+    """Undo so many steps of the view's own history."""
+
+    count: int
+
+
+@dataclass(frozen=True)
+class RedoSteps:
+    """Redo so many times."""
+
+    count: int
+
+
+@dataclass(frozen=True)
+class WaitFor:
+    """Draw frames until the first shaded picture is shown, Orbit's own of a view at rest, the one after which nothing
+    more comes, or, judged, how far off that one is."""
+
+    picture: AwaitedPicture
+
+
+@dataclass(frozen=True)
+class CaptureWindow:
+    """Write the window's picture to a PNG file (absolute path)."""
+
+    path: Path
+
+
+@dataclass(frozen=True)
+class AssertErrorBelow:
+    """Fail unless what the curve has still to change in the picture is below this, relative RMS."""
+
+    bound: float
+
+
+class MoveCamera(BaseModel):
+    """Move the camera, one step of the view's own history, in this order: back to the scene's `own`; seen from a
+    `side`; through a lens of `focal` mm; so that it frames an object, or "all"; by `orbit` to its right and up,
+    degrees; by `pan` to its right and up, heights of the picture; `dolly` times as far; with a `level` horizon."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    own: Literal[True] | None = None
+    side: Side | None = None
+    focal: Annotated[Number, Field(gt=0.0, le=1e6)] | None = None
+    frame: Text | None = None
+    orbit: tuple[Turn, Turn] | None = None
+    pan: tuple[Turn, Turn] | None = None
+    dolly: Annotated[Number, Field(ge=1e-6, le=1e6)] | None = None
+    level: Literal[True] | None = None
+
+    @model_validator(mode="after")
+    def _is_something(self) -> MoveCamera:
+        if not self.model_fields_set:
+            raise ValueError(f"at least one of {', '.join(type(self).model_fields)}")
+        return self
+
+
+Step = (
+    SetValues
+    | SelectPath
+    | SetAccuracy
+    | OverrideLines
+    | DeformObject
+    | DragItem
+    | DragPoints
+    | ShowPanelStep
+    | ChooseView
+    | GoToView
+    | SaveViewStep
+    | MoveCamera
+    | ChooseMode
+    | PickLobe
+    | PaintStroke
+    | RotateLight
+    | ImportFile
+    | UndoSteps
+    | UndoViews
+    | RedoSteps
+    | WaitFor
+    | CaptureWindow
+    | AssertErrorBelow
+)
+
+Pixel = Annotated[Number, Field(ge=-MAX_PIXELS, le=MAX_PIXELS)]
+PictureIndex = Annotated[int, Field(ge=0, le=int(MAX_PIXELS), strict=True)]
+Count = Annotated[int, Field(ge=1, le=1000, strict=True)]
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class DragRecord(_Record):
+    item: Text | None = None
+    by: tuple[Pixel, Pixel] | None = None
+    start: tuple[Pixel, Pixel] | None = Field(default=None, alias="from")
+    to: tuple[Pixel, Pixel] | None = None
+
+    @model_validator(mode="after")
+    def _is_one_kind(self) -> DragRecord:
+        given = {name for name in ("item", "by", "start", "to") if getattr(self, name) is not None}
+        if given not in ({"item", "by"}, {"start", "to"}):
+            raise ValueError("item and by, or from and to")
+        return self
+
+    def step(self) -> Step:
+        """The drag itself."""
+        if self.item is not None and self.by is not None:
+            return DragItem(self.item, self.by)
+        assert self.start is not None and self.to is not None
+        return DragPoints(self.start, self.to)
+
+
+class DeformRecord(_Record):
+    """An object, and beside it the amounts of its deformers by kind; a time, which may be that of all objects."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    __pydantic_extra__: dict[str, Number]
+    object: Text | None = None
+    time: Number | None = None
+    clip: Text | None = None
+
+    @model_validator(mode="after")
+    def _deforms(self) -> DeformRecord:
+        if set(self.amounts) - set(KINDS) or not (self.amounts or self.time is not None):
+            raise ValueError(f"object, and at least one of {', '.join(KINDS)}, time")
+        if self.object is None and self.amounts:
+            raise ValueError(f"object, whose {', '.join(self.amounts)} it is")
+        if self.clip is not None and self.time is None:
+            raise ValueError("time, beside clip")
+        return self
+
+    @property
+    def amounts(self) -> dict[str, float]:
+        """By kind."""
+        return self.__pydantic_extra__
+
+    def step(self) -> Step:
+        """The step itself."""
+        return DeformObject(self.object, tuple(self.amounts.items()), self.time, self.clip)
+
+
+Share = Annotated[Number, Field(ge=0.0, le=1.0)]
+
+
+class PaintRecord(_Record):
+    layer: Text
+    points: Annotated[tuple[tuple[Pixel, Pixel], ...], Field(min_length=1, max_length=1000)]
+    radius: Annotated[Number, Field(gt=0.0, le=MAX_PIXELS)] = 24.0
+    value: Share = 1.0
+    strength: Share = 1.0
+    hardness: Share = 0.5
+
+
+class ImportRecord(_Record):
+    file: Text
+    cloth: bool = False
+
+
+class StepRecord(_Record):
+    """One step: exactly one of its keys."""
+
+    set: Annotated[dict[Text, Parameter], Field(min_length=1)] | None = None
+    select: Text | None = None
+    drag: DragRecord | None = None
+    deform: DeformRecord | None = None
+    show: Text | None = None
+    view: Text | None = None
+    keep: Text | None = None
+    camera: MoveCamera | None = None
+    undo_view: Count | None = None
+    mode: Text | None = None
+    lobe: tuple[PictureIndex, PictureIndex] | None = None
+    paint: PaintRecord | None = None
+    rotate: Annotated[Number, Field(ge=-1e9, le=1e9)] | None = None
+    measured: ImportRecord | None = None
+    undo: Count | None = None
+    redo: Count | None = None
+    accuracy: Share | None = None
+    overrule: Annotated[dict[Text, StrictInt | StrictStr], Field(min_length=1)] | None = None
+    wait: AwaitedPicture | None = None
+    capture: Text | None = None
+    assert_error_below: Annotated[Number, Field(gt=0.0)] | None = None
+
+    @model_validator(mode="after")
+    def _has_one_key(self) -> StepRecord:
+        if len(self.model_fields_set) != 1:
+            raise ValueError(f"exactly one of {', '.join(type(self).model_fields)}")
+        return self
+
+    def step(self, folder: Path) -> Step:
+        """The step itself; files it writes are relative to ``folder``."""
+        (name,) = self.model_fields_set
+        return _STEPS[name](getattr(self, name), folder)
+
+
+_STEPS: dict[str, Callable[[Any, Path], Step]] = {
+    "set": lambda values, folder: SetValues(tuple(values.items())),
+    "select": lambda path, folder: SelectPath(path),
+    "deform": lambda deform, folder: deform.step(),
+    "drag": lambda drag, folder: drag.step(),
+    "show": lambda panel, folder: ShowPanelStep(panel),
+    "view": lambda name, folder: _view(name),
+    "keep": lambda name, folder: SaveViewStep(name),
+    "camera": lambda move, folder: move,
+    "undo_view": lambda count, folder: UndoViews(count),
+    "mode": lambda name, folder: ChooseMode(name),
+    "lobe": lambda pixel, folder: PickLobe(pixel),
+    "paint": lambda stroke, folder: PaintStroke(**dict(stroke)),
+    "rotate": lambda degrees, folder: RotateLight(degrees),
+    "measured": lambda measured, folder: ImportFile(Path(measured.file), measured.cloth),
+    "undo": lambda count, folder: UndoSteps(count),
+    "redo": lambda count, folder: RedoSteps(count),
+    "accuracy": lambda share, folder: SetAccuracy(share),
+    "overrule": lambda lines, folder: OverrideLines(tuple(lines.items())),
+    "wait": lambda picture, folder: WaitFor(picture),
+    "capture": lambda name, folder: CaptureWindow(Path(os.path.abspath(folder / name))),
+    "assert_error_below": lambda bound, folder: AssertErrorBelow(bound),
+}
+
+
+def _view(name: str) -> Step:
+    """One of `engine.core.colour`, by which light becomes colour; any other name is that of a view that is kept."""
+    try:
+        return ChooseView(find_view(name))
+    except LoadError:
+        return GoToView(name)
+
+
+class ScriptRecord(_Record):
+    """A whole script."""
+
+    steps: Annotated[tuple[StepRecord, ...], Field(alias="step", min_length=1, max_length=MAX_STEPS)]
+
+
+def load_script(path: Path, folder: Path | None = None) -> tuple[Step, ...]:
+    """Read and check a script; pictures it captures go to ``folder`` (default: the script's own).
+
+    Raises LoadError that names the step and the key of the first thing wrong.
+    """
+    tree = load_toml(path, MAX_SCRIPT_BYTES)
+    return parse_script(tree, path, resolved(path).parent if folder is None else folder)
+
+
+def parse_script(tree: dict[str, Any], file: Path, folder: Path) -> tuple[Step, ...]:
+    """The steps of a script's tree."""
+    try:
+        record = ScriptRecord.model_validate(tree)
+    except ValidationError as error:
+        raise first_validation_error(error, tree, file, ScriptRecord) from None
+    for number, step in enumerate(record.steps):
+        if step.capture is not None and Path(step.capture).suffix.lower() != ".png":
+            raise LoadError(file, f"step {number}: capture", step.capture, "a file name that ends in .png")
+        if step.capture is not None and "\0" in step.capture:
+            raise LoadError(file, f"step {number}: capture", step.capture, "the name of a file, without NUL")
+        if step.keep is not None and not is_name(step.keep):
+            raise LoadError(file, f"step {number}: keep", step.keep, f"a name of 1 to {MAX_NAME} characters")
+    return tuple(step.step(folder) for step in record.steps)

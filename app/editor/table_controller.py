@@ -1,0 +1,67 @@
+"""Samples of measurements on their way to the window, which shows them where a measured layer is seen by itself.
+
+The worker hands a table out once, when somebody wants to see it; whoever takes it keeps it. One request at a time, of
+17.5 MB each. What could not be had is not asked for again while its scene is open, and told by whoever would show it:
+nobody asked for more than a look.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.messages.worker_messages import FetchTable, Request, RequestFailed, TableFetched
+from engine.measured.measurement import Measurement
+
+Samples = NDArray[np.float32]
+
+
+class TableController:
+    """The talk with the worker about tables. ``send`` hands a request over and returns its number."""
+
+    def __init__(self, send: Callable[[Request], int]) -> None:
+        self._send = send
+        self._requested: tuple[int, Measurement] | None = None
+        self._received: dict[int, Samples] = {}
+        self._read: dict[str, Measurement] = {}
+        self._refused: dict[tuple[str, int], str] = {}
+
+    def scene_opened(self) -> None:
+        """Another scene: what was refused may be there now."""
+        self._refused.clear()
+
+    def request_table(self, measurement: Measurement) -> None:
+        """Ask for the table of a measurement, read or not, unless something else is under way."""
+        if self._requested is not None or measurement.number in self._received or self.refusal(measurement):
+            return
+        request = FetchTable(measurement.file, measurement.number)
+        self._requested = self._send(request), measurement
+
+    def refusal(self, measurement: Measurement) -> str:
+        """Why it cannot be had, in one line; empty where it may."""
+        return self._refused.get((measurement.file, measurement.number), "")
+
+    def resolve_measurement(self, measurement: Measurement) -> Measurement:
+        """The measurement with what is known of its file since its table was handed out; itself where nothing is."""
+        return measurement if measurement.is_read else self._read.get(measurement.file, measurement)
+
+    def take(self) -> tuple[int, Samples] | None:
+        """A table that has come and the number that names it, which are then the caller's."""
+        return self._received.popitem() if self._received else None
+
+    def receive(self, response: TableFetched) -> None:
+        """A table has come."""
+        if self._requested is not None and self._requested[0] == response.id:
+            self._requested = None
+            self._received[response.measurement.number] = response.samples
+            self._read[response.measurement.file] = response.measurement
+
+    def receive_failure(self, response: RequestFailed) -> bool:
+        """A request has failed; whether it was for a table."""
+        if self._requested is None or self._requested[0] != response.id:
+            return False
+        (_, measurement), self._requested = self._requested, None
+        self._refused[measurement.file, measurement.number] = response.line
+        return True

@@ -1,0 +1,199 @@
+"""Deform's talk with the worker: Orbit's, of a scene whose objects bend.
+
+As in Orbit a picture is drawn in the worker for each frame in which something moves, and Placement takes over what
+rests: the worker traces the scene in its new pose, as it traces a new view.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from app.document.document import Document
+from app.document.timeline import visible_poses
+from app.document.view_state import ViewState
+from app.messages.editor_status import PictureState, Status
+from app.messages.picture_events import PictureEvent
+from app.messages.worker_messages import Request, RequestFailed, Response
+from app.modes.deform.accepted_surfaces import AcceptedSurfaces
+from app.modes.deform.deform_events import PoseArrived
+from app.modes.deform.deform_messages import (
+    DeformLoss,
+    DrawDeform,
+    EstimateDeform,
+    PathPreview,
+    PathsTraced,
+    PoseExported,
+    PrepareDeform,
+)
+from app.modes.deform.deform_status import DeformStatus
+from app.modes.mode import EditorServices
+from app.modes.orbit.desired_state import DesiredOrbit, PictureRequest
+from app.modes.orbit.orbit_controller import IDLE_SECONDS, OrbitController
+from app.modes.orbit.orbit_messages import AnimationOffsets, DrawHeadlight, OrbitPictureDrawn, OrbitProgress
+from engine.realtime.zonal_harmonics.gpu_parts import NO_PARTS, Numbers
+from engine.realtime.zonal_harmonics.pose import Poses
+from engine.scene.description import Camera
+from engine.scene.surface_kinds import SurfacesByObject
+
+
+@dataclass(frozen=True)
+class DesiredDeform(DesiredOrbit):
+    """All that pictures are drawn of, but for camera and amounts; posed: the objects that bend; surfaces: what the
+    document says of surfaces; traced: what paths are to show beside them."""
+
+    posed: tuple[str, ...] = ()
+    surfaces: SurfacesByObject = ()
+    traced: PathPreview | None = None
+    n_rays: int = 1000
+    n_lobes: int = 4
+
+
+class DeformController(OrbitController):
+    """The talk of Deform."""
+
+    title, limitations = "Deform", "How much of sharp highlights is lost here the Accuracy panel says."
+    prepares = PrepareDeform
+    draws = DrawDeform
+    estimates = EstimateDeform
+
+    def __init__(self, services: EditorServices) -> None:
+        self._lost: tuple[tuple[str, float], ...] = ()
+        self._deform_only: tuple[str, ...] = ()
+        self._carried: AnimationOffsets = ()
+        self._traced = PathsTraced(0, 1)
+        self._in_window = False
+        self._sent_parts = NO_PARTS  # to the window of what it draws, see `DrawDeform.sent_parts`
+        super().__init__(services)
+
+    def draw_in_window(self, most_bytes: int) -> None:
+        """The window draws moving pictures itself from now on; 0: the worker does."""
+        self._in_window, self._sent_parts = most_bytes > 0, NO_PARTS
+
+    def resend_parts(self, known: Numbers) -> None:
+        """The window could not draw its last picture, of these parts alone."""
+        self._sent_parts, self._shown = known, None
+
+    def _forget(self) -> None:
+        super()._forget()
+        self._known_surfaces = AcceptedSurfaces()
+
+    def receive(self, response: Response) -> list[PictureEvent]:
+        match response:
+            case DeformLoss():
+                self._lost = response.lost
+                return []
+            case PathsTraced():
+                self._traced = response
+                return []
+            case OrbitPictureDrawn() if response.id == self._drawing_id:
+                self._carried = response.animation_offsets
+        drawing, own = self._drawing, self._own_camera
+        events = super().receive(response)
+        if isinstance(response, PoseExported) and events and drawing is not None and own is not None:
+            self._sent_parts = response.export.numbers
+            return [PoseArrived(response.export, drawing.viewpoint.camera or own, drawing.resolution)]
+        return events
+
+    def _take_advance(self, response: OrbitProgress) -> None:
+        super()._take_advance(response)
+        if response.id == self._prepare_id and isinstance(self._requested, DesiredDeform):
+            self._known_surfaces.accept(self._requested.surfaces)
+
+    def _take_failure(self, response: RequestFailed) -> None:
+        asked = self._requested
+        super()._take_failure(response)
+        if response.id == self._prepare_id and isinstance(asked, DesiredDeform):
+            if self._known_surfaces.revert(self._services.history, asked.surfaces):
+                self._services.document_changed()
+
+    def status(self, status: Status) -> Status:
+        told = super().status(status)
+        if told.shown_by != self.title:
+            return told
+        own: dict[str, object] = {"lost": self._lost, "deform_only": self._deform_only, "carried": self._carried}
+        own["unjudged"] = self._no_estimate_reason
+        if self._picture == "refining" and self._split is not None:
+            n, of = (self._traced.n_passes, self._traced.of) if self._traced.id == self._prepare_id else (0, 1)
+            own["missing_note"] = f"The part by paths becomes smoother: {n / of:.0%} of them are in it."
+        return DeformStatus(**(vars(told) | own))
+
+    @property
+    def _picture(self) -> PictureState:
+        """Of a split one paths are a part."""
+        found = super()._picture
+        return "refining" if found == "finished" and self._awaits_paths else found
+
+    @property
+    def _awaits_paths(self) -> bool:
+        done = self._traced.id == self._prepare_id and self._traced.n_passes >= self._traced.of
+        return self._split is not None and not (
+            done and isinstance(self._desired, DesiredDeform) and self._desired.traced
+        )
+
+    @property
+    def is_running(self) -> bool:
+        return super().is_running or self._awaits_paths and not self._is_stopped
+
+    def _desired_inputs_of(self, document: Document, view: ViewState) -> tuple[object, ...]:
+        return *super()._desired_inputs_of(document, view), view.playing is None
+
+    def _desired_state(self, document: Document, view: ViewState) -> DesiredOrbit:
+        desired, plays = DesiredOrbit.of(document, view), view.playing is not None
+        posed = tuple(
+            state.name for state in document.objects
+            if state.deformations or state.moment is not None or plays and state.animations
+        )  # fmt: skip
+        return DesiredDeform(
+            desired.scene, desired.n_bounces, posed=posed, surfaces=document.new_surfaces, n_rays=view.n_rays,
+            n_lobes=view.n_lobes,
+        )  # fmt: skip
+
+    def _poses_of(self, document: Document, view: ViewState) -> Poses:
+        return visible_poses(document, view)
+
+    @property
+    def _placement_can_show(self) -> bool:
+        """Only Deform knows membranes, what light goes through, patches and wrinkles; Placement shows light alone."""
+        return not self._deform_only and self._split is None and not self._fit_error
+
+    @property
+    def _can_be_estimated(self) -> bool:
+        return not self._no_estimate_reason
+
+    @property
+    def _no_estimate_reason(self) -> str:
+        """Why nobody asks how far off the picture is; empty where that is asked."""
+        if self._deform_only:
+            return f"Where it is off is not known: paths do not know the surface of {', '.join(self._deform_only)}"
+        if self._split is not None:
+            return "Beside paths the picture is not judged"
+        return "The colours of the fit's error are not judged" if self._fit_error else ""
+
+    def _update_desired(self, now: float, document: Document, view: ViewState) -> None:
+        """Where the picture is split and rests, what paths are to show is a part of the wish."""
+        super()._update_desired(now, document, view)
+        self._deform_only = tuple(state.name for state in document.objects if state.surface.kind)
+        self._fit_error, desired = view.fit_error, self._desired
+        self._split = None if view.fit_error else view.split
+        assert isinstance(desired, DesiredDeform) and self._own_camera is not None and self._viewpoint is not None
+        if self._split is None:
+            self._desired = replace(desired, traced=None)
+        elif now - self._moved_at >= IDLE_SECONDS:
+            traced = PathPreview(self._viewpoint.camera or self._own_camera, self._full_resolution, self._poses)
+            self._desired = replace(desired, traced=traced)
+
+    def _preparation(self, desired: DesiredOrbit) -> Request:
+        assert isinstance(desired, DesiredDeform)
+        effort = desired.n_rays, desired.n_lobes
+        return PrepareDeform(desired.scene, desired.n_bounces, desired.posed, desired.surfaces, desired.traced, *effort)
+
+    def _headlight_request(self, camera: Camera, wanted: PictureRequest) -> Request:
+        assert self._desired is not None
+        return DrawHeadlight(camera, wanted.resolution, self._desired.scene, wanted.poses)
+
+    def _draw_request(self, camera: Camera, wanted: PictureRequest) -> Request:
+        shows_light = wanted.split is None and not wanted.fit_error
+        known = self._sent_parts if self._in_window and shows_light and wanted.quality == "moving" else None
+        return DrawDeform(
+            camera, wanted.resolution, wanted.quality, wanted.poses, wanted.split, wanted.fit_error, known
+        )

@@ -1,0 +1,109 @@
+"""What Orbit wants of the worker, and what it has: the values that `orbit_controller` compares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from app.document.document import Document
+from app.document.scene_state import LayerState, SceneState, scene_state
+from app.document.solo import is_layer_visible
+from app.document.view_state import Viewpoint, ViewState
+from app.modes.orbit.orbit_messages import Quality
+from engine.realtime.zonal_harmonics.pose import Poses
+
+# Seconds that a picture may take while something moves; fewer pixels are drawn where it takes longer.
+MOVING_SECONDS = 0.04
+# From the best to the quickest: shares of the picture's sides, and coefficients of light a point.
+STEPS = ((1.0, 96), (1.0, 64), (0.75, 64), (0.5, 64), (0.5, 40), (0.375, 40), (0.375, 24), (0.25, 24))
+# The same where the window draws it itself, on a graphics card.
+WINDOW_SECONDS = 0.012
+WINDOW_STEPS = ((1.0, 320), (1.0, 160), (1.0, 80), (0.75, 80), (0.5, 64), (0.5, 40), (0.375, 24), (0.25, 24))
+_TOO_LONG, _SHORT_ENOUGH = 1.3, 0.8
+_MOST_PATIENCE = 64
+
+
+@dataclass(frozen=True)
+class DesiredOrbit:
+    """All that pictures are drawn of, but for the camera: equal wishes have equal pictures. The scene has the layers
+    that are seen alone."""
+
+    scene: SceneState
+    n_bounces: int
+    n_points: int = 40_000
+    n_coefficients: int = 320
+
+    @classmethod
+    def of(cls, document: Document, view: ViewState) -> DesiredOrbit:
+        scene = scene_state(document)
+        seen = (each for each in scene.layers if is_layer_visible(document, view, each.key))
+        layers = tuple(LayerState(each.key, each.layer.replace(visible=True)) for each in seen)
+        return cls(replace(scene, layers=layers), view.n_bounces, view.n_points, view.n_coefficients)
+
+
+@dataclass(frozen=True)
+class ReadyState:
+    """How far the worker has made ready what the request `prepared` asked for: see `OrbitProgress`."""
+
+    prepared: int = 0
+    version: int = 0
+    is_done: bool = False
+
+
+@dataclass(frozen=True)
+class PictureRequest:
+    """A picture that was asked for, or has come: from where, in how many pixels (width, height), how well, of what, in
+    which poses, and what else than light alone it shows (`ViewState.split`, `fit_error`). is_plain: of nothing that
+    has to be made ready."""
+
+    viewpoint: Viewpoint
+    resolution: tuple[int, int]
+    quality: Quality
+    made_of: ReadyState = ReadyState()
+    poses: Poses = ()
+    split: tuple[float, float] | None = None
+    fit_error: bool = False
+    is_headlight: bool = False
+
+    def is_as_good_as(self, other: PictureRequest) -> bool:
+        """Whether it shows the same, in as many pixels and as well."""
+        same = replace(self, resolution=other.resolution, quality=other.quality)
+        if same != other:
+            return False
+        return self.resolution >= other.resolution and (self.quality == "rest" or other.quality == "moving")
+
+
+class QualityPacer:
+    """How well a moving picture is drawn: as well as it is in time.
+
+    How much longer the next better one takes is not known in advance: of some pictures the points cost most, of others
+    the pixels. So it is tried, and after a try in vain not again for twice as many pictures as before that.
+    """
+
+    def __init__(
+        self, seconds: float = MOVING_SECONDS, steps: tuple[tuple[float, int], ...] = STEPS, first: int = 3
+    ) -> None:
+        """seconds: that a picture may take; first: the step to begin with."""
+        self._seconds, self._steps = seconds, steps
+        self._i_step = first
+        self._patience, self._waited, self._tries = 1, 0, False
+
+    @property
+    def n_coefficients(self) -> int:
+        """Of light, a point."""
+        return self._steps[self._i_step][1]
+
+    def resolution(self, whole: tuple[int, int]) -> tuple[int, int]:
+        """Of a picture whose whole resolution (width, height) is given."""
+        scale, _ = self._steps[self._i_step]
+        return max(round(scale * whole[0]), 1), max(round(scale * whole[1]), 1)
+
+    def record_seconds(self, seconds: float) -> None:
+        """A moving picture took so long."""
+        self._waited += 1
+        if seconds > _TOO_LONG * self._seconds:
+            self._patience = min(2 * self._patience, _MOST_PATIENCE) if self._tries else 1
+            self._i_step, self._waited, self._tries = min(self._i_step + 1, len(self._steps) - 1), 0, False
+        elif seconds < _SHORT_ENOUGH * self._seconds and self._i_step > 0 and self._waited >= self._patience:
+            self._i_step, self._waited, self._tries = self._i_step - 1, 0, True
+        elif self._tries:
+            self._patience, self._tries = 1, False

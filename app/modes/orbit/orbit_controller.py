@@ -1,0 +1,604 @@
+"""Orbit's talk with the worker: pictures while something moves, Placement's once nothing does.
+
+    document, view ─► PrepareOrbit ─► OrbitProgress ─► DrawOrbit ─► OrbitPictureDrawn ─► OrbitPicture    each frame
+    the view rests, its picture is whole ─► PlacementController ─► Placement's events          fades in over that
+
+As in Placement, states are compared and not events followed: what the document and the view want, what was asked for,
+what has come. One picture is under way at a time; the next has the camera, light and materials of then, so that nothing
+piles up behind a hand. One that is drawn at rest, which takes longer, gives way to a hand at once. Where the window has
+a graphics card that draws moving pictures itself (`draw_in_window`), the worker tells it what they are drawn of, and
+draws those at rest alone.
+
+Placement's talk is a part of this one, held back until Orbit's picture of a resting view is whole, and again as soon as
+it could not follow: so either mode's files know nothing of what the other asks. Rejected: to change the mode at rest,
+which would change the session with every pause of a hand.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from itertools import count
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document.commands import EditCommand
+from app.document.document import Document
+from app.document.effective_settings import effective_view
+from app.document.view_state import Viewpoint, ViewState
+from app.messages.editor_status import PictureState, Status
+from app.messages.picture_events import PictureEvent
+from app.messages.worker_messages import CancelRequests, Request, RequestFailed, Response
+from app.modes.mode import EditorServices, ModeController, OpenedScene
+from app.modes.orbit.desired_state import (
+    WINDOW_SECONDS,
+    WINDOW_STEPS,
+    DesiredOrbit,
+    PictureRequest,
+    QualityPacer,
+    ReadyState,
+)
+from app.modes.orbit.error_controller import DrawnErrorController, ShownPicture
+from app.modes.orbit.orbit_events import OrbitPartArrived, OrbitPicture
+from app.modes.orbit.orbit_messages import (
+    DrawHeadlight,
+    DrawnErrorEstimated,
+    DrawOrbit,
+    EstimateDrawn,
+    EstimateOrbit,
+    OrbitNotReady,
+    OrbitPartExported,
+    OrbitPictureDrawn,
+    OrbitProgress,
+    PrepareOrbit,
+    PrioritizeView,
+    Quality,
+)
+from app.modes.orbit.orbit_status import OrbitStatus
+from app.modes.placement.accepted_light import AcceptedLight
+from app.modes.placement.placement_controller import PlacementController
+from app.modes.placement.placement_messages import ComputeTransport
+from engine.material.layer import Layer
+from engine.realtime.zonal_harmonics.pose import Poses
+from engine.render.picture_error import ErrorEstimate
+from engine.scene.description import Camera, CameraDescription
+
+# A hand that was still for so long rests.
+IDLE_SECONDS = 0.2
+# How often a window that draws itself asks whether it sees what nothing was made ready for.
+PRIORITIZE_SECONDS = 0.25
+# While pictures become better by themselves, how much longer than drawing one the worker has for that.
+_WORK_SHARE = 4.0
+_listeners = count(1)
+PLACEMENT_FOLLOWS = "Placement computes this view, and fades in when it is there."
+LACKS = (
+    "Gloss mirrors lights alone here, sharp ones blurred by some three degrees; of the objects around it shows an even "
+    "glow."
+)
+
+
+class OrbitController(ModeController):
+    """The talk of Orbit; `placement` is that of the view at rest. Another mode whose pictures are drawn in the worker
+    says what it is called, what it wants made ready, and what it has drawn."""
+
+    title, limitations = "Orbit", LACKS
+    prepares: type[Request] = PrepareOrbit
+    draws: type[Request] = DrawOrbit
+    estimates: type[EstimateDrawn] = EstimateOrbit
+
+    def __init__(self, services: EditorServices) -> None:
+        self._services = services
+        self.placement = PlacementController(services)
+        self._error = DrawnErrorController(services.send, self.estimates)
+        self._is_open = False
+        self._listener = self._most_bytes = 0
+        self._forget()
+
+    def _forget(self) -> None:
+        """Nothing is known of the scene."""
+        self._own_camera: CameraDescription | None = None
+        self.is_away = False
+        self._desired: DesiredOrbit | None = None
+        self._desired_inputs: tuple[object, ...] = ()
+        self._moved_at = -math.inf
+        self._viewpoint: Viewpoint | None = None
+        self._poses: Poses = ()
+        self._split: tuple[float, float] | None = None
+        self._fit_error = False
+        self._prepare_id = 0
+        self._is_stopped = False
+        self._accepted_light = AcceptedLight()
+        self._pace = self._new_pace()
+        self._hands_over_to_placement = self._placement_follows = self._shows_placement = False
+        self._error.forget()
+        self._forget_worker()
+
+    def _forget_worker(self) -> None:
+        """The worker knows nothing, and what it was asked will not be answered."""
+        self._requested: DesiredOrbit | None = None
+        self._ready = ReadyState()
+        self._drawing: PictureRequest | None = None
+        self._drawing_id = 0
+        self._refused: PictureRequest | None = None
+        self._shown: PictureRequest | None = None
+        self._seconds = 0.0
+        self._n_bytes = 0
+        self._drawn_at = self._prioritized = -math.inf
+
+    # ----------------------------------------------------------------------------------------- what the editor tells
+
+    def scene_closed(self) -> None:
+        self._hold_placement_back()
+        self._is_open = False
+
+    def scene_open_failed(self) -> None:
+        self._is_open = True
+        self._requested = self._drawing = None
+
+    def scene_opened(self, scene: OpenedScene) -> None:
+        self._forget()
+        self._is_open = True
+        self._own_camera = scene.description.camera
+        self._accepted_light.accept(scene.described.light)
+        self.placement.scene_opened(scene)
+        self.placement.view_moved()
+
+    def view_moved(self) -> None:
+        self.is_away = True
+        self._hold_placement_back()
+
+    def view_restored(self) -> None:
+        self.is_away = False
+        self._resume_preparation()
+
+    def view_traced(self, scene: OpenedScene) -> None:
+        self.is_away = False
+        self._resume_preparation()
+        self._error.forget()
+        self._hands_over_to_placement = self._placement_follows = self._shows_placement = False
+        self.placement.view_traced(scene)
+        self.placement.view_moved()
+
+    def _resume_preparation(self) -> None:
+        """A look has cancelled what was being made ready."""
+        if not self._is_ready_for_request:
+            self._requested = None
+
+    def deactivated(self) -> None:
+        self._services.send(CancelRequests(of=(self.prepares, self.draws, self.estimates, DrawHeadlight)))
+        self.placement.deactivated()
+
+    def edited(self, command: EditCommand | None = None) -> None:
+        self.placement.edited(command)
+
+    def drag_ended(self) -> None:
+        self._moved_at = -math.inf
+        self.placement.drag_ended()
+
+    def add_band_plans(self, planned: Iterable[tuple[Layer, Mapping[str, int]]]) -> None:
+        self.placement.add_band_plans(planned)
+
+    def reload_images(self, key: str) -> None:
+        self._requested = None
+        self.placement.reload_images(key)
+
+    def cancelled(self) -> None:
+        self._is_stopped = True
+        self.placement.cancelled()
+
+    def resume(self) -> None:
+        self._is_stopped, self._requested = False, None
+        self.placement.resume()
+
+    def worker_restarted(self) -> None:
+        self._reset_preparation()
+        self.placement.worker_restarted()
+
+    def _reset_preparation(self) -> None:
+        """Nothing is ready any more; what is shown stays."""
+        shown = self._shown
+        self._error.forget()
+        self._forget_worker()
+        self._shown = shown and replace(shown, made_of=ReadyState())
+
+    def draw_in_window(self, most_bytes: int) -> None:
+        """The window draws moving pictures itself from now on, of arrays of so many bytes; 0: the worker does."""
+        self._listener, self._most_bytes = next(_listeners) if most_bytes else 0, most_bytes
+        self._pace = self._new_pace()
+        self._requested = self._shown = None
+
+    def _new_pace(self) -> QualityPacer:
+        return QualityPacer(WINDOW_SECONDS, WINDOW_STEPS, 2) if self._listener else QualityPacer()
+
+    def record_draw_seconds(self, seconds: float) -> None:
+        """A picture took the window so long."""
+        self._seconds = seconds
+        if self._shown is not None and self._shown.resolution == self._pace.resolution(self._full_resolution):
+            self._pace.record_seconds(seconds)
+
+    # --------------------------------------------------------------------------------------------- what is to be told
+
+    @property
+    def drawn_in_window(self) -> tuple[Camera, tuple[int, int], int] | None:
+        """From which camera, in how many pixels (width, height) and by how many coefficients a point the window is to
+        draw what it was told; None where it is to show a picture of the worker's."""
+        shown = self._shown
+        if not self._listener or shown is None or shown.quality != "moving" or shown.is_headlight:
+            return None
+        return self._camera(shown.viewpoint), shown.resolution, self._pace.n_coefficients
+
+    @property
+    def shows_viewpoint(self) -> bool:
+        """Whether the picture is from where the view looks now, and in its poses, and not as it was a moment ago."""
+        if self._shows_placement or self._shown is None:
+            return self._shows_placement
+        view = self._services.view
+        poses = self._poses_of(self._services.history.document, view)
+        return (self._shown.viewpoint, self._shown.poses) == (view.viewpoint, poses)
+
+    @property
+    def is_placement_active(self) -> bool:
+        """Whether Placement is at work on the view, or has it."""
+        return self._hands_over_to_placement
+
+    @property
+    def shows_placement(self) -> bool:
+        """Whether Placement's picture is the one to be seen."""
+        return self._shows_placement
+
+    @property
+    def awaits_response(self) -> bool:
+        return self._drawing is not None or self._hands_over_to_placement and self.placement.awaits_response
+
+    @property
+    def is_running(self) -> bool:
+        asked = self._requested is not None and not self._is_ready_for_request
+        return asked or self._hands_over_to_placement and self.placement.is_running
+
+    def status(self, status: Status) -> Status:
+        if self._shows_placement:
+            return replace(self.placement.status(status), shown_by="Placement")
+        estimate, resolution = self._estimate, (0, 0) if self._shown is None else self._shown.resolution
+        lacks = self.limitations if estimate is not None and estimate.is_large else ""
+        note = "\n".join(filter(None, (lacks, PLACEMENT_FOLLOWS))) if self._picture == "refining" else ""
+        said = {
+            "picture": self._picture,
+            "missing_note": note,
+            "shown_by": self.title,
+            "precomputed_mb": self._n_bytes / 1e6,
+            "estimate": estimate,
+            "error_colours": self._error_colours,
+            "image_error": None if estimate is None else estimate.overall,
+        }
+        told = vars(status) | said
+        return OrbitStatus(
+            **told, drawn_resolution=resolution, drawn_seconds=self._seconds, is_headlight=self._is_headlight
+        )
+
+    @property
+    def _estimate(self) -> ErrorEstimate | None:
+        """How far off the picture is that is shown: at rest by itself, else as those are that are drawn like it."""
+        if self._shown is None or self._is_headlight or self._shown_picture is None or not self._can_be_estimated:
+            return None
+        return (
+            self._error.at_rest(self._shown_picture)
+            if self._is_whole
+            else self._error.moving(self._shown_picture.desired)
+        )
+
+    @property
+    def _error_colours(self) -> NDArray[np.uint8] | None:
+        return self._error.colours(self._shown_picture) if self._shown_picture is not None and self._is_whole else None
+
+    @property
+    def _shown_picture(self) -> ShownPicture | None:
+        return (
+            None
+            if self._desired is None or self._viewpoint is None
+            else ShownPicture(self._desired, self._viewpoint, self._poses, self._services.view.shows_error)
+        )
+
+    @property
+    def _picture(self) -> PictureState:
+        if self._shown is None or self._is_headlight:
+            return "waiting"
+        if self._is_whole:
+            return "refining" if self._placement_can_show else "finished"
+        return "preview"
+
+    @property
+    def _is_headlight(self) -> bool:
+        """Whether nothing was ready for the picture, which shows objects in light from the eye."""
+        return self._shown is not None and self._shown.is_headlight
+
+    @property
+    def _is_ready_for_request(self) -> bool:
+        """Whether all is ready that the wish asked last needs."""
+        return self._ready.is_done and self._ready.prepared == self._prepare_id
+
+    @property
+    def _is_whole(self) -> bool:
+        """Whether Orbit shows all it can of the document and the view."""
+        shown = self._shown
+        return (
+            shown is not None and shown.quality == "rest"
+            and (shown.viewpoint, shown.poses) == (self._viewpoint, self._poses)
+            and shown.made_of == self._ready and self._is_ready_for_request and self._requested == self._desired
+            and self._has_followed
+        )  # fmt: skip
+
+    @property
+    def _has_followed(self) -> bool:
+        """Whether document and view are as they were at the last update."""
+        document = self._services.history.document
+        view = effective_view(self._services.view, document)
+        return self._desired_inputs_of(document, view) == self._desired_inputs and view.viewpoint == self._viewpoint
+
+    # ------------------------------------------------------------------------------------------- what modes differ in
+
+    def _desired_inputs_of(self, document: Document, view: ViewState) -> tuple[object, ...]:
+        """All that a wish is made of."""
+        return document, view.solo, view.n_bounces, view.n_points, view.n_coefficients, view.n_rays, view.n_lobes
+
+    def _desired_state(self, document: Document, view: ViewState) -> DesiredOrbit:
+        """What pictures are to be drawn of."""
+        return DesiredOrbit.of(document, view)
+
+    def _poses_of(self, document: Document, view: ViewState) -> Poses:
+        """The poses that are drawn; none where objects stand as the worker has traced them."""
+        return ()
+
+    @property
+    def _placement_can_show(self) -> bool:
+        """Whether Placement can show what this mode does."""
+        return True
+
+    @property
+    def _can_be_estimated(self) -> bool:
+        """Whether paths know all that this mode shows."""
+        return True
+
+    def _preparation(self, desired: DesiredOrbit) -> Request:
+        return PrepareOrbit(
+            desired.scene, desired.n_bounces, self._listener, self._most_bytes, desired.n_points, desired.n_coefficients
+        )
+
+    def _headlight_request(self, camera: Camera, wanted: PictureRequest) -> Request:
+        assert self._desired is not None
+        return DrawHeadlight(camera, wanted.resolution, self._desired.scene)
+
+    def _draw_request(self, camera: Camera, wanted: PictureRequest) -> Request:
+        if wanted.quality == "rest":
+            return DrawOrbit(camera, wanted.resolution, "rest")
+        return DrawOrbit(camera, wanted.resolution, wanted.quality, self._pace.n_coefficients)
+
+    # --------------------------------------------------------------------------------------------------------- asking
+
+    def update(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
+        if not self._is_open:
+            return []
+        self._update_desired(now, document, view)
+        events = self._update_placement(now, document, view)
+        if not self._placement_follows:
+            self._prepare()
+            self._draw(now)
+            if (
+                self._is_whole
+                and self._placement_can_show
+                and not (self._hands_over_to_placement or self.is_away or self._is_stopped)
+            ):
+                self._hands_over_to_placement = True
+                self.placement.view_restored()
+        elif not (self.placement.is_running or self._services.history.dragging):
+            self._prepare()  # so that the view can move at once
+        self._update_error(now)
+        return events
+
+    def _update_error(self, now: float) -> None:
+        """Ask how far off the picture is that is shown, if it is this mode's."""
+        if (seen := self._shown_picture) is not None:
+            rests = self._is_whole and not (self.is_away or self._shows_placement or self._services.history.dragging)
+            self._error.update(now, seen, rests and self._can_be_estimated, lambda: self._estimate_request(seen))
+
+    def _estimate_request(self, seen: ShownPicture) -> EstimateDrawn:
+        """Of the picture at rest, and of one as it is drawn while something moves."""
+        at_rest = PictureRequest(seen.viewpoint, self._full_resolution, "rest", self._ready, seen.poses)
+        moving = replace(at_rest, resolution=self._pace.resolution(self._full_resolution), quality="moving")
+        first, other = (self._draw_request(self._camera(seen.viewpoint), each) for each in (at_rest, moving))
+        return self.estimates(seen.desired.scene, seen.desired.n_bounces, first, other, seen.has_map)
+
+    def _camera(self, look: Viewpoint) -> Camera:
+        assert self._own_camera is not None
+        return look.camera or self._own_camera
+
+    def _update_desired(self, now: float, document: Document, view: ViewState) -> None:
+        """What is wanted now, and since when."""
+        made_of = self._desired_inputs_of(document, view)
+        desired = self._desired
+        if desired is None or self._desired_inputs != made_of:
+            desired, self._desired_inputs = self._desired_state(document, view), made_of
+        poses = self._poses_of(document, view)
+        if (desired, view.viewpoint, poses) != (self._desired, self._viewpoint, self._poses):
+            self._moved_at = -math.inf if self._desired is None else now
+            self._is_stopped = self._is_stopped and desired == self._desired
+            self._desired, self._viewpoint, self._poses = desired, view.viewpoint, poses
+
+    def _update_placement(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
+        """Placement's part, where it has one; it loses that as soon as its picture is not the document's. That stays on
+        screen until Orbit has another."""
+        if not self._hands_over_to_placement:
+            return []
+        events = self.placement.update(now, document, view)
+        picture = self.placement.status(Status()).picture
+        followed, is_finished = self._placement_follows, picture in ("finished", "exact")
+        self._placement_follows = is_finished or followed and picture == "refining"
+        self._shows_placement |= self._placement_follows
+        if not self._placement_follows and (followed or not self._is_requested):
+            self._hold_placement_back()
+        return events
+
+    @property
+    def _is_requested(self) -> bool:
+        """Whether Orbit was asked for this scene; how often light bounces Placement itself may have found out since."""
+        return (
+            self._requested is not None and self._desired is not None and self._requested.scene == self._desired.scene
+        )
+
+    def _hold_placement_back(self) -> None:
+        """Placement asks for nothing until Orbit's picture is whole again."""
+        if self._hands_over_to_placement:
+            self._hands_over_to_placement = self._placement_follows = False
+            self.placement.view_moved()
+            self._services.send(CancelRequests(of=(ComputeTransport,)))
+
+    def _prepare(self) -> None:
+        """Ask for what the document wants. In mid-drag only once the wish before is in a picture: each takes a while
+        until it shows, and would be given up for the next."""
+        desired = self._desired
+        if desired is None or desired == self._requested or self._is_stopped:
+            return
+        shown = self._shown
+        if self._services.history.dragging and shown is not None and shown.made_of.prepared != self._prepare_id:
+            return
+        self._requested = desired
+        self._prepare_id = self._services.send(self._preparation(desired))
+
+    def _draw(self, now: float) -> None:
+        """Ask for a picture, where there is another one than is shown or under way."""
+        wanted = self._desired_picture(now) or self._desired_headlight_picture(now)
+        if (
+            wanted is None
+            or wanted in (self._drawing, self._refused)
+            or self._shown
+            and self._shown.is_as_good_as(wanted)
+        ):
+            return
+        if self._listener and wanted.quality == "moving" and not wanted.is_headlight:
+            self._show_in_window(wanted, now)
+            return
+        if self._drawing is not None and self._drawing.quality == "moving":
+            return
+        if self._is_refinement(wanted) and now - self._drawn_at < _WORK_SHARE * self._seconds:
+            return
+        self._drawing, self._drawn_at = wanted, now
+        draws = self._headlight_request if wanted.is_headlight else self._draw_request
+        request = draws(self._camera(wanted.viewpoint), wanted)
+        self._drawing_id = self._services.send(request)
+
+    def _show_in_window(self, wanted: PictureRequest, now: float) -> None:
+        """Nothing is asked for but that what is seen be made ready first; once all is ready that is seldom anything."""
+        if self._drawing is not None:
+            self._services.send(CancelRequests(of=(self.draws,)))
+            self._drawing, self._drawing_id = None, 0
+        looked, self._shown = self._shown and self._shown.viewpoint, wanted
+        self._shows_placement = self._placement_follows
+        if looked != wanted.viewpoint and (not self._ready.is_done or now - self._prioritized >= PRIORITIZE_SECONDS):
+            self._prioritized = now
+            self._services.send(PrioritizeView(self._camera(wanted.viewpoint)))
+
+    def _desired_picture(self, now: float) -> PictureRequest | None:
+        """The best picture that there could be now; None before there could be any."""
+        if self._viewpoint is None or not self._ready.version:
+            return None
+        whole = self._full_resolution
+        rests = now - self._moved_at >= IDLE_SECONDS
+        quality: Quality = "rest" if rests and self._is_ready_for_request else "moving"
+        resolution = whole if rests else self._pace.resolution(whole)
+        return PictureRequest(
+            self._viewpoint, resolution, quality, self._ready, self._poses, self._split, self._fit_error
+        )
+
+    def _desired_headlight_picture(self, now: float) -> PictureRequest | None:
+        """Before there was any: where view or poses have moved on from those of the objects that are seen, how these
+        look from there."""
+        if self._viewpoint is None or not (self._is_headlight or self._shown is None and self.is_away):
+            return None
+        rests, (width, height) = now - self._moved_at >= IDLE_SECONDS, self._full_resolution
+        resolution = (width, height) if rests else (max(width // 2, 1), max(height // 2, 1))
+        return PictureRequest(self._viewpoint, resolution, "moving", ReadyState(), self._poses, is_headlight=True)
+
+    @property
+    def _full_resolution(self) -> tuple[int, int]:
+        """The resolution of a picture at rest."""
+        own = (1, 1) if self._own_camera is None else self._own_camera.resolution
+        return (self._viewpoint and self._viewpoint.resolution) or own
+
+    def _is_refinement(self, wanted: PictureRequest) -> bool:
+        """Whether it shows the same as is seen, a little further computed."""
+        shown = self._shown
+        if (
+            shown is None
+            or (wanted.viewpoint, wanted.poses) != (shown.viewpoint, shown.poses)
+            or wanted.made_of.is_done
+        ):
+            return False
+        return shown.made_of.prepared == wanted.made_of.prepared
+
+    # -------------------------------------------------------------------------------------------------------- answers
+
+    def receive(self, response: Response) -> list[PictureEvent]:
+        match response:
+            case OrbitProgress():
+                self._take_advance(response)
+            case OrbitPartExported():
+                return [OrbitPartArrived(response.part)] if self._listener else []
+            case OrbitPictureDrawn():
+                return self._take_picture(response)
+            case OrbitNotReady() if response.id == self._drawing_id:
+                if self._drawing is not None and self._drawing.is_headlight:
+                    self._refused, self._drawing = self._drawing, None
+                else:
+                    self._reset_preparation()
+            case DrawnErrorEstimated():
+                self._error.receive(response)
+            case RequestFailed():
+                self._error.receive_failure(response)
+                self._take_failure(response)
+                return self.placement.receive(response)
+            case _:
+                return self.placement.receive(response)
+        return []
+
+    def _take_advance(self, response: OrbitProgress) -> None:
+        if response.id != self._prepare_id:
+            return
+        self._note_ready(ReadyState(response.id, response.version, response.is_done))
+        self._n_bytes = response.n_bytes
+        if self._requested is not None:
+            self._accepted_light.accept(self._requested.scene.light)
+        if response.is_done and not self.is_running:
+            self._services.metrics.progress = None
+
+    def _take_picture(self, response: OrbitPictureDrawn) -> list[PictureEvent]:
+        drawing = self._drawing
+        if drawing is None or response.id != self._drawing_id:
+            return []
+        made_of = ReadyState(response.prepared, response.version, response.is_done)
+        self._shown, self._drawing, self._refused = replace(drawing, made_of=made_of), None, None
+        if made_of.version and made_of.prepared == self._prepare_id and made_of.version >= self._ready.version:
+            self._note_ready(made_of)
+        self._seconds = response.seconds
+        self._shows_placement = self._placement_follows
+        if (
+            drawing.quality == "moving"
+            and not drawing.is_headlight
+            and drawing.resolution == self._pace.resolution(self._full_resolution)
+        ):
+            self._pace.record_seconds(response.seconds)
+        return [OrbitPicture(response.radiance, drawing.fit_error)]
+
+    def _note_ready(self, known: ReadyState) -> None:
+        """How far the worker is."""
+        if self._is_ready_for_request and not known.is_done:
+            self._requested = None  # to be made ready yet: what no picture has seen before
+        self._ready = known
+
+    def _take_failure(self, response: RequestFailed) -> None:
+        if response.id == self._drawing_id:
+            self._refused, self._drawing = self._drawing, None
+        if response.id == self._prepare_id and self._requested is not None:
+            self._is_stopped = True
+            if self._accepted_light.revert(self._services.history, self._requested.scene.light):
+                self._services.document_changed()

@@ -1,0 +1,30 @@
+"""What the editor tells the renderer of Orbit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.messages.picture_events import PictureEvent
+
+if TYPE_CHECKING:
+    from engine.realtime.triple_product.gpu_parts import Part
+
+
+@dataclass(frozen=True, eq=False)
+class OrbitPicture(PictureEvent):
+    """The picture from the view's camera as it is, or was a moment ago: linear radiance (h, w, 3), of fewer pixels than
+    are shown while something moves. is_measure: it is no light but a measure, to be shown in false colours."""
+
+    radiance: NDArray[np.float32]
+    is_measure: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class OrbitPartArrived(PictureEvent):
+    """A part of what moving pictures are drawn of, where the window draws them."""
+
+    part: Part

@@ -1,0 +1,49 @@
+"""The environment that the worker last made a picture with: where the document goes back to when another one fails.
+
+Whether a file holds light is known only once the worker has read all of it. Without this, a damaged file would stay in
+the document, its picture would never come, and every later request would fail on it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from app.document.commands.light import SetEnvironment
+from app.document.document import Document, LightState
+from app.document.history import History
+
+Source = tuple[object, ...]
+
+
+class AcceptedLight:
+    """One scene's environment that is known to work; None until there was a picture."""
+
+    def __init__(self) -> None:
+        self._light: LightState | None = None
+
+    def accept(self, light: LightState) -> None:
+        """A picture came under this light."""
+        self._light = light
+
+    def revert(self, history: History[Document], refused: LightState) -> bool:
+        """Take the environment that was refused out of the document; whether it was there and could be.
+
+        Where choosing it was the last step, that step is gone as if it had never been; else it is replaced.
+        """
+        known, light = self._light, history.document.light
+        if known is None or source(light) != source(refused) or source(refused) == source(known):
+            return False
+        if not history.retract(lambda before: _only_changed_to(refused, before, history.document)):
+            history.do(SetEnvironment(known.environment, known.mapping, known.radiance))
+        return True
+
+
+def source(light: LightState) -> Source:
+    """What the worker reads an environment from."""
+    return light.environment, light.mapping, light.radiance
+
+
+def _only_changed_to(refused: LightState, before: Document, after: Document) -> bool:
+    """Whether all that happened between two documents is that this environment was chosen."""
+    chosen = replace(before.light, environment=refused.environment, mapping=refused.mapping, radiance=refused.radiance)
+    return before.light != chosen and replace(before, light=chosen) == after

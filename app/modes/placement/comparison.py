@@ -1,0 +1,191 @@
+"""Side A of the A/B picture: a document remembered, brought to the quality that side B reaches.
+
+The renderer keeps A as a picture. Remembered while the first stages come in, that picture is coarse, and it would stay
+so beside a B that is refined. Transport belongs to light and quotients, not to curves, so as long as A has those of B
+it can be drawn exactly from what is there:
+
+- while A and B look alike, by taking the picture again after each stage, and when it is exact;
+- when curves were edited meanwhile, by asking the worker, once it rests, for the radiance of the layers that differ,
+  with A's curves. That is one contraction a layer, and nothing when A was remembered exact.
+
+Indirect light is everybody's: with it a layer that was edited changes them all, so that an A of other curves,
+remembered coarse, stays as it is until B looks like it.
+
+An A under another light than B's stays as it is until B comes back to that light: its transport is gone, and keeping a
+second one for a picture that is seldom looked at costs as much memory as the first. The divider says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document.commands.light import emission_of
+from app.document.document import Document
+from app.document.scene_state import LayerState, layer_state
+from app.messages.picture_events import PictureEvent
+from app.messages.worker_messages import Request
+from app.modes.placement.curves import Coefficients, Curves, Float64Array, view_curve_of
+from app.modes.placement.desired_state import same_coefficients
+from app.modes.placement.placement_events import ComparisonRefined, LayerAppearance
+from app.modes.placement.placement_messages import ContractTransport, LayerPicture
+from app.modes.placement.transport_controller import CONTRACT_PATIENCE, TransportController
+from engine.material.layer import Layer
+from engine.material.layer_maps import LayerMaps
+from engine.planner import RenderSettings
+
+Samples = Callable[[str, LayerMaps], NDArray[np.float16] | None]
+
+
+@dataclass(frozen=True)
+class PendingRadiance:
+    """A layer's radiance under way."""
+
+    id: int
+    key: str
+    at: float
+
+
+class Comparison:
+    """Follows one A after another. ``send`` hands a request to the worker; ``curves`` are those of side B."""
+
+    def __init__(self, send: Callable[[Request], int], curves: Curves, samples: Samples) -> None:
+        """samples: those of a layer's images, None where they are not known."""
+        self._send, self._curves, self._samples = send, curves, samples
+        self._document: Document | None = None
+        self._ids: set[int] = set()
+        self._forget_revision()
+
+    def _forget_revision(self, revision: int = -1) -> None:
+        self._revision = revision
+        self._serves = False
+        self._coefficients: dict[str, Coefficients] = {}
+        self._pictures: dict[str, NDArray[np.floating]] = {}
+        self._requested: PendingRadiance | None = None
+        self._stage_finished = self._failed = False
+
+    def begin(self, document: Document | None, is_exact: bool) -> None:
+        """A is (or is no longer) compared with; ``is_exact``: the picture that the renderer keeps of it is."""
+        self._document, self._exact = document, is_exact
+        self._forget_revision()
+
+    @property
+    def document(self) -> Document | None:
+        """A itself; None while nothing is compared."""
+        return self._document
+
+    @property
+    def exact(self) -> bool:
+        """Whether A's picture is exact; also while nothing is compared."""
+        return self._document is None or self._exact
+
+    def stage_finished(self) -> None:
+        """A stage of the picture on screen is complete."""
+        self._stage_finished = True
+
+    def receive(self, response: LayerPicture) -> bool:
+        """Whether this is the answer to a request for A, and no part of side B."""
+        if self._requested is not None and response.id == self._requested.id:
+            self._pictures[self._requested.key] = response.radiance
+            self._requested = None
+        return response.id in self._ids
+
+    def worker_restarted(self) -> None:
+        """A new worker would answer with its first, coarse stage: what was asked for is asked for again later."""
+        self._requested = None
+
+    def receive_failure(self, id: int) -> None:
+        """Leave A as it is when the worker cannot draw it."""
+        if self._requested is not None and self._requested.id == id:
+            self._requested, self._failed = None, True
+
+    def update(
+        self,
+        now: float,
+        document: Document,
+        controller: TransportController,
+        settings: RenderSettings,
+        exact: bool,
+        has_indirect: bool = False,
+    ) -> list[PictureEvent]:
+        """What the renderer can show of A now; asks the worker for what is missing.
+
+        ``now`` in seconds; ``document`` is B's; ``exact``: whether B's picture on screen is, ``has_indirect``: whether
+        there is light of further bounces in it.
+        """
+        compared = self._document
+        if compared is None or self._exact:
+            return []
+        if controller.revision != self._revision:
+            self._forget_revision(controller.revision)
+            self._serves = controller.serves(compared, document, settings)
+        if not self._serves or self._failed:
+            return []
+        light = replace(compared.light, intensity=document.light.intensity)
+        if (compared.objects, light) == (document.objects, document.light):
+            return self._follow(exact)
+        lit_alike = emission_of(compared) == emission_of(document)
+        if has_indirect or not lit_alike or not (controller.finished and exact):
+            return []
+        return self._draw_apart(now, compared, document, controller)
+
+    def _follow(self, exact: bool) -> list[PictureEvent]:
+        """B looks like A: what is on screen is A's picture as well."""
+        if not exact and not self._stage_finished:
+            return []
+        self._stage_finished, self._exact = False, exact
+        return [ComparisonRefined({})]
+
+    def _draw_apart(
+        self, now: float, compared: Document, document: Document, controller: TransportController
+    ) -> list[PictureEvent]:
+        """B has other curves by now: ask for the layers that differ, one after the other, then draw A with them."""
+        differing = self._differing(compared, document, controller)
+        missing = [key for key in differing if key not in self._pictures]
+        if missing:
+            if self._requested is None or now - self._requested.at > CONTRACT_PATIENCE:
+                bands = controller.requested_bands(missing[0]) or {}
+                self._request(layer_state(compared, missing[0], tuple(bands.values())), controller.revision, now)
+            return []
+        if any(self._lacks_images(key, layer) for key, layer in compared.layers()):
+            return []
+        self._exact = True
+        return [ComparisonRefined(self._layer_appearances(compared, differing, controller.light_gain))]
+
+    def _lacks_images(self, key: str, layer: Layer) -> bool:
+        """Whether A has images in this layer that nobody sampled, or not lately."""
+        return not layer.maps.is_plain and self._samples(key, layer.maps) is None
+
+    def _differing(self, compared: Document, document: Document, controller: TransportController) -> list[str]:
+        """Keys of the layers whose curves are not those on screen."""
+        found = []
+        for key, layer in compared.layers():
+            bands = controller.requested_bands(key)
+            if bands is None:
+                continue
+            if key not in self._coefficients:
+                self._coefficients[key] = {name: layer.coefficients(name, n) for name, n in bands.items()}
+            if not same_coefficients(self._coefficients[key], self._curves.coefficients(document, key)):
+                found.append(key)
+        return found
+
+    def _request(self, layer: LayerState, revision: int, now: float) -> None:
+        self._requested = PendingRadiance(self._send(ContractTransport(layer, None, revision=revision)), layer.key, now)
+        self._ids.add(self._requested.id)
+
+    def _layer_appearances(
+        self, compared: Document, differing: list[str], light_gain: Float64Array
+    ) -> Mapping[str, LayerAppearance]:
+        return {
+            key: LayerAppearance(
+                layer.scale() * light_gain,
+                view_curve_of(layer),
+                compared.is_visible(key),
+                self._pictures[key] if key in differing else None,
+                (self._samples(key, layer.maps), layer.maps.texture_strength, layer.maps.inverts),
+            )
+            for key, layer in compared.layers()
+        }

@@ -1,0 +1,152 @@
+"""The curves a picture is made with: the band values of a document's layers, and the samples of their other curves.
+
+Shapes: J bands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document.document import Document
+from app.document.scene_state import LayerState, SceneState, layer_state, scene_state
+from app.modes.placement.band_plans import BandPlans
+from engine.curve.operators import HALF_PI
+from engine.material import MODELS
+from engine.material.layer import Layer, object_of
+from engine.material.layer_maps import Images, MapMeans
+from engine.material.measured_model import MeasuredModel
+from engine.material.model import Model
+from engine.plan_lines import bands_of_lines
+from engine.planner import MOST_BANDS, bands_for_sharpest
+
+Float64Array = NDArray[np.float64]
+Coefficients = Mapping[str, Float64Array]
+
+N_VIEW_SAMPLES = 256
+
+
+class Curves:
+    """Band values and samples of a document's curves, computed once for each layer value.
+
+    A layer is a value: as long as it is the same one, its curves are. Arrays are handed out read-only, and the same
+    object each time, so that whoever compares may begin by identity.
+    """
+
+    def __init__(self, most_bands: int = MOST_BANDS, plans: BandPlans | None = None) -> None:
+        """plans: those of a talk before, None for some that have at most so many bands."""
+        self.plans = plans or BandPlans(most_bands)
+        self.map_means: dict[tuple[str, Images], MapMeans] = {}
+        self._cached: dict[tuple[str, str, int], tuple[Layer, Float64Array]] = {}
+
+    def scene_opened(self, scene: object) -> None:
+        """This scene is open: of another one bands are planned anew."""
+        self._cached = {}
+        self.plans.scene_opened(scene)
+
+    def bands(self, document: Document, key: str) -> dict[str, int]:
+        """J of each of a layer's transport factors: as planned, or as a person chose for the sharpest, or for each."""
+        counts, lines = self.planned(document, key), dict(document.overrides)
+        return bands_of_lines(key, counts, lines) if lines else counts
+
+    def planned(self, document: Document, key: str) -> dict[str, int]:
+        """The same where no line of the plan has been set."""
+        return self._planned(document, key, document.layer(key))
+
+    def all_planned(self, document: Document) -> tuple[tuple[str, dict[str, int]], ...]:
+        """The same of all layers, by key."""
+        return tuple((key, self._planned(document, key, layer)) for key, layer in document.layers())
+
+    def _planned(self, document: Document, key: str, layer: Layer) -> dict[str, int]:
+        counts, chosen = self.plans.of(key, layer), document.first_bands
+        return counts if chosen is None else bands_for_sharpest(layer, counts, chosen)
+
+    def coefficients(self, document: Document, key: str, most: int | None = None) -> dict[str, Float64Array]:
+        """Band values of each transport factor of a layer, (J,3) by factor [BenArtzi07, eq. 4.17], of `most` bands."""
+        layer = document.layer(key)
+        counts = self.bands(document, key)
+        return {name: self._band_values(key, layer, name, min(n, most or n)) for name, n in counts.items()}
+
+    def scene_state(self, document: Document) -> SceneState:
+        """What the worker is told of a document."""
+        return scene_state(document, self.layer_state)
+
+    def layer_state(self, document: Document, key: str) -> LayerState:
+        """What it is told of a layer: with its bands, and the means of its images as far as they are known."""
+        layer = document.layer(key)
+        bands = self.bands(document, key)
+        return layer_state(document, key, tuple(bands.values()), self._means(key, layer))
+
+    def view_curve(self, document: Document, key: str) -> Float64Array:
+        """f_o at 256 angles from 0 to π/2, (256,3); ones for a layer whose model has no view factor."""
+        layer = document.layer(key)
+        factor = layer.model.view_factor
+        name = "" if factor is None else factor.name
+        known = self._cached_curve(key, layer, name, N_VIEW_SAMPLES)
+        return self._store_curve(key, layer, name, view_curve_of(layer) if known is None else known)
+
+    def gain(self, document: Document, key: str) -> Float64Array:
+        """f_q of a layer, (3,)."""
+        return document.layer(key).scale()
+
+    def outgoing_gain(self, document: Document, key: str) -> Float64Array:
+        """f_q of a layer for all but the eye, (3,): with the mean of its texture and weight map, once that is known."""
+        layer = document.layer(key)
+        means = self._means(key, layer)
+        return layer.scale() if means is None else layer.scale() * means.factor(layer.maps)
+
+    def _means(self, key: str, layer: Layer) -> MapMeans | None:
+        return None if layer.maps.is_plain else self.map_means.get((object_of(key), layer.maps.images))
+
+    def _band_values(self, key: str, layer: Layer, factor: str, n_bands: int) -> Float64Array:
+        known = self._cached_curve(key, layer, factor, n_bands)
+        values = layer.coefficients(factor, n_bands) if known is None else known
+        return self._store_curve(key, layer, factor, values)
+
+    def _cached_curve(self, key: str, layer: Layer, factor: str, n: int) -> Float64Array | None:
+        """The cached curve when it was made from this layer, or from one that does not differ in this curve."""
+        before, values = self._cached.get((key, factor, n), (None, None))
+        if before is None or values is None or not (before is layer or _same_curve(before, layer, factor)):
+            return None
+        return values
+
+    def _store_curve(self, key: str, layer: Layer, factor: str, values: Float64Array) -> Float64Array:
+        values.setflags(write=False)
+        self._cached[key, factor, len(values)] = (layer, values)
+        return values
+
+
+def picture_identity(model: str, quotient_parameters: Sequence[float]) -> tuple[object, ...]:
+    """What f_q and the curves of a layer's picture belong to: its model, and of a measured one the measurement.
+
+    Those of another one have another scale: with them the picture of the layer before would be far too bright or dark.
+    """
+    return (model, *quotient_parameters) if isinstance(MODELS[model], MeasuredModel) else (model,)
+
+
+def view_curve_of(layer: Layer) -> Float64Array:
+    """f_o at 256 angles from 0 to π/2, (256,3)."""
+    factor = layer.model.view_factor
+    if factor is None:
+        return np.ones((N_VIEW_SAMPLES, 3))
+    return layer.curve(factor.name)(np.linspace(0.0, HALF_PI, N_VIEW_SAMPLES))
+
+
+def _same_curve(before: Layer, layer: Layer, factor: str) -> bool:
+    """Whether two layers agree in all that makes this curve: model, operators, and the parameters that drive it."""
+    if before.model is not layer.model:
+        return False
+    if not factor:
+        return True
+    part = _part_of(layer.model, factor)
+    driving = [parameter.name for parameter in layer.model.parameters if part in parameter.drives]
+    old, new = before.values, layer.values
+    return before.operators(factor) == layer.operators(factor) and all(old[name] == new[name] for name in driving)
+
+
+def _part_of(model: Model, factor: str) -> str:
+    """Which curve of [BenArtzi07, eq. 3.1] a factor is: "A", "B" or "o"."""
+    names = [each.name for each in model.factors]
+    return "AB"[names.index(factor)] if factor in names else "o"

@@ -1,0 +1,170 @@
+"""What the editor wants of the worker, asked of it last, and got from it: the values that `transport_controller`
+compares."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.document.document import RGB, Document, LightState
+from app.document.scene_state import LayerState
+from app.modes.placement.curves import Coefficients, Curves, Float64Array
+from engine.planner import Precision, RenderSettings
+
+Emission = tuple[tuple[str, RGB], ...]
+
+
+@dataclass(frozen=True)
+class TransportShape:
+    """What of a layer its transport depends on.
+
+    ``baked``: of a layer whose object is fixed the bytes of its curves, which are then part of its transport: nobody
+    means to edit it, so it costs no bands.
+    """
+
+    key: str
+    model: str
+    quotient_parameters: tuple[float, ...]
+    bands: tuple[tuple[str, int], ...]
+    baked: bytes | None = None
+
+    @property
+    def is_fixed(self) -> bool:
+        return self.baked is not None
+
+    @property
+    def bands_kept(self) -> tuple[int, ...]:
+        """How many bands of each factor its transport has."""
+        return () if self.is_fixed else tuple(n for _, n in self.bands)
+
+    def takes(self, coefficients: Coefficients) -> bool:
+        """Whether its transport can be contracted with these."""
+        return not self.is_fixed and {name: len(values) for name, values in coefficients.items()} == dict(self.bands)
+
+    def has_quotient_of(self, other: TransportShape | None) -> bool:
+        """Whether the fixed part of both layers' reflection is the same."""
+        return other is not None and (self.model, self.quotient_parameters) == (other.model, other.quotient_parameters)
+
+    def looks_like(self, other: TransportShape | None) -> bool:
+        """Whether transport of one gives the picture of the other, be it with bands or without."""
+        if other is None or not self.has_quotient_of(other):
+            return False
+        return self.baked == other.baked or not (self.is_fixed and other.is_fixed)
+
+
+def transport_shape(state: LayerState, coefficients: Coefficients) -> TransportShape:
+    """That of a layer, which has these curves."""
+    baked = b"".join(values.tobytes() for values in coefficients.values()) if state.fixed else None
+    bands = tuple(zip(state.factors, state.bands, strict=True))
+    return TransportShape(state.key, state.model, state.quotient_parameters, bands, baked)
+
+
+@dataclass(frozen=True)
+class DesiredTransport:
+    """All that transport depends on: equal wishes have equal transport."""
+
+    light: LightState
+    layers: tuple[TransportShape, ...]
+    emission: Emission = ()
+    settings: RenderSettings = RenderSettings()
+
+    def moved_from(self, other: DesiredTransport) -> bool:
+        """Whether of the light only the environment's rotation differs, or what emitters emit."""
+        light = replace(self.light, rotation=other.light.rotation)
+        stayed = replace(self, light=light, emission=other.emission, layers=other.layers)
+        return stayed == other and not self.lights_like(other)
+
+    def lights_like(self, other: DesiredTransport) -> bool:
+        """Whether the light is the same."""
+        return (self.light, self.emission) == (other.light, other.emission)
+
+    def can_mix_with(self, other: DesiredTransport) -> bool:
+        """Whether pictures of layers under both can stand side by side."""
+        return self.lights_like(other) and self.settings.direct_settings == other.settings.direct_settings
+
+    def alike(self, before: DesiredTransport) -> tuple[str, ...]:
+        """Keys of the layers that look as they did under the wish before."""
+        if not self.can_mix_with(before):
+            return ()
+        return tuple(shape.key for shape in self.layers if shape.looks_like(before.shape(shape.key)))
+
+    def shape(self, key: str) -> TransportShape | None:
+        return next((shape for shape in self.layers if shape.key == key), None)
+
+
+@dataclass(frozen=True, eq=False)
+class DesiredCurve:
+    """One curve's transport; ``others`` are the present coefficients of the layer's other factors.
+
+    ``factor`` None wishes for the layer's radiance alone.
+    """
+
+    key: str
+    factor: str | None
+    others: Coefficients
+    precision: Precision = "half"
+
+    def same_curve(self, other: DesiredCurve | None) -> bool:
+        """Whether the answer to one is of the kind that the other waits for."""
+        if other is None:
+            return False
+        return (self.key, self.factor, self.precision) == (other.key, other.factor, other.precision)
+
+    def same(self, other: DesiredCurve | None) -> bool:
+        return other is not None and self.same_curve(other) and same_coefficients(self.others, other.others)
+
+
+@dataclass
+class ReadyLayer:
+    """The newest radiance of a layer under the transport asked last: its stage, and the curves it was made with."""
+
+    stage: str
+    coefficients: Coefficients
+
+
+@dataclass(frozen=True)
+class ReadyCurve:
+    """The transport that was delivered last for a selected curve of a layer."""
+
+    key: str
+    factor: str
+    stage: str
+    precision: Precision
+
+
+@dataclass
+class PendingContraction:
+    """A Contract under way."""
+
+    id: int
+    desired: DesiredCurve
+    sent_at: float
+
+
+def desired_transport(document: Document, settings: RenderSettings, curves: Curves) -> DesiredTransport:
+    """The transport of a document's layers in its light."""
+    scene = curves.scene_state(document)
+    shapes = tuple(transport_shape(state, curves.coefficients(document, state.key)) for state in scene.layers)
+    return DesiredTransport(scene.light, shapes, scene.emission, settings)
+
+
+def brightening_factors(wanted: Emission, known: Emission) -> Float64Array | None:
+    """The factors (3,) by which every emitter is brighter than it was; None where they are not the same for all."""
+    if [name for name, _ in wanted] != [name for name, _ in known] or not known:
+        return None
+    new, old = (np.array([radiance for _, radiance in each], dtype=np.float64) for each in (wanted, known))
+    factors = np.divide(new.sum(axis=0), old.sum(axis=0), out=np.zeros(3), where=old.sum(axis=0) > 0.0)
+    return factors if np.allclose(old * factors, new, rtol=1e-9, atol=0.0) else None
+
+
+def same_coefficients(one: Mapping[str, Float64Array], two: Mapping[str, Float64Array]) -> bool:
+    """Whether two sets of band values agree to 1e-6, factor by factor."""
+    if one.keys() != two.keys():
+        return False
+    return all(a is two[name] or _close(a, two[name]) for name, a in one.items())
+
+
+def _close(one: Float64Array, two: Float64Array) -> bool:
+    return one.shape == two.shape and bool(np.all(np.abs(one - two) <= 1e-6 * np.abs(two)))

@@ -1,0 +1,237 @@
+"""Textures and weight maps on the window's side: which images are to be sampled, and what is known of them.
+
+The worker samples a layer's images once for each pixel of its object; strength and inversion are numbers that the
+renderer multiplies by, and repeats or another file ask for new samples. Until those are here the old ones stay on
+screen. What was sampled is kept for a while, so that undo shows it at once. Compared with the document whenever that
+has changed, one request at a time, as everything else is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from itertools import zip_longest
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document.document import Document
+from app.document.history import History
+from app.messages.worker_messages import Request
+from app.modes.placement.curves import Curves
+from app.modes.placement.placement_events import LayerMapsChanged
+from app.modes.placement.placement_messages import MapsRefused, MapsSampled, SampleMaps
+from engine.material.layer import object_of
+from engine.material.layer_maps import Images, LayerMaps
+from engine.material.strokes import Strokes
+
+MAX_CACHED = 24
+
+Surface = tuple[str, Images]
+
+
+class MapController:
+    """The talk with the worker about images. ``send`` hands a request over; ``curves`` learn the means."""
+
+    def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
+        self._send, self._curves = send, curves
+        self.scene_opened()
+
+    def scene_opened(self) -> None:
+        """Another scene: nothing is known of its images."""
+        self._cached: dict[Surface, MapsSampled] = {}
+        self._refused: dict[Surface, str] = {}
+        self._shown: dict[str, MapsSampled] = {}
+        self._newest: dict[Surface, MapsSampled] = {}
+        self._asked: tuple[tuple[str, Images], ...] = ()
+        self._awaited: set[Surface] = set()
+        self._request = 0
+        self._document: Document | None = None
+        self._followed: Document | None = None
+        self._wanted: dict[str, LayerMaps] = {}
+        self._found: dict[str, MapsSampled | None] = {}
+        self._missing: tuple[tuple[str, Images], ...] = ()
+        self._curves.map_means.clear()
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the images of all layers are in the picture, as far as they can be used."""
+        return not self._missing
+
+    def is_wanted(self, document: Document) -> bool:
+        """Whether a document has images."""
+        return bool(_wanted(document))
+
+    def refusal(self, key: str, maps: LayerMaps) -> str | None:
+        """Why a layer's images cannot be used, in one line."""
+        return self._refused.get((object_of(key), maps.images))
+
+    def cached_maps(self, key: str, maps: LayerMaps) -> MapsSampled | None:
+        """What is known of a layer's images: samples, means, thumbnails."""
+        return self._cached.get((object_of(key), maps.images))
+
+    def edited(self) -> None:
+        """The document changed: until the next update it is not known whether anything is missing."""
+        self._document = None
+
+    def reload(self, key: str, maps: LayerMaps) -> None:
+        """Sample a layer's images again: their files were written meanwhile. The old ones are shown until then."""
+        surface = (object_of(key), maps.images)
+        self._cached.pop(surface, None)
+        self._refused.pop(surface, None)
+        self.edited()
+
+    def receive(self, response: MapsSampled) -> None:
+        """Images were sampled."""
+        surface = (object_of(response.key), response.images)
+        # What was asked for shares its strokes with the document; what crossed between processes is a copy of them all.
+        surface = next((asked for asked in self._awaited if asked == surface), surface)
+        response = replace(response, images=surface[1])
+        self._awaited.discard(surface)
+        self._cached.pop(surface, None)
+        self._forget_begun(surface)
+        self._cached[surface] = response
+        self._newest[surface[0], response.images.without_strokes] = response
+        self._curves.map_means[surface] = response.means
+        shown = {id(each) for each in self._shown.values()}
+        spare = [key for key, each in self._cached.items() if id(each) not in shown and each is not response]
+        for key in spare[: max(0, len(self._cached) - MAX_CACHED)]:
+            del self._cached[key]
+        self.edited()
+
+    def receive_failure(self, request: int) -> None:
+        """A request was given up: nothing more comes of it."""
+        if request == self._request:
+            self._awaited.clear()
+            self.edited()
+
+    def _forget_begun(self, surface: Surface) -> None:
+        """A stroke went on: what it was in the frames before is of no further use."""
+        for place, images in list(self._cached):
+            if place == surface[0] and surface[1].strokes.extends_last_stroke(images.strokes):
+                del self._cached[place, images]
+        for place, images in list(self._curves.map_means):
+            if place == surface[0] and surface[1].strokes.extends_last_stroke(images.strokes):
+                del self._curves.map_means[place, images]
+
+    def refuse(self, response: MapsRefused, history: History[Document]) -> bool:
+        """Images cannot be used. Where choosing them was the last step, that step is gone as if it had never been;
+        whether it was. Else they stay in the document, and the layer is shown without."""
+        self._refused[object_of(response.key), response.images] = response.line
+        self._awaited.discard((object_of(response.key), response.images))
+        self.edited()
+        document = history.document
+        if all(key != response.key for key, _ in document.layers()):
+            return False
+        layer = document.layer(response.key)
+        if layer.maps.images != response.images:
+            return False
+        return history.retract(lambda before: _only_chose(response.key, response.images, before, document))
+
+    def update(self, document: Document) -> list[LayerMapsChanged]:
+        """Ask for what is missing; the layers whose samples are others than those shown."""
+        self.request_missing(document)
+        return self.follow(document)
+
+    def request_missing(self, document: Document) -> None:
+        """Ask for what is missing."""
+        if document is self._document:
+            return
+        self._document, self._followed = document, None
+        self._wanted = _wanted(document)
+        missing: dict[Surface, str] = {}
+        self._found = {}
+        for key, maps in self._wanted.items():
+            surface = (object_of(key), maps.images)
+            found = self._cached.get(surface)
+            if found is None and surface not in self._refused:
+                missing.setdefault(surface, key)
+                found = self._painted_so_far(surface)
+                if found is None:
+                    continue
+            self._found[key] = found
+        self._missing = tuple((key, images) for (_, images), key in missing.items())
+        if not self._drag_is_ahead(missing):
+            if self._missing and self._missing != self._asked:
+                self._request = self._send(SampleMaps(self._missing))
+                self._awaited = set(missing)
+            self._asked = self._missing
+
+    def follow(self, document: Document) -> list[LayerMapsChanged]:
+        """The layers whose samples are others than those shown, of the document that was asked for last."""
+        if document is self._followed or document is not self._document:
+            return []
+        self._followed = document
+        wanted, found = self._wanted, self._found
+        events = [self._drop(key) for key in list(self._shown) if key not in wanted]
+        waits = _out_of_step(wanted, found)
+        changed = [key for key in found if key not in waits and found[key] is not self._shown.get(key)]
+        for key, following in zip_longest(changed, changed[1:]):
+            samples = found[key]
+            if samples is None:
+                events.append(self._drop(key))
+                continue
+            self._shown[key] = samples
+            with_next = following is not None and _painted_as(wanted, key) == _painted_as(wanted, following)
+            events.append(
+                LayerMapsChanged(
+                    key, samples.samples, samples.images.has_weight, samples.thumbnails,
+                    with_next=with_next and bool(wanted[key].strokes),
+                )
+            )  # fmt: skip
+        return events
+
+    def _drag_is_ahead(self, missing: Iterable[Surface]) -> bool:
+        """Whether the worker is still at an earlier part of a stroke: asked for more it would drop that, and nothing
+        would be seen before the hand rests."""
+        return any(
+            wanted[0] == awaited[0] and wanted[1].without_strokes == awaited[1].without_strokes
+            and wanted[1].strokes.extends_last_stroke(awaited[1].strokes)
+            for awaited in self._awaited for wanted in missing
+        )  # fmt: skip
+
+    def _painted_so_far(self, surface: Surface) -> MapsSampled | None:
+        """While a stroke goes on: the newest of it that is here, whose mean stands for that to come."""
+        newest = self._newest.get((surface[0], surface[1].without_strokes))
+        if newest is None or not surface[1].strokes.extends(newest.images.strokes):
+            return None
+        self._curves.map_means.setdefault(surface, newest.means)
+        return newest
+
+    def _drop(self, key: str) -> LayerMapsChanged:
+        del self._shown[key]
+        return LayerMapsChanged(key, None)
+
+    def samples(self, key: str, maps: LayerMaps) -> NDArray[np.float16] | None:
+        """The samples of a layer's images, where they are known."""
+        found = self.cached_maps(key, maps)
+        return None if found is None else found.samples
+
+
+def _wanted(document: Document) -> dict[str, LayerMaps]:
+    """The layers that have images."""
+    return {key: layer.maps for key, layer in document.layers() if not layer.maps.is_plain}
+
+
+def _out_of_step(wanted: dict[str, LayerMaps], found: dict[str, MapsSampled | None]) -> set[str]:
+    """Layers of an object that the same strokes paint, as long as those of one are here farther along than those of
+    another: apart, the one would have given way already to what the other does not show yet, and both be black."""
+    reached: dict[tuple[str, Strokes], set[Strokes | None]] = {}
+    for key, maps in wanted.items():
+        here = found.get(key)
+        if maps.strokes and (key not in found or here is not None):
+            step = None if here is None else here.images.strokes
+            reached.setdefault(_painted_as(wanted, key), set()).add(step)
+    return {key for key in wanted if len(reached.get(_painted_as(wanted, key), ())) > 1}
+
+
+def _painted_as(wanted: dict[str, LayerMaps], key: str) -> tuple[str, Strokes]:
+    """The same of layers that one brush paints."""
+    return object_of(key), wanted[key].strokes
+
+
+def _only_chose(key: str, images: Images, before: Document, after: Document) -> bool:
+    """Whether all that happened between two documents is that a layer got these images."""
+    if all(each != key for each, _ in before.layers()) or before.layer(key).maps.images == images:
+        return False
+    return before.with_layer(key, before.layer(key).replace(maps=after.layer(key).maps)) == after

@@ -1,0 +1,308 @@
+"""From one picture to the next: what has come of the next waits until it can take the place of the one on screen.
+
+The worker answers layer by layer and stage by stage. Shown as it comes, that would be parts of two documents in one
+picture, and coarse samples where fine ones were. So the picture is always one document's (`drawn`), and a document is
+drawn from the frame in which all that it changes is there:
+
+- A layer's radiance replaces another of the same light that is no finer. Layers that change together appear together.
+- Under other light all layers and the sky behind them change in one frame, once every pixel has samples of its own,
+  those at edges included; what 400 lights then still leave to be wished for takes less time than a person waits.
+- A light in the hand is followed by quick pictures, whole ones; so is the hand by coarse ones, where it moves something
+  that the picture has not shown yet.
+- The first picture of a view replaces objects lit from the eye, and is as coarse as it comes.
+- The last stage takes its place in any case, whatever was there: nothing finer will come.
+
+Rejected: to show coarse samples of a new material at once, which is a second earlier and looks like a fault; to fade
+from one picture into the other, which is a mixture of both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.document.commands.light import emission_of
+from app.document.document import SCENE_ENVIRONMENT, Document, layer_key
+from app.messages.picture_events import PictureEvent, SkyChanged
+from app.modes.placement.curves import Coefficients, Curves, Float64Array, picture_identity
+from app.modes.placement.desired_state import DesiredTransport, brightening_factors, same_coefficients
+from app.modes.placement.placement_events import LayerRadiance, TransportReady
+
+# Coarse to fine. Lit anew is as fine as a preview in its pixels, and has the exact picture's details beside.
+_RANK = {"drag": 0, "coarse": 1, "preview": 2, "relit": 3, "final": 4}
+_FULL_RESOLUTION = _RANK["preview"]
+_ANY = -1
+
+
+@dataclass(frozen=True)
+class RequestedTransport:
+    """The transport asked last: what it is of, the document then, and how far it and the document's other needs are.
+
+    is_drag: for a light in the hand. is_last: whether its last stage has come. has_other_parts: whether images and
+    indirect light of the document as it is now are there; is_finished: whether all of its picture is.
+    """
+
+    desired: DesiredTransport
+    document: Document
+    is_drag: bool
+    is_last: bool
+    has_other_parts: bool
+    is_finished: bool
+
+
+@dataclass
+class _ShownLayer:
+    """What a layer's picture was made of. curve: that whose transport came with it, None for none."""
+
+    rank: int
+    drawn_as: tuple[object, ...]
+    coefficients: Coefficients
+    curve: str | None = None
+
+
+class PictureTransition:
+    """The document that is drawn, and what has come for the next."""
+
+    def __init__(self, curves: Curves) -> None:
+        self._curves = curves
+        self.scene_opened(Document(""), has_sky=True)
+
+    def scene_opened(self, document: Document, has_sky: bool) -> None:
+        """Nothing is on screen yet but objects lit from the eye. has_sky: whether the scene's own light has one."""
+        self._has_sky = has_sky
+        self.drawn = document
+        self._desired: DesiredTransport | None = None
+        self._layers: dict[str, _ShownLayer] = {}
+        self._coming: dict[str, LayerRadiance] = {}
+        self._transports: dict[str, TransportReady] = {}
+        self._sky: SkyChanged | None = None
+
+    @property
+    def has_picture(self) -> bool:
+        """Whether anything that was computed is on screen."""
+        return self._desired is not None
+
+    @property
+    def waits(self) -> bool:
+        """Whether something has come that is not on screen."""
+        return bool(self._coming or self._transports or self._sky)
+
+    @property
+    def is_fine(self) -> bool:
+        """Whether all that is on screen is of the last stage."""
+        return self.has_picture and self._rank == _RANK["final"]
+
+    @property
+    def light_gain(self) -> Float64Array:
+        """How much brighter (3,) the emitters of the document drawn are than in its pictures, where they are all there
+        is of light."""
+        factors = (
+            None if self._desired is None else brightening_factors(emission_of(self.drawn), self._desired.emission)
+        )
+        return np.ones(3) if factors is None else factors
+
+    # ------------------------------------------------------------------------------------------------- what has come
+
+    def transport_requested(self, staying: Collection[str]) -> None:
+        """Other transport was asked for: what has come of these layers is a part of it, all else is void."""
+        self._coming = {key: event for key, event in self._coming.items() if key in staying}
+        self._transports = {key: event for key, event in self._transports.items() if key in self._coming}
+
+    def receive_radiance(self, event: LayerRadiance) -> None:
+        self._coming[event.key] = event
+        self._transports.pop(event.key, None)
+
+    def receive_transport(self, event: TransportReady) -> None:
+        self._transports[event.key] = event
+
+    def receive_sky(self, event: SkyChanged) -> None:
+        self._sky = event
+
+    def rendered(self, key: str, factor: str, coefficients: Float64Array) -> None:
+        """The renderer has stepped a layer's picture to these exactly."""
+        layer = self._layers.get(key)
+        if layer is not None and key not in self._coming:
+            layer.coefficients = {**layer.coefficients, factor: coefficients}
+
+    # ------------------------------------------------------------------------------------------------- what is shown
+
+    def update(
+        self,
+        document: Document,
+        asked: RequestedTransport | None,
+        dragging: bool,
+        edited: Iterable[str],
+        factor: str | None,
+    ) -> list[PictureEvent]:
+        """What takes its place on screen now, in one frame; `drawn` is then the document of the picture.
+
+        edited: keys of the layers that follow the selected curve, `factor`, in every frame.
+        """
+        if not self.has_picture:  # objects lit from the eye need nothing
+            self.drawn = document
+        if asked is None:
+            return []
+        follows = dict.fromkeys(edited, factor)
+        if self._desired is not None and asked.desired.can_mix_with(self._desired):
+            return self._refined(document, asked, dragging, follows)
+        return self._replaced(document, asked, dragging, follows)
+
+    def draw_now(self, document: Document, edited: Iterable[str], factor: str | None) -> None:
+        """Draw an edit in this very frame, where nothing of it has to come."""
+        if self._can_draw(document, self._layers, dict.fromkeys(edited, factor), False):
+            self.drawn = document
+
+    def follow_drag(self, document: Document) -> None:
+        """A hand moves something: draw it in this very frame, as far as it can be while another edit is waited for."""
+        if document is self.drawn or not self.has_picture:
+            self.drawn = document
+        elif self._can_draw(document, self._layers, {}, True):
+            self.drawn = document
+        elif self._has_same_light(document, self._desired) and self._has_same_light(self.drawn, self._desired):
+            for before, now in zip(self.drawn.objects, document.objects, strict=True):
+                if now != before and self._can_draw_object(now.name, document, self._layers, {}, True):
+                    self.drawn = self.drawn.with_object(now)
+
+    def _refined(
+        self, document: Document, asked: RequestedTransport, dragging: bool, follows: Mapping[str, str | None]
+    ) -> list[PictureEvent]:
+        """Under the light that is on screen: the layers that are no coarser than theirs, if the document can then be
+        drawn."""
+        good = {
+            key: event for key, event in self._coming.items()
+            if asked.is_last or _RANK[event.stage] >= self._least_rank(document, key, dragging)
+        }  # fmt: skip
+        can_draw = self._can_draw(document, self._after(good), follows, dragging)
+        if asked.is_finished or can_draw and (dragging or asked.has_other_parts):
+            self.drawn, self._desired = document, asked.desired
+            return self._released(good)
+        return self._released({})
+
+    def _replaced(
+        self, document: Document, asked: RequestedTransport, dragging: bool, follows: Mapping[str, str | None]
+    ) -> list[PictureEvent]:
+        """Under other light: all of the picture, once all of it is there."""
+        least = _ANY
+        if self._desired is not None and not (asked.is_drag or asked.is_last):
+            same_light = asked.desired.lights_like(self._desired)
+            least = self._rank if same_light else min(self._rank, _FULL_RESOLUTION)
+        keys = [shape.key for shape in asked.desired.layers]
+        is_whole = all(key in self._coming and _RANK[self._coming[key].stage] >= least for key in keys)
+        if not is_whole or not (asked.has_other_parts or asked.is_drag or asked.is_finished):
+            return []
+        if self._can_draw(document, self._after(self._coming, {}), follows, dragging, asked.desired):
+            next_drawn = document
+        elif _models(asked.document) == _models(document):
+            next_drawn = asked.document
+        else:
+            return []
+        self.drawn, self._desired, self._layers = next_drawn, asked.desired, {}
+        return self._released(self._coming)
+
+    def _released(self, radiances: Mapping[str, LayerRadiance]) -> list[PictureEvent]:
+        """These layers, the sky of their light, and the transport of layers that are on screen."""
+        events: list[PictureEvent] = [] if self._sky is None else [self._sky]
+        self._sky = None
+        for key, event in radiances.items():
+            self._layers[key] = _shown_layer(event)
+            events.append(event)
+        self._coming = {key: event for key, event in self._coming.items() if key not in radiances}
+        for key in [key for key in self._transports if key in self._layers and key not in self._coming]:
+            transport = self._transports.pop(key)
+            for other, layer in self._layers.items():
+                layer.curve = transport.factor if other == key else layer.curve if other in transport.beside else None
+            events.append(transport)
+        return events
+
+    # -------------------------------------------------------------------------------------------- what can be drawn
+
+    @property
+    def _rank(self) -> int:
+        return min((layer.rank for layer in self._layers.values()), default=_ANY)
+
+    def _least_rank(self, document: Document, key: str, dragging: bool) -> int:
+        """How fine a layer's picture has to be: as the one on screen, if a hand does not move what that is not of."""
+        shown = self._layers.get(key)
+        if dragging and (shown is None or shown.drawn_as != _drawn_as(document, key)):
+            return _ANY
+        return self._rank if shown is None else shown.rank
+
+    def _after(
+        self, radiances: Mapping[str, LayerRadiance], before: Mapping[str, _ShownLayer] | None = None
+    ) -> dict[str, _ShownLayer]:
+        """The layers with these put on screen, and the transport that has come."""
+        after = dict(self._layers if before is None else before)
+        after.update((key, _shown_layer(event)) for key, event in radiances.items())
+        for key, transport in self._transports.items():
+            if key in radiances or key not in self._coming and key in after:
+                after[key] = replace(after[key], curve=transport.factor)
+        return after
+
+    def _has_same_light(self, document: Document, desired: DesiredTransport | None) -> bool:
+        """Whether a document's light is that of transport, but for what multiplies its pictures."""
+        if desired is None or replace(document.light, intensity=1.0) != desired.light:
+            return False
+        emission = emission_of(document)
+        if emission == desired.emission:
+            return True
+        emitters_are_all = not self._has_sky and desired.light.environment == SCENE_ENVIRONMENT
+        return emitters_are_all and brightening_factors(emission, desired.emission) is not None
+
+    def _can_draw(
+        self, document: Document, layers: Mapping[str, _ShownLayer], follows: Mapping[str, str | None], roughly: bool,
+        desired: DesiredTransport | None = None,
+    ) -> bool:  # fmt: skip
+        """Whether these layers, lit as on screen or as in this transport, are all that a document shows. roughly: with
+        curves that are on their way."""
+        return self._has_same_light(document, desired or self._desired) and all(
+            self._can_draw_object(state.name, document, layers, follows, roughly)
+            for state in document.objects
+        )  # fmt: skip
+
+    def _can_draw_object(
+        self, name: str, document: Document, layers: Mapping[str, _ShownLayer], follows: Mapping[str, str | None],
+        roughly: bool,
+    ) -> bool:  # fmt: skip
+        state = document.object(name)
+        for index in range(len(state.layers)):
+            key = layer_key(name, index)
+            if not document.is_visible(key):
+                continue
+            look = layers.get(key)
+            if look is None or look.drawn_as != _drawn_as(document, key):
+                return False
+            if not (roughly or self._shows_curves(document, key, look, follows.get(key))):
+                return False
+        return True
+
+    def _shows_curves(self, document: Document, key: str, look: _ShownLayer, followed: str | None) -> bool:
+        """Whether a layer's picture has the document's curves, or follows that in which it has not."""
+        wanted = self._curves.coefficients(document, key)
+        if same_coefficients(look.coefficients, wanted):
+            look.coefficients = wanted
+            return True
+        if followed is None or followed != look.curve:
+            return False
+        shown, others = (
+            {name: values for name, values in each.items() if name != followed} for each in (look.coefficients, wanted)
+        )
+        bands = followed in wanted and len(look.coefficients.get(followed, ())) == len(wanted[followed])
+        return bands and same_coefficients(shown, others)
+
+
+def _shown_layer(event: LayerRadiance) -> _ShownLayer:
+    return _ShownLayer(_RANK[event.stage], event.drawn_as, event.coefficients)
+
+
+def _drawn_as(document: Document, key: str) -> tuple[object, ...]:
+    """Of the layer that a document has by this key; nothing where it has none."""
+    if all(key != each for each, _ in document.layers()):
+        return ()
+    layer = document.layer(key)
+    return picture_identity(layer.model.name, layer.quotient_parameters().tolist())
+
+
+def _models(document: Document) -> list[tuple[str, str]]:
+    return [(key, layer.model.name) for key, layer in document.layers()]

@@ -1,0 +1,521 @@
+"""Placement in the window's process: the talks with the worker that make its picture, as one.
+
+    document ─┬─► Curves ─► coefficients wanted ─► renderer
+              └─► transport, indirect light, images, side A ─► requests ─► worker ─► answers ─► picture events
+
+Each of them compares what the document and the view want with what was asked for and has come (see
+`transport_controller`); this joins them, and says what all of it comes to for the person.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from functools import partial
+
+from app.document.commands import EditCommand
+from app.document.commands.material import SetMaterial
+from app.document.document import Document, layer_key
+from app.document.effective_settings import effective_settings, effective_view
+from app.document.view_state import AS_PLANNED, ViewState
+from app.messages.editor_status import PictureState, Status
+from app.messages.picture_events import PictureEvent, SkyChanged
+from app.messages.worker_messages import CancelRequests, RequestFailed, Response
+from app.modes.mode import EditorServices, ModeController, OpenedScene
+from app.modes.placement.accepted_light import AcceptedLight
+from app.modes.placement.band_plans import BandController, BandPlans
+from app.modes.placement.comparison import Comparison
+from app.modes.placement.curves import Curves, Float64Array, picture_identity
+from app.modes.placement.edited_curves import edited_layers
+from app.modes.placement.error_controller import ErrorController
+from app.modes.placement.indirect_controller import IndirectController
+from app.modes.placement.map_controller import MapController
+from app.modes.placement.picture_transition import PictureTransition, RequestedTransport
+from app.modes.placement.placement_events import DocumentDrawn, Footprint, LayerRadiance, TransportReady
+from app.modes.placement.placement_messages import (
+    BandsPlanned,
+    BouncesPlanned,
+    ComputeTransport,
+    ErrorEstimated,
+    IndirectFound,
+    IndirectFrozen,
+    IndirectNoise,
+    LayerPicture,
+    LayerTransport,
+    LightPlanned,
+    MapsRefused,
+    MapsSampled,
+    PlanBands,
+    RelightingPrepared,
+    SampleMaps,
+    StageDone,
+    StageFootprint,
+)
+from app.modes.placement.placement_status import (
+    NO_NOISE,
+    PlacementStatus,
+    RenderReport,
+    emitter_note,
+    error_note,
+    light_note,
+    material_note,
+    transport_note,
+)
+from app.modes.placement.relight_controller import RelightController
+from app.modes.placement.transport_controller import TransportController
+from engine.material.layer import Layer
+from engine.precompute.indirect.clamping import TOO_BRIGHT
+
+
+class PlacementController(ModeController):
+    """The talk of Placement. curves: how many bands each curve gets, None for as many as planned."""
+
+    def __init__(self, services: EditorServices, curves: Curves | None = None) -> None:
+        self.curves = curves or Curves(plans=services.shared_state(BandPlans))
+        self._services = services
+        self._bands = BandController(services.send, self.curves.plans)
+        self._transport = TransportController(services.send, self.curves)
+        self.indirect = IndirectController(services.send, self.curves)
+        self.maps = MapController(services.send, self.curves)
+        self._comparison = Comparison(services.send, self.curves, self.maps.samples)
+        self._error = ErrorController(services.send, self.curves)
+        self._relight = RelightController(services.send, self.curves)
+        self._changeover = PictureTransition(self.curves)
+        self._warned_clamped = False
+        self._forget()
+
+    def _forget(self) -> None:
+        """Nothing is known of the picture."""
+        self._view_id = 0
+        self._footprints: dict[str, Footprint] = {}
+        self._accepted_light = AcceptedLight()
+        self._report = RenderReport()
+        self._was_held = False
+        self._bounces, self._bounces_reason = (0, ""), ""
+        self._light_plan = LightPlanned(0, 0)
+        self._transport_bytes = 0
+        self._done: StageDone | None = None
+
+    # ----------------------------------------------------------------------------------------- what the editor tells
+
+    def scene_closed(self) -> None:
+        self._transport.scene_closed()
+        self._error.worker_interrupted()
+        self._relight.forget()
+
+    def scene_open_failed(self) -> None:
+        self._transport.scene_opened(is_new=False)
+
+    def view_moved(self) -> None:
+        self.scene_closed()
+
+    def view_restored(self) -> None:
+        self.scene_open_failed()
+
+    def view_traced(self, scene: OpenedScene) -> None:
+        self.scene_opened(scene)
+
+    def scene_opened(self, scene: OpenedScene) -> None:
+        self._forget()
+        self._view_id = scene.view_id
+        self._transport.scene_opened(has_sky=scene.description.environment is not None)
+        self.indirect.scene_opened()
+        self.maps.scene_opened()
+        self._error.forget()
+        self._relight.forget()
+        self._accepted_light.accept(scene.described.light)
+        self.curves.scene_opened(scene.description)
+        self._changeover.scene_opened(scene.document, scene.description.environment is not None)
+        self.add_band_plans(scene.planned)
+
+    def deactivated(self) -> None:
+        self._services.send(CancelRequests(of=(ComputeTransport, SampleMaps, PlanBands)))
+
+    def add_band_plans(self, planned: Iterable[tuple[Layer, Mapping[str, int]]]) -> None:
+        for layer, bands in planned:
+            self.curves.plans.add_plan(layer, bands)
+
+    def edited(self, command: EditCommand | None = None) -> None:
+        if isinstance(command, SetMaterial):
+            self.curves.plans.replan(layer_key(command.object, index) for index in range(len(command.layers)))
+            self._transport.hand_released()  # chosen, and not on its way to something else
+        self._picture_changed()
+        self._transport.edited()
+        self.indirect.edited()
+        self.maps.edited()
+
+    def drag_ended(self) -> None:
+        self._transport.hand_released()
+
+    def reload_images(self, key: str) -> None:
+        self.maps.reload(key, self._document.layer(key).maps)
+        self._picture_changed()
+        self._error.forget()
+
+    def cancelled(self) -> None:
+        self._transport.cancelled()
+        self._error.user_stopped()
+        self._relight.interrupted()
+
+    def resume(self) -> None:
+        self._transport.resume()
+
+    def worker_restarted(self) -> None:
+        self._transport.worker_restarted()
+        self.indirect.worker_restarted()
+        self._relight.forget()
+        self._comparison.worker_restarted()
+
+    def _picture_changed(self) -> None:
+        """Something the picture is made of changed: until the renderer reports again, it is not exact."""
+        self._report = replace(self._report, exact=False)
+
+    @property
+    def _document(self) -> Document:
+        return self._services.history.document
+
+    @property
+    def _view(self) -> ViewState:
+        """With what the document has in the place of its knobs."""
+        return effective_view(self._services.view, self._document)
+
+    # --------------------------------------------------------------------------------------------------------- asking
+
+    def update(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
+        compare = partial(self._compare, now, document, view)
+        none: list[PictureEvent] = []
+        planned = self._request_missing(now, document, view)
+        events = self._advance_transition(document, view, planned)
+        rests = self._picture in ("finished", "exact") and not self._services.history.dragging
+        self._error.update(now, document, view, self._transport.revision, rests)
+        turns = rests and self._transport.requested_rotation is not None
+        self._relight.update(now, document, self._transport.revision, turns)
+        return events + self._services.barrier.run("Side A", compare, none, (document, view))
+
+    def _request_missing(self, now: float, document: Document, view: ViewState) -> bool:
+        """Ask for what is missing; whether the bands of all layers are known."""
+        controller, revision = self._transport, self._transport.revision
+        planned = self._bands.update(document)
+        settings = effective_settings(view, document)
+        dragging, is_fine = self._services.history.dragging, self._changeover.is_fine
+        controller.update(now, document, view.selected, settings, dragging, view.precision, planned, is_fine)
+        if controller.revision != revision:
+            self._changeover.transport_requested(controller.received)
+        self.maps.request_missing(document)
+        if planned and not controller.drag_quality:
+            self.indirect.request_missing(
+                now, document, view.selected, view.n_bounces, view.second_bands, controller.revision
+            )
+        return planned
+
+    def _advance_transition(self, document: Document, view: ViewState, planned: bool) -> list[PictureEvent]:
+        """What takes its place in the picture now, all of it in one frame."""
+        controller, change, was_held = self._transport, self._changeover, self._was_held
+        asked, dragging = self._requested_transport() if planned else None, self._services.history.dragging
+        changes = change.update(document, asked, dragging, self.edited_layers, self._factor)
+        if changes:
+            self._picture_changed()
+        self._was_held = change.drawn is not document
+        if self._was_held:
+            return _group_events(changes)
+        events = self.maps.follow(document)
+        if planned and not controller.drag_quality:
+            changes += self.indirect.follow(document)
+            if self.indirect.is_clamped and not self._warned_clamped:
+                self._services.notify(TOO_BRIGHT, True)
+            self._warned_clamped = self.indirect.is_clamped
+        if was_held and not (changes or events):
+            changes.append(DocumentDrawn())
+        return _group_events([*changes, *events]) if changes else [*events]
+
+    def _requested_transport(self) -> RequestedTransport | None:
+        """The transport asked last, and what else has come of the document."""
+        controller = self._transport
+        if controller.requested is None or not controller.is_open:
+            return None
+        desired, document = controller.requested
+        has_rest = self.maps.is_complete and not self.indirect.is_outdated(
+            controller.revision if controller.running else None
+        )
+        if controller.running and not self._changeover.has_picture and self._view.n_bounces != 1:
+            # A first picture without the light between surfaces would have black metal.
+            has_rest = has_rest and controller.has_stage and not self.indirect.is_pending
+        return RequestedTransport(
+            desired, document, controller.drag_quality, controller.delivered_final, has_rest, controller.finished
+        )
+
+    def _compare(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
+        """Side A as it is chosen, and brought up to date."""
+        exact = self._picture in ("finished", "exact")
+        if view.compare is not self._comparison.document:
+            self._comparison.begin(view.compare, exact and view.compare is document)
+        settings = effective_settings(view, document)
+        return self._comparison.update(now, document, self._transport, settings, exact, self.indirect.is_shown)
+
+    @property
+    def lacks_bounces(self) -> bool:
+        """Whether the picture shows direct light alone, and the first light between surfaces is still to come."""
+        return self._transport.running and self._view.n_bounces != 1 and not self.indirect.is_on_screen
+
+    @property
+    def awaits_response(self) -> bool:
+        """Whether a curve's transport, a layer's picture or frozen light is to come at any moment."""
+        return self._transport.awaits_contraction or self.indirect.awaits_frozen
+
+    @property
+    def is_running(self) -> bool:
+        return self._transport.running
+
+    # ------------------------------------------------------------------------------------------------------ rendering
+
+    @property
+    def drawn(self) -> Document:
+        """The document that the picture shows: the newest of which all is there that it changes."""
+        document, change = self._document, self._changeover
+        if self._services.history.dragging:
+            change.follow_drag(document)
+        elif change.drawn is not document and not (self.indirect.is_on_screen or self.maps.is_wanted(document)):
+            change.draw_now(document, self.edited_layers, self._factor)
+        return change.drawn
+
+    @property
+    def _factor(self) -> str | None:
+        """The curve that is selected."""
+        selected = self._services.view.selected
+        return None if selected is None else selected.factor
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the picture shows an earlier document than there is."""
+        return self.drawn is not self._document
+
+    def wanted_coefficients(self, key: str) -> dict[str, Float64Array]:
+        """Band values (J,3) of each transport factor of a layer, as the document has them."""
+        return self.curves.coefficients(self._document, key)
+
+    def drawn_coefficients(self, key: str) -> dict[str, Float64Array]:
+        """The same, as the document drawn has them; none where the document has another layer by now."""
+        models = [{key: layer.model for key, layer in each.layers()}.get(key) for each in (self.drawn, self._document)]
+        return self.curves.coefficients(self.drawn, key) if models[0] is models[1] else {}
+
+    @property
+    def edited_layers(self) -> tuple[str, ...]:
+        """Keys of the layers that follow the selected curve, the selected one first; none of a fixed object."""
+        return edited_layers(self._document, self._services.view.selected)
+
+    def picture_identity(self, key: str) -> tuple[object, ...]:
+        """What f_q and the curves of a layer belong to: a picture of another one is not to be drawn with them."""
+        layer = self.drawn.layer(key)
+        return picture_identity(layer.model.name, layer.quotient_parameters().tolist())
+
+    def layer_gain(self, key: str) -> Float64Array:
+        """What a layer's picture is multiplied by, (3,): f_q, and how much brighter the only light has become."""
+        return self.curves.gain(self.drawn, key) * self._changeover.light_gain
+
+    def view_curve(self, key: str) -> Float64Array:
+        """f_o of a layer at 256 angles θ_o from 0 to π/2, (256,3)."""
+        return self.curves.view_curve(self.drawn, key)
+
+    def rendered(self, report: RenderReport) -> None:
+        """What the renderer reached in the frame just drawn, for the present document and selection."""
+        waits = self.is_held or self._changeover.waits
+        self._report = report = replace(report, exact=report.exact and not waits)
+        factor = self._factor
+        for key in self.edited_layers if report.exact else ():
+            wanted = self.drawn_coefficients(key)
+            if factor in wanted:
+                self._transport.rendered(key, factor, wanted[factor])
+                self._changeover.rendered(key, factor, wanted[factor])
+
+    def status(self, status: Status) -> PlacementStatus:
+        controller, report, view = self._transport, self._report, self._view
+        noise, picture = self._noise, self._picture
+        known = picture not in ("waiting", "preview")
+        # That nothing is left to be added says nothing of how far off the picture is.
+        says_error = known and self._other_parts_complete and picture != "exact"
+        error = math.hypot(report.image_error or 0.0, noise) if says_error else None
+        estimate = self._error.estimate_of(self._document) if picture in ("finished", "exact") else None
+        missing = transport_note(controller, report.precision, view.precision)
+        n_bounces, bounces_note = self._bounces
+        done = self._done if self._done is not None and self._done.revision == controller.revision else None
+        light = self._light_plan if self._light_plan.revision == controller.revision else LightPlanned(0, 0)
+        fine = self.indirect.found_under(controller.revision)
+        said = {
+            "picture": picture,
+            "is_held": picture in ("preview", "refining") and self.is_held,
+            "image_error": error if estimate is None else estimate.overall,
+            "estimate": estimate,
+            "error_colours": None if estimate is None else self._error.colours_of(self._document),
+            "precomputed_mb": self._transport_bytes / 1e6,
+            "gpu_mb": report.gpu_mb,
+            "light_note": light_note(controller, self._changeover.drawn.light) if self._changeover.has_picture else "",
+            "material_note": material_note(controller) if self._changeover.has_picture else "",
+            "emitter_note": emitter_note(controller) if self._changeover.has_picture else "",
+            "missing_note": missing or "Wavelet coefficients, or light of further bounces, are still being added.",
+            "error_note": error_note(report.image_error if known else None, self.indirect.noise),
+            "compared_exact": self._comparison.exact,
+        }
+        return PlacementStatus(
+            **(vars(status) | said),
+            shown_coefficients=report.shown_coefficients,
+            wanted_coefficients=report.wanted_coefficients,
+            curve_error=report.image_error if known else None,
+            bands=tuple((shape.key, shape.bands_kept) for shape in controller.requested_layers),
+            indirect_noise=self.indirect.noise,
+            bounces_note=bounces_note if n_bounces == view.n_bounces else "",
+            transport_note=missing,
+            has_sky=controller.has_sky,
+            planned_bands=self.curves.all_planned(self._document),
+            needed_lights=light.n_lights,
+            needed_patches=light.n_patches,
+            found_rays=0 if fine is None else fine.n_rays,
+            plan_reasons={
+                **dict(light.reasons),
+                "bounces": self._bounces_reason,
+                "rays": "" if fine is None else fine.reason,
+            },
+            spent_seconds=None if done is None else done.spent_seconds,
+        )
+
+    @property
+    def _noise(self) -> float:
+        """The chance in the whole picture."""
+        return self.indirect.noise_of_picture(self._report.mean_radiance)
+
+    @property
+    def _other_parts_complete(self) -> bool:
+        """Whether all that makes the picture beside direct light, indirect light and images, is there."""
+        return self.indirect.is_complete and self.maps.is_complete
+
+    @property
+    def _picture(self) -> PictureState:
+        controller = self._transport
+        if not self._changeover.has_picture:
+            return "waiting"
+        if not (
+            controller.is_open
+            and (controller.shows_final or controller.transport_is_current and controller.delivered_final)
+        ):
+            return "preview"
+        if not (controller.finished and self._report.exact and self._other_parts_complete) or self.is_held:
+            return "refining"
+        return "exact" if self._noise <= NO_NOISE else "finished"
+
+    # -------------------------------------------------------------------------------------------------------- answers
+
+    def receive(self, response: Response) -> list[PictureEvent]:
+        is_open, is_of_view = self._transport.is_open, response.id == self._view_id
+        match response:
+            case BandsPlanned():
+                self._bands.receive(response)
+            case RequestFailed():
+                self._take_failure(response)
+            case MapsSampled() if is_open:
+                self.maps.receive(response)
+                self._services.notify_once(response.note)
+                self.indirect.means_changed()
+                self._picture_changed()
+                self._error.forget()
+            case MapsRefused() if is_open:
+                if self.maps.refuse(response, self._services.history):
+                    self._services.document_changed()
+                self._services.notify(response.line, True)
+            case StageFootprint() if is_of_view:
+                self._footprints.setdefault(response.stage, Footprint(response.rows, response.weights))
+            case IndirectFound() if is_of_view:
+                self.indirect.receive_samples(response)
+            case IndirectNoise() if is_of_view:
+                self.indirect.receive_noise(response)
+            case _ if response.revision == self._transport.revision and is_open:
+                return self._take_picture(response)
+        return []
+
+    def sky_changed(self, event: SkyChanged) -> list[PictureEvent]:
+        if not self._changeover.has_picture:
+            return [event]
+        self._changeover.receive_sky(event)
+        return []
+
+    def _take_picture(self, response: Response) -> list[PictureEvent]:
+        match response:
+            case LightPlanned():
+                self._light_plan = response
+            case BouncesPlanned() if self._view.n_bounces in (AS_PLANNED, response.n_bounces):
+                self._take_bounces(response)  # else a person has chosen meanwhile
+            case ErrorEstimated():
+                self._error.receive(response)
+            case RelightingPrepared():
+                self._relight.receive(response)
+                self._transport_bytes = response.transport_bytes
+            case IndirectFrozen():
+                self.indirect.receive_frozen(response)
+            case LayerPicture() if self._comparison.receive(response):
+                return []
+            case LayerPicture():
+                self._changeover.receive_radiance(self._take_radiance(response))
+            case LayerTransport() if self._transport.receive_transport(
+                response, self._document, self._services.view.selected
+            ):
+                self._picture_changed()
+                footprint = self._footprints.get(response.stage)
+                self._changeover.receive_transport(_transport_ready(response, self.edited_layers, footprint))
+            case StageDone():
+                self._take_stage(response)
+        return []
+
+    def _take_radiance(self, response: LayerPicture) -> LayerRadiance:
+        controller = self._transport
+        if controller.requested_light is not None:
+            self._accepted_light.accept(controller.requested_light)
+        made_with = controller.receive_picture(response)
+        self._picture_changed()
+        footprint, look = self._footprints.get(response.stage), controller.picture_identity(response.key)
+        return LayerRadiance(response.key, response.stage, response.radiance, made_with, footprint, look)
+
+    def _take_bounces(self, response: BouncesPlanned) -> None:
+        services, (n_bounces, said) = self._services, self._bounces
+        if self._view.n_bounces == AS_PLANNED:
+            services.view = replace(services.view, n_bounces=response.n_bounces)
+            self._transport.receive_bounces(response.n_bounces)
+        if response.warning and (response.n_bounces, response.warning) != (n_bounces, said):
+            services.notify(response.warning)
+        self._bounces, self._bounces_reason = (response.n_bounces, response.warning), response.reason
+
+    def _take_failure(self, response: RequestFailed) -> None:
+        self._bands.receive_failure(response)
+        self._transport.receive_failure(response)
+        self._comparison.receive_failure(response.id)
+        self._error.receive_failure(response.id)
+        self._relight.receive_failure(response.id)
+        self.maps.receive_failure(response.id)
+        refused = self._transport.requested_light if self._transport.is_transport(response.id) else None
+        if refused is not None and self._accepted_light.revert(self._services.history, refused):
+            self._services.document_changed()
+
+    def _take_stage(self, response: StageDone) -> None:
+        self._transport.receive_stage(response)
+        self._comparison.stage_finished()
+        if response.transport_bytes:
+            self._transport_bytes = response.transport_bytes
+        if response.exact:
+            self._done = response
+            self._services.metrics.progress = None
+
+
+def _group_events(events: list[PictureEvent]) -> list[PictureEvent]:
+    """None of them to be seen without the others."""
+    return [*(replace(event, with_next=True) for event in events[:-1]), *events[-1:]]
+
+
+def _transport_ready(response: LayerTransport, beside: tuple[str, ...], footprint: Footprint | None) -> TransportReady:
+    return TransportReady(
+        response.key,
+        response.factor,
+        response.stage,
+        response.coefficients_first,
+        response.norms,
+        response.scale,
+        beside,
+        footprint,
+    )

@@ -1,0 +1,310 @@
+"""What Placement asks of the worker, and what it is answered (see `app.messages.worker_messages`).
+
+Shapes: P pixels that see a reflecting object, p those of one layer, J bands. Images have row 0 at the top.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.messages.worker_messages import Request, Response, SetCamera
+
+if TYPE_CHECKING:
+    from app.document.scene_state import LayerState, SceneState
+    from engine.material.layer import Layer
+    from engine.material.layer_maps import Images, MapMeans
+    from engine.planner import Precision, RenderSettings
+    from engine.render.picture_error import ErrorEstimate
+
+
+# ------------------------------------------------------------------------------------------------------- requests
+
+
+@dataclass(frozen=True)
+class PlanBands(Request):
+    """Say how many bands the curves of these layers need; answered by `BandsPlanned`."""
+
+    priority = 1
+    answered_once = True
+    is_stopped_by_user = False
+
+    layers: tuple[Layer, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ComputeTransport(Request):
+    """Compute the transport of a scene's layers, coarse to fine; earlier contractions are cancelled.
+
+    selected, factor: the curve whose transport is handed out as well, in the layer of that key and in `followers`.
+    n_lights_preview: what cuts the sky at first. is_drag: stop after one quick picture, nothing finer follows. With
+    more than one bounce the indirect light is found as well; `BouncesPlanned` says how many. Tables of measured layers
+    are read first where a worker does not have them.
+
+    told: keys of layers whose picture the window has already, and `held_curves` of those of them whose transport it
+    has: what is the same is not told again. is_fine: what is on screen is of the last stage under this light, so that
+    a preview would not be shown.
+    """
+
+    built_on = (SetCamera,)
+
+    scene: SceneState
+    selected: str | None
+    factor: str | None
+    n_lights_preview: int
+    settings: RenderSettings
+    precision: Precision = "half"
+    followers: tuple[str, ...] = ()
+    is_drag: bool = False
+    held_layers: tuple[str, ...] = ()
+    held_curves: tuple[str, ...] = ()
+    is_fine: bool = False
+
+    @property
+    def lit(self) -> RenderSettings:
+        """What direct light is computed by; a picture of a light on the move is like no other."""
+        return replace(self.settings.direct_settings, n_lights=0) if self.is_drag else self.settings.direct_settings
+
+
+@dataclass(frozen=True, eq=False)
+class ContractTransport(Request):
+    """Hand out one layer's transport over the bands of `factor`, its other factors contracted with the layer's curves.
+
+    `factor` None asks for the layer's picture alone, `picture` False for the transport alone. `beside`: what was handed
+    out before stays of interest, for the layers follow one curve; coming stages bring all of it.
+    """
+
+    built_on = (ComputeTransport,)
+    priority = 3
+
+    layer: LayerState
+    factor: str | None
+    precision: Precision = "half"
+    picture: bool = True
+    beside: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class FreezeIndirect(Request):
+    """Contract the indirect light for edits of one object, with all others as they look ("object freezing",
+    [BenArtzi07, sect. 6.1]); answered again whenever it becomes finer.
+
+    key, factor: the layer and the curve whose bands are wanted; None: only what every layer reflects. The object that
+    is edited is that of `key`. second_bands: the most that the second bounce has, None for as many as a curve has; with
+    one it goes by albedo alone, as all later bounces do. serial comes back with the answers.
+    """
+
+    built_on = (ComputeTransport,)
+    priority = 4
+
+    scene: SceneState
+    key: str | None = None
+    factor: int | None = None
+    second_bands: int | None = None
+    serial: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class EstimateError(Request):
+    """Say how far off the picture of this scene is under the transport asked last, `second_bands` as in
+    `FreezeIndirect`; answered by `ErrorEstimated`, once that picture is there. has_map: with where it is off."""
+
+    built_on = (ComputeTransport,)
+    answered_once = True
+    is_foreground = False
+
+    scene: SceneState
+    second_bands: int | None = None
+    has_map: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class PrepareRelighting(Request):
+    """Make the scene as it is ready to be seen under another sky at once, where the picture of the transport asked last
+    is there; what is there of it already stays. Answered by `RelightingPrepared`."""
+
+    built_on = (ComputeTransport,)
+    answered_once = True
+    is_foreground = False
+
+    scene: SceneState
+
+
+@dataclass(frozen=True)
+class SampleMaps(Request):
+    """Sample the images of some layers, by key, where the eye sees them; each is answered on its own."""
+
+    built_on = (SetCamera,)
+    priority = 2
+    is_stopped_by_user = False
+
+    layers: tuple[tuple[str, Images], ...]
+
+
+# ------------------------------------------------------------------------------------------------------ responses
+
+
+@dataclass(frozen=True)
+class BandsPlanned(Response):
+    """J by factor of the layers of a `PlanBands`, in their order."""
+
+    bands: tuple[dict[str, int], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class StageFootprint(Response):
+    """Which computed samples stand for each pixel in the coarse pictures of a stage: rows (P,4) i32, weights (P,4) f32.
+
+    Belongs to the view, not to the request in whose course it is told: pictures of that stage follow under any. Of a
+    stage without one, every pixel has its own sample.
+    """
+
+    rows: NDArray[np.integer]
+    weights: NDArray[np.floating]
+    stage: str
+
+
+@dataclass(frozen=True, eq=False)
+class LayerPicture(Response):
+    """One layer's radiance (p,3), contracted with the `coefficients` it was asked with."""
+
+    key: str
+    stage: str
+    radiance: NDArray[np.floating]
+    coefficients: tuple[NDArray[np.floating], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class LayerTransport(Response):
+    """One layer's transport, one plane a Daubechies-4 coefficient: `coefficients_first` (J,p,3), `norms` (J,3).
+
+    True values are coefficients_first · scale; they are float16 or float32 by the precision asked for.
+    """
+
+    key: str
+    factor: str
+    stage: str
+    coefficients_first: NDArray[np.floating]
+    norms: NDArray[np.floating]
+    scale: NDArray[np.floating]
+
+    @property
+    def precision(self) -> Precision:
+        return "half" if self.coefficients_first.dtype == np.float16 else "float"
+
+
+@dataclass(frozen=True)
+class LightPlanned(Response):
+    """How many of the lights and patches that were asked for the last stage has, and why, by line of the plan."""
+
+    n_lights: int
+    n_patches: int
+    reasons: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
+class BouncesPlanned(Response):
+    """How many bounces the scene requires, and why; of as many as were asked for, that number. warning: what of the
+    light is missing after them, empty where that is little."""
+
+    n_bounces: int
+    reason: str
+    warning: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class IndirectFound(Response):
+    """Where the indirect light of a stage was found: for each point four samples of its own object, by number, and
+    their weights (P,4). `number` tells which `IndirectFrozen` belong to it. It belongs to the view, as `StageFootprint`
+    does, and is told again under each transport whose light it is. n_rays: as many as its fans were found
+    to need, 0 where nobody asked, and why."""
+
+    number: int
+    stage: str
+    rows: NDArray[np.integer]
+    weights: NDArray[np.floating]
+    n_rays: int = 0
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class IndirectNoise(Response):
+    """What chance is left in indirect light as it was frozen: RMS over the picture, relative to its own mean, and that
+    mean radiance. Follows the `IndirectFrozen` of these numbers."""
+
+    number: int
+    serial: int
+    noise: float
+    mean: float
+
+
+@dataclass(frozen=True, eq=False)
+class IndirectFrozen(Response):
+    """Indirect light at the p samples of each layer, without f_q and f_o, by powers of the edited object's albedo.
+
+    reflected: by layer key (D,p,3), in units of `unit`; bands (3,J,D,p), likewise, of the layer and curve that were
+    named, which is then not among `reflected`; albedos: by key of the edited object's layers, e (V,J,K) or (3,V,J,K)
+    [engine.precompute.indirect.albedo].
+    """
+
+    number: int
+    serial: int
+    key: str | None
+    factor: int | None
+    reflected: dict[str, NDArray[np.float32]]
+    bands: NDArray[np.float32]
+    albedos: dict[str, NDArray[np.float64]]
+    unit: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class MapsSampled(Response):
+    """A layer's images as the eye sees them: `samples` (p,4) float16 at every pixel of its object, the texture's linear
+    RGB and the weight; their means over the surface; `thumbnails` (h,w,3) uint8 sRGB, by "texture" and "weight".
+    note: what a person should know of how they lie, or nothing."""
+
+    key: str
+    images: Images
+    samples: NDArray[np.float16]
+    means: MapMeans
+    thumbnails: dict[str, NDArray[np.uint8]]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class MapsRefused(Response):
+    """A layer's images cannot be used; `line` is one sentence for the person."""
+
+    key: str
+    images: Images
+    line: str
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorEstimated(Response):
+    """How far off the picture is; colours (H, W, 4): where, see `engine.render.error_map`, None where nobody asked."""
+
+    estimate: ErrorEstimate
+    colours: NDArray[np.uint8] | None = None
+
+
+@dataclass(frozen=True)
+class RelightingPrepared(Response):
+    """The sky may turn; transport_bytes: what is held of the scene, this included."""
+
+    transport_bytes: int
+
+
+@dataclass(frozen=True)
+class StageDone(Response):
+    """A stage is complete; `exact` when no finer one follows. spent_seconds: of the processors, since it was asked
+    for."""
+
+    stage: str
+    exact: bool
+    seconds: float
+    transport_bytes: int = 0
+    spent_seconds: float = 0.0

@@ -1,0 +1,125 @@
+"""What is to be said of Placement's picture: how far it is, what of it is still missing, and what chance is left."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from app.document.document import LightState
+from app.messages.editor_status import Status
+from app.modes.placement.transport_controller import TransportController
+from engine.planner import Precision
+from engine.render.picture_error import NONE, percent
+
+# Noise of the whole picture below which it counts as none.
+NO_NOISE = NONE
+FLOATS: dict[Precision, str] = {"half": "half floats", "float": "full floats"}
+
+
+@dataclass(frozen=True)
+class PlacementStatus(Status):
+    """The status of Placement's picture.
+
+    ``shown_coefficients`` of ``wanted_coefficients`` of the selected curve are in the picture; ``curve_error`` is what
+    the rest would change, relative RMS, None while unknown. ``image_error`` is that and the noise of indirect light, or
+    the whole of its error once that is estimated.
+    ``bands`` are those of each layer's transport by key, as asked of the worker; none of a layer that is fixed.
+    ``indirect_noise`` is what chance is left in the indirect light, RMS relative to its own mean; None while unknown.
+    ``bounces_note`` says what of the light so many bounces leave out, empty where that is little; ``transport_note``
+    what of the transport is not yet as it is asked for, its bands or its precision.
+    ``has_sky``: whether anything shines from afar. Of the plan: ``planned_bands`` are those of each layer by key and
+    factor, ``needed_lights`` and ``needed_patches`` what the worker found to be enough of those asked for (0: it did
+    not look), ``found_rays`` those of a fan of the indirect light that is there (0: none is), ``plan_reasons`` why, by
+    line.
+    ``spent_seconds`` of the processors the picture has taken since its last change, None while it is being computed.
+    """
+
+    shown_coefficients: int = 0
+    wanted_coefficients: int = 0
+    curve_error: float | None = None
+    bands: tuple[tuple[str, tuple[int, ...]], ...] = ()
+    indirect_noise: float | None = None
+    bounces_note: str = ""
+    transport_note: str = ""
+    has_sky: bool = True
+    planned_bands: tuple[tuple[str, Mapping[str, int]], ...] = ()
+    needed_lights: int = 0
+    needed_patches: int = 0
+    found_rays: int = 0
+    plan_reasons: Mapping[str, str] = field(default_factory=dict)
+    spent_seconds: float | None = None
+
+
+@dataclass(frozen=True)
+class RenderReport:
+    """What the renderer tells after a frame about the selected curve ``key``, ``factor``.
+
+    ``shown_coefficients`` of ``wanted_coefficients`` are in the picture, ``exact`` when all are;
+    ``image_error`` is what the rest would still change, relative RMS. ``precision`` is that of the transport the
+    picture is made with, None while there is none; ``gpu_mb`` the memory of all textures; ``mean_radiance`` that of the
+    direct light.
+    """
+
+    shown_coefficients: int = 0
+    wanted_coefficients: int = 0
+    image_error: float | None = None
+    exact: bool = False
+    precision: Precision | None = None
+    gpu_mb: float = 0.0
+    mean_radiance: float = 0.0
+
+
+def error_note(curve_error: float | None, noise: float | None) -> str:
+    """What of the error is of coefficients, and the chance in indirect light, see `PlacementStatus`, in words."""
+    lines = []
+    if curve_error is not None:
+        lines.append(f"coefficients of the curve still to come: {percent(curve_error)}")
+    if noise is not None:
+        lines.append(f"chance left in the light of further bounces, as its two halves apart tell it: {percent(noise)}")
+    return "\n".join(lines)
+
+
+def light_note(controller: TransportController, shown: LightState) -> str:
+    """What light the picture shows, in words; shown: that of the document drawn."""
+    light = controller.requested_light
+    if light is None or controller.requested_rotation is None:
+        return ""
+    asked = f"{light.rotation:.1f}°"
+    if controller.running and not controller.drag_quality and replace(shown, intensity=light.intensity) != light:
+        if shown.rotation == light.rotation:
+            return "the light before is shown until this one is as good"
+        return f"shown for {shown.rotation:.1f}° until {asked} is as good"
+    if controller.drag_quality:
+        return f"quick picture for {asked}, final on release"
+    if not controller.light_is_current:
+        return f"shown for {asked} until the hand rests"
+    if controller.delivered_final:
+        return ""
+    return f"{'being refined' if controller.running else 'a preview'} for {asked}"
+
+
+def emitter_note(controller: TransportController) -> str:
+    """Whose light the picture shows, in words, where emitters were changed."""
+    if controller.drag_quality:
+        return "a quick picture of the light it throws; the final one follows when you let go"
+    if not controller.light_is_current:
+        return "the light it throws follows when the hand rests"
+    if controller.emitters_are_all:
+        return "all the light there is: what it throws follows at once"
+    return "" if controller.delivered_final else "the light it throws is being refined"
+
+
+def material_note(controller: TransportController) -> str:
+    """What of the materials the picture does not show yet, in words."""
+    if not controller.quotient_is_current:
+        return "the curve is shown at once; self-shadowing follows when the hand rests"
+    return "" if controller.fixed_is_current else "the curve of a fixed object follows when the hand rests"
+
+
+def transport_note(controller: TransportController, shown: Precision | None, wanted: Precision) -> str:
+    """What of the transport is not yet as it is asked for, in words: bands, or the floats of the selected curve's."""
+    if controller.becoming_editable:
+        return f"{', '.join(controller.becoming_editable)}: shown as it was until its bands are here"
+    if shown is None or shown == wanted:
+        return ""
+    return f"made with {FLOATS[shown]} until {FLOATS[wanted]} are here"

@@ -1,0 +1,40 @@
+"""The modes there are. The first is the one that a window opens with."""
+
+from __future__ import annotations
+
+from app.modes.deform.deform_controller import DeformController
+from app.modes.mode import Mode
+from app.modes.orbit.orbit_controller import OrbitController
+from app.modes.placement.placement_controller import PlacementController
+
+PLACEMENT = Mode(
+    "placement",
+    "Placement",
+    PlacementController,
+    worker="app.worker.placement_worker:PlacementWorker",
+    picture="ui.modes.placement.placement_feed:PlacementFeed",
+    tooltip="Exact light and shadows from this camera; edits follow the hand.",
+    accuracy="ui.modes.placement.accuracy_placement:draw",
+)
+ORBIT = Mode(
+    "orbit",
+    "Orbit",
+    OrbitController,
+    worker="app.worker.orbit_worker:OrbitWorker",
+    picture="ui.modes.orbit.orbit_feed:OrbitFeed",
+    tooltip="Move the camera under the full light; Placement takes over when it rests.",
+    accuracy="ui.modes.orbit.accuracy_orbit:draw",
+)
+DEFORM = Mode(
+    "deform",
+    "Deform",
+    DeformController,
+    worker="app.worker.deform_worker:DeformWorker",
+    picture="ui.modes.deform.deform_feed:DeformFeed",
+    tooltip="Bend and animate objects under soft light and shadows.",
+    accuracy="ui.modes.deform.accuracy_deform:draw",
+    tools="ui.modes.deform.deformers_panel:draw",
+    strip="ui.panels.timeline:draw",
+    handles="ui.modes.deform.deform_handles:handles",
+)
+MODES = (PLACEMENT, ORBIT, DEFORM)

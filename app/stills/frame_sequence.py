@@ -1,0 +1,186 @@
+"""Many pictures of one scene: all around it, or all through its animation.
+
+The camera goes round its target once, in equal steps from where the scene has it; the animation goes on in equal steps
+from its start, so that the first frame follows the last. Frames do not depend on one another: each is the same whatever
+others are drawn before it, and wherever it is drawn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document.commands import SetTime
+from app.document.timeline import timeline
+from app.document.view_state import ViewState
+from app.project.project import Project
+from app.stills.stills import Mode, StillProgress, judge_picture, prepared_deform, prepared_orbit, render_project
+from engine.core.errors import InsituError
+from engine.planner import N_LIGHTS, N_PATCHES
+from engine.precompute.indirect.clamping import BRIGHTEST, clamp_radiance
+from engine.precompute.indirect.series import BounceSeries
+from engine.realtime.zonal_harmonics.pose import Poses
+from engine.realtime.zonal_harmonics.posed_scene import pose_scene
+from engine.scene.camera_moves import orbit_camera
+from engine.scene.description import Camera
+from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene
+
+Report = Callable[[StillProgress], None]
+Picture = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Of what so many frames are, and how they are drawn. animated: of the scene's animation, else all around it;
+    series: None for as many bounces as a still of the scene has."""
+
+    count: int
+    animated: bool = False
+    mode: Mode = "placement"
+    n_lights: int = N_LIGHTS
+    n_patches: int = N_PATCHES
+    series: BounceSeries | None = None
+
+
+class Drawer(Protocol):
+    """Draws frames by their number. ready_at: the share of the work that making ready is."""
+
+    ready_at: float
+
+    def prepare(self, report: Report) -> None:
+        """What is done once for all frames."""
+
+    def draw(self, i: int) -> Picture:
+        """Linear radiance (H, W, 3) of frame i."""
+
+
+Draw = Callable[[Project, Frames, Sequence[int], Report], Iterator[tuple[int, Picture]]]
+
+
+def draw_here(
+    project: Project, frames: Frames, numbers: Sequence[int], report: Report
+) -> Iterator[tuple[int, Picture]]:
+    """The frames of these numbers, one after the other. Raises InsituError."""
+    if not numbers:
+        return
+    drawer = drawer_of(project, frames)
+    drawer.prepare(lambda step: report(replace(step, fraction=drawer.ready_at * step.fraction)))
+    for n, i in enumerate(numbers):
+        fraction = drawer.ready_at + (1.0 - drawer.ready_at) * n / len(numbers)
+        report(StillProgress(fraction, f"frame {n + 1} of {len(numbers)}"))
+        yield i, drawer.draw(i)
+
+
+def drawer_of(project: Project, frames: Frames) -> Drawer:
+    """Who draws these frames. Raises InsituError where the scene has no animation."""
+    if not frames.animated:
+        seen = [project.scene.from_camera(camera) for camera in cameras(own_camera(project.scene), frames.count)]
+        return (
+            _OrbitFrames(project, frames, seen) if frames.mode == "orbit" else _PlacementFrames(project, frames, seen)
+        )
+    poses = poses_of(project, frames.count)
+    if frames.mode == "deform":
+        return _DeformFrames(project, frames, poses)
+    return _PlacementFrames(project, frames, [_in_poses(project, each) for each in poses])
+
+
+def judge_frame(project: Project, frames: Frames, i: int, picture: Picture) -> str:
+    """How far frame i of an animation is off, as one line; "" where that cannot be known."""
+    scene = _in_poses(project, poses_of(project, frames.count)[i])
+    return judge_picture(replace(project, scene=scene), picture, frames.series)
+
+
+def own_camera(scene: Scene) -> Camera:
+    """From where the scene is seen, without what else its file says of the view."""
+    described = scene.description.camera
+    return Camera(**{name: getattr(described, name) for name in Camera.model_fields})
+
+
+def cameras(camera: Camera, count: int) -> list[Camera]:
+    """Once around the target, from the camera itself on."""
+    return [camera, *(orbit_camera(camera, 2.0 * math.pi * i / count, 0.0) for i in range(1, count))]
+
+
+def poses_of(project: Project, count: int) -> list[Poses]:
+    """Through the animation, from its start on. Raises InsituError where there is none."""
+    line = timeline(project.document, ViewState())
+    if line is None:
+        raise InsituError("--frames: the scene has no animation")
+    return [SetTime(line.duration * i / count).apply(project.document).poses for i in range(count)]
+
+
+def _in_poses(project: Project, poses: Poses) -> Scene:
+    bumped = pose_scene(project.resting, poses).with_bumps(dict(project.document.new_bumps))
+    return bumped.from_camera(None, project.scene.resolution)
+
+
+class _PlacementFrames:
+    """Each frame as a still of its own; where only the camera moves, with the same rays."""
+
+    ready_at = 0.0
+
+    def __init__(self, project: Project, frames: Frames, seen: Sequence[Scene]) -> None:
+        self._project, self._frames, self._seen = project, frames, seen
+        scene = project.scene
+        self._caster = None if frames.animated else RayCaster(scene.vertices, scene.triangles)
+
+    def prepare(self, report: Report) -> None:
+        """Nothing is done for all."""
+
+    def draw(self, i: int) -> Picture:
+        own, frames = replace(self._project, scene=self._seen[i]), self._frames
+        return render_project(
+            own, lambda step: None, n_lights=frames.n_lights, n_patches=frames.n_patches, series=frames.series,
+            caster=self._caster,
+        ).picture  # fmt: skip
+
+
+class _OrbitFrames:
+    """Everything is made ready once; what only some cameras see, when one does."""
+
+    ready_at = 0.3
+
+    def __init__(self, project: Project, frames: Frames, seen: Sequence[Scene]) -> None:
+        self._orbit, self._seen = prepared_orbit(project, frames.n_patches, frames.series), seen
+        self._intensity = np.float64(project.document.light.intensity)
+
+    def prepare(self, report: Report) -> None:
+        for step in self._orbit.work():
+            report(step)
+
+    def draw(self, i: int) -> Picture:
+        camera, resolution = self._seen[i].description.camera, self._seen[i].resolution
+        picture = self._orbit.draw(camera, resolution, "still")
+        if not self._orbit.is_done:
+            for _ in self._orbit.work():
+                pass
+            picture = self._orbit.draw(camera, resolution, "still")
+        return clamp_radiance(picture * self._intensity, BRIGHTEST)
+
+
+class _DeformFrames:
+    """Everything is made ready once; frames differ in their poses alone. What bends casts on all else the coarse shadow
+    that it has while it moves, see `engine.realtime.zonal_harmonics.blockers`, which `judge_frame` says the price of; a
+    still in one pose has transfer of its own for that, which takes as long as making ready."""
+
+    ready_at = 0.95
+
+    def __init__(self, project: Project, frames: Frames, poses: Sequence[Poses]) -> None:
+        self._deform = prepared_deform(project, project.resting, [name for name, _ in poses[0]], frames.series)
+        self._scene, self._poses = project.scene, poses
+        self._intensity = np.float64(project.document.light.intensity)
+
+    def prepare(self, report: Report) -> None:
+        for step in self._deform.work():
+            report(step)
+
+    def draw(self, i: int) -> Picture:
+        camera, resolution = self._scene.description.camera, self._scene.resolution
+        picture = self._deform.draw(camera, resolution, self._poses[i], "rest")
+        return clamp_radiance(picture * self._intensity, BRIGHTEST)

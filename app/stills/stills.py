@@ -1,0 +1,256 @@
+"""Pictures in files: what `insitu render` does, from a project to an EXR or a PNG that is whole or not there."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Generator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document.effective_settings import mode_knobs
+from app.project.project import Project
+from app.system.atomic import make_folder_of, require_place, save_file
+from app.system.memory import orbit_bytes, orbit_slice_bytes
+from app.worker.cache import ArrayCache
+from app.worker.deform_worker import StoredLobes
+from engine.core.colour import ToneMapping
+from engine.core.errors import InsituError
+from engine.core.generators import run_to_end
+from engine.material.layer import Layer, object_of
+from engine.planner import N_LIGHTS, N_PATCHES, Plan, plan_scene
+from engine.precompute.direct.pipeline import Placement
+from engine.precompute.indirect.clamping import BRIGHTEST, clamp_radiance
+from engine.precompute.indirect.sampling_settings import STILL
+from engine.precompute.indirect.series import BounceSeries
+from engine.realtime.triple_product.orbit_engine import Orbit
+from engine.realtime.triple_product.orbit_still import render_orbit
+from engine.realtime.zonal_harmonics.deform_engine import N_LOBES, Deform
+from engine.realtime.zonal_harmonics.deform_still import render_deform
+from engine.realtime.zonal_harmonics.transfer import N_RAYS as DEFORM_RAYS
+from engine.render.bounce_plan import planned_bounces
+from engine.render.error_estimate import estimate_drawn_errors, estimate_error
+from engine.render.light_pilot import with_light_budget
+from engine.render.path_tracer import N_SAMPLES, render_paths
+from engine.render.picture_error import ErrorEstimate
+from engine.render.picture_files import exr_bytes, png_bytes
+from engine.render.still import (
+    REFERENCE_LEVEL,
+    StillLayer,
+    StillProgress,
+    compose,
+    reflect_layers,
+    render_reference,
+    still_layers,
+    still_quality,
+    with_maps,
+)
+from engine.render.still_indirect import find_indirect, noise_in, reflected_light
+from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene
+
+REFERENCE_PATCHES = 1024
+ENDINGS = (".exr", ".png")
+
+Report = Callable[[StillProgress], None]
+Mode = Literal["placement", "orbit", "deform"]
+Steps = Generator[StillProgress, None, NDArray[np.float32]]
+
+
+def check_output(path: Path, endings: tuple[str, ...] = ENDINGS) -> Path:
+    """The path itself when a picture can be put there; found out before the work rather than after it."""
+    if path.suffix.lower() not in endings:
+        raise InsituError(f"{path}: the name of a picture ends in {' or '.join(endings)}")
+    if os.path.isdir(path):
+        raise InsituError(f"{path}: is a folder, expected the name of a picture")
+    make_folder_of(path)
+    require_place(path)
+    return path
+
+
+@dataclass(frozen=True, eq=False)
+class Still:
+    """Linear radiance (H, W, 3), and how far off it is by its own judgement, None where nobody asked. warning: what is
+    to be said of light that is left out, else ""."""
+
+    picture: NDArray[np.float32]
+    error: ErrorEstimate | None = None
+    warning: str = ""
+
+
+def render_picture(
+    project: Project, report: Report, *, n_lights: int = N_LIGHTS, n_patches: int = N_PATCHES, reference: bool = False,
+    series: BounceSeries | None = None, n_samples: int | None = None,
+) -> NDArray[np.float32]:  # fmt: skip
+    """The picture of a still."""
+    return render_project(
+        project, report, n_lights=n_lights, n_patches=n_patches, reference=reference, series=series,
+        n_samples=n_samples,
+    ).picture  # fmt: skip
+
+
+def render_project(
+    project: Project, report: Report, *, n_lights: int = N_LIGHTS, n_patches: int = N_PATCHES, reference: bool = False,
+    series: BounceSeries | None = None, n_samples: int | None = None, estimates_error: bool = False,
+    mode: Mode = "placement", caster: RayCaster | None = None, knobs: Mapping[str, int] = MappingProxyType({}),
+) -> Still:  # fmt: skip
+    """A still of a project, with the editor's transport, in the way of the mode or by brute force.
+
+    series: None for as many bounces as the scene says, or requires; of the first bounce the document may say how many
+    bands; by brute force bands do not matter. n_samples: paths a pixel, by brute force; without them direct light alone
+    is integrated over all directions, without noise. n_lights, n_patches: at most, see `light_pilot`. estimates_error:
+    whether its error is estimated; not by brute force, which knows its noise. caster: the rays of the scene's
+    triangles, where there are some already; knobs: of Orbit and Deform where they are others than usual, see
+    `app.document.pareto_front`.
+    """
+    sky = project.sky
+    plan = plan_still(project, n_lights, n_patches)
+    placement = Placement(project.scene, caster, plan.n_edge_rays)
+    wanted = series.n_bounces if series else chosen_bounces(project, plan)
+    bounces = planned_bounces(placement, project.indexed_layers, wanted)
+    series = series or BounceSeries(bounces.n_bounces)
+    intensity, error, indirect, noise = np.float64(project.document.light.intensity), None, None, None
+    if reference:
+        steps = _reference(placement, project, series.n_bounces, n_samples)
+        return Still(clamp_radiance(run_to_end(steps, report) * intensity, BRIGHTEST), warning=bounces.warning)
+    layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
+    if mode != "placement":
+        if mode == "orbit":
+            knobs = {**mode_knobs(mode, project.overrides), **knobs}
+            drawing = render_orbit(
+                placement, layers_by_object(project), sky, n_patches, n_bounces=series.n_bounces,
+                most_bytes=orbit_bytes(), most_slice_bytes=orbit_slice_bytes(), **knobs,
+            )  # fmt: skip
+        else:
+            # A still has one pose: transfer of the meshes as they stand in it has the shadows between objects, too.
+            deform = prepared_deform(project, project.scene, (), series, knobs)
+            drawing = render_deform(deform, project.scene.resolution)
+        picture, warning = run_to_end(drawing, report), bounces.warning
+        alone = _deform_only_objects(project) if mode == "deform" else ()
+        if estimates_error and alone:
+            warning = warning or f"where it is off is not known: paths do not know the surface of {', '.join(alone)}"
+        elif estimates_error:
+            (judged,) = run_to_end(estimate_drawn_errors(placement, layers, sky, series.n_bounces, [picture]), report)
+            error = judged.estimate
+        return Still(clamp_radiance(picture * intensity, BRIGHTEST), error, warning)
+    layers = _at_most(layers, series.first or project.document.first_bands)
+    if series.n_bounces > 1:
+        fineness, as_needed = STILL.with_rays(plan.n_rays), not plan.n_rays
+        found = run_to_end(find_indirect(placement, layers, sky, series, fineness, as_needed), report)
+        indirect = run_to_end(reflected_light(found, layers, series.second, placement.hits))
+        noise = run_to_end(noise_in(found, layers, series.second)) if estimates_error else None
+    plan = run_to_end(with_light_budget(placement, layers, sky, plan))
+    quality = still_quality(plan)
+    radiance = run_to_end(reflect_layers(placement, layers, sky, quality, indirect), report)
+    if estimates_error:
+        estimating = estimate_error(
+            placement, layers, sky, quality, series.n_bounces, radiance, indirect, noise=noise
+        )  # fmt: skip
+        error = run_to_end(estimating, report)
+    picture = compose(placement, radiance, sky)
+    return Still(clamp_radiance(picture * intensity, BRIGHTEST), error, bounces.warning)
+
+
+def judge_picture(project: Project, picture: NDArray[np.float32], series: BounceSeries | None = None) -> str:
+    """How far a picture of a project that was drawn in another way is off, as one line, by the paths of some of its
+    points; "" where that cannot be known. series: as in `render_project`."""
+    intensity = float(project.document.light.intensity)
+    if _deform_only_objects(project) or not intensity:
+        return ""
+    plan = plan_still(project)
+    placement = Placement(project.scene, None, plan.n_edge_rays)
+    wanted = series.n_bounces if series else chosen_bounces(project, plan)
+    n_bounces = planned_bounces(placement, project.indexed_layers, wanted).n_bounces
+    layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
+    (judged,) = run_to_end(
+        estimate_drawn_errors(placement, layers, project.sky, n_bounces, [picture / np.float32(intensity)])
+    )
+    return "" if judged.estimate is None else judged.estimate.text
+
+
+def prepared_orbit(project: Project, n_patches: int = N_PATCHES, series: BounceSeries | None = None) -> Orbit:
+    """What pictures in Orbit's way are drawn of, from anywhere; all its work is to be done. series: None for as many
+    bounces as the session or the scene says, or Orbit takes."""
+    knobs: dict[str, Any] = {"n_patches": n_patches, **mode_knobs("orbit", project.overrides)}
+    orbit = Orbit(project.scene, most_bytes=orbit_bytes(), most_slice_bytes=orbit_slice_bytes(), **knobs)
+    orbit.set_light(project.sky)
+    orbit.set_layers(layers_by_object(project))
+    if n_bounces := series.n_bounces if series else project.chosen_bounces:
+        orbit.set_bounces(n_bounces)
+    return orbit
+
+
+def _deform_only_objects(project: Project) -> tuple[str, ...]:
+    """The objects, by name, whose surfaces Deform alone knows, so that no paths tell how far off they are."""
+    return tuple(state.name for state in project.document.objects if state.surface.kind)
+
+
+def prepared_deform(
+    project: Project, scene: Scene, posed: Sequence[str], series: BounceSeries | None = None,
+    knobs: Mapping[str, int] = MappingProxyType({}),
+) -> Deform:  # fmt: skip
+    """What pictures in Deform's way are drawn of the project's scene, at rest or in a pose; posed: the objects, by
+    name, that are to bend out of that; all its work is to be done. knobs: as in `render_project`."""
+    deform = Deform(scene, store=StoredLobes(ArrayCache()))
+    usual = {"n_rays": DEFORM_RAYS, "n_lobes": N_LOBES}
+    deform.set_effort(**{**usual, **mode_knobs("deform", project.overrides), **knobs})
+    deform.set_light(project.sky)
+    deform.set_layers(layers_by_object(project))
+    deform.set_surfaces(project.document.new_surfaces)
+    deform.set_bending(posed)
+    if n_bounces := series.n_bounces if series else project.chosen_bounces:
+        deform.set_bounces(n_bounces)
+    return deform
+
+
+def _reference(placement: Placement, project: Project, n_bounces: int, n_samples: int | None) -> Steps:
+    layers, sky = layers_by_object(project), project.sky
+    if n_bounces == 1 and n_samples is None:
+        return render_reference(placement, layers, sky, REFERENCE_PATCHES, REFERENCE_LEVEL)
+    return render_paths(placement, layers, sky, n_bounces, n_samples or N_SAMPLES)
+
+
+def _at_most(layers: Sequence[StillLayer], most: int | None) -> tuple[StillLayer, ...]:
+    """The layers with no more bands than that over any curve."""
+    if most is None:
+        return tuple(layers)
+    return tuple(replace(each, bands=(min(each.bands[0], most), min(each.bands[1], most))) for each in layers)
+
+
+def plan_still(project: Project, n_lights: int = N_LIGHTS, n_patches: int = N_PATCHES) -> Plan:
+    """The plan of a still, with so many lights and patches where nobody has overruled them."""
+    has_sky = project.sky.environment is not None
+    return plan_scene(
+        project.scene, project.layers, has_sky=has_sky, still=True, n_lights=n_lights, n_patches=n_patches,
+        overrides=project.overrides,
+    )  # fmt: skip
+
+
+def chosen_bounces(project: Project, plan: Plan) -> int | None:
+    """As many as a person has overruled the plan with, the session has, or the scene says; None: to be planned."""
+    return project.chosen_bounces or plan.bounces
+
+
+def write_picture(path: Path, radiance: NDArray[np.float32], view: ToneMapping = "filmic", comment: str = "") -> None:
+    """Put a picture into a file, whole or not at all; see `picture_bytes`."""
+    save_file(path, picture_bytes(path, radiance, view, comment))
+
+
+def picture_bytes(path: Path, radiance: NDArray[np.float32], view: ToneMapping = "filmic", comment: str = "") -> bytes:
+    """What is in a picture's file: an .exr (linear, 32 bits, with a comment) or a .png (as the viewport shows it)."""
+    is_png = path.suffix.lower() == ".png"
+    return png_bytes(radiance, tone_mapping=view) if is_png else exr_bytes(radiance, comment)
+
+
+def layers_by_object(project: Project) -> Mapping[int, tuple[Layer, ...]]:
+    """The layers of each object, by its index in the scene."""
+    names = project.object_names
+    layers = project.layers
+    return {
+        index: tuple(layer for key, layer in layers.items() if object_of(key) == name)
+        for index, name in enumerate(names)
+    }

@@ -1,0 +1,264 @@
+"""Files and folders that are either old or new, never half.
+
+The bytes go to a temporary name in the same folder, are flushed to the disk, and the name is then replaced in one
+step [POSIX, rename]. A process killed at any moment leaves the old file or the new one, and at most a stray temporary
+file, which the next write to the same name removes. Writing in place, even with a backup beside it, was rejected: a
+kill between truncation and the last write loses both the old text and the new.
+
+What a person asked for goes through `save_file` and `replacing_folder`, whose one line names the path; neither replaces
+anything but a regular file, nor one that the open project was read from (`app.system.inputs`). `require_place` finds
+that out before the work rather than after it. What the program keeps for itself (`private`) is for the user's eyes
+alone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import hashlib
+import itertools
+import os
+import re
+import shutil
+import stat
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from app.system.inputs import require_no_input
+from app.system.system import process_lives
+from engine.core.errors import InsituError
+from engine.core.safe_files import file_kind
+
+PRIVATE_FILE, PRIVATE_FOLDER = 0o600, 0o700
+_LONGEST_STEM = 100  # bytes of a name that its temporary one repeats: no system takes more than 255 in all
+_TRIED_BYTES = 1 << 16
+_TEMPORARY = re.compile(r"\.(?P<name>.+)\.(?P<pid>\d+)-\d+\.tmp")
+_serial = itertools.count()
+
+
+def save_file(path: str | os.PathLike[str], data: bytes, *, private: bool = False, session: Path | None = None) -> None:
+    """Replace the file at `path` by `data`; InsituError says why it cannot be, and the old file is then untouched.
+
+    session: see `require_no_input`.
+    """
+    with _explaining(path):
+        require_no_input(path, session)
+        write_atomically(path, data, private=private)
+
+
+def require_place(*paths: Path) -> None:
+    """Raises InsituError where files could not be put at these paths, or would take the place of what has to stay.
+
+    A name in each of their folders is tried, so that a disk that cannot be written, is full, or takes no such name, is
+    met before the work.
+    """
+    tried = {path.parent: path for path in sorted(paths, key=lambda path: len(os.fspath(path)))}
+    for path in paths:
+        with _explaining(path):
+            _require_file(path)
+            require_no_input(path)
+    for path in tried.values():
+        with _explaining(path):
+            _try_writing(Path(os.path.realpath(path)))
+
+
+def require_folder(folder: Path, names: Iterable[str] = ()) -> None:
+    """The same of files of these names in a folder, whether it is there or not: it is not made."""
+    with _explaining(folder):
+        _require_folder(folder)
+        made = Path(os.path.realpath(folder)) / "a"  # the first name that will be new
+        while not made.parent.exists():
+            made = made.parent
+        _try_writing(made)
+    for path in (folder / name for name in names):
+        require_no_input(path)
+
+
+def make_folder_of(path: Path) -> None:
+    """Make the folder that a file is to be in; InsituError says why that cannot be."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        raise InsituError(f"{path.parent}: the folder cannot be made, {_reason(error)}") from error
+
+
+@contextlib.contextmanager
+def replacing_folder(folder: Path) -> Iterator[Path]:
+    """An empty folder to fill; leaving the block without an error puts what it holds in the place of `folder`.
+
+    Of a folder that is there already, files of the same names are replaced when all are written, and all others stay.
+    Raises InsituError that says why it cannot be written; what was there is then untouched.
+    """
+    with _explaining(folder):
+        target = Path(os.path.realpath(folder))
+        _require_folder(target)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        # Beside a folder that is there could be another disk, or no right to write.
+        temporary = _temporary(target / target.name if target.is_dir() else target)
+        temporary.mkdir()
+        try:
+            yield temporary
+            _put_in_place(temporary, target)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+
+
+def write_atomically(path: str | os.PathLike[str], data: bytes, *, private: bool = False) -> None:
+    """Replace the file at `path` by `data`; on any error the old file is untouched and the OSError is raised.
+
+    A symbolic link is followed, so that it stays a link; the permissions of an existing file are kept, unless it is
+    `private`.
+    """
+    with replacing(path, private=private) as file:
+        file.write(data)
+
+
+@contextlib.contextmanager
+def replacing(path: str | os.PathLike[str], *, durable: bool = True, private: bool = False) -> Iterator[BinaryIO]:
+    """A binary file to write; leaving the block without an error puts it in the place of `path`.
+
+    `durable` waits until the bytes are on the disk, so that not even a power cut can leave half a file. Without it
+    only the death of the process is covered: enough for files that carry a checksum and can be computed again.
+    """
+    _require_file(path)
+    target = Path(os.path.realpath(path))
+    temporary = _temporary(target)
+    try:
+        with open(temporary, "xb", opener=private_opener if private else None) as file:
+            yield file
+            file.flush()
+            if not private:
+                _keep_permissions(target, temporary)
+            if durable:
+                os.fsync(file.fileno())
+        os.replace(temporary, target)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+        raise
+    if durable:
+        _flush_folder(target.parent)
+
+
+def private_opener(path: str, flags: int) -> int:
+    """For `open`: a file that is made is the user's alone."""
+    return os.open(path, flags, PRIVATE_FILE)
+
+
+def make_private_folder(folder: Path) -> Path:
+    """The folder, made where it is not there, then the user's alone."""
+    folder.mkdir(parents=True, exist_ok=True, mode=PRIVATE_FOLDER)
+    return folder
+
+
+def sweep_temporaries(folder: Path, name: str | None = None) -> None:
+    """Remove temporary files and folders (of the file `name`, or all) whose writer no longer lives."""
+    name = None if name is None else _stem(name)
+    try:
+        entries = os.listdir(folder)
+    except OSError:
+        return
+    for entry in entries:
+        match = _TEMPORARY.fullmatch(entry)
+        if match and name in (None, match["name"]) and not process_lives(int(match["pid"])):
+            try:
+                (folder / entry).unlink()
+            except OSError:
+                shutil.rmtree(folder / entry, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def _explaining(path: str | os.PathLike[str]) -> Iterator[None]:
+    """What the system refuses of a file or folder that a person named, as InsituError with one line."""
+    try:
+        yield
+    except (OSError, ValueError) as error:
+        raise InsituError(f"{os.fspath(path)}: not written, {_reason(error)}; what was there is untouched") from error
+
+
+def _reason(error: OSError | ValueError) -> str:
+    """What the system says of a path that it does not take, in words."""
+    if isinstance(error, UnicodeError):
+        return f"its name has characters that this system's ({sys.getfilesystemencoding()}) lack"
+    return (error.strerror if isinstance(error, OSError) else None) or str(error)
+
+
+def _require_file(path: str | os.PathLike[str]) -> None:
+    """Raises OSError where something is at `path`, or where its links lead, that is no regular file.
+
+    To put one in the place of a device, or of a link that leads to itself, is never what was meant.
+    """
+    try:
+        mode = os.stat(path).st_mode
+    except FileNotFoundError:
+        return
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not stat.S_ISREG(mode):
+        raise OSError(errno.EINVAL, f"it is {file_kind(mode)}, expected a file or a new name")
+
+
+def _try_writing(target: Path) -> None:
+    """Raises OSError where the system takes no file of a few bytes beside the target, under a name as long."""
+    temporary = _temporary(target)
+    try:
+        with open(temporary, "xb") as file:
+            file.write(bytes(_TRIED_BYTES))
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _require_folder(folder: Path) -> None:
+    """Raises OSError where something is at a path that is no folder."""
+    with contextlib.suppress(FileNotFoundError):
+        if not stat.S_ISDIR(os.stat(folder).st_mode):
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
+
+
+def _temporary(target: Path) -> Path:
+    """A name beside the target that nobody else uses; names of writers that were killed are swept."""
+    sweep_temporaries(target.parent, target.name)
+    return target.with_name(f".{_stem(target.name)}.{os.getpid()}-{next(_serial)}.tmp")
+
+
+def _stem(name: str) -> str:
+    """What temporary names repeat of a file's: of a long one a digest, as theirs may be no longer."""
+    encoded = os.fsencode(name)
+    return name if len(encoded) <= _LONGEST_STEM else hashlib.blake2b(encoded, digest_size=12).hexdigest()
+
+
+def _put_in_place(temporary: Path, target: Path) -> None:
+    """Rename what was written: the whole folder where there is none yet, else file by file."""
+    if not target.is_dir():
+        os.rename(temporary, target)
+        _flush_folder(target.parent)
+        return
+    files = [file.relative_to(temporary) for file in temporary.rglob("*") if file.is_file()]
+    for place in (target / file for file in files):  # before anything is replaced
+        if place.is_dir() or (place.parent.exists() and not place.parent.is_dir()):
+            raise FileExistsError(errno.EEXIST, f"something else is at {place}")
+        if place.exists():
+            _require_file(place)
+        require_no_input(place)
+    for file in files:
+        (target / file).parent.mkdir(parents=True, exist_ok=True)
+    for file in files:
+        os.replace(temporary / file, target / file)
+    _flush_folder(target)
+
+
+def _keep_permissions(target: Path, temporary: Path) -> None:
+    with contextlib.suppress(OSError):
+        os.chmod(temporary, target.stat().st_mode & 0o7777)
+
+
+def _flush_folder(folder: Path) -> None:
+    """Put the new name itself on the disk; some file systems refuse this for folders, and then it is not needed."""
+    with contextlib.suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)

@@ -1,0 +1,91 @@
+"""Where compiled kernels are kept: for each file of them a folder named after all the sources that they are made of.
+
+Numba looks at the file of a kernel to see whether its compiled form is out of date, but not at the kernels it has
+inlined from other files, so after an update it may run old code. A folder for each state of a file and of what it
+imports cannot be stale; an update compiles what it has changed alone, and two copies of the same sources share theirs.
+The folders lie in the user's cache, for the installed package may not be writable. One that cannot be written costs
+time alone, see `app.system.kernel_files`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import platformdirs
+
+from app.system.atomic import make_private_folder
+from app.system.lazy_import import qualified
+
+NUMBA_VARIABLE = "NUMBA_CACHE_DIR"
+_ROOT = Path(__file__).resolve().parents[2]
+_ENGINE = _ROOT / "engine"
+_IMPORT = re.compile(
+    rb"^\s*(?:from\s+(?:insitu\.)?(engine[\w.]*)\s+import\s+(\w+)|import\s+(?:insitu\.)?(engine[\w.]*))", re.MULTILINE
+)
+
+
+def kernel_folder(path: Path) -> str:
+    """The name of the folder for the compiled kernels of a source file."""
+    digest = hashlib.blake2b(digest_size=10)
+    for source in sorted(with_imported(path)):
+        name = source.relative_to(_ROOT).as_posix() if source.is_relative_to(_ROOT) else source.name
+        digest.update(name.encode() + b"\0" + read(source))
+    return f"{path.parent.name}{path.stem}-{digest.hexdigest()}"
+
+
+@functools.cache
+def kernel_folders() -> tuple[str, ...]:
+    """Those of all the engine's files of kernels."""
+    return tuple(kernel_folder(path) for path in sorted(_ENGINE.rglob("_*kernels.py")))
+
+
+def kernel_digest() -> str:
+    """A hash of all kernel sources and of what they import."""
+    return hashlib.blake2b("".join(kernel_folders()).encode(), digest_size=8).hexdigest()
+
+
+def use_kernel_cache() -> None:
+    """Tell numba where to keep compiled kernels; call it before the engine is imported. A set variable is kept."""
+    os.environ["NUMBA_CACHE_LOCATOR_CLASSES"] = qualified("app.system.kernel_files.KernelFiles")
+    if NUMBA_VARIABLE not in os.environ:
+        folder = default_folder()
+        with contextlib.suppress(OSError):
+            make_private_folder(folder.parent)  # what is read from it is run
+        os.environ[NUMBA_VARIABLE] = str(folder)
+
+
+def default_folder() -> Path:
+    """Where a user's compiled kernels are kept, unless the variable names another folder."""
+    return Path(platformdirs.user_cache_dir("insitu", appauthor=False), "kernels")
+
+
+@functools.cache
+def with_imported(path: Path) -> frozenset[Path]:
+    """The file and the engine's modules that it imports, and those that they do."""
+    found, waiting = {path}, [path]
+    while waiting:
+        new = set(_imported(waiting.pop())) - found
+        found |= new
+        waiting += new
+    return frozenset(found)
+
+
+def _imported(path: Path) -> Iterator[Path]:
+    """By the import lines alone: to parse the files would take longer than to read the compiled kernels."""
+    for package, name, module in _IMPORT.findall(read(path)):
+        for dotted in (package + b"." + name, package or module):
+            source = _ROOT.joinpath(*dotted.decode().split(".")).with_suffix(".py")
+            if source.is_file():
+                yield source
+                break
+
+
+@functools.cache
+def read(path: Path) -> bytes:
+    return path.read_bytes()

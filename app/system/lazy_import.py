@@ -1,0 +1,26 @@
+"""Names of modules, for what is imported late, by one process alone, or run as a program of its own.
+
+In a checkout the packages are `app`, `engine` and `ui`; a wheel installs them inside one package, `insitu`, see
+`setup.py`. Names are written as in the checkout; `qualified` gives what the running program knows them by.
+"""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+_OUTER = __name__.removesuffix("app.system.lazy_import")
+# The folder that the import path must have.
+IMPORT_FOLDER = Path(__file__).resolve().parents[2 + _OUTER.count(".")]
+
+
+def qualified(module: str) -> str:
+    """`app.worker` of a checkout; `insitu.app.worker` of an installed wheel."""
+    return _OUTER + module
+
+
+def import_named(name: str) -> Any:
+    """The attribute that "module:attribute" names."""
+    module, _, attribute = name.partition(":")
+    return getattr(importlib.import_module(qualified(module)), attribute)

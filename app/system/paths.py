@@ -1,0 +1,110 @@
+"""Where Insitu keeps what outlives a run: the autosave journals, a person's own materials and the interface's layout.
+
+The folder comes from the environment variable ``INSITU_STATE`` where it is set (tests, kiosks), else from the
+platform's own convention (``platformdirs``). The transport cache has its own folder, see ``app.worker.cache``:
+deleting a cache must never cost a person unsaved work.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+from urllib.parse import quote_from_bytes, unquote_to_bytes
+
+import platformdirs
+
+from app.system.atomic import make_private_folder
+from engine.core.safe_files import resolved
+
+APPLICATION = "insitu"
+STATE_VARIABLE = "INSITU_STATE"
+_QUOTED = "file:"
+
+
+def state_directory() -> Path:
+    """The folder for journals and layout, made (private to the user) when it is not there.
+
+    Where it cannot be made it is named all the same: whoever reads finds nothing there, whoever writes says why not.
+    """
+    configured = os.environ.get(STATE_VARIABLE)
+    return _make_folder(
+        Path(configured) if configured else Path(platformdirs.user_state_dir(APPLICATION, appauthor=False))
+    )
+
+
+def state_problem() -> str:
+    """One line for a person where nothing can be kept, else ""."""
+    folder = state_directory()
+    if folder.is_dir() and os.access(folder, os.W_OK):
+        return ""
+    return f"{folder}: cannot be written, nothing is kept there; set {STATE_VARIABLE} to a folder that can be"
+
+
+def journal_directory() -> Path:
+    """The folder of the autosave journals, one file for each running editor."""
+    return _make_folder(state_directory() / "journals")
+
+
+def material_directory() -> Path:
+    """The folder of a person's own materials."""
+    return _make_folder(state_directory() / "materials")
+
+
+def log_directory() -> Path:
+    """The folder of what is logged."""
+    return _make_folder(state_directory() / "log")
+
+
+def _make_folder(folder: Path) -> Path:
+    with contextlib.suppress(OSError):
+        make_private_folder(folder)
+    return folder
+
+
+def layout_file() -> Path:
+    """The file in which the window remembers its panels."""
+    return state_directory() / "layout.ini"
+
+
+def recent_file() -> Path:
+    """The file that lists what was opened last."""
+    return state_directory() / "recent.txt"
+
+
+def preference_file() -> Path:
+    """The file with what a person is used to."""
+    return state_directory() / "preferences.toml"
+
+
+def display_name(source: str) -> str:
+    """What a person calls a scene or a session: its file's name without the ending, of a scene.toml its folder's."""
+    path = Path(source)
+    return path.parent.name if path.name == "scene.toml" else path.stem
+
+
+def is_file_name(source: str) -> bool:
+    """Whether a scene or an environment is a file: names of built-in ones have no ending."""
+    return Path(source).suffix != ""
+
+
+def full_path(source: str, folder: Path | None = None) -> str:
+    """A file's absolute path, from ``folder`` or where we are; the name of a built-in one as it is. Names may be as
+    `written_path` has them."""
+    if source.startswith(_QUOTED):
+        source = os.fsdecode(unquote_to_bytes(source.removeprefix(_QUOTED)))
+    return str(resolved((folder or Path()) / source)) if is_file_name(source) else source
+
+
+def written_path(source: str, folder: Path | None) -> str:
+    """A file's name as it is written to a file in ``folder``: relative to it where it is inside, else absolute.
+
+    A file can be called by bytes that are no text. Such a name is written as a URI [RFC 8089]: "file:caf%E9.toml".
+    """
+    if not is_file_name(source):
+        return source
+    path = resolved(Path(source))
+    inside = folder is not None and path.is_relative_to(folder)
+    name = str(path.relative_to(folder)) if inside and folder is not None else str(path)
+    is_text = not any("\ud800" <= character <= "\udfff" for character in name)
+    return name if is_text and not name.startswith(_QUOTED) else _QUOTED + quote_from_bytes(os.fsencode(name))

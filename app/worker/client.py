@@ -1,0 +1,255 @@
+"""The window's side of the process boundary: send requests, poll for answers, never block, never lose the worker.
+
+No threads: the window calls `poll` once a frame. A worker that dies, hangs or sends something damaged is replaced in
+the same call, is given the standing requests again (all of them may be repeated: the answers are values), and a
+WorkerRestarted among the answers says so. A request on which the worker dies again and again is given up.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import time
+from types import TracebackType
+from typing import Self
+
+from app.messages.worker_messages import (
+    CancelRequests,
+    Heartbeat,
+    Request,
+    RequestFailed,
+    Response,
+    Shutdown,
+    WorkerRestarted,
+    with_numbers,
+)
+from app.worker.channel import ChannelClosed, ChannelError
+from app.worker.pending_requests import PendingRequests
+from app.worker.process import HEARTBEAT_SECONDS, TASKS, StartedWorker, WorkerProcess, start_worker
+from app.worker.shared_arrays import BlockError, Method, OutOfMemory
+
+_MAX_CRASHES = 3  # in succession on one request
+_START_TIMEOUT = 30.0  # seconds for the first sign of life: a cold disk, a busy machine
+_GRACE = 0.5  # seconds for a worker to end by itself
+
+
+class _CrashCounter:
+    """How often in succession the worker died on the same request (0: before it could take any)."""
+
+    def __init__(self) -> None:
+        self._id: int | None = None
+        self._n_crashes = 0
+        self._begun = False
+
+    def crashed(self, beat: Heartbeat) -> int:
+        """Count a crash; an idle worker's has no culprit."""
+        self._begun = False
+        if beat.state == "idle":
+            return 0
+        self._n_crashes = self._n_crashes + 1 if beat.id == self._id else 1
+        self._id = beat.id
+        return self._n_crashes
+
+    def note(self, beat: Heartbeat) -> None:
+        """Forget the crashes of a request that was begun again and has come to its end."""
+        if beat.state == "busy" and beat.id == self._id:
+            self._begun = True
+        if beat.state == "idle" and (self._begun or self._id == 0):
+            self._id = None
+
+
+class Client:
+    """A worker process and what was asked of it; the worker starts at once and imports while the window opens.
+
+    Create it in the thread that lives longest: on Linux the worker dies with the thread that started it.
+    handlers: `module:name` of what makes the object that does the work; hang_timeout: seconds without a sign of life
+    before the worker is replaced; heartbeat: seconds between signs of life; method: where shared blocks live (see
+    `shared_arrays`); started: the first worker, where it was started before, with the same settings.
+    """
+
+    def __init__(
+        self,
+        handlers: str = TASKS,
+        *,
+        hang_timeout: float = 10.0,
+        heartbeat: float = HEARTBEAT_SECONDS,
+        method: Method | None = None,
+        started: StartedWorker | None = None,
+    ) -> None:
+        self._command = (handlers, heartbeat, method)
+        self._hang_timeout = hang_timeout
+        self._ids = itertools.count(1)
+        self._pending = PendingRequests()
+        self._blame = _CrashCounter()
+        self._due: list[Response] = []
+        self._dying: list[WorkerProcess] = []
+        self._process: WorkerProcess | None = None
+        self._closed = False
+        self._gave_up = False  # the worker has said that it cannot start
+        self._has_spoken = False  # whether this worker has given a sign of life
+        self._beat = Heartbeat("starting")
+        self._polled = self._heard = time.monotonic()
+        self._start(started)
+
+    @property
+    def pid(self) -> int | None:
+        """The worker's process id, None when there is no worker."""
+        return self._process.pid if self._process else None
+
+    @property
+    def alive(self) -> bool:
+        return self._process is not None
+
+    @property
+    def busy(self) -> bool:
+        """Whether the worker, by its last word, is at work or still starting."""
+        return self.alive and self._beat.state != "idle"
+
+    def send(self, request: Request) -> int:
+        """Hand a request over, without waiting: the number its answers will carry. Leave `request.id` out.
+
+        A worker that was given up is started again.
+        """
+        if self._closed:
+            raise ValueError("the client is closed")
+        request = with_numbers(request, request.id or next(self._ids), request.revision)
+        self._pending.add(request)
+        if self._process is None:
+            self._start()
+            return request.id
+        if isinstance(request, CancelRequests):
+            self._post(request)
+        self._post_pending()
+        return request.id
+
+    def poll(self, budget_s: float = 0.004) -> list[Response]:
+        """The answers that have arrived and still count; takes about `budget_s` seconds, at most."""
+        responses, self._due = self._due, []
+        self._dying = [process for process in self._dying if not process.reaped()]
+        if self._process is None:
+            return responses
+        now = time.monotonic()
+        if now - self._polled > self._hang_timeout / 2:  # we ourselves were stopped: its silence proves nothing
+            self._heard = now
+        self._polled = now
+        try:
+            self._exchange(self._process, now + budget_s, responses)
+        except ChannelClosed:
+            self._replace(self._process.how_it_ended(), responses)
+        except (ChannelError, BlockError) as error:
+            self._replace(f"it sent {error}", responses)
+        return responses
+
+    @property
+    def arriving(self) -> bool:
+        """Whether an answer is here that `poll` had no time to check to its end."""
+        return self._process is not None and self._process.channel.is_checking
+
+    def wait(self, timeout_s: float) -> bool:
+        """Sleep until the worker has sent something, `timeout_s` at most: for commands without a window."""
+        if self._due or self._process is None:
+            return bool(self._due)
+        with contextlib.suppress(ChannelClosed):
+            self._process.channel.flush()
+        return self._process.channel.wait(timeout_s)
+
+    def close(self) -> None:
+        """End the worker; at most about half a second."""
+        self._closed = True
+        process, self._process = self._process, None
+        if process is not None:
+            with contextlib.suppress(ChannelClosed):
+                process.channel.post(Shutdown())
+                process.channel.flush()
+            process.end(_GRACE)
+            self._dying.append(process)
+        for dying in self._dying:
+            dying.wait_until_gone(_GRACE)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _exchange(self, process: WorkerProcess, deadline: float, responses: list[Response]) -> None:
+        """Send what waits, take what has come, and look whether the worker hangs."""
+        process.channel.flush()
+        while (message := process.channel.receive(deadline)) is not None:
+            self._heard = self._polled
+            self._has_spoken = True
+            self._take(message, responses)
+            if time.monotonic() >= deadline:
+                return
+        if process.channel.wait(0):
+            self._heard = self._polled
+        elif self._polled - self._heard > self._patience:
+            self._replace(f"it did not answer for {self._patience:g} s", responses)
+
+    @property
+    def _patience(self) -> float:
+        """Seconds of silence after which the worker counts as hung."""
+        return self._hang_timeout if self._has_spoken else max(self._hang_timeout, _START_TIMEOUT)
+
+    def _take(self, message: object, responses: list[Response]) -> None:
+        if isinstance(message, Heartbeat):
+            self._beat = message
+            self._blame.note(message)
+        elif isinstance(message, RequestFailed) and message.id == 0:  # it cannot start
+            self._gave_up = True
+            responses.append(message)
+        elif isinstance(message, Response):
+            self._pending.note_response(message)
+            if self._pending.is_current(message):
+                self._pending.settle(message)
+                responses.append(message)
+            if isinstance(message, RequestFailed):
+                self._post_pending()  # the scene that stands again may be one that this worker has not opened
+
+    def _replace(self, reason: str, responses: list[Response]) -> None:
+        """Put a new worker in the place of one that died or hangs, unless that would never end."""
+        assert self._process is not None
+        self._process.end(0)
+        self._dying.append(self._process)
+        self._process = None
+        beat, n_crashes = self._beat, self._blame.crashed(self._beat)
+        if self._gave_up:
+            return
+        if n_crashes >= _MAX_CRASHES:
+            line = f"computing failed {n_crashes} times in succession ({reason}); not tried again"
+            responses.append(RequestFailed(line, id=beat.id, revision=beat.revision))
+            self._pending.drop(beat.id)
+            if beat.state == "starting":
+                return
+        self._start()
+        responses.append(WorkerRestarted(reason))
+
+    def _start(self, started: StartedWorker | None = None) -> None:
+        self._beat = Heartbeat("starting")
+        self._gave_up = self._has_spoken = False
+        self._heard = self._polled = time.monotonic()
+        try:
+            self._process = WorkerProcess(started or start_worker(*self._command))
+        except OSError as error:
+            self._due.append(RequestFailed(f"computing could not be started: {error.strerror}"))
+            return
+        self._pending.worker_restarted()
+        self._post_pending()
+
+    def _post_pending(self) -> None:
+        """Send the standing requests that this worker has not been sent."""
+        for request in self._pending.unsent():
+            self._post(request)
+
+    def _post(self, request: Request) -> None:
+        assert self._process is not None
+        try:
+            self._process.channel.post(request)
+            self._process.channel.flush()
+        except OutOfMemory as error:
+            self._pending.drop(request.id)
+            self._due.append(RequestFailed(str(error), id=request.id, revision=request.revision))
+        except ChannelClosed:  # the next poll finds out why and sends the request again
+            pass

@@ -1,0 +1,216 @@
+"""Deform in the worker: transfer of the scene at rest made ready, and pictures of any pose between the steps of that.
+
+Making ready goes on where it was left off, whoever ended that; what was fitted once is kept on disk, object by object.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.messages.worker_messages import Progress
+from app.modes.deform.deform_messages import (
+    DeformLoss,
+    DrawDeform,
+    EstimateDeform,
+    PathPreview,
+    PathsTraced,
+    PoseExported,
+    PrepareDeform,
+)
+from app.modes.mode import ModeWorker
+from app.modes.orbit.orbit_messages import OrbitNotReady, OrbitPictureDrawn, OrbitProgress
+from app.worker.cache import ArrayCache, content_key
+from app.worker.kernels import DEFORM, FIRST_TIME, are_compiled, note_compiled
+from app.worker.measured_tasks import ensure_tables
+from app.worker.orbit_worker import layers_by_object, until_compiled
+from app.worker.schedule import Handlers, Steps
+from app.worker.worker_context import WorkerContext
+from engine.core.stored_arrays import ArrayReader, Arrays, UnsoundArrays
+from engine.precompute.direct.pipeline import SkyState
+from engine.scene.description import CameraDescription
+from engine.scene.scene_loader import Scene
+
+if TYPE_CHECKING:
+    from app.document.scene_state import SceneState
+    from engine.realtime.zonal_harmonics.deform_engine import Deform
+    from engine.realtime.zonal_harmonics.path_reference import PathReference
+    from engine.realtime.zonal_harmonics.zonal import Zonal
+
+STAGE = "deform"
+_NO_PICTURE = np.zeros((0, 0, 3), np.float32)
+_ROUNDING = 1e-5  # of axes in single precision
+
+
+class DeformWorker(ModeWorker):
+    """What pictures of the open scene are drawn of, and by which request that is to be changed last."""
+
+    n_points: int | None = None
+    n_rays: int | None = None
+
+    def __init__(self, context: WorkerContext) -> None:
+        self._context = context
+        self._deform: Deform | None = None
+        self._scene: Scene | None = None
+        self._reference: tuple[tuple[PathPreview, SceneState, int], PathReference] | None = None
+        self._prepared = 0
+
+    @property
+    def handlers(self) -> Handlers:
+        return {PrepareDeform: self._prepare, DrawDeform: self._draw, EstimateDeform: self._estimate}
+
+    def view_traced(self) -> None:
+        scene = self._context.rest_scene
+        if scene is not self._scene:  # another one, not the same from elsewhere or in another pose
+            self._deform, self._scene, self._reference = None, scene, None
+
+    def _prepare(self, request: PrepareDeform) -> Steps:
+        scene = request.scene
+        yield from ensure_tables((state.layer for state in scene.layers), self._context.store)
+        sky = self._context.sky(scene.light)
+        if (image := self._context.sky_image(sky, scene.light)) is not None:
+            yield image
+        yield from until_compiled(self._context, DEFORM)
+        first_time, told = not are_compiled(DEFORM), None  # still, where nobody else compiles
+        if first_time:
+            yield Progress(STAGE, 0.0, text=FIRST_TIME)
+        deform = self._open_deform()
+        deform.set_emission(dict(scene.emission))
+        deform.set_light(sky)
+        deform.set_layers(layers_by_object(deform.scene, scene.layers))
+        deform.set_surfaces(request.surfaces)
+        deform.set_bending(request.posed)
+        deform.set_effort(self.n_rays or request.n_rays, request.n_lobes)
+        deform.set_bounces(request.n_bounces)
+        self._prepared = request.id
+        for step in deform.work():
+            if deform.is_ready and deform.version != told:
+                if told is None and first_time:  # compile what pictures are drawn with before a quick request does
+                    deform.draw(deform.scene.description.camera, (8, 8))
+                told = deform.version
+                yield OrbitProgress(deform.version, deform.is_done, deform.n_bytes)
+            yield Progress(STAGE, step.fraction, text=FIRST_TIME if first_time else step.text)
+        if first_time:
+            note_compiled(DEFORM)
+        names = deform.scene.object_names
+        yield DeformLoss(tuple((names[i], share) for i, share in deform.lost_shares.items()))
+        yield OrbitProgress(deform.version, deform.is_done, deform.n_bytes)
+        if request.traced is not None:
+            yield from self._trace(deform, request, sky, request.traced)
+
+    def _trace(self, deform: Deform, request: PrepareDeform, sky: SkyState, wanted: PathPreview) -> Steps:
+        """By paths, pass by pass; goes on where it was left off."""
+        from engine.realtime.zonal_harmonics.path_reference import N_PASSES, PathReference
+
+        layers, n_bounces = layers_by_object(deform.scene, request.scene.layers), request.n_bounces or 1
+        made_of = wanted, request.scene, n_bounces
+        if self._reference is None or self._reference[0] != made_of:
+            scene = deform.scene.from_camera(wanted.camera, wanted.resolution)
+            self._reference = made_of, PathReference(scene, wanted.poses)
+        truth = self._reference[1]
+        yield PathsTraced(truth.n_passes, N_PASSES)
+        while truth.n_passes < N_PASSES:
+            for _ in truth.trace(layers, sky, n_bounces):
+                yield Progress(STAGE, truth.n_passes / N_PASSES, text="paths")
+            deform.version += 1
+            yield PathsTraced(truth.n_passes, N_PASSES)
+            yield OrbitProgress(deform.version, deform.is_done, deform.n_bytes)
+
+    def _draw(self, request: DrawDeform) -> Steps:
+        deform = self._deform
+        if deform is None or not deform.is_ready:
+            yield OrbitNotReady()
+            return
+        started = time.monotonic()
+        camera = deform.scene.from_camera(request.camera).description.camera
+        told = None if request.sent_parts is None else deform.export_picture(camera, request.poses, request.sent_parts)
+        if told is not None:
+            picture = _NO_PICTURE
+        elif request.fit_error:
+            picture = deform.draw_errors(camera, request.resolution, request.poses)
+        else:
+            picture = deform.draw(camera, request.resolution, request.poses, request.quality)
+        if request.split is not None:
+            picture = self._split_picture(picture, deform, camera, request, request.split)
+        seconds, carried = time.monotonic() - started, tuple(deform.carried(request.poses).items())
+        drawn = picture, self._prepared, deform.version, deform.is_done, seconds, carried
+        yield OrbitPictureDrawn(*drawn) if told is None else PoseExported(*drawn, export=told)
+
+    def _estimate(self, request: EstimateDeform) -> Steps:
+        from app.worker.error_tasks import estimate_drawn_error
+
+        deform = self._deform
+        if deform is None or not deform.is_ready:
+            yield OrbitNotReady()
+            return
+
+        def drawing(wanted: DrawDeform) -> Generator[None, None, NDArray[np.float32]]:
+            camera = deform.scene.from_camera(wanted.camera).description.camera
+            yield
+            return deform.draw(camera, wanted.resolution, wanted.poses, wanted.quality)
+
+        yield from estimate_drawn_error(request, self._context, request.n_bounces or 1, drawing)
+
+    def _split_picture(
+        self, picture: NDArray[np.float32], deform: Deform, camera: CameraDescription, request: DrawDeform,
+        split: tuple[float, float],
+    ) -> NDArray[np.float32]:  # fmt: skip
+        """The picture, right of what paths show of the same and of transfer that does not turn."""
+        from engine.realtime.zonal_harmonics.path_reference import compose_split
+
+        stays = deform.draw(camera, request.resolution, request.poses, request.quality, turned=False)
+        traced = None
+        if self._reference is not None:
+            wanted, *_ = self._reference[0]
+            is_same = (dict(wanted.camera), wanted.poses) == (dict(request.camera), request.poses)
+            traced = self._reference[1].picture if is_same else None
+        return compose_split(traced, stays, picture, split)
+
+    def _open_deform(self) -> Deform:
+        if self._deform is None:
+            from engine.realtime.zonal_harmonics.deform_engine import N_POINTS, Deform
+
+            scene, shelf = self._context.rest_scene, StoredLobes(self._context.store)
+            self._deform = Deform(scene, self.n_points or N_POINTS, store=shelf)
+        return self._deform
+
+
+class StoredLobes:
+    """Fitted transfer in the cache on disk."""
+
+    def __init__(self, store: ArrayCache) -> None:
+        self._store = store
+
+    def get(self, made_of: tuple[object, ...], n_places: int) -> Zonal | None:
+        """What was kept of so many places; None where there is nothing, or nothing sound."""
+        return self._store.get(_key(made_of), lambda arrays: stored_lobes(arrays, n_places))
+
+    def put(self, made_of: tuple[object, ...], zonal: Zonal) -> None:
+        arrays: dict[str, NDArray[np.generic]] = {
+            name: np.asarray(getattr(zonal, name), np.float32) for name in ("low", "axes", "coefficients", "errors")
+        }
+        self._store.put(_key(made_of), arrays)
+
+
+def _key(made_of: tuple[object, ...]) -> str:
+    return content_key("deform lobes 1", *made_of)  # type: ignore[arg-type]
+
+
+def stored_lobes(arrays: Arrays, n_places: int) -> Zonal:
+    """Lobes of so many places, as pictures are drawn of. Raises UnsoundArrays."""
+    from engine.realtime.zonal_harmonics.deform_engine import N_LOBES
+    from engine.realtime.zonal_harmonics.object_transfer import ORDER
+    from engine.realtime.zonal_harmonics.zonal import Zonal
+
+    reader = ArrayReader(arrays, points=n_places, order=ORDER)
+    low, axes = reader.take("low", np.float32, "points", 4), reader.take("axes", np.float32, "points", "lobes", 3)
+    coefficients = reader.take("coefficients", np.float32, "points", "lobes", "order")
+    if not 1 <= reader.sizes["lobes"] <= N_LOBES:
+        raise UnsoundArrays(f"{reader.sizes['lobes']} lobes, expected 1 to {N_LOBES}")
+    if (np.abs(np.linalg.norm(axes.astype(np.float64), axis=2) - 1.0) > _ROUNDING).any():
+        raise UnsoundArrays("'axes' are not of length 1")
+    return Zonal(low, axes, coefficients, reader.take("errors", np.float32, "points"))

@@ -1,0 +1,128 @@
+"""The worker's estimate of the error of a picture that it made: its radiance once more, and how far off that is.
+
+What the window shows of Placement is the same sums: transport under the curves as they are, and indirect light as it
+was found. What other modes draw is held against the same truth, of the view that is open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document.scene_state import LayerState
+from app.messages.worker_messages import Response
+from app.modes.orbit.orbit_messages import DrawnErrorEstimated, EstimateDrawn
+from app.modes.placement.placement_messages import ErrorEstimated, EstimateError
+from app.worker.kernels import ESTIMATE
+from app.worker.layer_data import STAGES, LayerData, shape_of
+from app.worker.worker_context import WorkerContext
+from engine.core.errors import InsituError
+from engine.core.generators import map_steps
+from engine.planner import band_counts
+from engine.precompute.direct.pipeline import FINAL, Placement, Quality, final_quality
+from engine.precompute.indirect.indirect_light import IndirectLight
+from engine.render.error_estimate import MAP_POINTS, N_POINTS, PointErrors, estimate_drawn_errors, estimate_point_errors
+from engine.render.error_map import Colours, error_colours
+from engine.render.picture_error import ErrorEstimate
+from engine.render.still import StillLayer, view_factors, with_maps
+from engine.render.still_indirect import noise_in, reflected_light
+
+DrawSteps = Generator[object, None, NDArray[np.float32]]
+
+
+def estimate_error(
+    request: EstimateError, context: WorkerContext, held: Mapping[str, LayerData], found: IndirectLight | None
+) -> Iterator[Response | None]:
+    """The answer. held: transport by layer; found: indirect light, None where there is none. Raises InsituError where
+    not every pixel has been computed."""
+    placement, states = context.open_placement, request.scene.visible
+    if not states:
+        yield ErrorEstimated(ErrorEstimate(0.0))  # nothing reflects: there is nothing to be off
+        return
+    if not all(state.key in held and STAGES[held[state.key].stage].stride == 1 for state in states):
+        raise InsituError("the error is estimated of a whole picture, and not every pixel of this one is computed yet")
+    first = held[states[0].key]
+    quality = _quality(first)
+    yield None
+    layers = _layers(states, placement, held)
+    yield None
+    radiance = np.zeros((len(placement.hits.pixel), 3))
+    for each, state in zip(layers, states, strict=True):
+        begin, end = placement.hits.object_ranges[each.i_object]
+        radiance[begin:end] += _with_present_curves(held[state.key], state).radiance * view_factors(
+            placement.hits, np.arange(begin, end), each
+        )
+        yield None
+    indirect, noise, n_bounces = None, None, 1
+    if found is not None:
+        n_bounces = found.n_bounces
+        indirect = yield from reflected_light(found, layers, request.second_bands, placement.hits)
+        radiance += indirect
+        noise = yield from map_steps(noise_in(found, layers, request.second_bands), lambda step: None)
+    sky = context.sky(first.lit_by.light)
+    n_points = MAP_POINTS if request.has_map else N_POINTS
+    judging = estimate_point_errors(
+        placement, layers, sky, quality, n_bounces, radiance, indirect, n_points=n_points, noise=noise
+    )
+    judged = yield from map_steps(judging, lambda step: None)  # without a word: nobody waits for it
+    yield ErrorEstimated(judged.estimate, (yield from _colours(request.has_map, placement, judged)))
+
+
+def estimate_drawn_error(
+    request: EstimateDrawn, context: WorkerContext, n_bounces: int, drawing: Callable[[Any], DrawSteps]
+) -> Iterator[Response | None]:
+    """The answer. drawing: makes a picture (h, w, 3) that is asked for. n_bounces: after how many reflections."""
+    if context.kernels is not None:
+        for _ in context.kernels.until_ready(ESTIMATE):
+            yield None
+    pictures = []
+    for wanted in (request.at_rest, request.moving):
+        pictures.append((yield from map_steps(drawing(wanted), lambda step: None)))
+    placement, scene = context.open_placement, request.scene
+    placement.set_emission(dict(scene.emission))
+    layers = with_maps(placement, (_with_own_bands(state, placement) for state in scene.layers))
+    yield None
+    n_points = MAP_POINTS if request.has_map else N_POINTS
+    judging = estimate_drawn_errors(placement, layers, context.sky(scene.light), n_bounces, pictures, n_points=n_points)
+    at_rest, moving = yield from map_steps(judging, lambda step: None)
+    colours = yield from _colours(request.has_map, placement, at_rest)
+    yield DrawnErrorEstimated(at_rest.estimate, moving.estimate, colours)
+
+
+def _colours(is_wanted: bool, placement: Placement, judged: PointErrors) -> Generator[None, None, Colours | None]:
+    """Where the picture is off."""
+    return (yield from error_colours(placement.hits, judged)) if is_wanted else None
+
+
+def _with_own_bands(state: LayerState, placement: Placement) -> StillLayer:
+    """A layer with the bands that its curves need."""
+    first, second = (*band_counts(state.layer).values(), 1, 1)[:2]
+    return StillLayer(placement.scene.object_index(state.object), state.layer, (first, second), False)
+
+
+def _quality(data: LayerData) -> Quality:
+    """How finely a layer's light was computed; of few lights the preview is the last stage."""
+    stage, settings = STAGES[data.stage], data.lit_by.planned_settings or data.lit_by.settings
+    return final_quality(settings) if stage is FINAL else replace(stage, n_lights=settings.n_lights)
+
+
+def _with_present_curves(data: LayerData, state: LayerState) -> LayerData:
+    """What is held of a layer, under its curves as they are by now: the window edits them without asking anybody."""
+    return data if data.is_fixed else data.with_curves(replace(state, bands=data.work.bands))
+
+
+def _layers(
+    states: Iterable[LayerState], placement: Placement, held: Mapping[str, LayerData]
+) -> tuple[StillLayer, ...]:
+    found = (
+        StillLayer(
+            placement.scene.object_index(state.object), state.layer, shape_of(held[state.key].work).bands,
+            not held[state.key].is_fixed,
+        )
+        for state in states
+    )  # fmt: skip
+    return with_maps(placement, found)

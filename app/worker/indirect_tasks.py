@@ -1,0 +1,281 @@
+"""The worker's share of indirect light: found once for scene and camera, lit anew, frozen for what is being edited.
+
+Found roughly after the first picture, finely after the last stage of the direct light, so that a person waits for
+neither; where the rays of a fine one are still there, another light lights their cells anew, at once, and what glossy
+surfaces send goes by albedo until the end. Fine light is kept on disk, where a scene that is opened again, or a worker
+after one that died, finds it with the first picture; while it is being found its finished parts are, from which either
+goes on.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypeVar
+
+import numpy as np
+
+from app.document.scene_state import LayerState
+from app.messages.worker_messages import Progress, Response
+from app.modes.placement.placement_messages import (
+    BouncesPlanned,
+    FreezeIndirect,
+    IndirectFound,
+    IndirectFrozen,
+    IndirectNoise,
+)
+from app.worker.cache import ArrayCache, content_key
+from app.worker.executor import IndirectSteps
+from app.worker.tiles import Tiles
+from engine.core.generators import map_steps
+from engine.core.stored_arrays import Arrays
+from engine.material.layer import Layer, object_of
+from engine.precompute.direct.pipeline import Placement, SkyState
+from engine.precompute.indirect.albedo import albedo_bands
+from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
+from engine.precompute.indirect.indirect_light import IndirectLight
+from engine.precompute.indirect.irradiance import NO_OBJECT
+from engine.precompute.indirect.representation import GatherPolynomial, SelectedCurve
+from engine.precompute.indirect.sampling_settings import FINE, ROUGH, SamplingSettings
+from engine.precompute.indirect.solver import Solver, relit
+from engine.precompute.indirect.stored_light import NAMES, arrays_of
+from engine.render.bounce_plan import planned_bounces
+from engine.render.still_indirect import direct_mean
+
+Steps = Iterator[Response | None]
+RemoteSolve = Callable[[Sequence[LayerState], str, int, int], IndirectSteps | None]
+Value = TypeVar("Value")
+# Raised when anything changes the numbers in what is kept on disk.
+STORED_VERSION = 10
+MOST_PARTS = 1024
+# Of the work on indirect light, the share until it is found; then surfaces reflect it, and its noise is told.
+FOUND_AT = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class _FoundLight:
+    """Indirect light, what its rays and what its irradiance were found for; n_rays: 0 for as many as it needs."""
+
+    light: IndirectLight
+    settings: SamplingSettings
+    n_rays: int
+    models: tuple[tuple[str, str], ...]
+    lit_by: str
+    depth: int  # bounces that the rays were found for
+    number: int = 0
+
+
+class _Checkpoints:
+    """The finished parts of light that is being found, as the solver keeps them."""
+
+    def __init__(self, tiles: Tiles) -> None:
+        self._tiles = tiles
+
+    def load(self, index: int) -> Arrays | None:
+        return self._tiles.tile(index, dict)
+
+    def store(self, index: int, arrays: Arrays) -> None:
+        if index < MOST_PARTS:
+            self._tiles.append_tile(index, arrays)
+
+
+class IndirectTasks:
+    """Indirect light of the scene that is open, and the freezing that was asked for last."""
+
+    def __init__(
+        self, placement: Placement, store: ArrayCache | None = None, scene_key: str = "", scene_id: int = 0,
+        elsewhere: RemoteSolve | None = None,
+    ) -> None:  # fmt: skip
+        """store: where fine light is kept for the next time, under keys of the scene, None for nowhere; scene_id: the
+        number of the request that opened it; elsewhere: who may find fine light for this process, see `Executor`."""
+        self._placement, self._store, self._scene_key, self._elsewhere = placement, store, scene_key, elsewhere
+        self._found: _FoundLight | None = None
+        self._freeze_request: FreezeIndirect | None = None
+        self._scene_id = scene_id
+        self._requested: tuple[str, int] | None = None
+        self._sent = 0
+        self._noise_found: tuple[_FoundLight, FreezeIndirect, tuple[float, float]] | None = None
+        self._representations: GatherPolynomial | None = None
+        self._numbers = itertools.count(time.time_ns())  # none that a worker before this one gave
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of what was found, and of what freezings keep."""
+        kept = 0 if self._representations is None else self._representations.n_bytes
+        return kept + (0 if self._found is None else self._found.light.n_bytes)
+
+    @property
+    def light(self) -> IndirectLight | None:
+        """The light that was found for the transport asked for last; None while there is none."""
+        return self._found.light if self._found is not None and self._is_requested_light(self._found) else None
+
+    def transport_requested(self, lit_by: str, n_bounces: int) -> None:
+        """Another transport was asked for, under the light of that key: its freezing comes after it. No bounces: as
+        many as will be planned."""
+        self._freeze_request, self._requested, self._sent = None, (lit_by, n_bounces), 0
+
+    def plan_bounces(self, layers: Sequence[LayerState], n_bounces: int = 0) -> BouncesPlanned:
+        """How many bounces the scene requires with these layers; or what of the light `n_bounces` leave out."""
+        indexed = [(self._object(each), each.layer) for each in layers]
+        plan = planned_bounces(self._placement, indexed, n_bounces or None)
+        return BouncesPlanned(plan.n_bounces, plan.reason, plan.warning)
+
+    def find(
+        self, layers: Sequence[LayerState], sky: SkyState, lit_by: str, n_bounces: int, is_last: bool, n_rays: int = 0
+    ) -> Steps:
+        """What a stage of the direct light calls for: `is_last` all that can be had, else what can be had at once.
+
+        lit_by: a key of the light; n_rays: a fan of fine light, 0 for as many as are needed.
+        """
+        fine = FINE.with_rays(n_rays)
+        self._requested = lit_by, n_bounces
+        models = tuple((each.key, each.model) for each in layers)
+        found = self._found
+        same_rays = found is not None and found.models == models and found.depth >= n_bounces
+        asked_so = found is not None and (found.settings, found.n_rays) == (fine, n_rays)
+        finest = found is not None and asked_so and found.light.points.glossy
+        if found is not None and same_rays and (finest or not is_last):
+            if (found.lit_by, found.light.n_bounces) == (lit_by, n_bounces):
+                yield self._found_message(found)
+                return
+            yield Progress("indirect light", 0.0, text="light on surfaces")
+            light = relit(found.light, self._placement, sky, found.settings, n_bounces)
+            yield from self._cache_light(replace(found, light=light, lit_by=lit_by))
+            return
+        by_object: dict[int, list[Layer]] = {}
+        for each in layers:
+            by_object.setdefault(self._object(each), []).append(each.layer)
+        of_object = {i_object: [layer.model.name for layer in those] for i_object, those in by_object.items()}
+        solver = partial(Solver, self._placement, of_object, sky, n_bounces)
+        # The curves that decided where light is finest do not count: within a session they do not either.
+        key = content_key(
+            "indirect", STORED_VERSION, NAMES, self._scene_key, models, lit_by, n_bounces, repr(fine), n_rays
+        )
+        as_asked = partial(_FoundLight, settings=fine, n_rays=n_rays, models=models, lit_by=lit_by, depth=n_bounces)
+        kept = None if self._store is None else self._store.get(key, lambda arrays: solver(fine).restored(arrays))
+        if kept is not None:
+            yield from self._cache_light(as_asked(kept))
+            return
+        reflecting = [self._reflecting(each) for each in layers]
+        if not is_last:
+            light = yield from _as_progress(solver(ROUGH).solve(reflecting))
+            yield from self._cache_light(replace(as_asked(light), settings=ROUGH))
+            return
+        finding = self._elsewhere(layers, lit_by, n_bounces, n_rays) if self._elsewhere else None
+        if self._store is not None and finding is not None:
+            arrays = yield from finding
+            self._store.put(key, arrays)
+            yield from self._cache_light(as_asked(solver(fine).restored(arrays)))
+            return
+        other_light = None if n_rays else (yield from _drop_progress(direct_mean(self._placement, by_object, sky)))
+        finder = solver(fine, other_light=other_light)
+        if self._store is None:
+            yield from self._cache_light(as_asked((yield from _as_progress(finder.solve(reflecting)))))
+            return
+        with self._store.open_tiles(key, MOST_PARTS) as tiles:
+            light = yield from _as_progress(finder.solve(reflecting, _Checkpoints(tiles)))
+            yield from self._cache_light(as_asked(light))
+            if self._store.put(key, arrays_of(light)):
+                tiles.finish()
+
+    def freeze(self, request: FreezeIndirect) -> Steps:
+        """The answer, if there is anything to answer with; it is given again when there is something finer."""
+        self._freeze_request = request
+        if self._found is not None and self._is_requested_light(self._found):
+            if self._found.number != self._sent:
+                yield self._found_message(self._found)
+            yield from self._frozen(self._found, request)
+            yield from self._noise(self._found, request)
+
+    def _is_requested_light(self, found: _FoundLight) -> bool:
+        """Whether it is the light of the transport asked for last."""
+        lit_by, n_bounces = self._requested or (found.lit_by, found.light.n_bounces)
+        return found.lit_by == lit_by and n_bounces in (0, found.light.n_bounces)
+
+    def _cache_light(self, found: _FoundLight) -> Steps:
+        self._representations = (
+            self._representations.with_light(found.light)
+            if self._representations is not None
+            else GatherPolynomial(found.light)
+        )
+        self._found = found = replace(found, number=next(self._numbers))
+        yield self._found_message(found)
+        if self._freeze_request is not None:
+            yield Progress("indirect light", FOUND_AT, text="reflecting it to the eye")
+            yield from self._frozen(found, self._freeze_request)
+            yield from self._noise(found, self._freeze_request)
+
+    def _found_message(self, found: _FoundLight) -> IndirectFound:
+        rows, weights = found.light.footprint_by_object()
+        self._sent = found.number
+        need = found.light.ray_budget
+        told = (need.n_rays, need.reason) if need.noise is not None else (0, "")
+        return IndirectFound(found.number, found.settings.name, rows, weights, *told, id=self._scene_id)
+
+    def _frozen(self, found: _FoundLight, desired: FreezeIndirect) -> Steps:
+        layers = {each.key: self._reflecting(each, desired.second_bands) for each in desired.scene.visible}
+        edited = NO_OBJECT if desired.key is None else self._placement.scene.object_index(object_of(desired.key))
+        seen = _layer_visibility(found, desired)
+        self._representations = (
+            GatherPolynomial(seen) if self._representations is None else self._representations.with_light(seen)
+        )
+        selected = None
+        if desired.key in layers and desired.factor is not None:
+            selected = SelectedCurve(list(layers).index(desired.key), desired.factor)
+        frozen = yield from self._representations.freeze(list(layers.values()), edited, selected)
+        keys = list(layers)
+        reflected = {keys[i]: np.ascontiguousarray(part.transpose(1, 0, 2)) for i, part in frozen.reflected.items()}
+        albedos = {
+            each.key: albedo_bands(*each.quotient, each.bands)
+            for each in desired.scene.visible if self._object(each) == edited
+        }  # fmt: skip
+        unit = found.light.unit
+        yield IndirectFrozen(
+            found.number, desired.serial, desired.key, desired.factor, reflected, frozen.bands, albedos, unit
+        )
+
+    def _noise(self, found: _FoundLight, desired: FreezeIndirect) -> Steps:
+        """Of the light as its layers look: a curve that is lifted may show what was lost in the rest."""
+        known = self._noise_found
+        if known is None or known[0] is not found or not _same_appearance(known[1], desired):
+            layers = [self._reflecting(each, desired.second_bands) for each in desired.scene.visible]
+            noise = yield from _layer_visibility(found, desired).noise(layers)
+            self._noise_found = known = found, desired, noise
+        yield IndirectNoise(found.number, desired.serial, *known[2], id=self._scene_id)
+
+    def _reflecting(self, state: LayerState, second: int | None = None) -> IndirectLayer:
+        mean = None if state.means is None else state.mean_factor
+        return indirect_layer(self._object(state), state.layer, state.bands, second, mean)
+
+    def _object(self, state: LayerState) -> int:
+        return self._placement.scene.object_index(state.object)
+
+
+def _layer_visibility(found: _FoundLight, desired: FreezeIndirect) -> IndirectLight:
+    return found.light.without_glossy_hits() if desired.second_bands == 1 else found.light
+
+
+def _same_appearance(one: FreezeIndirect, two: FreezeIndirect) -> bool:
+    """Whether all layers look the same in both."""
+    return (one.second_bands, one.scene.visible) == (two.second_bands, two.scene.visible)
+
+
+def _drop_progress(steps: Generator[object, None, Value]) -> Generator[None, None, Value]:
+    return map_steps(steps, lambda step: None)
+
+
+def _as_progress(
+    steps: Generator[tuple[float, str], None, IndirectLight],
+) -> Generator[Response | None, None, IndirectLight]:
+    """The steps of a solver as progress, which goes on where it begins anew."""
+    most = 0.0
+
+    def progress(step: tuple[float, str]) -> Progress:
+        nonlocal most
+        most = max(most, FOUND_AT * step[0])
+        return Progress("indirect light", most, text=step[1])
+
+    return map_steps(steps, progress)

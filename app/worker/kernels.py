@@ -1,0 +1,265 @@
+"""Compiled kernels made ready while the scene is being opened; the first time on a machine, compiled by two processes.
+
+    worker:  opens the scene ─► waits ─► coarse picture ─► ... indirect light ─► estimate ─► other light, cameras
+      a thread of it:  waits ─► reads what is compiled
+      two processes:   compile, a part each, where nothing is compiled yet
+      then another:    compiles what is wanted later (`app.worker.kernel_warm_up`)
+
+Numba compiles under one lock and mostly in Python, so that threads would take turns; processes share what they have
+compiled through the folder of `app.system.kernel_cache`, which begins with what the installation has
+(`app.system.installed_kernels`). A file in it, left when all was ready, says that no other process is needed; others
+say so of each of `LATER`. Who wants one of those meanwhile waits in steps (`Kernels.until_ready`), so that other
+requests are answered; Orbit and Deform, which a scene may be opened in, have theirs compiled before the others.
+Whatever goes wrong here costs time alone: a kernel that is not ready is compiled when it is called.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import gc
+import importlib.metadata
+import logging
+import os
+import platform
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from app.system.installed_kernels import keep_installed, take_installed
+from app.system.kernel_cache import NUMBA_VARIABLE, kernel_digest, kernel_folders, use_kernel_cache
+from app.system.lazy_import import qualified
+from app.system.system import end_with_parent
+from app.worker.background import LAST, step_behind, yield_to_window
+
+if TYPE_CHECKING:
+    from app.worker.dispatcher import RequestDispatcher
+
+# Compiling allocates many objects that stay; looking through them again and again takes a tenth of the time.
+GC_THRESHOLD = 100_000
+# About equally long to compile: 16 s of processor time each. The first begins with what needs nothing of the second,
+# which has compiled the first's details when it comes to them.
+PARTS = ("projection", "the rest")
+# What a scene may want some time after its first picture, in the order in which it is compiled.
+PAINTING, INDIRECT, ESTIMATE, RELIGHTING, ORBIT, DEFORM = LATER = (
+    "painting", "indirect", "estimate", "relighting", "orbit", "deform",
+)  # fmt: skip
+LATER_PART = "later"
+COMPILING = "compiling, first start only"
+FIRST_TIME = "compiling for this computer, kept for later starts"
+# How many files the compiled kernels of the first picture are, about equally long to make.
+N_FILES = 64
+_COMPILER_SECONDS = 300.0
+# How long one step of waiting for them takes.
+_STEP_SECONDS = 0.05
+_log = logging.getLogger("insitu.jobs")
+
+
+class Kernels:
+    """What the first picture needs compiled. `first_time`: whether nothing was, when this began."""
+
+    def __init__(self) -> None:
+        """Start the other processes where there is something for them to do."""
+        self._ready = threading.Event()
+        if not are_compiled():
+            take_installed()
+        self.first_time = not are_compiled()
+        started = [_start_compiler(part) for part in PARTS] if self.first_time else []
+        self._compilers = [compiler for compiler in started if compiler is not None]
+        self._later: subprocess.Popen[bytes] | None = None
+        self._first = ""
+
+    def prepare(self) -> None:
+        """Begin to make all ready, in a thread; import the engine before."""
+        threading.Thread(target=self.prepare_and_wait, name="kernels", daemon=True).start()
+
+    @property
+    def fraction(self) -> float:
+        """How much of it is compiled, by the files that are there; below 1 until all is."""
+        folder = os.environ.get(NUMBA_VARIABLE)
+        n_files = sum(1 for name in kernel_folders() for _ in Path(folder, name).glob("*.nbc")) if folder else 0
+        return min(n_files / N_FILES, 0.99)
+
+    def wait(self, timeout_s: float) -> bool:
+        """Whether all is ready, waiting for it so long at most."""
+        return self._ready.wait(timeout_s)
+
+    def is_ready(self, what: str) -> bool:
+        """Whether there is nothing to wait for: one of `LATER` is compiled, or nobody is compiling it."""
+        return self._later is None or are_compiled(what)
+
+    def until_ready(self, what: str, goes_first: bool = False) -> Iterator[None]:
+        """Wait for one of `LATER`, a step each time; before that for the first picture's kernels, for only then the
+        process that compiles it is started. goes_first: whether it is Orbit or Deform, and the others come later."""
+        while not are_compiled(what) and not self.wait(_STEP_SECONDS):
+            yield
+        if goes_first and not self.is_ready(what):
+            self._put_first(what)
+        while self._later is not None and not self.is_ready(what):
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._later.wait(_STEP_SECONDS)
+                self._later = None
+            yield
+
+    def _put_first(self, what: str) -> None:
+        """Start the process that compiles `LATER` anew with this as its first, unless it is at it already. Of what it
+        has compiled it loses one kernel at most."""
+        if self._first != what and not all(map(are_compiled, LATER[: LATER.index(what)])):
+            self.close()
+            self._first, self._later = what, _start_compiler(LATER_PART, what)
+
+    def close(self) -> None:
+        """End the process that still compiles what is wanted later; what it has compiled is kept."""
+        if self._later is not None:
+            self._later.kill()
+            self._later.wait()
+            self._later = None
+
+    def prepare_and_wait(self, patience_s: float | None = _COMPILER_SECONDS) -> None:
+        """Make all ready, and wait for it; for each of the other processes so long, None for as long as it takes."""
+        try:
+            for compiler in self._compilers:
+                compiler.wait(patience_s)
+            for part in PARTS:
+                warm_up(part)
+            note_compiled()
+            if not all(map(are_compiled, LATER)):
+                self._later = _start_compiler(LATER_PART)
+        except Exception:
+            _log.exception("the kernels could not be made ready")
+        finally:
+            self._ready.set()
+
+
+def prepared_tasks() -> RequestDispatcher:
+    """The worker's tasks, their kernels on the way."""
+    gc.set_threshold(GC_THRESHOLD)
+    kernels = Kernels()
+    load_compiler()
+    from app.worker.dispatcher import RequestDispatcher
+
+    kernels.prepare()
+    return RequestDispatcher(kernels=kernels)
+
+
+def load_compiler() -> None:
+    """Import numba without SciPy: it would take 0.2 s of imports to look for a BLAS that no kernel of ours calls."""
+    hidden = "scipy" not in sys.modules
+    if hidden:
+        sys.modules["scipy"] = None  # type: ignore[assignment]  # importing it is an ImportError now
+    try:
+        import numba.np.arraymath  # noqa: F401
+    finally:
+        if hidden:
+            del sys.modules["scipy"]
+
+
+def are_compiled(what: str = "") -> bool:
+    """Whether the kernels of the first picture, or one of `LATER`, were compiled before; also where none are kept."""
+    mark = _marker_file(what)
+    return mark is None or mark.exists()
+
+
+def note_compiled(what: str = "") -> None:
+    """They are compiled now."""
+    mark = _marker_file(what)
+    if mark is not None:
+        with contextlib.suppress(OSError):
+            mark.touch()
+
+
+def _marker_file(what: str) -> Path | None:
+    """The file that says so: by these sources, these compilers, this machine."""
+    if NUMBA_VARIABLE not in os.environ:
+        return None
+    return Path(os.environ[NUMBA_VARIABLE]) / f"ready{what}-{kernel_digest()}-{_compiler()}"
+
+
+@functools.cache
+def _compiler() -> str:
+    """What compiles here; found among the installed packages, which takes milliseconds."""
+    return "-".join((importlib.metadata.version("numba"), platform.python_version(), platform.node()))
+
+
+def compile_all() -> None:
+    """All that the first picture needs, in two processes, where it is not there; then what is wanted later."""
+    if are_compiled() and all(map(are_compiled, LATER)):
+        return
+    kernels = Kernels()
+    kernels.prepare_and_wait(patience_s=None)
+    for what in LATER:
+        for _ in kernels.until_ready(what):
+            pass
+
+
+def _start_compiler(part: str, first: str = "") -> subprocess.Popen[bytes] | None:
+    command = [sys.executable, "-P", "-m", qualified("app.worker.kernels"), part, str(os.getpid())]
+    command += [first] if first else []
+    try:
+        return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    except OSError:
+        _log.exception("a compiling process could not be started")
+        return None
+
+
+def warm_up(part: str, first: str = "") -> None:
+    """Compile or read one of `PARTS`, or all of `LATER`, of which Orbit or Deform may be the first."""
+    from engine.precompute.direct import kernel_calls
+
+    if part == LATER_PART:
+        _warm_up_later(first)
+    elif part == "projection":
+        kernel_calls.warm_up_contraction()
+        kernel_calls.warm_up_footprint()
+        kernel_calls.warm_up_projection()
+    else:
+        kernel_calls.warm_up_edges()
+        kernel_calls.warm_up_projection_details()
+        kernel_calls.warm_up_light()
+
+
+def _warm_up_later(first: str) -> None:
+    if not all(map(are_compiled, LATER)):
+        from app.worker.kernel_warm_up import warm_up_later
+
+        for what in warm_up_later(first):
+            note_compiled(what)
+            if what == INDIRECT:
+                step_behind(LAST)  # up to here a person may wait, for light between surfaces
+
+
+def main() -> None:
+    """Another process: compile one part for the process of a number and end; without either all, and keep it with the
+    installation, as `make setup` does while nobody waits."""
+    yield_to_window(last=len(sys.argv) == 1)
+    use_kernel_cache()
+    if len(sys.argv) == 1:
+        compile_all()
+        keep_installed()
+        return
+    end_with_parent(int(sys.argv[2]))
+    gc.set_threshold(GC_THRESHOLD if sys.argv[1] == LATER_PART else 0)  # the parts end before it would be worth while
+    load_compiler()
+    with compile_lock(sys.argv[1]):
+        warm_up(sys.argv[1], *sys.argv[3:])
+
+
+@contextlib.contextmanager
+def compile_lock(part: str) -> Iterator[None]:
+    """While one process compiles a part, others wait and then read it: an editor that is started while `make setup`
+    still compiles would do all of it a second time, beside that. Where no lock can be had, it does."""
+    from filelock import FileLock  # late: the worker has no use for it
+
+    with contextlib.ExitStack() as held:
+        with contextlib.suppress(OSError, KeyError):
+            folder = Path(os.environ[NUMBA_VARIABLE])
+            folder.mkdir(parents=True, exist_ok=True)
+            held.enter_context(FileLock(folder / f"{part}-{kernel_digest()}.lock"))
+        yield
+
+
+if __name__ == "__main__":
+    main()

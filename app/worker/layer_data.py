@@ -1,0 +1,162 @@
+"""The transport that the worker holds of a layer: what it was made of, what it answers, and when it need not be made.
+
+A request for transport seldom changes all of it: a roughness changes one layer, and an object that becomes editable
+needs bands under the same light. What is held and as fine as a stage would make it is not made again; and a layer that
+only gets bands keeps its picture until the last stage brings them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from app.document.document import LightState
+from app.document.scene_state import LayerState
+from app.messages.worker_messages import Response
+from app.modes.placement.placement_messages import LayerPicture, LayerTransport
+from engine.core.stored_arrays import Arrays
+from engine.planner import Precision, RenderSettings
+from engine.precompute.direct.bandstore import BandStore, BandTile, arrays_of_file, join_tiles, store_from_arrays
+from engine.precompute.direct.fixed_picture import FixedPicture, join_pictures, picture_of_file, picture_of_tile
+from engine.precompute.direct.pipeline import COARSE, DRAG, FINAL, PREVIEW
+from engine.precompute.direct.planes import curve_planes
+from engine.precompute.direct.projection import LayerShape
+
+# As fine as a preview, of a scene that is lit anew (`app.worker.relighting`): its pictures have no bands.
+RELIT = replace(PREVIEW, name="relit")
+# The stages by name, coarse to fine.
+STAGES = {quality.name: quality for quality in (DRAG, COARSE, RELIT, PREVIEW, FINAL)}
+_RANK = {name: rank for rank, name in enumerate(STAGES)}
+Part = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class LightingState:
+    """What light a layer's transport was asked for: equal ones light equally in the same stage.
+
+    decided: how much of it the last stage has, where that need not be all that was asked for.
+    """
+
+    light: LightState
+    settings: RenderSettings
+    emission: tuple[tuple[str, tuple[float, float, float]], ...] = ()
+    planned_settings: RenderSettings | None = field(default=None, compare=False)
+
+
+@dataclass(frozen=True, eq=False)
+class LayerData:
+    """The newest transport of a layer: what it was asked with, its stage, what is kept, and its radiance's unit.
+
+    bent: the layer whose curves it is contracted with, where those were edited since.
+    """
+
+    work: LayerState
+    lit_by: LightingState
+    stage: str
+    store: BandStore | FixedPicture
+    unit: float
+    edited: LayerState | None = None
+
+    @property
+    def is_fixed(self) -> bool:
+        return isinstance(self.store, FixedPicture)
+
+    @property
+    def radiance(self) -> np.ndarray:
+        """What it reflects (p, 3) under its coefficients, without f_q and f_o."""
+        return np.asarray(self.store.radiance(*both_curves(self._curves_of)) * np.float32(self.unit))
+
+    @property
+    def _curves_of(self) -> LayerState:
+        return self.edited or self.work
+
+    def is_picture_of(self, work: LayerState, lit_by: LightingState) -> bool:
+        """Whether the picture of this work in this light can be had from it, in the stage it has."""
+        if (self.work.quotient, self.lit_by) != (work.quotient, lit_by):
+            return False
+        if self.is_fixed:
+            return all(map(np.array_equal, self.work.coefficients, work.coefficients))
+        return self.work.bands == work.bands
+
+    def makes_needless(self, work: LayerState, stage: str, is_last: bool) -> bool:
+        """Whether that stage of the work, whose picture this is, need not be made."""
+        as_fine = _RANK[self.stage] >= _RANK[stage]
+        return as_fine and (work.fixed or not (is_last and self.is_fixed))
+
+    def taken_over_by(self, work: LayerState) -> LayerData:
+        """The same for the work that asks for its picture; without bands where that is fixed."""
+        data = replace(self, work=work, edited=None)
+        if work.fixed and not self.is_fixed:
+            return replace(data, store=FixedPicture(self.store.radiance(*both_curves(work))))
+        return data
+
+    def fits_curves(self, layer: LayerState) -> bool:
+        """Whether it can be contracted with the curves of this one."""
+        return not self.is_fixed and (self.work.factors, self.work.bands) == (layer.factors, layer.bands)
+
+    def with_curves(self, layer: LayerState) -> LayerData:
+        """The same transport under other curves."""
+        return replace(self, edited=layer)
+
+    def responses(self, factor: str | None, precision: Precision, picture: bool = True) -> Iterator[Response]:
+        """The layer's picture, if that is wanted, and its transport along a curve where one is named.
+
+        Both come from one contraction.
+        """
+        work, store, coefficients = self.work, self.store, self._curves_of.coefficients
+        if factor is None or isinstance(store, FixedPicture):
+            yield LayerPicture(work.key, self.stage, self.radiance, coefficients)
+            return
+        curves = both_curves(self._curves_of)
+        planes = curve_planes(store, work.factors.index(factor), curves, self.unit, precision)
+        if picture:
+            yield LayerPicture(work.key, self.stage, planes.radiance, coefficients)
+        yield LayerTransport(work.key, factor, self.stage, planes.numbers, planes.norms, planes.scale)
+
+
+def both_curves(work: LayerState) -> tuple[np.ndarray, np.ndarray]:
+    """The layer's coefficients, (J, 3) and (K, 3): one of 1 in place of the second curve where there is none."""
+    first, *second = work.coefficients
+    return np.asarray(first), np.asarray(second[0]) if second else np.ones((1, 3))
+
+
+def shape_of(work: LayerState) -> LayerShape:
+    """What the projection needs to know of the work."""
+    bands = (work.bands[0], work.bands[1] if len(work.bands) > 1 else 1)
+    return LayerShape(work.model, work.quotient_parameters, bands)
+
+
+def tile_content(work: LayerState, tile: BandTile) -> Part:
+    """What of a tile is kept: its bands, or of a fixed layer its picture."""
+    if work.fixed:
+        return {"picture": picture_of_tile(tile, shape_of(work).bands, both_curves(work))}
+    return tile.arrays()
+
+
+def picture_of_part(work: LayerState, part: Part) -> np.ndarray:
+    """A tile's picture (p, 3) under the layer's coefficients, of what is kept of it."""
+    return (
+        part["picture"] if work.fixed else picture_of_tile(BandTile(0, **part), shape_of(work).bands, both_curves(work))
+    )
+
+
+def join_tile_contents(work: LayerState, parts: Mapping[int, Arrays]) -> BandStore | FixedPicture:
+    """The whole of what is kept of the tiles, by their first point."""
+    if work.fixed:
+        return join_pictures({begin: np.asarray(part["picture"]) for begin, part in parts.items()})
+    return join_tiles(shape_of(work).bands, (BandTile(begin, **part) for begin, part in parts.items()))
+
+
+def part_of_file(work: LayerState, n_points: int, arrays: Arrays) -> Part:
+    """What was kept of a tile, or of all of the layer, of so many points. Raises UnsoundArrays."""
+    if work.fixed:
+        return {"picture": picture_of_file(n_points, arrays)}
+    return arrays_of_file(shape_of(work).bands, n_points, arrays)
+
+
+def store_of(work: LayerState, n_points: int, arrays: Arrays) -> BandStore | FixedPicture:
+    """All of a layer, as it comes from a file. Raises UnsoundArrays."""
+    part = part_of_file(work, n_points, arrays)
+    return FixedPicture(part["picture"]) if work.fixed else store_from_arrays(shape_of(work).bands, part)

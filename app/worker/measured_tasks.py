@@ -1,0 +1,91 @@
+"""The worker's share of measured BRDFs: files read into tables, once, and kept on disk as what was made of them; and
+materials written as such files."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from app.document.measurements import measured_files, with_measurements
+from app.files.brdf_files import export_steps
+from app.messages.worker_messages import (
+    FetchTable,
+    FilesWritten,
+    MeasurementsRead,
+    Progress,
+    ReadMeasured,
+    Response,
+    TableFetched,
+    WriteFiles,
+)
+from engine.core.errors import InsituError
+from engine.core.generators import map_steps
+from engine.core.safe_files import resolve_inside
+from engine.material.layer import Layer
+from engine.measured.measurement import Measurement
+from engine.measured.tables import ArrayStore, is_table_loaded, read_measurement, table_of
+from engine.planner import band_counts
+from engine.render.tabulate import untabulated_features
+
+STAGE = "measured BRDF"
+
+ReadSteps = Generator[Response | None, None, dict[str, Measurement]]
+
+
+def read_files(files: Mapping[str, Path], store: ArrayStore | None) -> ReadSteps:
+    """The measurements of files, by the names they are asked for by. Raises LoadError."""
+    found: dict[str, Measurement] = {}
+    for name, path in files.items():
+        found[name] = yield from map_steps(
+            read_measurement(path, store),
+            lambda step: Progress(STAGE, (len(found) + step[0]) / len(files), text=step[1]),
+        )
+    return found
+
+
+def read_for(request: ReadMeasured, store: ArrayStore | None) -> Generator[Response | None, None, None]:
+    """The measurements of files, and what the layers that wait for them need. Raises LoadError."""
+    found = yield from read_files({file: Path(file) for file in request.files}, store)
+    bands = []
+    for layer in with_measurements(request.layers, found):
+        bands.append(band_counts(layer))
+        yield None
+    yield MeasurementsRead(found, tuple(bands))
+
+
+def described_paths(names: Iterable[str], folder: Path, scene: Path) -> dict[str, Path]:
+    """Where files that a scene names are: in its folder. Raises LoadError for any other place."""
+    return {name: resolve_inside(folder, name, scene, "layer: file") for name in names}
+
+
+def ensure_tables(layers: Iterable[Layer], store: ArrayStore | None) -> Generator[Response | None, None, None]:
+    """Read what these layers were measured as where this process has no table of it, as one that has just been started.
+    Raises InsituError where a file has changed since."""
+    missing = [(file, number) for file, number in measured_files(layers) if not is_table_loaded(number)]
+    found = yield from read_files({file: Path(file) for file, _ in missing}, store)
+    for file, number in missing:
+        _check_unchanged(file, number, found[file])
+
+
+def fetch_table(request: FetchTable, store: ArrayStore | None) -> Generator[Response | None, None, None]:
+    """The table of a file. Raises InsituError, as for one that is not the file that was asked for any more."""
+    if is_table_loaded(request.number):
+        measurement = replace(table_of(request.number).measurement, file=request.file)
+    else:
+        measurement = (yield from read_files({request.file: Path(request.file)}, store))[request.file]
+        _check_unchanged(request.file, request.number or measurement.number, measurement)
+    yield TableFetched(measurement, table_of(measurement.number).samples)
+
+
+def _check_unchanged(file: str, number: int, found: Measurement) -> None:
+    if found.number != number:
+        raise InsituError(f"{file}: the file has changed since it was imported; import it again")
+
+
+def write_file(request: WriteFiles, store: ArrayStore | None) -> Generator[Response | None, None, None]:
+    """Write a MERL file, whole or not at all. Raises InsituError."""
+    yield from ensure_tables(request.layers, store)
+    for fraction in export_steps(request.layers, Path(request.path)):
+        yield Progress(STAGE, fraction, text=f"writing {Path(request.path).name}")
+    yield FilesWritten(request.path, untabulated_features(request.layers))

@@ -1,0 +1,254 @@
+"""Orbit in the worker: one scene made ready to be drawn from anywhere, and pictures of it between the steps of that.
+
+Making ready is a long job that begins where the last one left off, whoever ended that: another camera, another
+material, a person. A picture is a quick one; it never waits for more than a step.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document.document import RGB
+from app.document.scene_state import LayerState
+from app.messages.worker_messages import Progress, WorkerWarnings
+from app.modes.mode import ModeWorker
+from app.modes.orbit.orbit_messages import (
+    DrawHeadlight,
+    DrawOrbit,
+    EstimateOrbit,
+    OrbitNotReady,
+    OrbitPartExported,
+    OrbitPictureDrawn,
+    OrbitProgress,
+    PrepareOrbit,
+    PrioritizeView,
+)
+from app.system.memory import orbit_bytes, orbit_slice_bytes
+from app.worker.cache import content_key
+from app.worker.kernels import COMPILING, FIRST_TIME, ORBIT, are_compiled, note_compiled
+from app.worker.measured_tasks import ensure_tables
+from app.worker.schedule import Handlers, Steps
+from app.worker.worker_context import WorkerContext
+from engine.core.generators import map_steps
+from engine.material.bumps import Bumps
+from engine.material.layer import Layer
+from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.zonal_harmonics.pose import Poses
+from engine.realtime.zonal_harmonics.posed_scene import pose_scene
+from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene
+
+if TYPE_CHECKING:
+    from engine.realtime.triple_product.gpu_export import PointExporter
+    from engine.realtime.triple_product.orbit_engine import Orbit
+    from engine.render.still import StillProgress
+
+STAGE = "orbit"
+
+
+class OrbitWorker(ModeWorker):
+    """What pictures of the open scene are drawn of, and by which request that is to be changed last."""
+
+    n_points: int | None = None
+
+    def __init__(self, context: WorkerContext) -> None:
+        self._context = context
+        self._orbit: Orbit | None = None
+        self._caster: RayCaster | None = None
+        self._prepared = 0
+        self._exporter: tuple[int, PointExporter] | None = None
+        self._posed: tuple[tuple[Scene, Poses], Scene, RayCaster] | None = None
+        self._emission: tuple[tuple[str, RGB], ...] = ()
+        self._effort: tuple[int, ...] = ()
+        self._noted: tuple[str, ...] = ()
+
+    @property
+    def handlers(self) -> Handlers:
+        return {
+            PrepareOrbit: self._prepare,
+            DrawOrbit: self._draw,
+            DrawHeadlight: self._draw_headlight,
+            PrioritizeView: self._prioritize_view,
+            EstimateOrbit: self._estimate,
+        }
+
+    def view_traced(self) -> None:
+        caster = self._context.open_placement.caster
+        if caster is not self._caster:  # another scene, not the same from another camera
+            self._orbit, self._caster, self._emission, self._posed = None, caster, (), None
+
+    def _prepare(self, request: PrepareOrbit) -> Steps:
+        scene = request.scene
+        yield from ensure_tables((state.layer for state in scene.layers), self._context.store)
+        sky = self._context.sky(scene.light)
+        if (image := self._context.sky_image(sky, scene.light)) is not None:
+            yield image
+        yield from until_compiled(self._context, ORBIT)
+        first_time, told = not are_compiled(ORBIT), None  # still, where nobody else compiles
+        yield from _prepared_sky(sky, FIRST_TIME if first_time else "light")
+        orbit = self._open_orbit(self.n_points or request.n_points, request.n_coefficients)
+        if not orbit.n_bytes:  # nothing is placed yet
+            self._context.store.get(_key(orbit), orbit.restore)
+        if scene.emission != self._emission:
+            orbit.set_emission(dict(scene.emission))
+            self._emission = scene.emission
+        orbit.set_bumps(_bumps(self._context.open_placement.scene))
+        orbit.set_light(sky)
+        orbit.set_layers(layers_by_object(orbit.scene, scene.layers))
+        orbit.set_bounces(request.n_bounces)
+        self._prepared = request.id
+        for step in orbit.work():
+            if orbit.is_ready and orbit.version != told:
+                if told is None and first_time:
+                    yield from _warm_up(orbit)
+                told = orbit.version
+                yield from self._export_parts(orbit, request)
+                yield OrbitProgress(orbit.version, orbit.is_done, orbit.n_bytes)
+            yield Progress(STAGE, step.fraction, text=FIRST_TIME if first_time else step.text)
+        if first_time:
+            note_compiled(ORBIT)
+        if orbit.notes != self._noted:
+            self._noted = orbit.notes
+            if orbit.notes:
+                yield WorkerWarnings(orbit.notes)
+        yield from self._export_parts(orbit, request)
+        yield OrbitProgress(orbit.version, orbit.is_done, orbit.n_bytes)
+        if orbit.has_traced:
+            self._context.store.put(_key(orbit), orbit.stored_visibility())
+
+    def _export_parts(self, orbit: Orbit, request: PrepareOrbit) -> Steps:
+        """What the listener does not know yet."""
+        from engine.realtime.triple_product.gpu_export import PointExporter
+
+        if not request.listener:
+            self._exporter = None
+            return
+        if self._exporter is None or self._exporter[0] != request.listener:
+            self._exporter = request.listener, PointExporter(request.most_bytes)
+        for part in self._exporter[1].parts(orbit):
+            yield OrbitPartExported(part)
+
+    def _prioritize_view(self, request: PrioritizeView) -> Steps:
+        orbit = self._orbit
+        if orbit is not None:
+            was_done = orbit.is_done
+            orbit.prioritize_view(orbit.scene.from_camera(request.camera).description.camera)
+            if was_done and not orbit.is_done:
+                yield OrbitProgress(orbit.version, False, orbit.n_bytes, id=self._prepared)
+
+    def _draw(self, request: DrawOrbit) -> Steps:
+        orbit = self._orbit
+        if orbit is None or not orbit.is_ready:
+            yield OrbitNotReady()
+            return
+        started, prepared, version, was_done = time.monotonic(), self._prepared, orbit.version, orbit.is_done
+        picture = yield from map_steps(_draw_steps(orbit, request), lambda step: None)
+        is_done = was_done and orbit.is_done  # it may have seen what nothing was made ready for, such as backs
+        yield OrbitPictureDrawn(picture, prepared, version, is_done, time.monotonic() - started)
+
+    def _draw_headlight(self, request: DrawHeadlight) -> Steps:
+        from engine.render.headlight_picture import headlight_picture
+
+        if not self._context.has_placement:
+            yield OrbitNotReady()
+            return
+        started, sky = time.monotonic(), self._context.sky(request.scene.light)
+        scene, caster = self._posed_scene(request.poses)
+        seen, layers = (
+            scene.from_camera(request.camera, request.resolution),
+            layers_by_object(scene, request.scene.layers),
+        )
+        picture = yield from map_steps(
+            headlight_picture(seen, caster, layers, sky, request.resolution), lambda step: None
+        )
+        yield OrbitPictureDrawn(picture, 0, 0, False, time.monotonic() - started)
+
+    def _estimate(self, request: EstimateOrbit) -> Steps:
+        from app.worker.error_tasks import estimate_drawn_error
+
+        orbit = self._orbit
+        if orbit is None or not orbit.is_ready:
+            yield OrbitNotReady()
+            return
+        yield from estimate_drawn_error(
+            request, self._context, orbit.n_bounces, lambda wanted: _draw_steps(orbit, wanted)
+        )
+
+    def _posed_scene(self, poses: Poses | None) -> tuple[Scene, RayCaster]:
+        """The scene in these poses, None: as it is open, and its rays."""
+        if poses is None:
+            return self._context.open_placement.scene, self._context.open_placement.caster
+        made_of = self._context.rest_scene, poses
+        if self._posed is None or self._posed[0][0] is not made_of[0] or self._posed[0][1] != poses:
+            scene = pose_scene(*made_of)
+            self._posed = made_of, scene, RayCaster(scene.vertices, scene.triangles)
+        return self._posed[1:]
+
+    def _open_orbit(self, n_points: int, n_coefficients: int) -> Orbit:
+        """That of the scene which is open; another one where it is to have other points, or coefficients at each."""
+        effort = n_points, n_coefficients
+        if self._orbit is None or effort != self._effort:
+            from engine.realtime.triple_product.orbit_engine import Orbit
+
+            scene = self._context.open_placement.scene
+            self._orbit = Orbit(
+                scene, self._caster, n_points, n_coefficients, most_bytes=orbit_bytes(),
+                most_slice_bytes=orbit_slice_bytes(),
+            )  # fmt: skip
+            self._exporter, self._noted = None, ()
+            self._effort, self._emission = effort, ()
+        return self._orbit
+
+
+def until_compiled(context: WorkerContext, what: str) -> Steps:
+    """Until another process has compiled what Orbit or Deform needs, before all else that comes later; between the
+    steps other requests are answered."""
+    if context.kernels is not None and not are_compiled(what):
+        for _ in context.kernels.until_ready(what, goes_first=True):
+            yield Progress(COMPILING, 0.0, text=FIRST_TIME)
+
+
+def _prepared_sky(sky: SkyState, text: str) -> Steps:
+    """In steps, between which the window is drawn objects in light from the eye."""
+    yield Progress(STAGE, 0.0, text=text)
+    from engine.realtime.triple_product.sky_map import preparing_sky
+
+    for _ in preparing_sky(sky.environment):
+        yield Progress(STAGE, 0.0, text=text)
+
+
+def _draw_steps(orbit: Orbit, wanted: DrawOrbit) -> Generator[StillProgress, None, NDArray[np.float32]]:
+    """The picture that is asked for, piece by piece."""
+    camera = orbit.scene.from_camera(wanted.camera).description.camera
+    return orbit.draw_steps(camera, wanted.resolution, wanted.quality, wanted.n_coefficients, has_soft_edges=True)
+
+
+def _key(orbit: Orbit) -> str:
+    """Under which its visibility is kept."""
+    return content_key("orbit visibility 4", *orbit.geometry)
+
+
+def _bumps(scene: Scene) -> dict[str, Bumps]:
+    """What turns normals of its objects, by name."""
+    return {described.name: described.bumps for described in scene.description.objects}
+
+
+def _warm_up(orbit: Orbit) -> Steps:
+    """Compile what pictures are drawn with before the first is asked for, which is a quick request."""
+    camera = orbit.scene.description.camera
+    for quality in ("moving", "rest"):
+        yield Progress(STAGE, orbit.fraction, text=FIRST_TIME)
+        yield from map_steps(orbit.draw_steps(camera, (8, 8), quality), lambda step: None)
+
+
+def layers_by_object(scene: Scene, layers: Sequence[LayerState]) -> dict[int, tuple[Layer, ...]]:
+    """The layers of each object, by its index."""
+    return {
+        index: tuple(state.layer for state in layers if state.object == name)
+        for index, name in enumerate(scene.object_names)
+    }

@@ -1,0 +1,494 @@
+"""Placement in the worker: transport, indirect light and images, the engine's generators told as messages.
+
+A transport runs through stages, each a whole picture: *coarse* (every fourth pixel, 400 lights) within a second or two,
+*preview* (every pixel, 400 lights), *final* (4,000 lights). A light on the move gets one *drag* stage instead (every
+eighth pixel, nothing traced); a sky that turns or is exchanged over a scene that was ready for it lights it anew, at
+every pixel (`relighting`). Within a stage the selected layer comes first. What a stage has replaced is dropped, and
+what is there already in such quality is not made again (see `layer_data`).
+
+Visibility, final transport and fine indirect light are kept on disk, the latter two part by part while they are made,
+so that a scene seen before opens at once and a worker that died goes on where it was.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator, Iterable, Iterator
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from app.document.scene_state import LayerState
+from app.messages.worker_messages import Progress, Response
+from app.modes.mode import ModeWorker
+from app.modes.placement.placement_messages import (
+    ComputeTransport,
+    ContractTransport,
+    EstimateError,
+    FreezeIndirect,
+    LightPlanned,
+    PlanBands,
+    PrepareRelighting,
+    RelightingPrepared,
+    SampleMaps,
+    StageDone,
+    StageFootprint,
+)
+from app.worker.band_planning import plan_bands
+from app.worker.cache import content_key
+from app.worker.kernels import COMPILING, ESTIMATE, FIRST_TIME, INDIRECT, PAINTING, RELIGHTING
+from app.worker.layer_data import (
+    RELIT,
+    STAGES,
+    LayerData,
+    LightingState,
+    both_curves,
+    join_tile_contents,
+    shape_of,
+    store_of,
+    tile_content,
+)
+from app.worker.layer_tiles import LayerTiles
+from app.worker.light_plan import LightBudgets
+from app.worker.measured_tasks import ensure_tables
+from app.worker.relighting import Relighting
+from app.worker.schedule import Handlers, Steps
+from app.worker.worker_context import CACHE_VERSION, WorkerContext
+from engine.core.generators import map_steps
+from engine.core.stored_arrays import ArrayReader, Arrays, n_bytes_of
+from engine.light.environment import downsample
+from engine.material.layer import Layer
+from engine.planner import Precision, RenderSettings, band_counts
+from engine.precompute.direct.bandstore import BandStore
+from engine.precompute.direct.fixed_picture import FixedPicture
+from engine.precompute.direct.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, Quality, SkyState, final_quality
+from engine.precompute.direct.projection import TILE, VisibleLight
+from engine.render.light_pilot import LightBudget
+from engine.scene.scene_loader import Scene
+
+if TYPE_CHECKING:
+    from app.worker.indirect_tasks import IndirectTasks
+    from app.worker.map_tasks import MapTasks
+
+DRAG_ENVIRONMENT_HEIGHT = 128
+KERNEL_SECONDS = 0.05
+
+
+class PlacementWorker(ModeWorker):
+    """The newest transport of the view that is open."""
+
+    def __init__(self, context: WorkerContext) -> None:
+        self._context, self._cache = context, context.store
+        self._parts_are_dropped: dict[str, int] = {}
+        self._layers: dict[str, LayerData] = {}
+        self._light: tuple[str, VisibleLight] | None = None
+        self._indirect: IndirectTasks | None = None
+        self._contracted: dict[str, LayerState] = {}
+        self._selected: dict[str, str] = {}
+        self._precision: Precision = "half"
+        self._current: dict[str, LayerData] = {}
+        self._sent: set[str] = set()
+        self._maps: MapTasks | None = None
+        self._relighting = Relighting()
+        self._light_plans = LightBudgets(context)
+
+    @property
+    def handlers(self) -> Handlers:
+        return {
+            PlanBands: plan_bands,
+            SampleMaps: self._sample_maps,
+            ComputeTransport: self._compute,
+            ContractTransport: self._contract,
+            FreezeIndirect: self._freeze,
+            EstimateError: self._estimate_error,
+            PrepareRelighting: self._prepare_relighting,
+        }
+
+    def view_traced(self) -> None:
+        self._layers, self._current, self._light = {}, {}, None
+        self._indirect, self._maps, self._relighting = None, None, Relighting()
+        self._light_plans = LightBudgets(self._context)
+        self._selected = {}
+        self._recall_visibility(self._context.open_placement)
+
+    def plan(self, layers: Iterable[Layer]) -> tuple[tuple[Layer, dict[str, int]], ...]:
+        return tuple((layer, band_counts(layer)) for layer in layers)
+
+    # ------------------------------------------------------------------------------------------------- quick requests
+
+    def _contract(self, request: ContractTransport) -> Steps:
+        """One layer's picture, and its transport along one curve ("curve switching", [BenArtzi07, eq. 4.16]).
+
+        While a transport is under way that is not far enough yet, the wish is noted, and it answers later."""
+        if request.factor is not None:
+            others = self._selected if request.beside else {}
+            self._selected, self._precision = {**others, request.layer.key: request.factor}, request.precision
+        self._contracted[request.layer.key] = request.layer
+        data = self._current.get(request.layer.key)
+        if data is not None and data.fits_curves(request.layer):
+            yield from self._answers(self._hold(data), request.factor, request.precision, request.picture)
+
+    def _freeze(self, request: FreezeIndirect) -> Steps:
+        yield from self._indirect_tasks().freeze(request)
+
+    def _sample_maps(self, request: SampleMaps) -> Steps:
+        if any(images.strokes for _, images in request.layers):
+            yield from self._until_compiled(PAINTING)
+        if self._maps is None:
+            from app.worker.map_tasks import MapTasks
+
+            self._maps = MapTasks(self._context.open_placement)
+        yield from self._maps.answers(request)
+
+    # ---------------------------------------------------------------------------------------------- at the very last
+
+    def _estimate_error(self, request: EstimateError) -> Steps:
+        yield from self._until_compiled(ESTIMATE)
+        from app.worker.error_tasks import estimate_error
+
+        found = None if self._indirect is None else self._indirect.light
+        yield from estimate_error(request, self._context, self._current, found)
+
+    def _prepare_relighting(self, request: PrepareRelighting) -> Steps:
+        yield from self._until_compiled(RELIGHTING)
+        context, scene = self._context, request.scene
+        yield from self._relighting.prepare(context.open_placement, scene, context.sky(scene.light), self._current)
+        yield RelightingPrepared(self._n_bytes)
+
+    # ------------------------------------------------------------------------------------------------------ transport
+
+    def _recall_visibility(self, placement: Placement) -> None:
+        mine = placement.sphere.bits
+
+        def bits_of(arrays: Arrays) -> np.ndarray:
+            return ArrayReader(arrays).take("bits", mine.dtype, *mine.shape)
+
+        kept = self._cache.get(content_key("visibility", self._context.geometry_key), bits_of)
+        if kept is not None:
+            mine[:] = kept
+            placement.sphere.done[:] = True
+
+    def _compute(self, request: ComputeTransport) -> Steps:
+        placement, scene, settings = self._context.open_placement, request.scene, request.settings
+        yield from ensure_tables((work.layer for work in scene.layers), self._cache)
+        self._contracted, self._current, self._sent = {}, {}, set()
+        self._layers = {work.key: self._layers[work.key] for work in scene.layers if work.key in self._layers}
+        if request.selected and request.factor:
+            self._selected = dict.fromkeys((request.selected, *request.followers), request.factor)
+        self._precision = request.precision
+        placement.set_emission(dict(scene.emission))
+        sky = self._context.sky(scene.light)
+        if self._indirect is not None:
+            self._indirect.transport_requested(_lit_key(sky, placement.scene), settings.n_bounces)
+        if (image := self._context.sky_image(sky, scene.light)) is not None:
+            yield image
+        lit_by = LightingState(scene.light, request.lit, scene.emission)
+        yield from self._send_held(placement, request, lit_by)
+        yield from self._kernels_ready()
+        need = self._light_plans.cached_budget(request, sky)
+        if need is not None:
+            yield from _light_plan_message(need, settings)
+            yield from self._send_cached(
+                placement, request, sky, replace(lit_by, planned_settings=need.limit_settings(settings))
+            )
+        yield from self._send_relit(request, sky, lit_by)
+        n_bounces, bounces_told, bounces_found = settings.n_bounces, settings.n_bounces == 1, False
+        begun = time.process_time()
+        for quality, exact in _stages(request)[-1 if self._context.fills else 0 :]:
+            started = time.monotonic()
+            works = self._selected_first(request)
+            due = [work for work in works if not self._is_needless(work, lit_by, quality.name, exact)]
+            if due and quality.name == FINAL.name:
+                if need is None:
+                    need = yield from self._light_plans.find_budget(request, sky)
+                    yield from _light_plan_message(need, settings)
+                lit_by, quality = _with_planned_light(lit_by, need.limit_settings(settings))
+            if due:
+                yield from self._stage(placement, due, sky, lit_by, quality)
+            if not bounces_told and quality is not DRAG:
+                planned = self._indirect_tasks().plan_bounces(scene.visible, n_bounces)
+                n_bounces, bounces_told = planned.n_bounces, True
+                yield planned
+            # Roughly as soon as it is compiled: until then the direct light goes first.
+            is_rough = not (exact or bounces_found) and self._is_compiled(INDIRECT)
+            if n_bounces > 1 and quality is not DRAG and (exact or is_rough):
+                bounces_found = True
+                yield from self._until_compiled(INDIRECT, "indirect light")
+                tasks = self._indirect_tasks()
+                yield from tasks.find(
+                    scene.visible, sky, _lit_key(sky, placement.scene), n_bounces, exact, settings.n_rays
+                )
+            # A picture that was kept waits for the light between surfaces that comes at first, and for nothing else.
+            if due or exact or quality.name == COARSE.name and n_bounces > 1:
+                spent = time.process_time() - begun
+                yield StageDone(quality.name, exact, time.monotonic() - started, self._n_bytes, spent)
+            yield from self._context.new_warnings()
+
+    @property
+    def _n_bytes(self) -> int:
+        """Memory of all that was computed."""
+        n_bytes = sum(data.store.n_bytes for data in self._layers.values()) + sum(self._parts_are_dropped.values())
+        return n_bytes + self._relighting.n_bytes + (0 if self._indirect is None else self._indirect.n_bytes)
+
+    def _indirect_tasks(self) -> IndirectTasks:
+        """Made, and its kernels read, when a scene first wants more than direct light."""
+        if self._indirect is None:
+            from app.worker.indirect_tasks import IndirectTasks
+
+            context = self._context
+            self._indirect = IndirectTasks(
+                context.open_placement, self._cache, context.view_key, context.view_id, context.executor.find_indirect
+            )
+        return self._indirect
+
+    def _selected_first(self, request: ComputeTransport) -> list[LayerState]:
+        return sorted(request.scene.layers, key=lambda work: self._selected_factor(work.key) is None)
+
+    def _send_held(self, placement: Placement, request: ComputeTransport, lit_by: LightingState) -> Steps:
+        """Answer with what is there already, as far as the window does not have it."""
+        for work in self._selected_first(request):
+            data = self._layers.get(work.key)
+            if data is not None and data.is_picture_of(work, lit_by):
+                data, factor = self._hold(data.taken_over_by(work)), self._selected_factor(work.key)
+                is_told = work.key in request.held_layers
+                if not is_told or factor is not None and work.key not in request.held_curves:
+                    yield from self._answers(data, factor, self._precision, picture=not is_told)
+
+    def _send_cached(
+        self, placement: Placement, request: ComputeTransport, sky: SkyState, lit_by: LightingState
+    ) -> Steps:
+        """Answer with what the disk has of the last stage: a view that was computed before is there at once."""
+        quality, _ = _stages(request)[-1]
+        if quality.name == FINAL.name and lit_by.planned_settings is not None:
+            quality = final_quality(lit_by.planned_settings)
+        light_key = self._light_key(sky, placement.scene, quality)
+        unit = (
+            None if quality.name != FINAL.name or self._context.fills else self._cache.get(_unit_key(light_key), _unit)
+        )
+        if unit is None:
+            return
+        for work in self._selected_first(request):
+            if self._is_needless(work, lit_by, quality.name, True):
+                continue
+            rows = _rows_of(placement, work, quality)
+            kept = self._cache.get(_transport_key(light_key, work), partial(store_of, work, len(rows)))
+            if kept is not None:
+                data = self._hold(LayerData(work, lit_by, quality.name, kept, unit))
+                yield from self._answers(data, self._selected_factor(work.key), self._precision)
+
+    def _send_relit(self, request: ComputeTransport, sky: SkyState, lit_by: LightingState) -> Steps:
+        """Answer with what is lit anew, where nothing better is there."""
+        light = None
+        for work in self._selected_first(request):
+            if self._is_needless(work, lit_by, RELIT.name, False) or not self._relighting.takes(work, lit_by):
+                continue
+            light = self._relighting.light_of(sky) if light is None else light
+            picture = FixedPicture(self._relighting.picture(work, lit_by, light))
+            yield from self._answers(self._hold(LayerData(work, lit_by, RELIT.name, picture, 1.0)), None, "half")
+
+    def _is_needless(self, work: LayerState, lit_by: LightingState, stage: str, is_last: bool) -> bool:
+        data = self._layers.get(work.key)
+        if stage == DRAG.name and data is not None and data.stage == RELIT.name:
+            is_last = False  # nobody asks for bands while the light is on the move
+        return data is not None and data.is_picture_of(work, lit_by) and data.makes_needless(work, stage, is_last)
+
+    def _kernels_ready(self) -> Steps:
+        """Until the kernels are there; the first time on a machine that is worth a word."""
+        kernels = self._context.kernels
+        if kernels is None:
+            return
+        clock = _Clock(COMPILING)
+        while not kernels.wait(KERNEL_SECONDS):
+            yield clock.progress(kernels.fraction, FIRST_TIME) if kernels.first_time else None
+
+    def _is_compiled(self, what: str) -> bool:
+        return self._context.kernels is None or self._context.kernels.is_ready(what)
+
+    def _until_compiled(self, what: str, stage: str = "") -> Steps:
+        """Until the kernels of one of `LATER` are there, so that other requests are answered meanwhile; stage: of what
+        a person waits for."""
+        if self._context.kernels is not None:
+            for _ in self._context.kernels.until_ready(what):
+                yield Progress(stage, 0.0, text=FIRST_TIME) if stage else None
+
+    def _stage(
+        self, placement: Placement, works: list[LayerState], sky: SkyState, lit_by: LightingState, quality: Quality
+    ) -> Steps:
+        clock = _Clock(quality.name)
+        if quality is DRAG and sky.environment is not None:
+            sky = replace(sky, environment=downsample(sky.environment, DRAG_ENVIRONMENT_HEIGHT))
+        key = self._light_key(sky, placement.scene, quality) if quality.name == FINAL.name else ""
+        light = yield from self._final_light(placement, sky, quality, key, clock)
+        total = (
+            sum(len(placement.rows_of(placement.scene.object_index(work.object), quality.stride)) for work in works)
+            or 1
+        )
+        done = 0
+        for work in works:
+            rows = _rows_of(placement, work, quality)
+            store = yield from self._project(placement, rows, work, light, key, clock, done, total)
+            done += len(rows)
+            data = LayerData(work, lit_by, quality.name, store, light.lighting.unit)
+            if self._context.fills:
+                self._current[work.key] = data
+                continue
+            data = self._hold(data)
+            yield from self._answers(data, self._selected_factor(work.key), self._precision)
+
+    def _final_light(
+        self, placement: Placement, sky: SkyState, quality: Quality, key: str, clock: _Clock
+    ) -> Generator[Response | None, None, VisibleLight]:
+        """The light of a stage; that of the last final stage is kept, for layers that change under it."""
+        if key and self._light is not None and self._light[0] == key:
+            return self._light[1]
+        self._light = None
+        light = yield from self._trace_visibility(placement, sky, quality, clock)
+        if key:
+            self._light = key, light
+            self._cache.put(_unit_key(key), {"unit": np.array([light.lighting.unit], np.float64)})
+        return light
+
+    def _trace_visibility(
+        self, placement: Placement, sky: SkyState, quality: Quality, clock: _Clock
+    ) -> Generator[Response | None, None, VisibleLight]:
+        was_done = bool(placement.sphere.done.all())
+        light = yield from map_steps(
+            self._context.executor.compute_light(placement, sky, quality),
+            lambda fraction: clock.progress(0.3 * fraction, "shadows"),
+        )
+        if not was_done and placement.sphere.done.all():
+            self._cache.put(content_key("visibility", self._context.geometry_key), {"bits": placement.sphere.bits})
+        return light
+
+    def _project(
+        self, placement: Placement, rows: np.ndarray, work: LayerState, light: VisibleLight, light_key: str,
+        clock: _Clock, done: int, total: int,
+    ) -> Generator[Response | None, None, BandStore | FixedPicture]:  # fmt: skip
+        """The layer's transport; or its picture, where nobody asks for it but the cache."""
+        shape = shape_of(work)
+        parts: dict[int, dict[str, np.ndarray]] = {}
+        if not light_key or not len(rows):
+            for tile in self._context.executor.project_tiles(placement, rows, light, shape):
+                if tile is not None:
+                    parts[tile.begin] = tile_content(work, tile)
+                yield clock.progress(0.3 + 0.7 * (done + len(parts) * TILE) / total, work.key)
+            return join_tile_contents(work, parts)
+        key = _transport_key(light_key, work)
+        kept = self._cache.get(key, partial(store_of, work, len(rows)))
+        if kept is not None:
+            if not self._context.fills:
+                return kept
+            self._parts_are_dropped[work.key] = kept.n_bytes
+            return FixedPicture(kept.radiance(*both_curves(work)))
+        with self._cache.open_tiles(key, -(-len(rows) // TILE)) as file:
+            tiles = LayerTiles(work, len(rows), file, held=not self._context.fills)
+            for tile in self._context.executor.project_tiles(placement, rows, light, shape, tiles.complete):
+                if tile is not None:
+                    tiles.add(tile)
+                yield clock.progress(0.3 + 0.7 * (done + len(tiles.complete) * TILE) / total, work.key)
+            arrays = tiles.arrays()
+            if self._cache.put(key, arrays):
+                file.finish()
+            if not self._context.fills:
+                return tiles.store()
+            self._parts_are_dropped[work.key] = n_bytes_of(arrays)
+            return tiles.picture()
+
+    def _selected_factor(self, key: str) -> str | None:
+        """The curve that was selected last of a layer."""
+        return self._selected.get(key)
+
+    def _hold(self, data: LayerData) -> LayerData:
+        """Keep it as what the newest request is answered from, with the coefficients asked for last.
+
+        A Contract may have come since."""
+        given = self._contracted.get(data.work.key)
+        if given is not None and data.fits_curves(given):
+            data = data.with_curves(given)
+        self._layers[data.work.key] = self._current[data.work.key] = data
+        return data
+
+    def _answers(
+        self, data: LayerData, factor: str | None, precision: Precision, picture: bool = True
+    ) -> Iterator[Response]:
+        """What a layer answers; before the first one of a coarse stage, which samples stand for each pixel in it."""
+        stride = STAGES[data.stage].stride
+        if stride > 1 and data.stage not in self._sent:
+            self._sent.add(data.stage)
+            yield StageFootprint(*self._context.open_placement.footprint(stride), data.stage, id=self._context.view_id)
+        # What was selected may be a curve of the model that the layer had before.
+        yield from data.responses(factor if factor in data.work.factors else None, precision, picture)
+
+    def _light_key(self, sky: SkyState, scene: Scene, quality: Quality) -> str:
+        return content_key(
+            CACHE_VERSION, self._context.view_key, _lit_key(sky, scene),
+            quality.n_lights, quality.n_patches, quality.max_level, quality.own_rays,
+        )  # fmt: skip
+
+
+class _Clock:
+    """Turns a stage's fraction into Progress with the time left."""
+
+    def __init__(self, stage: str) -> None:
+        self._stage, self._started, self._last_sent, self._most = stage, time.monotonic(), 0.0, 0.0
+
+    def progress(self, fraction: float, text: str) -> Progress | None:
+        """At most twenty a second, never less than before; the time left is known once two percent are done."""
+        self._most = fraction = min(max(self._most, fraction), 1.0)
+        now = time.monotonic()
+        if now - self._last_sent < 0.05:
+            return None
+        self._last_sent = now
+        left = (now - self._started) * (1 - fraction) / fraction if fraction > 0.02 else None
+        return Progress(self._stage, fraction, left, text)
+
+
+def _stages(request: ComputeTransport) -> list[tuple[Quality, bool]]:
+    """The stages of a request and whether each is the last."""
+    if request.is_drag:
+        return [(DRAG, True)]
+    coarse = replace(COARSE, n_lights=request.n_lights_preview)
+    if request.is_fine:
+        return [(coarse, False), (final_quality(request.settings), True)]
+    preview = replace(PREVIEW, n_lights=request.n_lights_preview)
+    if request.settings.n_lights <= request.n_lights_preview:
+        return [(coarse, False), (replace(preview, stays=True), True)]
+    final = final_quality(request.settings)
+    return [(coarse, False), (preview, False), (final, True)]
+
+
+def _with_planned_light(lit_by: LightingState, settings: RenderSettings) -> tuple[LightingState, Quality]:
+    """The light of a last stage once it is known how much of it is needed."""
+    return replace(lit_by, planned_settings=settings), final_quality(settings)
+
+
+def _light_plan_message(need: LightBudget, most: RenderSettings) -> Iterator[LightPlanned]:
+    if need.errors:
+        yield LightPlanned(need.lights, need.patches, tuple(need.reasons(most).items()))
+
+
+def _transport_key(light_key: str, work: LayerState) -> str:
+    baked = work.coefficients if work.fixed else ()
+    return content_key("transport", light_key, work.key, work.model, work.quotient_parameters, work.bands, *baked)
+
+
+def _unit_key(light_key: str) -> str:
+    """Of the unit that transport under this light is in."""
+    return content_key("unit", light_key)
+
+
+def _unit(arrays: Arrays) -> float:
+    return float(ArrayReader(arrays).take("unit", np.float64, 1)[0])
+
+
+def _lit_key(sky: SkyState, scene: Scene) -> str:
+    """Of all the light there is."""
+    radiance = None if sky.environment is None else sky.environment.radiance
+    return content_key(radiance, sky.rotation, sky.scale, scene.emission)
+
+
+def _rows_of(placement: Placement, work: LayerState, quality: Quality) -> np.ndarray:
+    """The points of a layer in a stage."""
+    return placement.rows_of(placement.scene.object_index(work.object), quality.stride)

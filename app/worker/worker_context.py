@@ -1,0 +1,161 @@
+"""What all work in the worker shares: the cache, the scene that is open, and its light.
+
+A scene is open as a camera sees it: its surfaces, what can be traced in them, the primary hits and, as far as it has
+been found, what of the sphere each of those sees. One that is only loaded takes the place of the one that is open when
+it is looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from app.document.document import LightState
+from app.messages.worker_messages import SetCamera, SkyImage, WorkerWarnings
+from app.project.sky import sky_of
+from app.worker.cache import ArrayCache, content_key
+from app.worker.executor import Executor, LocalExecutor
+from app.worker.kernels import Kernels
+from engine.core.errors import InsituError
+from engine.light.environment import Environment, downsample, load_environment
+from engine.planner import planned_edge_rays
+from engine.precompute.direct.pipeline import Placement, SkyState
+from engine.realtime.zonal_harmonics.pose import Poses
+from engine.realtime.zonal_harmonics.posed_scene import pose_scene
+from engine.scene.primary_hits import trace_primary_steps
+from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene
+
+# Raised when anything that changes the numbers in a cached array changes.
+CACHE_VERSION = 6
+BACKGROUND_HEIGHT = 1024
+
+
+class WorkerContext:
+    """The shared state of the worker.
+
+    kernels: what is to be ready before the first picture; None where nobody prepares them. fills: only fill the cache;
+    results are neither held nor answered with. labour: who does the long work, None for this process.
+    """
+
+    def __init__(
+        self, store: ArrayCache | None = None, kernels: Kernels | None = None, fills: bool = False,
+        executor: Executor | None = None,
+    ) -> None:  # fmt: skip
+        self.store = store or ArrayCache()
+        self.kernels = kernels
+        self.fills = fills
+        self.executor = executor or LocalExecutor()
+        self.geometry_key = self.view_key = ""
+        self.view_id = 0
+        self._placement: Placement | None = None
+        self._scene = self._loaded = _LoadedScene()
+        self._environments: dict[tuple[str, str], Environment] = {}
+        self._sent_sky: object = None
+
+    @property
+    def open_placement(self) -> Placement:
+        """The scene that is open; InsituError where none is."""
+        if self._placement is None:
+            raise InsituError("no scene is open")
+        return self._placement
+
+    @property
+    def has_placement(self) -> bool:
+        """Whether a scene is open."""
+        return self._placement is not None
+
+    @property
+    def rest_scene(self) -> Scene:
+        """The scene that is open as its file has it, whatever pose it is in; InsituError where none is."""
+        if self._scene.scene is None:
+            raise InsituError("no scene is open")
+        return self._scene.scene
+
+    def load(self, scene: Scene, id: int) -> None:
+        """This scene is there to be looked at, by the request of that number."""
+        self._loaded = _LoadedScene(id, scene)
+
+    def set_camera(self, request: SetCamera) -> Generator[None, None, None]:
+        """A scene that is there is open as this camera sees it, after some steps; what it sees may be the background
+        alone."""
+        seen = next((each for each in (self._loaded, self._scene) if each.id == request.scene), _LoadedScene())
+        if seen.scene is None:
+            raise InsituError("no scene is open")
+        scene, caster = seen.in_poses(request.poses)
+        n_edge_rays = planned_edge_rays(scene.description) if request.n_edge_rays is None else request.n_edge_rays
+        scene = scene.with_bumps(dict(request.bumps)).from_camera(request.camera, request.resolution)
+        hits = yield from trace_primary_steps(scene, caster, n_edge_rays=n_edge_rays)
+        placement = Placement(scene, caster, hits=hits)
+        self._scene, self._loaded = seen, _LoadedScene()
+        self._placement, self.view_id = placement, request.id
+        self.geometry_key = _geometry_key(placement.scene, n_edge_rays)
+        self.view_key = _view_key(placement, self.geometry_key)
+        self._sent_sky = None
+
+    def new_warnings(self) -> Iterator[WorkerWarnings]:
+        """What is wrong with the cache, and which images are shown smaller, as soon as there is something new."""
+        lines = self.store.take_notes()
+        if self._placement is not None:
+            lines += self._placement.scene.textures.take_notes()
+        if lines:
+            yield WorkerWarnings(lines)
+
+    def sky(self, light: LightState) -> SkyState:
+        """The sky of the scene that is open, under a document's light. Raises LoadError."""
+        return sky_of(self.open_placement.scene, light, self._environment)
+
+    def sky_image(self, sky: SkyState, light: LightState) -> SkyImage | None:
+        """The background, when it is not the one that was sent last."""
+        shown = (light.environment, light.mapping, light.radiance)
+        if shown == self._sent_sky:
+            return None
+        self._sent_sky = shown
+        if sky.environment is None:
+            return SkyImage(np.zeros((1, 2, 3), np.float32), id=self.view_id)
+        environment = sky.environment
+        if environment.radiance.shape[0] > BACKGROUND_HEIGHT:
+            environment = downsample(environment, BACKGROUND_HEIGHT)
+        return SkyImage(environment.radiance * np.float32(sky.scale), sky.environment.notes, id=self.view_id)
+
+    def _environment(self, path: Path, mapping: str) -> Environment:
+        key = (str(path), mapping)
+        if key not in self._environments:
+            self._environments = {key: load_environment(path, mapping)}  # type: ignore[arg-type]
+        return self._environments[key]
+
+
+@dataclass
+class _LoadedScene:
+    """A scene as its file has it, the number of the request for it, and the pose it is in with the rays of that."""
+
+    id: int = -1
+    scene: Scene | None = None
+    pose: tuple[Poses, Scene, RayCaster] | None = None
+
+    def in_poses(self, poses: Poses) -> tuple[Scene, RayCaster]:
+        """The scene in these poses, and its rays: the same ones as long as the poses are."""
+        assert self.scene is not None
+        if self.pose is None or self.pose[0] != poses:
+            scene = pose_scene(self.scene, poses)
+            self.pose = poses, scene, RayCaster(scene.vertices, scene.triangles)
+        return self.pose[1:]
+
+
+def _view_key(placement: Placement, geometry: str) -> str:
+    """What transport hangs on of the view: the surfaces, and where bumps turn their normals these as well."""
+    if not placement.scene.bump_normals.objects:
+        return geometry
+    return content_key(geometry, placement.hits.normal)
+
+
+def _geometry_key(scene: Scene, n_edge_rays: int) -> str:
+    """What visibility hangs on of the view."""
+    camera = scene.description.camera.model_dump_json()
+    return content_key(
+        CACHE_VERSION, camera, scene.origin, scene.resolution, n_edge_rays, scene.vertices, scene.normals,
+        scene.triangles, scene.object_of_triangle, scene.smooth, scene.emission,
+    )  # fmt: skip

@@ -1,0 +1,158 @@
+"""Views: by what name linear radiance becomes the colour of a screen, and those that OpenColorIO makes; and sRGB.
+
+ACES comes with the library, built in. AgX does not: it is put together here of the
+library's transforms, by its published figures [Sobotka22]: an inset of the primaries, 16.5 stops in log2, of which 10
+lie below middle grey, a sigmoid of slope 2 at (10/16.5, 1/2) whose toe has the power 3 and whose shoulder 3.25, and the
+way back from the inset; what comes out is meant for a display as it is. Filmic, standard and false colours are formulas
+(`render.display`, shaders/common/tone_mapping.glsl).
+
+The graphics card takes a view from a table over log2 of the three channels, 65 × 65 × 65 colours: for 999 of 1,000
+colours within 1.5 of 255 (AgX 0.4), where ACES has folds up to 9.
+The library is imported when a view first needs it, not with the program.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.core.errors import LoadError
+
+if TYPE_CHECKING:
+    import PyOpenColorIO as ocio
+
+Real = TypeVar("Real", np.float32, np.float64)
+ToneMapping = Literal["filmic", "agx", "aces_2", "aces_1", "linear", "false_colour"]
+
+
+@dataclass(frozen=True)
+class View:
+    """What a person knows a view by."""
+
+    label: str
+    tooltip: str
+
+
+VIEWS: dict[ToneMapping, View] = {
+    "filmic": View("Filmic", "Bright light rolls off gently, as on film; every hue stays what it is."),
+    "agx": View("AgX", "Bright colours fade to white over 16 stops, as on film; Blender's default is of this family."),
+    "aces_2": View("ACES 2.0", "The Academy's output transform for a screen of 100 nits, version 2."),
+    "aces_1": View("ACES 1.3", "The Academy's output transform for video, as most studios know it."),
+    "linear": View("Standard", "As sRGB says, for comparing numbers: what is brighter than 1 is cut off."),
+    "false_colour": View("False colour", "Luminance in stops, dark blue to yellow: a change of shade is one stop."),
+}
+TONE_MAPPINGS: tuple[ToneMapping, ...] = tuple(VIEWS)
+# Views of OpenColorIO: configuration and view; AgX is our own.
+_BUILT_IN = {
+    "aces_2": ("cg-config-v4.0.0_aces-v2.0_ocio-v2.5", "ACES 2.0 - SDR 100 nits (Rec.709)"),
+    "aces_1": ("cg-config-v2.2.0_aces-v1.3_ocio-v2.4", "ACES 1.0 - SDR Video"),
+}
+TABULATED_VIEWS = ("agx", *_BUILT_IN)
+TABLE_SIDE = 65
+# log2 of radiance at the table's ends, beyond which the views are black and white.
+TABLE_STOPS = (-12.5, 7.5)
+_BRIGHTEST = 2.0**16
+
+_AGX_INSET = np.array(
+    [
+        [0.842479062253094, 0.0784335999999992, 0.0792237451477643],
+        [0.0423282422610123, 0.878468636469772, 0.0791661274605434],
+        [0.0423756549057051, 0.0784336, 0.879142973793104],
+    ]
+)
+_AGX_STOPS = (-12.47393, 4.026069)
+_AGX_PIVOT, _AGX_SLOPE, _AGX_TOE, _AGX_SHOULDER = 10.0 / 16.5, 2.0, 3.0, 3.25
+_AGX_SAMPLES = 4096
+
+
+def find_view(name: str, file: str | Path = "view", what: str = "name") -> ToneMapping:
+    """The view that a person names, by its label or as files do. Raises LoadError, which says where it was named."""
+    wanted = name.strip().casefold()
+    for view, known in VIEWS.items():
+        if wanted in (view, known.label.casefold()):
+            return view
+    raise LoadError(file, what, name, ", ".join(known.label for known in VIEWS.values()))
+
+
+def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Linear values in [0, 1] as a screen takes them (IEC 61966-2-1; shaders/common/srgb.glsl does the same)."""
+    linear = np.asarray(linear, np.float64)
+    power = 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
+    return np.where(linear <= 0.0031308, 12.92 * linear, power)
+
+
+def decode_srgb(encoded: NDArray[Real]) -> NDArray[Real]:
+    """What stands for such values in [0, 1], linear, in the same precision; above 1 the curve goes on."""
+    x = np.maximum(encoded, 0.0)
+    return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
+
+
+def display_transform(radiance: NDArray[np.floating], view: ToneMapping) -> NDArray[np.float32]:
+    """Linear Rec. 709 radiance (..., 3) as sRGB-encoded values in [0, 1], by one of the views in `TABULATED_VIEWS`."""
+    values = np.clip(np.nan_to_num(radiance, nan=0.0), 0.0, _BRIGHTEST)
+    pixels = np.array(values, np.float32, order="C").reshape(-1, 3)
+    if len(pixels):
+        _processor(view).applyRGB(pixels)
+    return np.clip(pixels, 0.0, 1.0).reshape(radiance.shape)
+
+
+@lru_cache(maxsize=len(TABULATED_VIEWS))
+def view_table(view: ToneMapping) -> NDArray[np.float16]:
+    """Such a view over log2 of radiance within `TABLE_STOPS`: (blue, green, red, 3), `TABLE_SIDE` colours each way."""
+    levels = np.exp2(np.linspace(*TABLE_STOPS, TABLE_SIDE))
+    blue, green, red = np.meshgrid(levels, levels, levels, indexing="ij")
+    return display_transform(np.stack([red, green, blue], axis=-1), view).astype(np.float16)
+
+
+def agx_sigmoid(x: NDArray[np.floating]) -> NDArray[np.float64]:
+    """AgX's curve from log2 radiance to display, both in [0, 1]: y = 1/2 + s d (1 + a |d|^p)^(-1/p), d = x - pivot.
+
+    The power p is that of toe or shoulder, a such that the curve ends in (0, 0) or (1, 1) [Sobotka22].
+    """
+    d = np.asarray(x, np.float64) - _AGX_PIVOT
+    power = np.where(d < 0.0, _AGX_TOE, _AGX_SHOULDER)
+    reach = np.where(d < 0.0, _AGX_PIVOT, 1.0 - _AGX_PIVOT)
+    a = ((2.0 * _AGX_SLOPE * reach) ** power - 1.0) / reach**power
+    return 0.5 + _AGX_SLOPE * d * (1.0 + a * np.abs(d) ** power) ** (-1.0 / power)
+
+
+@lru_cache(maxsize=len(TABULATED_VIEWS))
+def _processor(view: ToneMapping) -> ocio.CPUProcessor:
+    import PyOpenColorIO as ocio
+
+    if view == "agx":
+        return ocio.Config.CreateRaw().getProcessor(_agx(ocio)).getDefaultCPUProcessor()
+    config_name, view_name = _BUILT_IN[view]
+    config = ocio.Config.CreateFromBuiltinConfig(config_name)
+    transform = ocio.DisplayViewTransform(src="Linear Rec.709 (sRGB)", display="sRGB - Display", view=view_name)
+    return config.getProcessor(transform).getDefaultCPUProcessor()
+
+
+def _agx(ocio):  # type: ignore[no-untyped-def]  # the module, imported late
+    """AgX as a chain of the library's transforms."""
+    low, high = _AGX_STOPS
+    curve = ocio.Lut1DTransform(length=_AGX_SAMPLES, inputHalfDomain=False)
+    for i, value in enumerate(agx_sigmoid(np.linspace(0.0, 1.0, _AGX_SAMPLES))):
+        curve.setValue(i, value, value, value)
+    return ocio.GroupTransform(
+        [
+            _matrix(ocio, _AGX_INSET),
+            ocio.RangeTransform(2.0**low, 2.0**high, 2.0**low, 2.0**high),
+            ocio.LogTransform(base=2.0),
+            ocio.RangeTransform(low, high, 0.0, 1.0),
+            curve,
+            _matrix(ocio, np.linalg.inv(_AGX_INSET)),
+            ocio.RangeTransform(0.0, 1.0, 0.0, 1.0),
+        ]
+    )
+
+
+def _matrix(ocio, rows):  # type: ignore[no-untyped-def]
+    padded = np.eye(4)
+    padded[:3, :3] = rows
+    return ocio.MatrixTransform(matrix=padded.ravel().tolist())

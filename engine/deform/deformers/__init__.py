@@ -1,5 +1,0 @@
-"""The deformers there are, by their names: each a small module with a `KIND`."""
-
-from engine.deform.deformers import bend, bulge, taper, twist, wave
-
-KINDS = {module.KIND.name: module.KIND for module in (bend, twist, taper, bulge, wave)}

@@ -1,0 +1,297 @@
+"""Compiled projection of light onto the bands of one or two curves, point by point.
+
+The loop runs over lights, not over bands: cost O(M) a point [BenArtzi07, code 1]. A light is a triangle; its share of
+a band follows from γ at its centre of brightness and its corners (`_share_kernels`). Near a pole γ is not linear, and
+the triangle is split in four until it is.
+
+Arguments come in groups (the named tuples below), which cost nothing in compiled code. Directions are stored axis by
+axis, (3, N), so that loops over them are vector loops.
+"""
+
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+
+from engine.precompute.direct._angle_kernels import HALF_PI, fill_gammas, is_cone, is_highlight, slope, tint, weigh
+from engine.precompute.direct._band_kernels import encode_bands
+from engine.precompute.direct._emitter_kernels import cut_emitters, make_cut
+from engine.precompute.direct._share_kernels import Spots, make_spots, mean_and_spread, share_out
+from engine.precompute.direct._split_kernels import LEAVES, MAX_DEPTH, SPREAD, is_curved, split
+from engine.precompute.direct._visible_kernels import gather_local, list_visible, set_frame, to_local
+
+# Leaves of split lights, and pieces of wide ones, that are listed at a time.
+_ROOM = 4096
+# Lamps have edges, which a highlight shows: there they are split at a smaller bend of γ than the sky.
+LAMP_SHARPNESS = np.float32(0.2)
+
+
+class SkyLights(NamedTuple):
+    """M triangle lights over N corner directions: directions (3, N), corners (M, 3), sizes (M,) longest edge, radians,
+    centres (3, M), colours (M, 3) radiance times solid angle; first, n_bits, fine (M,): see `list_visible`; rows (M,)
+    in the tree (N, 6) that they were cut from: colour and centre of each triangle, 4 r + 20 to 4 r + 23 in row r."""
+
+    directions: np.ndarray
+    corners: np.ndarray
+    sizes: np.ndarray
+    centres: np.ndarray
+    colours: np.ndarray
+    first: np.ndarray
+    n_bits: np.ndarray
+    fine: np.ndarray
+    rows: np.ndarray
+    tree: np.ndarray
+
+
+class Bits(NamedTuple):
+    """Packed visibility (P, words) of the sphere, of sky lights with bits of their own, and of emitters' leaves; of
+    which the seen share of some is known better: start (P + 1,), node and delta (K,), see
+    `engine.precompute.direct.near_leaves`."""
+
+    sphere: np.ndarray
+    fine: np.ndarray
+    emitters: np.ndarray
+    start: np.ndarray
+    node: np.ndarray
+    delta: np.ndarray
+
+
+class ViewedPoints(NamedTuple):
+    """Shading points (P, 3): position, tangent, normal and the direction to the eye."""
+
+    position: np.ndarray
+    tangent: np.ndarray
+    normal: np.ndarray
+    wo: np.ndarray
+
+
+class Optics(NamedTuple):
+    """A layer: model and angle numbers, quotient parameters q (8,), bands (J, K), how many bands γ may bend over a
+    light before it is split; where the quotients of each colour are looked up, 0 for a model that has one for all."""
+
+    model: int
+    q: np.ndarray
+    kind_a: int
+    kind_b: int
+    n_a: int
+    n_b: int
+    tolerance: np.float32
+    tints: int = 0
+
+
+class EncodedTile(NamedTuple):
+    """Where a tile's bands are written: see `bandstore`."""
+
+    scale: np.ndarray
+    first: np.ndarray
+    length: np.ndarray
+    start: np.ndarray
+    values: np.ndarray
+
+
+class _Scratch(NamedTuple):
+    """Room for one point: corner directions x, y, z; centres cx, cy, cz and sizes of what is listed in `spots`; which
+    row of the tree a leaf has its colour of and what share; colours of lights and, behind them, of leaves, also times
+    those of the quotient."""
+
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    gammas_a: np.ndarray
+    gammas_b: np.ndarray
+    cx: np.ndarray
+    cy: np.ndarray
+    cz: np.ndarray
+    sizes: np.ndarray
+    curved: np.ndarray
+    spots: Spots
+    stack: np.ndarray
+    depths: np.ndarray
+    below: np.ndarray
+    row: np.ndarray
+    above: np.ndarray
+    colours: np.ndarray
+    tinted: np.ndarray
+    quotients: np.ndarray
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _mark_curved(kind, scale, tolerance, sizes, mean, curved):
+    """Mark the lights over which a cone is curved."""
+    rate = slope(kind)
+    for i in range(mean.shape[0]):
+        curved[i] |= np.int32(is_curved(sizes[i] * rate, mean[i], scale, tolerance))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _mean_and_spread(kind, sizes, gammas, corners, lights, n_whole, mean, spread):
+    """Mean and spread of γ over each spot, in radians; mean: γ at its centre before.
+
+    For a cone both follow from the spot's size, see `_split_kernels`, and so they do for leaves, which begin at
+    n_whole: there γ is all but a cone; else the spread from the corners of the light.
+    """
+    rate, first = slope(kind), 0 if is_cone(kind) else n_whole
+    for i in range(first, mean.shape[0]):
+        part = SPREAD * sizes[i] * rate
+        spread[i], mean[i] = part, np.sqrt(mean[i] * mean[i] + part * part)
+    for i in range(first):
+        m = lights[i]
+        spread[i] = mean_and_spread(gammas[corners[m, 0]], gammas[corners[m, 1]], gammas[corners[m, 2]])[1]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _split_curved(corners, rows, tree, n_lights, scale_a, scale_b, optics, frame, ox, oy, oz, scratch):
+    """List the leaves of curved lights behind the others, n_lights, and take the lights themselves out; the new number.
+
+    Each leaf has its own colour, behind those of the lights, and its own centre of brightness, as far down as the tree
+    goes; pieces of suns (row -1) are even. Where the list is full the rest stays whole.
+    """
+    stack, lights, weights, sizes, curved = (
+        scratch.stack, scratch.spots.light, scratch.spots.weight, scratch.sizes, scratch.curved
+    )  # fmt: skip
+    x, y, z, n, most = scratch.x, scratch.y, scratch.z, n_lights, scratch.cx.shape[0] - LEAVES
+    leaves = (scratch.cx, scratch.cy, scratch.cz, sizes, scratch.row, scratch.above)
+    colours, n_rows, n_colours = scratch.colours, tree.shape[0], rows.shape[0]
+    for i in range(n_lights):
+        if curved[i] == 0 or scratch.cz[i] <= -sizes[i] or n > most:
+            continue
+        m, first, weight, size = lights[i], n, weights[i], sizes[i]
+        has_tree = n_rows > 0 and rows[m] >= 0
+        for corner in range(3):
+            v = corners[m, corner]
+            stack[0, corner, 0], stack[0, corner, 1], stack[0, corner, 2] = x[v], y[v], z[v]
+        n = split(
+            stack, scratch.depths, scratch.below, rows[m], size, scale_a, scale_b, optics,
+            n_rows if has_tree else np.int64(0), ox, oy, oz, leaves, n,
+        )  # fmt: skip
+        for leaf in range(first, n):
+            row, share, own = scratch.row[leaf], scratch.above[leaf] * scratch.above[leaf], n_colours + leaf - n_lights
+            for channel in range(3):
+                colours[own, channel] = share * (tree[row, channel] if has_tree else colours[m, channel])
+            if has_tree and share == np.float32(1.0):
+                u, v, w = tree[row, 3], tree[row, 4], tree[row, 5]
+                scratch.cx[leaf] = frame[0, 0] * u + frame[0, 1] * v + frame[0, 2] * w
+                scratch.cy[leaf] = frame[1, 0] * u + frame[1, 1] * v + frame[1, 2] * w
+                scratch.cz[leaf] = frame[2, 0] * u + frame[2, 1] * v + frame[2, 2] * w
+            lights[leaf], weights[leaf], sizes[leaf] = own, weight, size * sizes[leaf]
+        weights[i] = np.float32(0.0)
+    return n
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _project_lights(bands, corners, sizes, rows, tree, n_directions, n_lights, optics, frame, ox, oy, oz, scratch):
+    """Add the listed lights to bands (J, K, 3): T_jk += V L ρ_q cosθ ΔΩ Δ_mj Δ_mk [BenArtzi07, eq. 4.15].
+
+    scratch holds the local corner directions (x, y, z), the lights listed, their colours, weights (visible share) and
+    centre directions (cx, cy, cz); (ox, oy, oz) is the local eye direction. The mean of γ over a light is taken as γ at
+    its centre of brightness: that takes out the first-order error of a light that is brighter on one side.
+    """
+    spots, q, two, n, colours = scratch.spots, optics.q, optics.n_b > 1, n_lights, scratch.colours
+    x, y, z = scratch.x[:n_directions], scratch.y[:n_directions], scratch.z[:n_directions]
+    cx, cy, cz, mean_a, mean_b = scratch.cx, scratch.cy, scratch.cz, spots.mean_a, spots.mean_b
+    scale_a, scale_b = np.float32(optics.n_a) / HALF_PI, np.float32(optics.n_b) / HALF_PI
+    listed, lights, curved = scratch.sizes, spots.light, scratch.curved[:n]
+    for i in range(n):
+        listed[i], curved[i] = sizes[lights[i]], np.int32(0)
+    fill_gammas(optics.kind_a, q, cx[:n], cy[:n], cz[:n], ox, oy, oz, mean_a)
+    _mark_curved(optics.kind_a, scale_a, optics.tolerance, listed, mean_a[:n], curved)
+    if not is_cone(optics.kind_a):
+        fill_gammas(optics.kind_a, q, x, y, z, ox, oy, oz, scratch.gammas_a)
+    if two:
+        fill_gammas(optics.kind_b, q, cx[:n], cy[:n], cz[:n], ox, oy, oz, mean_b)
+        _mark_curved(optics.kind_b, scale_b, optics.tolerance, listed, mean_b[:n], curved)
+        if not is_cone(optics.kind_b):
+            fill_gammas(optics.kind_b, q, x, y, z, ox, oy, oz, scratch.gammas_b)
+    n = _split_curved(corners, rows, tree, n_lights, scale_a, scale_b, optics, frame, ox, oy, oz, scratch)
+    if optics.tints != 0:
+        tint(
+            optics.tints, q, lights, cx[:n], cy[:n], cz[:n], ox, oy, oz, spots.weight, colours, scratch.quotients,
+            scratch.tinted,
+        )  # fmt: skip
+        colours = scratch.tinted
+    else:
+        weigh(optics.model, q, cx[:n], cy[:n], cz[:n], ox, oy, oz, spots.weight)
+    lx, ly, lz = cx[n_lights:n], cy[n_lights:n], cz[n_lights:n]
+    fill_gammas(optics.kind_a, q, lx, ly, lz, ox, oy, oz, mean_a[n_lights:n])
+    _mean_and_spread(optics.kind_a, listed, scratch.gammas_a, corners, lights, n_lights, mean_a[:n], spots.spread_a)
+    if two:
+        fill_gammas(optics.kind_b, q, lx, ly, lz, ox, oy, oz, mean_b[n_lights:n])
+        _mean_and_spread(optics.kind_b, listed, scratch.gammas_b, corners, lights, n_lights, mean_b[:n], spots.spread_b)
+    share_out(bands, colours, n, spots, scale_a, scale_b)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _with_lamp_sharpness(optics):
+    """As a layer takes lamps: their edges show in a highlight, where the sky's cut is even."""
+    tolerance = optics.tolerance * LAMP_SHARPNESS if is_highlight(optics.kind_a) else optics.tolerance
+    return Optics(
+        optics.model, optics.q, optics.kind_a, optics.kind_b, optics.n_a, optics.n_b, tolerance, optics.tints
+    )  # fmt: skip
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _copy_colours(colours, out):
+    """Into the first rows. One by one: for whole arrays the compiler makes the words of an error that they may raise,
+    which takes as long as the rest of a kernel."""
+    for m in range(colours.shape[0]):
+        for channel in range(3):
+            out[m, channel] = colours[m, channel]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _make_scratch(n_directions, n_lights):
+    depth, n = 3 * MAX_DEPTH + 4, n_lights + _ROOM
+    return _Scratch(
+        np.empty(n_directions, np.float32), np.empty(n_directions, np.float32), np.empty(n_directions, np.float32),
+        np.empty(n_directions, np.float32), np.empty(n_directions, np.float32),
+        np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32),
+        np.empty(n_lights, np.int32), make_spots(n + _ROOM),
+        np.empty((depth, 3, 3), np.float32), np.empty(depth, np.int64), np.empty((depth, 2), np.int64),
+        np.empty(n, np.int64), np.empty(n, np.float32),
+        np.zeros((n_lights + n, 3), np.float32), np.zeros((n_lights + n, 3), np.float32),
+        np.empty((n, 3), np.float32),
+    )  # fmt: skip
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def project_tile(rows, surface, sky, emitters, bits, optics, trim, encoded):
+    """Project all lights for one layer at the points `rows` and encode them; returns the number of values written."""
+    n_sky, n_sky_corners = sky.corners.shape[0], sky.directions.shape[1]
+    cut, no_tree = make_cut(emitters.child.shape[0], emitters.n_roots), np.empty((0, 6), np.float32)
+    n_most = cut.sizes.shape[0]
+    sharp = _with_lamp_sharpness(optics)
+    s = _make_scratch(max(n_sky_corners, 3 * n_most), max(n_sky, n_most))
+    lights, weights = s.spots.light, s.spots.weight
+    bands = np.empty((optics.n_a + 2, optics.n_b + 2 if optics.n_b > 1 else 1, 3), np.float32)
+    frame = np.empty((3, 3), np.float32)
+    cells, maxima = np.empty((optics.n_a, optics.n_b), np.float32), np.empty(optics.n_a, np.float32)
+    written = np.int64(0)  # a literal would be a type of its own, and have `encode_bands` compiled twice
+    for i in range(rows.shape[0]):
+        r = rows[i]
+        set_frame(surface.tangent[r], surface.normal[r], frame)
+        wo = surface.wo[r]
+        ox = frame[0, 0] * wo[0] + frame[0, 1] * wo[1] + frame[0, 2] * wo[2]
+        oy = frame[1, 0] * wo[0] + frame[1, 1] * wo[1] + frame[1, 2] * wo[2]
+        oz = frame[2, 0] * wo[0] + frame[2, 1] * wo[1] + frame[2, 2] * wo[2]
+        bands[:] = np.float32(0.0)
+        if n_sky > 0:
+            n = list_visible(bits.sphere[r], bits.fine[r], sky.first, sky.n_bits, sky.fine, lights, weights)
+            to_local(sky.directions, frame, s.x, s.y, s.z)
+            gather_local(sky.centres, lights, n, frame, s.cx, s.cy, s.cz)
+            if i == 0 or n_most > 0:
+                _copy_colours(sky.colours, s.colours)
+            _project_lights(
+                bands, sky.corners, sky.sizes, sky.rows, sky.tree, n_sky_corners, n, optics, frame, ox, oy, oz, s
+            )
+        if n_most > 0:
+            near = (bits.node, bits.delta, bits.start[r], bits.start[r + 1])
+            n = cut_emitters(
+                bits.emitters[r], near, emitters, surface.position[r], frame, optics, ox, oy, oz, cut, s.x, s.y, s.z,
+                s.cx, s.cy, s.cz, s.colours, weights,
+            )  # fmt: skip
+            for k in range(n):
+                lights[k] = cut.rows[k]
+            _project_lights(bands, cut.corners, cut.sizes, cut.rows, no_tree, 3 * n, n, sharp, frame, ox, oy, oz, s)
+        encoded.start[i] = written
+        written = encode_bands(bands[: optics.n_a, : optics.n_b], trim, cells, maxima, encoded, i, written)
+    return written

@@ -1,0 +1,193 @@
+"""A picture under another distant light, materials and camera as they are: rows over a lighting basis.
+
+    B(r) = B(r₀) + K (l(r) − l(r₀))
+
+l are the spherical Haar coefficients of the environment's power over the 5,120 triangles that visibility knows, turned
+by r; K what each point reflects of them, its shadows in it. r₀ is the light that the exact picture was made under
+[BenArtzi07, eq. 7.4]: what turning does not change stays exact, emitters as well, and a turn begins with no jump.
+
+Every point has a row of its own. What is left out of K is chosen by its effect on the picture, |K_xk| times how large
+l_k is while the environment goes round once: so most of a row's terms are where the light is. What that gains, and what
+was measured beside it, stands in docs/relighting.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+from engine.core.threads import n_threads, on_threads, pool
+from engine.curve.operators import HALF_PI
+from engine.light.environment import Environment, downsample, triangle_integrals
+from engine.material.layer import Layer
+from engine.precompute.direct import _relight_kernels as kernels
+from engine.precompute.direct._angle_kernels import slope
+from engine.precompute.direct._projection_kernels import ViewedPoints
+from engine.scene.primary_hits import PrimaryHits
+from engine.sphere.geodesic import geodesic
+from engine.sphere.haar import forward, levels_of_coefficients
+from engine.visibility.point_visibility import Visibility
+from engine.visibility.targets import VISIBILITY_LEVEL
+
+TILE = 512
+N_TURNS = 16
+MEAN_TERMS = 96
+CURVE_STEPS = 2048
+SKY_HEIGHT = 128
+PART_LEVELS = 1
+TRIANGLE_RADIUS = 0.07
+BEND = 0.1
+N_PILOTS = 512
+
+Float32Array = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class LightRows:
+    """Rows of the P points of a layer, in tiles."""
+
+    tiles: tuple[kernels.LightRowArrays, ...]
+
+    @property
+    def n_points(self) -> int:
+        return sum(len(tile.scale) for tile in self.tiles)
+
+    @property
+    def n_terms(self) -> int:
+        return sum(len(tile.number) for tile in self.tiles)
+
+    @property
+    def n_bytes(self) -> int:
+        return sum(array.nbytes for tile in self.tiles for array in tile)
+
+    def lit(self, light: Float32Array) -> Float32Array:
+        """The layer's radiance (P, 3), without f_q and f_o, under a light's coefficients (T, 3)."""
+        out = np.zeros((self.n_points, 3), np.float32)
+        ends = np.cumsum([len(tile.scale) for tile in self.tiles]).tolist()
+        on_threads(
+            lambda tile, end: kernels.light_rows(tile, light, out[end - len(tile.scale) : end]), self.tiles, ends
+        )
+        return out
+
+
+def light_coefficients(environment: Environment, rotation: float, scale: float = 1.0) -> Float32Array:
+    """l (T, 3): the environment, turned by `rotation` degrees and so many times as bright, in the basis of the rows.
+
+    A wavelet's coefficient is that of the triangles' power, times what its product with a row's sums to.
+    """
+    power = triangle_integrals(downsample(environment, SKY_HEIGHT), rotation, VISIBILITY_LEVEL)
+    return np.ascontiguousarray(forward(scale * power) * _measures()[:, None], np.float32)
+
+
+def turning_effects(environment: Environment, scale: float = 1.0) -> Generator[None, None, Float32Array]:
+    """How large l_k is, RMS over a whole turn and colours (T,): what a row's coefficient of 1 comes to."""
+    squares = np.zeros(geodesic(VISIBILITY_LEVEL).n_triangles)
+    for turn in range(N_TURNS):
+        squares += np.mean(light_coefficients(environment, 360.0 * turn / N_TURNS, scale) ** 2, axis=1, dtype=float)
+        yield
+    return np.sqrt(squares / N_TURNS).astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class RowMaker:
+    """What the rows of all layers are made with. least: the effect below which a term is left out, before f_q."""
+
+    hits: PrimaryHits
+    sphere: Visibility
+    effects: Float32Array
+    least: float = 0.0
+
+    def rows(self, layer: Layer, points: NDArray[np.integer]) -> Iterator[kernels.LightRowArrays]:
+        """Rows of a layer at some points, all of them seen, a tile at a time."""
+        reflection, parts = _reflection(layer), _parts()
+        least = np.float32(self.least / max(float(layer.scale().max()), 1e-6))
+        surface = ViewedPoints(self.hits.position, self.hits.tangent, self.hits.normal, self.hits.wo)
+
+        def make(tile: NDArray[np.int32]) -> kernels.LightRowArrays:
+            n_most, channels = len(tile) * len(self.effects), reflection.curve_a.shape[1]
+            start, scale = np.empty(len(tile) + 1, np.int64), np.empty(len(tile), np.float32)
+            number, value = np.empty(n_most, np.uint16), np.empty((n_most, channels), np.int16)
+            room = kernels.LightRowArrays(start, scale, number, value)
+            n = kernels.fill_rows(tile, surface, self.sphere.bits, parts, reflection, self.effects, least, room)
+            return kernels.LightRowArrays(start, scale, number[:n].copy(), value[:n].copy())
+
+        points = np.ascontiguousarray(points, np.int32)
+        tiles = [points[i : i + TILE] for i in range(0, len(points), TILE)]
+        with pool() as threads:
+            for i in range(0, len(tiles), n_threads()):
+                yield from threads.map(make, tiles[i : i + n_threads()])
+
+    def rows_within(self, layers: Iterable[tuple[Layer, NDArray[np.integer]]], most_bytes: float) -> RowMaker:
+        """The same, leaving out so much that rows of these layers at these points have about 96 terms at most on
+        average, and take no more than so many bytes. Judged by a few hundred of the points."""
+        layers = list(layers)
+        n_points = sum(len(points) for _, points in layers)
+        every = max(1, n_points // N_PILOTS)
+        effects, n_bytes, n_pilots = [], [], 0
+        for layer, points in layers:
+            chosen = points[every // 2 :: every]
+            for tile in self.rows(layer, chosen):
+                sizes = np.abs(tile.value).max(axis=1) * np.repeat(tile.scale, np.diff(tile.start))
+                effects.append(sizes * self.effects[tile.number] * max(float(layer.scale().max()), 1e-6))
+                n_bytes.append(np.full(len(tile.number), 2 + 2 * tile.value.shape[1]))
+            n_pilots += len(chosen)
+        if not n_pilots:
+            return self
+        effect, cost = np.concatenate(effects), np.concatenate(n_bytes)
+        order = np.argsort(-effect, kind="stable")
+        room = most_bytes * n_pilots / n_points
+        n_kept = min(int(np.searchsorted(np.cumsum(cost[order]), room)), MEAN_TERMS * n_pilots, len(order) - 1)
+        return replace(self, least=float(effect[order[n_kept]]))
+
+
+def joined_rows(tiles: Iterable[kernels.LightRowArrays]) -> LightRows:
+    return LightRows(tuple(tiles))
+
+
+@lru_cache(maxsize=1)
+def _measures() -> NDArray[np.float64]:
+    """4^(L − level) of each wavelet: with it the sum of products of coefficients is that of the triangles' values."""
+    return np.asarray(4.0 ** (VISIBILITY_LEVEL - levels_of_coefficients(VISIBILITY_LEVEL)))
+
+
+@lru_cache(maxsize=1)
+def _parts() -> kernels.TriangleParts:
+    """The sphere's triangles, and their parts of one level deeper."""
+    sphere, fine = geodesic(VISIBILITY_LEVEL), geodesic(VISIBILITY_LEVEL + PART_LEVELS)
+    n = sphere.n_triangles
+    shares = np.concatenate([np.ones(n), fine.solid_angles / np.repeat(sphere.solid_angles, 4**PART_LEVELS)])
+    centres = np.concatenate([sphere.centres, fine.centres]).T
+    owner = np.concatenate([np.arange(n), np.repeat(np.arange(n), 4**PART_LEVELS)])
+    return kernels.TriangleParts(
+        np.ascontiguousarray(centres, np.float32), shares.astype(np.float32), owner.astype(np.int32)
+    )
+
+
+def _bends(curve: Float32Array, kind: int) -> NDArray[np.bool_]:
+    """At which angles a curve (S + 1, C) changes within a triangle by more than a tenth of its largest value."""
+    rate = slope(kind) or 1.0
+    reach = math.ceil(rate * TRIANGLE_RADIUS * CURVE_STEPS / HALF_PI)
+    largest = maximum_filter1d(curve, 2 * reach + 1, axis=0, mode="nearest")
+    least = minimum_filter1d(curve, 2 * reach + 1, axis=0, mode="nearest")
+    return np.asarray((largest - least > BEND * np.abs(curve).max(axis=0)).any(axis=1))
+
+
+def _reflection(layer: Layer) -> kernels.Reflection:
+    model = layer.model
+    angles = np.linspace(0.0, HALF_PI, CURVE_STEPS + 1)
+    curves = [np.asarray(layer.curve(factor.name)(angles), np.float32) for factor in model.factors]
+    if not model.colours_number and all((curve == curve[:, :1]).all() for curve in curves):
+        curves = [curve[:, :1] for curve in curves]
+    kinds = [factor.gamma for factor in model.factors]
+    q = np.array(model.bind_parameters(layer.quotient_parameters()))
+    second = curves[1] if len(curves) > 1 else np.ones((1, curves[0].shape[1]), np.float32)
+    return kernels.Reflection(
+        model.number, q, kinds[0], kinds[-1], model.colours_number, np.ascontiguousarray(curves[0]),
+        np.ascontiguousarray(second), _bends(curves[0], kinds[0]), _bends(second, kinds[-1]),
+    )  # fmt: skip

@@ -1,0 +1,382 @@
+"""Compiled: cells found and looked up, places within them, and the light that falls on those places."""
+
+import math
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+
+from engine.precompute.indirect._ray_kernels import hash64, uniform
+
+NO_RECORD = 0xFFFF
+MAX_RECORDS = 0xFFFE
+NO_KEY = np.uint64(0)
+N_PLACES = 32
+_GRID_BITS, _LEVEL_BITS, _SHEET_BITS, _PROBE_BITS = 16, 3, 3, 3
+_PLACE_BITS = 20
+# By how rays look at cells (`_ray_kernels`: matt, glossy, sharp, even): such a share of the ray, inverted, is the most
+# that a cell takes. What a gloss shows is in focus; and where surfaces all but touch, light changes within their
+# distance.
+_FOCUS = (np.float32(2.0), np.float32(8.0), np.float32(8.0), np.float32(0.0))
+# The sizes of cells, from four times the grid's on, each half the one before.
+_GRID = 2
+_COARSEST, _FINEST = (_GRID, 0, 0, _GRID), (5, 3, 5, _GRID)
+ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+# Where a cube's lookouts stand over a surface in it: above its middle, and aside towards its corners.
+_VISIBILITY_PROBES = ((0, 0), (1, 1), (-1, 1), (1, -1), (-1, -1))
+N_VISIBILITY_PROBES = len(_VISIBILITY_PROBES)
+# Of a cube's size: how far aside; how high at least, so that what shines through below a door is not taken for a sight
+# of what is behind it, and at most, since hollow surfaces see one another from higher; how high above a hit its ray to
+# them starts.
+_ASIDE, _LOW, _HIGH, _LIFT = np.float32(0.3), np.float32(1 / 8), np.float32(1 / 4), np.float32(1 / 16)
+# Planes that are so far apart are two: the boards of a shelf are lit one by one.
+_SHEET = np.float32(1 / 4)
+
+
+class MeshArrays(NamedTuple):
+    """vertices, normals (V, 3); triangles, face_normals (T, 3); objects (T,) int32; smooth, reflects (M,) bool."""
+
+    vertices: np.ndarray
+    normals: np.ndarray
+    triangles: np.ndarray
+    face_normals: np.ndarray
+    objects: np.ndarray
+    smooth: np.ndarray
+    reflects: np.ndarray
+
+
+class Hits(NamedTuple):
+    """First hits of R rays: triangle (R,) int32, −1 for none, barycentric u, v (R,), distance (R,)."""
+
+    triangle: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    distance: np.ndarray
+
+
+class CacheTable(NamedTuple):
+    """Cells by key, open addressing: keys (S,) uint64, 0 where free; cells (S,) int32. n_cells (1,): how many.
+
+    Of each cell: objects (C,) int32, seeds (C,) uint64, n_places (C,) int64, and up to 32 places: triangle (C, 32)
+    int32, u, v (C, 32), side (C, 32) bits: 1 the face, 2 the shading normal turned. They are the hits of the least
+    hashes (C, 32), by hash, so that neither threads nor the order of the rays decide what a cell is.
+    """
+
+    keys: np.ndarray
+    cells: np.ndarray
+    n_cells: np.ndarray
+    objects: np.ndarray
+    seeds: np.ndarray
+    n_places: np.ndarray
+    hashes: np.ndarray
+    triangle: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    side: np.ndarray
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _position(mesh, triangle, u, v):
+    i, j, k = mesh.triangles[triangle, 0], mesh.triangles[triangle, 1], mesh.triangles[triangle, 2]
+    w = ONE - u - v
+    return (
+        w * mesh.vertices[i, 0] + u * mesh.vertices[j, 0] + v * mesh.vertices[k, 0],
+        w * mesh.vertices[i, 1] + u * mesh.vertices[j, 1] + v * mesh.vertices[k, 1],
+        w * mesh.vertices[i, 2] + u * mesh.vertices[j, 2] + v * mesh.vertices[k, 2],
+    )
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _shading_normal(mesh, triangle, u, v):
+    """Interpolated where the object is smooth, else the face's; not turned."""
+    face = mesh.face_normals[triangle]
+    if not mesh.smooth[mesh.objects[triangle]]:
+        return face[0], face[1], face[2]
+    i, j, k = mesh.triangles[triangle, 0], mesh.triangles[triangle, 1], mesh.triangles[triangle, 2]
+    w = ONE - u - v
+    x = w * mesh.normals[i, 0] + u * mesh.normals[j, 0] + v * mesh.normals[k, 0]
+    y = w * mesh.normals[i, 1] + u * mesh.normals[j, 1] + v * mesh.normals[k, 1]
+    z = w * mesh.normals[i, 2] + u * mesh.normals[j, 2] + v * mesh.normals[k, 2]
+    length = np.sqrt(x * x + y * y + z * z)
+    if length <= np.float32(1e-4):
+        return face[0], face[1], face[2]
+    return x / length, y / length, z / length
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def find_keys(mesh, low, inverse_size, hits, there, directions, mirrored, keys, sides, levels):
+    """Key (R,) of what each ray hits, 0 for none, which of its normals face away and how fine its cube is (R,).
+
+    That is what one object has in one cube of the grid (low (3,), 1 / its size) in about one plane, facing one of six
+    ways; the least bits are left for which of the lookouts sees it. The cubes are by the distance and how rays look,
+    `mirrored` (R,): from four times as large to half as large (GLOSSY) or to an eighth (SHARP), from as large to an
+    eighth (MATT), or all alike (EVEN).
+    """
+    for r in range(keys.shape[0]):
+        triangle = hits.triangle[r]
+        keys[r] = NO_KEY
+        if triangle < 0 or not there[r] or not mesh.reflects[mesh.objects[triangle]]:
+            continue
+        dx, dy, dz = directions[r, 0], directions[r, 1], directions[r, 2]
+        face = mesh.face_normals[triangle]
+        side = np.uint8(face[0] * dx + face[1] * dy + face[2] * dz > ZERO)
+        nx, ny, nz = _shading_normal(mesh, triangle, hits.u[r], hits.v[r])
+        if (nx * face[0] + ny * face[1] + nz * face[2] > ZERO) == (side == 1):  # to the side of the face that was seen
+            side |= np.uint8(2)
+            nx, ny, nz = -nx, -ny, -nz
+        axis = _main_axis(nx, ny, nz)
+        facing = 2 * axis + (0 if (nx, ny, nz)[axis] > ZERO else 1)
+        x, y, z = _position(mesh, triangle, hits.u[r], hits.v[r])
+        look = mirrored[r]
+        level = _COARSEST[look]
+        scale = _scale_of(inverse_size, level)
+        while level < _FINEST[look] and hits.distance[r] * scale < _FOCUS[look]:
+            level, scale = level + 1, np.float32(2.0) * scale
+        i, j, k, mx, my, mz = _cube(low, scale, x, y, z)
+        height = (face[0] * mx + face[1] * my + face[2] * mz) * scale
+        sheet = np.int64(math.floor((-height if side & 1 else height) / _SHEET)) + (1 << _SHEET_BITS - 1)
+        surface = (np.int64(mesh.objects[triangle]) * 6 + facing << _LEVEL_BITS | level) << _SHEET_BITS | sheet
+        cube = (i << _GRID_BITS | j) << _GRID_BITS | k
+        key = hash64(np.uint64(cube) ^ hash64(np.uint64(surface))) | np.uint64(1)
+        keys[r] = key << np.uint64(_PROBE_BITS)
+        sides[r], levels[r] = side, level
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def probe_rays(mesh, low, inverse_size, hits, which, sides, levels, probe, origins, directions):
+    """From hits `which` (n,) to one of their cubes' lookouts, rays of the length of their directions (n, 3).
+
+    What sees the same lookout is not divided by a wall, be it thin.
+    """
+    aside_a, aside_b = _VISIBILITY_PROBES[probe]
+    for n in range(which.shape[0]):
+        r = which[n]
+        triangle, face, sign = hits.triangle[r], mesh.face_normals[hits.triangle[r]], -ONE if sides[r] & 1 else ONE
+        gx, gy, gz = sign * face[0], sign * face[1], sign * face[2]
+        x, y, z = _position(mesh, triangle, hits.u[r], hits.v[r])
+        scale = _scale_of(inverse_size, levels[r])
+        size = ONE / scale
+        _, _, _, mx, my, mz = _cube(low, scale, x, y, z)
+        height = gx * mx + gy * my + gz * mz
+        axis, a, b = _main_axis(gx, gy, gz), aside_a * _ASIDE * size, aside_b * _ASIDE * size
+        mx, my, mz = (
+            mx + (a if axis != 0 else ZERO), my + (b if axis == 2 else a if axis == 0 else ZERO),
+            mz + (b if axis != 2 else ZERO),
+        )  # fmt: skip
+        wanted = min(max(height, _LOW * size), _HIGH * size)
+        rise, lift = wanted - (gx * mx + gy * my + gz * mz), _LIFT * size
+        origins[n, 0], origins[n, 1], origins[n, 2] = x + lift * gx, y + lift * gy, z + lift * gz
+        rise -= lift
+        directions[n, 0], directions[n, 1], directions[n, 2] = mx + rise * gx, my + rise * gy, mz + rise * gz
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _main_axis(x, y, z):
+    ax, ay, az = abs(x), abs(y), abs(z)
+    return 0 if ax >= ay and ax >= az else 1 if ay >= az else 2
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _scale_of(inverse_size, level):
+    """One over the size of the cubes of a level."""
+    return inverse_size * (np.float32(1 << level) / np.float32(1 << _GRID))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _cube(low, scale, x, y, z):
+    """Numbers of the cube that a place lies in, and the way from there to its middle."""
+    most = np.int64((1 << _GRID_BITS) - 1)
+    i = min(max(np.int64((x - low[0]) * scale), 0), most)
+    j = min(max(np.int64((y - low[1]) * scale), 0), most)
+    k = min(max(np.int64((z - low[2]) * scale), 0), most)
+    size = ONE / scale
+    mx = low[0] + (np.float32(i) + HALF) * size - x
+    my = low[1] + (np.float32(j) + HALF) * size - y
+    mz = low[2] + (np.float32(k) + HALF) * size - z
+    return i, j, k, mx, my, mz
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def insert_hits(table, mesh, hits, keys, sides, first_open, found):
+    """Look keys (R,) up, adding cells for new ones: their numbers into found (R,) uint16. False when there is no room.
+
+    Cells from `first_open` on may take a hit for one of their places.
+    """
+    mask = np.uint64(table.keys.shape[0] - 1)
+    most = table.objects.shape[0]
+    for r in range(keys.shape[0]):
+        key = keys[r]
+        found[r] = NO_RECORD
+        if key == NO_KEY:
+            continue
+        hashed = hash64(key)
+        slot = hashed & mask
+        while table.keys[slot] != key and table.keys[slot] != NO_KEY:
+            slot = (slot + np.uint64(1)) & mask
+        if table.keys[slot] == NO_KEY:
+            if table.n_cells[0] == most:
+                return False
+            cell = np.int32(table.n_cells[0])
+            table.n_cells[0] += 1
+            table.keys[slot], table.cells[slot] = key, cell
+            table.objects[cell], table.seeds[cell] = mesh.objects[hits.triangle[r]], hashed
+        cell = table.cells[slot]
+        found[r] = cell
+        if cell >= first_open:
+            _insert_place(table, cell, hits.triangle[r], hits.u[r], hits.v[r], sides[r])
+    return True
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _insert_place(table, cell, triangle, u, v, side):
+    """Make a hit one of a cell's places if its hash is among the least."""
+    grid = np.float32(1 << _PLACE_BITS)
+    number = np.uint64(max(u, ZERO) * grid) << np.uint64(_PLACE_BITS) | np.uint64(max(v, ZERO) * grid)
+    hashed = np.uint32(hash64(number ^ np.uint64(triangle) << np.uint64(2 * _PLACE_BITS)) >> np.uint64(32))
+    n = table.n_places[cell]
+    if n == N_PLACES and hashed >= table.hashes[cell, N_PLACES - 1]:
+        return
+    place = min(n, N_PLACES - 1)
+    while place > 0 and table.hashes[cell, place - 1] > hashed:
+        table.hashes[cell, place] = table.hashes[cell, place - 1]
+        table.triangle[cell, place] = table.triangle[cell, place - 1]
+        table.u[cell, place], table.v[cell, place] = table.u[cell, place - 1], table.v[cell, place - 1]
+        table.side[cell, place] = table.side[cell, place - 1]
+        place -= 1
+    table.hashes[cell, place], table.triangle[cell, place] = hashed, triangle
+    table.u[cell, place], table.v[cell, place], table.side[cell, place] = u, v, side
+    table.n_places[cell] = min(n + 1, N_PLACES)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _place(table, mesh, cell, k):
+    """Position, face normal and shading normal of the k-th place of a cell, turned to the side that was seen."""
+    p = k % table.n_places[cell]
+    triangle, u, v, side = table.triangle[cell, p], table.u[cell, p], table.v[cell, p], table.side[cell, p]
+    x, y, z = _position(mesh, triangle, u, v)
+    gx, gy, gz = mesh.face_normals[triangle, 0], mesh.face_normals[triangle, 1], mesh.face_normals[triangle, 2]
+    nx, ny, nz = _shading_normal(mesh, triangle, u, v)
+    if side & 1:
+        gx, gy, gz = -gx, -gy, -gz
+    if side & 2:
+        nx, ny, nz = -nx, -ny, -nz
+    return x, y, z, gx, gy, gz, nx, ny, nz
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _write_ray(origins, directions, out, x, y, z, gx, gy, gz, dx, dy, dz, offset):
+    lift = offset if gx * dx + gy * dy + gz * dz >= ZERO else -offset
+    origins[out, 0], origins[out, 1], origins[out, 2] = x + lift * gx, y + lift * gy, z + lift * gz
+    directions[out, 0], directions[out, 1], directions[out, 2] = dx, dy, dz
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def record_rays(table, mesh, begin, end, offset, cosine_table, origins, directions, there):
+    """Cosine-distributed rays from the places of cells [begin, end): (n · R, 3) from tables (64, R, 3)."""
+    n_rays = cosine_table.shape[1]
+    for cell in range(begin, end):
+        seed = hash64(table.seeds[cell] + np.uint64(0x51ED2701))
+        angle = np.float32(2.0 * math.pi) * uniform(seed)
+        cosine, sine = np.cos(angle), np.sin(angle)
+        pattern = np.int64(seed & np.uint64(cosine_table.shape[0] - 1))
+        for m in range(n_rays):
+            x, y, z, gx, gy, gz, nx, ny, nz = _place(table, mesh, cell, m)
+            tx, ty, tz = cosine_table[pattern, m, 0], cosine_table[pattern, m, 1], cosine_table[pattern, m, 2]
+            lx, ly = cosine * tx - sine * ty, sine * tx + cosine * ty
+            # A frame about the normal [Duff17].
+            sign = ONE if nz >= ZERO else -ONE
+            a = -ONE / (sign + nz)
+            b = nx * ny * a
+            dx = lx * (ONE + sign * nx * nx * a) + ly * b + tz * nx
+            dy = lx * sign * b + ly * (sign + ny * ny * a) + tz * ny
+            dz = -lx * sign * nx - ly * ny + tz * nz
+            out = (cell - begin) * n_rays + m
+            there[out] = True
+            _write_ray(origins, directions, out, x, y, z, gx, gy, gz, dx, dy, dz, offset)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _pick(cumulative, u):
+    """First index whose cumulative share is above u."""
+    low, high = 0, cumulative.shape[0] - 1
+    while low < high:
+        middle = (low + high) // 2
+        if cumulative[middle] > u:
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _point_in_triangle(corners, m, u, v):
+    """An evenly distributed point of triangle m of corners (M, 3, 3)."""
+    if u + v > ONE:
+        u, v = ONE - u, ONE - v
+    w = ONE - u - v
+    return (
+        w * corners[m, 0, 0] + u * corners[m, 1, 0] + v * corners[m, 2, 0],
+        w * corners[m, 0, 1] + u * corners[m, 1, 1] + v * corners[m, 2, 1],
+        w * corners[m, 0, 2] + u * corners[m, 1, 2] + v * corners[m, 2, 2],
+    )
+
+
+class Lights(NamedTuple):
+    """Triangle lights to sample by power: corners (M, 3, 3), directions or points; cumulative (M,) shares up to 1;
+    power (M, 3): what a sample counts, divided by its share; normals (M, 3) of emitters; is_sky."""
+
+    corners: np.ndarray
+    cumulative: np.ndarray
+    power: np.ndarray
+    normals: np.ndarray
+    is_sky: bool
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def light_rays(
+    table, mesh, begin, end, offset, lights, n_samples, seed, origins, directions, distances, cosines, powers
+):
+    """Rays from the places of cells [begin, end) to `n_samples` samples of the lights each, (n · S, 3).
+
+    distances (n · S,): how far the light is, large for the sky; cosines (n · S,) of the angles of incidence; powers
+    (n · S, 3): what the light adds to the cell's irradiance if the ray is free, 0 where it is not to be traced.
+    """
+    for cell in range(begin, end):
+        for s in range(n_samples):
+            x, y, z, gx, gy, gz, nx, ny, nz = _place(table, mesh, cell, s)
+            number = hash64(table.seeds[cell] + np.uint64(s) + np.uint64(seed) * np.uint64(0x9E3779B9))
+            m = _pick(lights.cumulative, (np.float32(s) + uniform(number)) / np.float32(n_samples))
+            u, v = uniform(number ^ np.uint64(1)), uniform(number ^ np.uint64(2))
+            lx, ly, lz = _point_in_triangle(lights.corners, m, u, v)
+            if not lights.is_sky:
+                lx, ly, lz = lx - x, ly - y, lz - z
+            length = np.sqrt(max(lx * lx + ly * ly + lz * lz, np.float32(1e-30)))
+            dx, dy, dz = lx / length, ly / length, lz / length
+            out = (cell - begin) * n_samples + s
+            cosines[out] = max(nx * dx + ny * dy + nz * dz, ZERO)
+            weight = cosines[out] / np.float32(n_samples)
+            distances[out] = np.float32(1e30)
+            if not lights.is_sky:
+                facing = -(lights.normals[m, 0] * dx + lights.normals[m, 1] * dy + lights.normals[m, 2] * dz)
+                weight *= max(facing, ZERO) / (length * length)
+                distances[out] = max(length * np.float32(0.9999), np.float32(1e-30))
+            for channel in range(3):
+                powers[out, channel] = weight * lights.power[m, channel]
+            _write_ray(origins, directions, out, x, y, z, gx, gy, gz, dx, dy, dz, offset)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def add_unoccluded(blocked, cosines, powers, n_samples, irradiance):
+    """irradiance (n, B, 3) += the powers (n · S, 3) of the samples that are not blocked, shared out by hats over the
+    root of their cosines (n · S,)."""
+    last = irradiance.shape[1] - 1
+    for i in range(irradiance.shape[0]):
+        for s in range(n_samples):
+            r = i * n_samples + s
+            if not blocked[r]:
+                position = np.sqrt(min(cosines[r], ONE)) * np.float32(last)
+                node = min(np.int64(position), last - 1)
+                share = position - np.float32(node)
+                for channel in range(3):
+                    irradiance[i, node, channel] += (ONE - share) * powers[r, channel]
+                    irradiance[i, node + 1, channel] += share * powers[r, channel]

@@ -1,0 +1,245 @@
+"""Compiled: light that leaves glossy surfaces, followed to where it lands, and what is reflected of it there.
+
+A photon starts at a place of a glossy surface, evenly by area, takes light from one of the lamps, by power, and goes
+about the lobe_axis of that surface's highlight: which curve the surface has is not known yet, and any will do. Where it
+lands it counts for the gather points around, by a kernel that falls to 0 at their radius r,
+
+    E(x) = Σ 2 (1 - d²/r²) / (π r²) Φ .
+
+A gather point's own rays find the same light where they happen to end on the glossy surface. Either counts by the
+power heuristic (`photon_share`), by how many samples each expects in the neighbourhood of that path, a disc of π r²/2
+about the gather point being what a photon must hit [Georgiev12; Hachisuka12].
+"""
+
+import math
+
+import numba as nb
+import numpy as np
+
+from engine.material._kernels import gamma, quotient_cosine
+from engine.precompute.indirect._cache_kernels import _point_in_triangle, _position, _shading_normal
+from engine.precompute.indirect._ray_kernels import ABOUT_AXIS, HORIZON, direction_pdf, local_wo, sample_direction
+from engine.precompute.indirect._reflection_kernels import CONSTANT, HALF_PI, ONE, ZERO, _node
+from engine.precompute.indirect._second_bounce_kernels import (
+    TINY,
+    _add_gloss,
+    _pick_light,
+    _tangent,
+    _to_local,
+    _to_world,
+    expected_photons,
+    photon_share,
+)
+
+TWO = np.float32(2.0)
+# A photon that skims its landing place would count without bound.
+_LEAST_COSINE = np.float32(0.05)
+# The square of the sine of 15°: a photon that is seen so far off the plane lies on another part of the surface.
+_OFF_PLANE = np.float32(0.07)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def emit(numbers, about, triangles, per_area, mesh, lobe_axes, axes, lamps, offset,
+         starts, to_light, limits, onward, normals, power, ahead):  # fmt: skip
+    """n photons from the triangles (n,), by numbers (n, 5) in [0, 1) and unit vectors `about` (n, 3) of a lobe_axis
+    table.
+
+    per_area (M,): how many start on a square metre of each object. Writes starts (n, 3) of rays to_light (n, 3), as
+    far as limits (n,), and onward (n, 3), normals (n, 3), power (n, 3) without the material, 0 where there is none;
+    ahead (n,): as `expected_photons`.
+    """
+    for i in range(triangles.shape[0]):
+        triangle = triangles[i]
+        o = mesh.objects[triangle]
+        power[i] = ZERO
+        u, v = numbers[i, 0], numbers[i, 1]
+        if u + v > ONE:
+            u, v = ONE - u, ONE - v
+        px, py, pz = _position(mesh, triangle, u, v)
+        m = _pick_light(lamps, numbers[i, 2])
+        x, y, z = _point_in_triangle(lamps.corners, m, numbers[i, 3], numbers[i, 4])
+        is_sky = m < lamps.density.shape[0]
+        if not is_sky:
+            x, y, z = x - px, y - py, z - pz
+        length = np.sqrt(max(x * x + y * y + z * z, TINY))
+        x, y, z = x / length, y / length, z / length
+        geometry, limits[i] = ONE, np.float32(1e30)
+        if not is_sky:
+            facing = -(lamps.normals[m, 0] * x + lamps.normals[m, 1] * y + lamps.normals[m, 2] * z)
+            geometry, limits[i] = max(facing, ZERO) / (length * length), max(length * np.float32(0.9999), TINY)
+        nx, ny, nz = _shading_normal(mesh, triangle, u, v)
+        if nx * x + ny * y + nz * z < ZERO:
+            nx, ny, nz = -nx, -ny, -nz
+        tx, ty, tz = _tangent(axes, o, nx, ny, nz)
+        lx, ly, lz = _to_local(tx, ty, tz, nx, ny, nz, x, y, z)
+        if lz <= HORIZON or geometry <= ZERO:
+            continue
+        ox, oy, oz = sample_direction(about, i, ABOUT_AXIS, ONE, ZERO, lobe_axes[o], lx, ly, lz)
+        if oz <= HORIZON:
+            continue
+        wx, wy, wz = _to_world(tx, ty, tz, nx, ny, nz, ox, oy, oz)
+        face = mesh.face_normals[triangle]
+        side = face[0] * x + face[1] * y + face[2] * z
+        # Photons start evenly by true area, so what leaves goes by the cosine to the face, smooth or not.
+        leaving = face[0] * wx + face[1] * wy + face[2] * wz
+        if side * leaving <= ZERO:
+            continue
+        density = direction_pdf(ZERO, ONE, lobe_axes[o], ox, oy, oz, lx, ly, lz)
+        ahead[i] = expected_photons(lamps, m, lobe_axes[o], per_area[o], lx, ly, lz, ox, oy, oz)
+        lift = offset if side >= ZERO else -offset
+        for axis in range(3):
+            starts[i, axis] = (px if axis == 0 else py if axis == 1 else pz) + lift * face[axis]
+            power[i, axis] = lamps.power[m, axis] * geometry * abs(leaving) / (density * per_area[o])
+        to_light[i, 0], to_light[i, 1], to_light[i, 2] = x, y, z
+        onward[i, 0], onward[i, 1], onward[i, 2] = wx, wy, wz
+        normals[i, 0], normals[i, 1], normals[i, 2] = nx, ny, nz
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def photon_power(photons, g, out):
+    """What each photon carries under the curves of the glossy layers g, and by the means of their images, (n, 3)
+    watts."""
+    nowhere = np.int64(-1)  # a literal would be a type of its own, and have `_add_gloss` compiled twice
+    for i in range(out.shape[0]):
+        o = photons.sources[i]
+        nx, ny, nz = photons.normals[i, 0], photons.normals[i, 1], photons.normals[i, 2]
+        tx, ty, tz = _tangent(g.axes, o, nx, ny, nz)
+        to_light, onward = photons.to_light[i], photons.directions[i]
+        x, y, z = _to_local(tx, ty, tz, nx, ny, nz, to_light[0], to_light[1], to_light[2])
+        ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, onward[0], onward[1], onward[2])
+        out[i] = ZERO
+        _add_gloss(g, o, nowhere, x, y, z, ox, oy, oz, ONE, out[i])
+        for channel in range(3):
+            out[i, channel] *= photons.power[i, channel]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _faces_away(face, place, photons, n, distance2):
+    """Whether photon n comes to the side of the surface at a place that this normal points to, but off its plane."""
+    if n < 0:
+        return False
+    off, cosine = ZERO, ZERO
+    for axis in range(3):
+        off += face[axis] * (photons.positions[n, axis] - place[axis])
+        cosine -= face[axis] * photons.directions[n, axis]
+    return cosine > ZERO and off * off > _OFF_PLANE * distance2
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def weigh_photons(samples, begin, end, times, geometric, position, photons, found, distances2, radii2, weights):
+    """How much each of the photons found (p, k) about points [begin, end), nearest first, counts, (p, k): 1/m² over the
+    cosine.
+
+    distances2 (p, k), radii2 (p,), which shrinks to where the surface turns away, lest light be missing that falls
+    there; a photon beyond the last is −1 in `found`.
+    """
+    n_cosine, n_lobe = np.float32(samples.tables_cosine.shape[1]), np.float32(samples.tables_lobe.shape[1])
+    for i in range(begin, end):
+        r = samples.rows[i]
+        tangent, normal, face = samples.tangent[r], samples.normal[r], geometric[r]
+        ox, oy, oz = local_wo(tangent, normal, samples.wo[r])
+        for k in range(found.shape[1]):
+            if distances2[i, k] < radii2[i] and _faces_away(face, position[r], photons, found[i, k], distances2[i, k]):
+                radii2[i] = distances2[i, k]
+        area = np.float32(math.pi / 2.0) * radii2[i]
+        for k in range(found.shape[1]):
+            weights[i, k] = ZERO
+            n = found[i, k]
+            if n < 0 or distances2[i, k] >= radii2[i]:
+                continue
+            dx, dy, dz = -photons.directions[n, 0], -photons.directions[n, 1], -photons.directions[n, 2]
+            cosine = face[0] * dx + face[1] * dy + face[2] * dz
+            x, y, z = _to_local(tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], dx, dy, dz)
+            if z <= HORIZON or cosine <= ZERO:
+                continue
+            sample_set = direction_pdf(n_cosine, n_lobe, samples.lobe_axes[i], x, y, z, ox, oy, oz) / times[i]
+            share = photon_share(photons.ahead[n], z, area, sample_set)
+            kernel = (ONE - distances2[i, k] / radii2[i]) / area
+            weights[i, k] = share * kernel / max(cosine, _LEAST_COSINE)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _arrival(samples, i, n, directions):
+    """Local direction to where photon n comes from, and to the eye."""
+    r = samples.rows[i]
+    tangent, normal = samples.tangent[r], samples.normal[r]
+    x, y, z = _to_local(
+        tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2],
+        -directions[n, 0], -directions[n, 1], -directions[n, 2],
+    )  # fmt: skip
+    ox, oy, oz = local_wo(tangent, normal, samples.wo[r])
+    return x, y, z, ox, oy, oz
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _is_in_half(half, n):
+    return half < 0 or (n & 1) == half
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _on_curves(optics, x, y, z, ox, oy, oz):
+    """Whether light is within both curves, and node and share on the first and on the second, see `_node`."""
+    j, t, k, u = 0, ZERO, 0, ZERO
+    if optics.kind_a != CONSTANT:
+        angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
+        if angle > HALF_PI:
+            return False, j, t, k, u
+        j, t = _node(angle, optics.curve_a.shape[0])
+    if optics.kind_b >= 0:
+        angle = gamma(optics.kind_b, optics.q, x, y, z, ox, oy, oz)
+        if angle > HALF_PI:
+            return False, j, t, k, u
+        k, u = _node(angle, optics.curve_b.shape[0])
+    return True, j, t, k, u
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def reflect_photons(samples, begin, end, optics, nearby, sent, out):
+    """Add what points [begin, end) reflect of photons to out (p, D, 3), without f_q and f_o."""
+    n_a, n_b, n_powers = optics.curve_a.shape[0], optics.curve_b.shape[0], out.shape[1]
+    scale = ONE if samples.half < 0 else TWO
+    for i in range(begin, end):
+        for e in range(nearby.start[i], nearby.start[i + 1]):
+            n = nearby.photon[e]
+            power = sent.powers[n]
+            if not _is_in_half(samples.half, n) or power >= n_powers:
+                continue
+            x, y, z, ox, oy, oz = _arrival(samples, i, n, sent.directions)
+            weight = scale * nearby.weight[e] * np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
+            within, j, t, k, u = _on_curves(optics, x, y, z, ox, oy, oz)
+            if not within:
+                continue
+            j1, k1 = min(j + 1, n_a - 1), min(k + 1, n_b - 1)
+            for channel in range(3):
+                value = weight * ((ONE - t) * optics.curve_a[j, channel] + t * optics.curve_a[j1, channel])
+                if optics.kind_b >= 0:
+                    value *= (ONE - u) * optics.curve_b[k, channel] + u * optics.curve_b[k1, channel]
+                out[i, power, channel] += value * sent.light[n, channel]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def reflect_photon_bands(samples, begin, end, optics, of_a, nearby, sent, out):
+    """As `reflect_photons`, by band of one of the curves, to out (3, J, D, p): of the first where of_a."""
+    n_bands, n_powers = out.shape[1], out.shape[2]
+    scale = ONE if samples.half < 0 else TWO
+    for i in range(begin, end):
+        for e in range(nearby.start[i], nearby.start[i + 1]):
+            n = nearby.photon[e]
+            power = sent.powers[n]
+            if not _is_in_half(samples.half, n) or power >= n_powers:
+                continue
+            x, y, z, ox, oy, oz = _arrival(samples, i, n, sent.directions)
+            weight = scale * nearby.weight[e] * np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
+            within, j, t, k, u = _on_curves(optics, x, y, z, ox, oy, oz)
+            if not within:
+                continue
+            kept, kept_share, at, share, other = j, t, k, u, optics.curve_b
+            if not of_a:
+                kept, kept_share, at, share, other = k, u, j, t, optics.curve_a
+            after, above = min(kept + 1, n_bands - 1), min(at + 1, other.shape[0] - 1)
+            for channel in range(3):
+                value = weight * sent.light[n, channel]
+                if optics.kind_b >= 0:
+                    value *= (ONE - share) * other[at, channel] + share * other[above, channel]
+                out[channel, kept, power, i] += (ONE - kept_share) * value
+                out[channel, after, power, i] += kept_share * value

@@ -1,0 +1,302 @@
+"""Compiled: light between cells, and what gather points reflect of it."""
+
+import math
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+
+from engine.material._kernels import gamma, quotient_cosine
+from engine.precompute.indirect._cache_kernels import NO_RECORD
+from engine.precompute.indirect._ray_kernels import (
+    ABOUT_AXIS,
+    BY_COSINE,
+    HORIZON,
+    direction_pdf,
+    local_wo,
+    pattern_of,
+    pattern_rotation,
+    sample_direction,
+)
+
+# In place of an angle: the curve is the same at all of them.
+CONSTANT = -2
+HALF_PI = np.float32(math.pi / 2)
+ZERO, ONE, HALF_BAND = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+CODES = np.float32(65535.0)
+
+
+class ReflectingLayer(NamedTuple):
+    """A layer: model and angle numbers, quotient parameters q (8,), values at the nodes of its two curves (J, 3) and
+    (K, 3); kind_b < 0: there is no second one."""
+
+    model: int
+    q: np.ndarray
+    kind_a: int
+    kind_b: int
+    curve_a: np.ndarray
+    curve_b: np.ndarray
+
+
+class WeightArrays(NamedTuple):
+    """How a layer weighs the rays of points from number `base` on, but for its curves: scales (p',) times the squares
+    of roots (p', R) uint16, 0 for rays that bring nothing, and angles (A, p', R) uint16 that its curves take, A = 0, 1
+    or 2, in shares of a right angle of 1/65535.
+
+    Roots, because weights are smallest where rays are dense, and there curves are highest.
+    """
+
+    roots: np.ndarray
+    scales: np.ndarray
+    angles: np.ndarray
+    base: int
+
+
+class SecondBounce(NamedTuple):
+    """What glossy surfaces send back along some of the rays, as radiosity: start (p + 1,) of each point's numbers, ray
+    (n,) of the fan, and light (n', D, 4), which begins with number `base`."""
+
+    start: np.ndarray
+    ray: np.ndarray
+    light: np.ndarray
+    base: int
+
+
+class SampleArrays(NamedTuple):
+    """q fans: rows (q,) of the hits, which of its point's each is (q,), lobe_axes (q,), the cells their rays see (q, R)
+    uint16; which half of the rays counts (of each table the first, 0, or the second, 1; −1 for all); tables
+    (64 n, R_c, 3), (64 n, R_p, 3), see `pattern_of`; the hits' tangent, normal, wo (P, 3)."""
+
+    rows: np.ndarray
+    nth: np.ndarray
+    lobe_axes: np.ndarray
+    records: np.ndarray
+    half: int
+    tables_cosine: np.ndarray
+    tables_lobe: np.ndarray
+    tangent: np.ndarray
+    normal: np.ndarray
+    wo: np.ndarray
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def brighten(irradiance, objects, albedos, relative, edited, out):
+    """Radiosity (C, D + 1, 3 or 4) of cells from irradiance (C, D, 3), polynomials in the albedo of object `edited`.
+
+    albedos (M, 3), which cells have so many times, relative (C, 3); multiplying by that of `edited` moves a number to
+    the next power.
+    """
+    out[:] = ZERO
+    n_powers = min(irradiance.shape[1], out.shape[1])
+    for c in range(irradiance.shape[0]):
+        own = objects[c] == edited
+        for n in range(n_powers):
+            for channel in range(3):
+                light = irradiance[c, n, channel] * relative[c, channel]
+                if not own:
+                    out[c, n, channel] = light * albedos[objects[c], channel]
+                elif n + 1 < out.shape[1]:
+                    out[c, n + 1, channel] = light
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _node(angle, n):
+    """The node below an angle and how far it is to the next, for n hats over [0, π/2]."""
+    position = min(max(np.float32(angle) * (np.float32(n) / HALF_PI) - HALF_BAND, ZERO), np.float32(n - 1))
+    j = min(np.int64(position), max(n - 2, 0))
+    return j, position - np.float32(j)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _coded(angle):
+    """An angle up to π/2 as it is kept: fine enough to tell 128 places in each of 512 bands."""
+    return np.uint16(max(np.float32(angle), ZERO) * (CODES / HALF_PI) + HALF_BAND)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _coded_node(code, n):
+    """As `_node`, of an angle that was kept."""
+    position = min(max(np.float32(code) * (np.float32(n) / CODES) - HALF_BAND, ZERO), np.float32(n - 1))
+    j = min(np.int64(position), max(n - 2, 0))
+    return j, position - np.float32(j)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _is_in_half(samples, m):
+    """Whether ray m is in the half that counts; half of a Sobol set, its first or last, is as even as the whole."""
+    n = samples.tables_cosine.shape[1]
+    k, n = (m, n) if m < n else (m - n, samples.tables_lobe.shape[1])
+    return samples.half < 0 or (2 * k >= n) == (samples.half == 1)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _ray(samples, i, m, pattern, cosine, sine, ox, oy, oz):
+    """Local direction of ray m of point i."""
+    n_cosine = samples.tables_cosine.shape[1]
+    if m < n_cosine:
+        return sample_direction(
+            samples.tables_cosine[pattern], m, BY_COSINE, cosine, sine, samples.lobe_axes[i], ox, oy, oz
+        )
+    return sample_direction(
+        samples.tables_lobe[pattern], m - n_cosine, ABOUT_AXIS, cosine, sine, samples.lobe_axes[i], ox, oy, oz
+    )
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def weigh_rays(samples, begin, end, optics, stored_weights):
+    """How points [begin, end) weigh what their rays bring, whatever the curves: into `stored_weights`."""
+    n_angles = stored_weights.angles.shape[0]
+    n_cosine, n_lobe = np.float32(samples.tables_cosine.shape[1]), np.float32(samples.tables_lobe.shape[1])
+    scale = (ONE if samples.half < 0 else np.float32(2.0)) / np.float32(math.pi)
+    weights = np.empty(samples.records.shape[1], np.float32)
+    for i in range(begin, end):
+        r, at = samples.rows[i], i - stored_weights.base
+        ox, oy, oz = local_wo(samples.tangent[r], samples.normal[r], samples.wo[r])
+        seed, cosine, sine = pattern_rotation(r)
+        pattern = pattern_of(seed, samples.nth[i])
+        weights[:] = ZERO
+        most = ZERO
+        for m in range(samples.records.shape[1]):
+            if samples.records[i, m] == NO_RECORD or not _is_in_half(samples, m):
+                continue
+            x, y, z = _ray(samples, i, m, pattern, cosine, sine, ox, oy, oz)
+            weight = np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
+            if z <= HORIZON or weight <= ZERO:
+                continue
+            if n_angles > 0:
+                angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
+                if angle > HALF_PI:
+                    continue
+                stored_weights.angles[0, at, m] = _coded(angle)
+            if n_angles > 1:
+                angle = gamma(optics.kind_b, optics.q, x, y, z, ox, oy, oz)
+                if angle > HALF_PI:
+                    continue
+                stored_weights.angles[1, at, m] = _coded(angle)
+            weights[m] = weight * scale / direction_pdf(n_cosine, n_lobe, samples.lobe_axes[i], x, y, z, ox, oy, oz)
+            most = max(most, weights[m])
+        stored_weights.scales[at] = most / (CODES * CODES)
+        inverse = ONE / most if most > ZERO else ZERO
+        for m in range(weights.shape[0]):
+            stored_weights.roots[at, m] = np.uint16(np.sqrt(weights[m] * inverse) * CODES + HALF_BAND)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+def _curve_at(code, curve):
+    """A curve (J, 3) at an angle as it is kept: three numbers, which unlike an array need no memory."""
+    j, t = _coded_node(code, curve.shape[0])
+    above = min(j + 1, curve.shape[0] - 1)
+    return (
+        curve[j, 0] + t * (curve[above, 0] - curve[j, 0]),
+        curve[j, 1] + t * (curve[above, 1] - curve[j, 1]),
+        curve[j, 2] + t * (curve[above, 2] - curve[j, 2]),
+    )
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+def add_product(a, b, c, light, total):
+    """total (D, 4) += (a, b, c, 0) · light (D, 4): all is read before anything is written, so that it is one
+    instruction a power."""
+    for n in range(total.shape[0]):
+        red, green, blue, none = light[n, 0], light[n, 1], light[n, 2], light[n, 3]
+        red, green = total[n, 0] + a * red, total[n, 1] + b * green
+        blue, none = total[n, 2] + c * blue, total[n, 3] + ZERO * none
+        total[n, 0], total[n, 1], total[n, 2], total[n, 3] = red, green, blue, none
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+def _add_shared(a, b, c, share, light, below, above):
+    """The share of (a, b, c, 0) · light (D, 4) to above (D, 4), the rest to below, as `add_product` does."""
+    rest = ONE - share
+    for n in range(light.shape[0]):
+        red, green, blue, none = a * light[n, 0], b * light[n, 1], c * light[n, 2], ZERO * light[n, 3]
+        red_0, green_0 = below[n, 0] + rest * red, below[n, 1] + rest * green
+        blue_0, none_0 = below[n, 2] + rest * blue, below[n, 3] + rest * none
+        red_1, green_1 = above[n, 0] + share * red, above[n, 1] + share * green
+        blue_1, none_1 = above[n, 2] + share * blue, above[n, 3] + share * none
+        below[n, 0], below[n, 1], below[n, 2], below[n, 3] = red_0, green_0, blue_0, none_0
+        above[n, 0], above[n, 1], above[n, 2], above[n, 3] = red_1, green_1, blue_1, none_1
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _take_colours(total, out):
+    """Three of the four columns of total (D, 4) into out. One by one: for whole arrays the compiler makes the words of
+    an error that they may raise, which takes as long as all the rest."""
+    for n in range(total.shape[0]):
+        for channel in range(3):
+            out[n, channel] = total[n, channel]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def bounce(begin, end, seen, radiosity, n_powers, out):
+    """Irradiance (C, D, 3) of cells [begin, end): the mean radiosity (C, D, 4) of what their rays see (C, R)."""
+    share, total = ONE / np.float32(seen.shape[1]), np.empty((n_powers, 4), np.float32)
+    for c in range(begin, end):
+        total[:] = ZERO
+        for m in range(seen.shape[1]):
+            if seen[c, m] != NO_RECORD:
+                add_product(share, share, share, radiosity[seen[c, m]], total)
+        _take_colours(total, out[c])
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def reflect(samples, begin, end, optics, stored_weights, radiosity, second, out):
+    """What points [begin, end) reflect towards the eye, (p, D, 3), of radiosity (C, D, 4), with the curves as they are.
+
+    Without f_q and f_o. aimed: of the same points and optics, with as many angles as the curves have; none are read
+    where the only curve is the same at all angles.
+    """
+    n_angles = 0 if optics.kind_a == CONSTANT else stored_weights.angles.shape[0]
+    values, total = np.zeros((samples.records.shape[1], 3), np.float32), np.empty((radiosity.shape[1], 4), np.float32)
+    for i in range(begin, end):
+        at = i - stored_weights.base
+        total[:] = ZERO
+        for m in range(samples.records.shape[1]):
+            root = np.float32(stored_weights.roots[at, m])
+            a = b = c = root * root * stored_weights.scales[at]
+            if a > ZERO:
+                if n_angles == 0:
+                    a, b, c = a * optics.curve_a[0, 0], b * optics.curve_a[0, 1], c * optics.curve_a[0, 2]
+                else:
+                    red, green, blue = _curve_at(stored_weights.angles[0, at, m], optics.curve_a)
+                    a, b, c = a * red, b * green, c * blue
+                if n_angles > 1:
+                    red, green, blue = _curve_at(stored_weights.angles[1, at, m], optics.curve_b)
+                    a, b, c = a * red, b * green, c * blue
+                add_product(a, b, c, radiosity[samples.records[i, m]], total)
+            values[m, 0], values[m, 1], values[m, 2] = a, b, c
+        for e in range(second.start[i], second.start[i + 1]):
+            m = second.ray[e]
+            add_product(values[m, 0], values[m, 1], values[m, 2], second.light[e - second.base], total)
+        _take_colours(total, out[i])
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def reflect_bands(samples, begin, end, optics, of_a, stored_weights, radiosity, second, out):
+    """As `reflect`, by band of one of the curves, out (3, J, D, p): of the first where of_a; the other is as it is."""
+    n_powers, n_bands = radiosity.shape[1], out.shape[1]
+    bands = np.empty((n_bands + 1, n_powers, 4), np.float32)
+    kept, other = (0, 1) if of_a else (1, 0)
+    curve = optics.curve_b if of_a else optics.curve_a
+    for i in range(begin, end):
+        at = i - stored_weights.base
+        bands[:] = ZERO
+        e, last = second.start[i], second.start[i + 1]
+        for m in range(samples.records.shape[1]):
+            root = np.float32(stored_weights.roots[at, m])
+            a = b = c = root * root * stored_weights.scales[at]
+            if a <= ZERO:
+                continue
+            if stored_weights.angles.shape[0] > 1:
+                red, green, blue = _curve_at(stored_weights.angles[other, at, m], curve)
+                a, b, c = a * red, b * green, c * blue
+            j, t = _coded_node(stored_weights.angles[kept, at, m], n_bands)
+            _add_shared(a, b, c, t, radiosity[samples.records[i, m]], bands[j], bands[j + 1])
+            while e < last and second.ray[e] < m:
+                e += 1
+            if e < last and second.ray[e] == m:
+                _add_shared(a, b, c, t, second.light[e - second.base], bands[j], bands[j + 1])
+        for channel in range(3):
+            for j in range(n_bands):
+                for n in range(n_powers):
+                    out[channel, j, n, i] = bands[j, n, channel]

@@ -1,0 +1,102 @@
+"""Equivalent albedo: of a reflection the matt one that sends as much light on [BenArtzi07, sect. 5.3].
+
+    d = (1/π) ∫∫ ρ(ωi, ωo) cos θ_i cos θ_o dωi dωo
+
+What of it does not depend on curves (`albedo_from_curves` puts them in) is found here once for a model and its
+quotient. Sharp bands are met by sampling as fans do: part by the cosine, part about the highlight's lobe_axis.
+
+Sums over rays know one quotient for all colours. Where a model has one for each (what was measured), albedos are those
+of each colour's own, and what the sums give is multiplied by how far they are from those of the common one: the `tint`.
+It has the right energy, at the common quotient's directions.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.core.array_cache import cache_recent_arrays
+from engine.material import MODELS, kinds
+from engine.material.layer import Layer
+from engine.precompute.indirect import _albedo_kernels as kernels
+from engine.precompute.indirect.albedo_from_curves import N_SLANTS, N_VIEWS, albedo_of, slant_of, view_angles
+from engine.precompute.indirect.direction_patterns import cosine_tables, lobe_tables
+from engine.precompute.indirect.layer_curves import lobe_axis_of
+
+N_AZIMUTHS = 8
+N_VIEW_SAMPLES = 256
+_N_RAYS = 1024
+_MOST_BYTES = 8 << 20  # of tables that are kept: those of all layers of a scene, seldom of two roughnesses
+_GOLDEN = (1.0 + 5.0**0.5) / 2.0
+
+
+def albedo_bands(
+    model_name: str, quotient_parameters: tuple[float, ...], bands: tuple[int, ...]
+) -> NDArray[np.float64]:
+    """e (32, J, K) of a model by view angle, or (3, 32, J, K) where each colour has its own quotient; K = 1 for one
+    curve. Sums over the views are means over cos θ_o dω_o."""
+    if not _is_coloured(model_name, quotient_parameters):
+        return _common_bands(model_name, quotient_parameters, bands)
+    before, after = quotient_parameters[: kinds.CHANNEL], quotient_parameters[kinds.CHANNEL + 1 :]
+    return np.stack([_common_bands(model_name, (*before, float(channel), *after), bands) for channel in range(3)])
+
+
+def tint_of(
+    model_name: str, quotient_parameters: tuple[float, ...], curves: Sequence[NDArray[np.floating]],
+    view_curve: NDArray[np.floating],
+) -> NDArray[np.float64]:  # fmt: skip
+    """By how much (3,) the albedos of each colour's own quotient are above those of the common one, under these curves
+    as `albedo_of` takes them; 1 where both are black."""
+    if not _is_coloured(model_name, quotient_parameters):
+        return np.ones(3)
+    bands = tuple(map(len, curves))
+    own, common = (
+        albedo_of(e(model_name, quotient_parameters, bands), curves, np.ones(3), view_curve)
+        for e in (albedo_bands, _common_bands)
+    )
+    return np.divide(own, common, out=np.ones(3), where=common > 0.0)
+
+
+def _is_coloured(model_name: str, quotient_parameters: tuple[float, ...]) -> bool:
+    """Whether each colour has its own quotient: of what was measured and read."""
+    return MODELS[model_name].is_coloured and bool(quotient_parameters[kinds.TABLE])
+
+
+@cache_recent_arrays(_MOST_BYTES)
+def _common_bands(
+    model_name: str, quotient_parameters: tuple[float, ...], bands: tuple[int, ...]
+) -> NDArray[np.float64]:
+    """e (32, J, K) with the one quotient that the parameters name."""
+    model = MODELS[model_name]
+    n_a, n_b = (*bands, 1)[:2]
+    kind_b = model.factors[1].gamma if len(model.factors) > 1 else -1
+    eyes = np.repeat(view_angles(), N_AZIMUTHS)
+    turns = 2 * np.pi * _GOLDEN * np.arange(len(eyes))
+    eyes = np.stack([np.sin(eyes) * np.cos(turns), np.sin(eyes) * np.sin(turns), np.cos(eyes)], axis=1)
+    found = np.zeros((len(eyes), n_a, n_b))
+    kernels.albedo_bands(
+        model.number, model.bind_parameters(np.array(quotient_parameters)), model.factors[0].gamma, kind_b,
+        lobe_axis_of([model_name]),
+        eyes.astype(np.float32), cosine_tables(_N_RAYS), lobe_tables(_N_RAYS), found,
+    )  # fmt: skip
+    return found.reshape(N_VIEWS, N_AZIMUTHS, n_a, n_b).mean(axis=1) / N_VIEWS
+
+
+def equivalent_albedo(layer: Layer, bands: tuple[int, ...]) -> NDArray[np.float64]:
+    """d of a layer with its curves on this many bands, (3,), at least 0; above 1 it makes light of nothing."""
+    e, curves = _bands_and_curves(layer, bands)
+    view = layer.model.view_factor
+    seen = np.ones((2, 3)) if view is None else layer.curve(view.name)(np.linspace(0.0, np.pi / 2, N_VIEW_SAMPLES))
+    return albedo_of(e, curves, layer.scale(), seen)
+
+
+def directional_albedo(layer: Layer, bands: tuple[int, ...]) -> NDArray[np.float64]:
+    """Of light from one direction, over the equivalent albedo, (N_SLANTS, 3); 1 of a matt layer."""
+    return np.ones((N_SLANTS, 3)) if layer.model.is_diffuse else slant_of(*_bands_and_curves(layer, bands))
+
+
+def _bands_and_curves(
+    layer: Layer, bands: tuple[int, ...]
+) -> tuple[NDArray[np.float64], tuple[NDArray[np.float64], ...]]:
+    e = albedo_bands(layer.model.name, tuple(layer.quotient_parameters().tolist()), bands)
+    return e, tuple(layer.coefficients(factor.name, n) for factor, n in zip(layer.model.factors, bands, strict=False))

@@ -1,0 +1,131 @@
+"""Gather points: where in the picture indirect light is found, and which cells each of them sees.
+
+Light that has been reflected is soft, so that a few of the picture's points stand for all. They lie on a lattice of
+every eighth pixel, of fewer in small pictures, refined in quarters down to single pixels where a block of the lattice
+shows a silhouette or a crease, where what its corners gather differs, or where something else is near; the others
+interpolate between the corners of their block. Each point has a fan of rays, and further ones where it asks for them,
+see `adaptive_resampling`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.precompute.direct._projection_kernels import ViewedPoints
+from engine.precompute.indirect import _ray_kernels as kernels
+from engine.precompute.indirect._second_bounce_kernels import GlossyHits
+from engine.precompute.indirect.direction_patterns import cosine_tables, lobe_tables
+from engine.precompute.indirect.irradiance_cache import CHUNK, IrradianceCache, room_for_rays
+from engine.precompute.indirect.ordered_threads import OrderedSection, run_in_order
+from engine.precompute.indirect.second_bounce import SecondBounceTracer, join_glossy_hits, no_glossy_hits
+from engine.scene.primary_hits import PrimaryHits
+
+MAX_SAMPLE_SETS = 4  # of one gather point
+# Metres: no ray is taken for shorter.
+_TOUCHING = np.float32(1e-6)
+_OPEN = 1e18  # farther than anything, and its square is a float32
+
+
+@dataclass(frozen=True)
+class SampleCounts:
+    """Rays a gather point: powers of two; a matt surface has none about a lobe_axis."""
+
+    n_cosine: int
+    n_lobe: int
+
+    @property
+    def n_rays(self) -> int:
+        return self.n_cosine + self.n_lobe
+
+
+@dataclass(frozen=True, eq=False)
+class GatherSamples:
+    """q fans of p gather points: rows (q,) int32 of the hits, ascending; nth (q,) uint8: which fan of its point it is;
+    seen (q, R) uint16: the cell each ray hits; records of the rays that end on glossy surfaces; clearance (q,) float32:
+    the harmonic mean distance of what is around."""
+
+    rows: NDArray[np.int32]
+    nth: NDArray[np.uint8]
+    records: NDArray[np.uint16]
+    glossy_hits: GlossyHits
+    clearance: NDArray[np.float32]
+
+    @cached_property
+    def points(self) -> NDArray[np.int32]:
+        """The rows (p,) of the gather points, ascending."""
+        return self.rows[self.nth == 0]
+
+    @property
+    def n_bytes(self) -> int:
+        own = (self.rows, self.nth, self.records, self.clearance)
+        return sum(array.nbytes for array in (*own, *self.glossy_hits))
+
+
+def join_samples(parts: Sequence[GatherSamples]) -> GatherSamples:
+    """All of the fans as one set, by row; of one point the further ones come in later parts, or behind."""
+    rows = np.concatenate([part.rows for part in parts])
+    order = np.argsort(rows, kind="stable")
+    nth = np.concatenate([part.nth for part in parts])[order]
+    seen = np.concatenate([part.records for part in parts])[order]
+    clearance = np.concatenate([part.clearance for part in parts])[order]
+    return GatherSamples(
+        rows[order], nth, seen, join_glossy_hits([part.glossy_hits for part in parts], order), clearance
+    )
+
+
+def gather(
+    hits: PrimaryHits, cells: IrradianceCache, rows: NDArray[np.int32], nth: NDArray[np.uint8],
+    lobe_axes: NDArray[np.int64],
+    size: SampleCounts, second: SecondBounceTracer | None = None, focused: bool = True, first_open: int = 0,
+) -> Iterator[GatherSamples]:  # fmt: skip
+    """Trace the nth (q,) fans of the points `rows` (q,), ascending, two chunks at a time.
+
+    lobe_axes: of every object; second: None to record nothing of glossy surfaces; focused: whether what glossy surfaces
+    show is in cells by distance; first_open: the first cell that takes its places from these rays. Raises
+    CacheFull.
+    """
+    tables = direction_tables(size)
+    surface = ViewedPoints(hits.position, hits.tangent, hits.normal, hits.wo)
+    step = max(1, CHUNK // size.n_rays)
+    point_poles = lobe_axes[object_of_rows(hits, rows)]
+
+    def trace(begin: int, turn: OrderedSection) -> GatherSamples:
+        chunk, which = rows[begin : begin + step], nth[begin : begin + step]
+        rays = room_for_rays(len(chunk) * size.n_rays)
+        kernels.write_sample_rays(
+            chunk, which, point_poles[begin : begin + step], surface, hits.geometric_normal, hits.horizon,
+            np.float32(cells.caster.offset), *tables, 0, size.n_rays, rays.origins, rays.directions, rays.there,
+        )  # fmt: skip
+        mirrored = np.zeros(len(rays.there), np.uint8)
+        if focused:
+            kernels.mark_glossy_rays(chunk, point_poles[begin : begin + step], surface, rays.directions, mirrored)
+        seen, found = cells.records_and_hits(rays, first_open, mirrored, turn)
+        records = no_glossy_hits(len(chunk))
+        if second is not None:
+            records = second.trace(cells, chunk, which, rays, seen, found, first_open, turn)
+        distances = found.distance.reshape(len(chunk), -1)[:, : size.n_cosine]
+        return GatherSamples(chunk, which, seen.reshape(len(chunk), -1), records, _clearance(distances))
+
+    yield from run_in_order(trace, range(0, len(rows), step), 1 if second is None else 2)
+
+
+def direction_tables(size: SampleCounts) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The patterns of fans of this size, by the cosine and about lobe_axes."""
+    return cosine_tables(size.n_cosine, MAX_SAMPLE_SETS), lobe_tables(size.n_lobe, MAX_SAMPLE_SETS)
+
+
+def _clearance(distances: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The harmonic mean (p,) of the distances (p, R) of rays by the cosine, `_OPEN` where they hit nothing [Ward88]:
+    over so much of its surface a point's irradiance changes by about itself."""
+    nearness = np.mean(1.0 / np.maximum(distances, _TOUCHING), axis=1, dtype=np.float64)
+    return np.asarray(1.0 / np.maximum(nearness, 1.0 / _OPEN), np.float32)
+
+
+def object_of_rows(hits: PrimaryHits, rows: NDArray[np.integer]) -> NDArray[np.int64]:
+    """The object each row belongs to."""
+    return np.searchsorted(hits.object_ranges[:, 1], rows, "right")

@@ -1,0 +1,85 @@
+"""The layers of a scene as indirect light needs them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.material.layer import Layer
+from engine.material.layer_maps import LayerMaps
+from engine.precompute.indirect.albedo import N_VIEW_SAMPLES, directional_albedo, equivalent_albedo, tint_of
+from engine.precompute.indirect.albedo_from_curves import N_SLANTS
+from engine.precompute.indirect.layer_curves import LayerCurves
+from engine.scene.primary_hits import PrimaryHits
+
+
+@dataclass(frozen=True, eq=False)
+class IndirectLayer:
+    """A visible layer of one object: its curves towards the eye, and as second bounce, f_q (3,), f_o (N, 3) at even
+    angles from 0 to π/2, and its equivalent albedo (3,). Of textures and weight maps their mean over the surface, share
+    (3,), is in f_q and in the albedo; cells have their own, see `record_maps`. slant (N_SLANTS, 3): its albedo for
+    light from one direction, relative, see `albedo_from_curves.slant_of`."""
+
+    i_object: int
+    curves: LayerCurves
+    second_curves: LayerCurves
+    gain: NDArray[np.float64]
+    view_curve: NDArray[np.float64]
+    albedo: NDArray[np.float64]
+    maps: LayerMaps = LayerMaps()
+    share: NDArray[np.float64] = field(default_factory=lambda: np.ones(3))
+    slant: NDArray[np.float64] = field(default_factory=lambda: np.ones((N_SLANTS, 3)))
+
+
+def indirect_layer(
+    i_object: int, layer: Layer, bands: tuple[int, ...], second: int | None = None, mean: object = None
+) -> IndirectLayer:
+    """A layer with its curves as they are, on this many bands; at the second bounce on no more than `second`.
+
+    mean (3,): of its texture and weight map over the surface; None where it is not known: it counts as without them.
+    """
+    share = np.broadcast_to(np.asarray(1.0 if mean is None else mean, np.float64), 3)
+    view = layer.model.view_factor
+    angles = np.linspace(0.0, np.pi / 2, N_VIEW_SAMPLES)
+    seen = np.ones((N_VIEW_SAMPLES, 3)) if view is None else layer.curve(view.name)(angles)
+    sent = tuple(n if second is None else min(n, second) for n in bands)
+    q = layer.quotient_parameters()
+    towards_eye, towards_others = (_coefficients(layer, each) for each in (bands, sent))
+    tint = tint_of(layer.model.name, tuple(q.tolist()), towards_eye, seen)
+    return IndirectLayer(
+        i_object, LayerCurves(layer.model, q, towards_eye, tint), LayerCurves(layer.model, q, towards_others, tint),
+        share * layer.scale(), seen, share * equivalent_albedo(layer, bands),
+        LayerMaps() if mean is None else layer.maps, share, directional_albedo(layer, bands),
+    )  # fmt: skip
+
+
+def _coefficients(layer: Layer, bands: tuple[int, ...]) -> tuple[NDArray[np.float64], ...]:
+    return tuple(layer.coefficients(factor.name, n) for factor, n in zip(layer.model.factors, bands, strict=False))
+
+
+def diffuse_slant(layer: IndirectLayer) -> IndirectLayer:
+    """The same as if it sent on light from all directions alike."""
+    return replace(layer, slant=np.ones_like(layer.slant))
+
+
+def is_glossy(layer: IndirectLayer) -> bool:
+    """Whether what it sends on depends on the direction."""
+    return not layer.second_curves.model.is_diffuse
+
+
+def albedos_of(layers: Sequence[IndirectLayer], n_objects: int) -> NDArray[np.float64]:
+    """Equivalent albedo (M, 3) of every object: the sum over its layers."""
+    albedos = np.zeros((n_objects, 3))
+    for layer in layers:
+        albedos[layer.i_object] += layer.albedo
+    return albedos
+
+
+def view_factors(hits: PrimaryHits, rows: NDArray[np.integer], layer: IndirectLayer) -> NDArray[np.float32]:
+    """f_q f_o(θ_o), (p, 3)."""
+    cosine = np.einsum("pc,pc->p", hits.normal[rows], hits.wo[rows], dtype=np.float64)
+    position = np.arccos(np.clip(cosine, 0.0, 1.0)) * (len(layer.view_curve) - 1) / (np.pi / 2)
+    angles = np.arange(len(layer.view_curve))
+    view = np.stack([np.interp(position, angles, layer.view_curve[:, c]) for c in range(3)], axis=1)
+    return np.asarray(layer.gain * view, np.float32)

@@ -1,0 +1,228 @@
+"""Indirect light that was found: where, by which rays, and what follows from it for any materials."""
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.core.generators import run_to_end
+from engine.precompute.indirect._ray_kernels import NORMAL
+from engine.precompute.indirect._second_bounce_kernels import SampledLights
+from engine.precompute.indirect.clamping import SQUARED, clamp_radiance, unscaled
+from engine.precompute.indirect.gather import GatherSamples, SampleCounts, object_of_rows
+from engine.precompute.indirect.indirect_layers import IndirectLayer, albedos_of, view_factors
+from engine.precompute.indirect.irradiance import NO_OBJECT, CacheLight, radiosity
+from engine.precompute.indirect.irradiance_cache import IrradianceCache
+from engine.precompute.indirect.lattice import least_alike
+from engine.precompute.indirect.photons import (
+    NearbyPhotons,
+    PhotonFlux,
+    PhotonMap,
+    Photons,
+    farthest_of,
+    join_nearby,
+    photon_flux,
+)
+from engine.precompute.indirect.record_maps import RecordReflectance
+from engine.precompute.indirect.reflection import HemisphereSamples, OutgoingRadiance
+from engine.precompute.indirect.sampling_settings import RayBudget
+from engine.precompute.indirect.second_bounce import (
+    SecondBounceLight,
+    glossy_tables,
+    inverse_albedo,
+    layer_digests,
+    outgoing_radiosity,
+)
+from engine.precompute.indirect.smoothing import Smoothing, smoothing_for
+from engine.scene.primary_hits import PrimaryHits
+from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene
+
+Footprint = tuple[NDArray[np.int32], NDArray[np.float32]]
+
+
+@dataclass(frozen=True, eq=False)
+class GatherPoints:
+    """The gather points of a picture: gathered, their fans' rays; lobe_axes (M,) and sizes: what each object's fans
+    are; axes (M, 2, 3) of the objects; glossy: whether rays were recorded for the second bounce off glossy surfaces;
+    photons that such surfaces threw, and which of them landed about the points; smoothing: the filter that takes noise
+    out of what the points reflect, None for none."""
+
+    hits: PrimaryHits
+    samples: GatherSamples
+    lobe_axes: NDArray[np.int64]
+    sizes: tuple[SampleCounts, ...]
+    axes: NDArray[np.float32]
+    glossy: bool
+    photons: Photons
+    landed: NearbyPhotons
+    smoothing: Smoothing | None = None
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of rays and photons, and of the filter."""
+        arrays = (*self.photons, *self.landed, *(self.smoothing or ()))
+        return self.samples.n_bytes + sum(array.nbytes for array in arrays)
+
+    def hemisphere_samples(self, i_object: int, half: int | None = None, keeps: bool = False) -> HemisphereSamples:
+        """The gather points of one object; with half, 0 or 1, by that half of their rays; keeps: see
+        `HemisphereSamples`."""
+        lobe_axis, size = int(self.lobe_axes[i_object]), self.sizes[i_object]
+        return HemisphereSamples(
+            self.hits, self.samples, i_object, lobe_axis, size, half, keeps, self.landed, self.smoothing
+        )
+
+    def with_photons(self, photon_map: PhotonMap, scene: Scene, caster: RayCaster) -> "GatherPoints":
+        """The same with photons about them."""
+        farthest = farthest_of(scene, self.hits, self.samples.rows)
+        objects = object_of_rows(self.hits, self.samples.rows)
+        parts = [
+            self.hemisphere_samples(i).nearby_photons(photon_map, i, farthest[objects == i], caster)
+            for i in range(len(self.lobe_axes))
+        ]
+        return replace(self, landed=join_nearby(parts))
+
+    def caustic_flux(self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT) -> PhotonFlux:
+        """What the photons carry under these layers."""
+        tables = glossy_tables(layers, self.lobe_axes, self.axes)
+        return photon_flux(self.photons, tables, edited, self._inverse(layers, edited))
+
+    def outgoing_radiance(
+        self, radiosities: tuple[NDArray[np.float32], NDArray[np.float32]], objects: NDArray[np.int32],
+        layers: Sequence[IndirectLayer], cells: RecordReflectance, lamps: SampledLights, edited: int = NO_OBJECT,
+    ) -> OutgoingRadiance:  # fmt: skip
+        """What cells with radiosities (C, D, 3) as `irradiance.radiosity` gives them, of these objects (C,), send on
+        under these layers."""
+        bright, beyond = radiosities
+        if not self.glossy:
+            return OutgoingRadiance(bright, None, None)
+        n_objects = len(self.lobe_axes)
+        tables, inverse = glossy_tables(layers, self.lobe_axes, self.axes, cells), self._inverse(layers, edited)
+        looks, per_area = layer_digests(layers, n_objects, cells), self.photons.per_area
+        second = SecondBounceLight(
+            objects, outgoing_radiosity(beyond, inverse), per_area, looks, tables, lamps, edited, inverse
+        )
+        return OutgoingRadiance(bright * cells.diffuse[:, None], second, self.caustic_flux(layers, edited))
+
+    def _inverse(self, layers: Sequence[IndirectLayer], edited: int) -> NDArray[np.float32]:
+        """One over the albedo (3,) of the object that is edited, 1 where none is."""
+        if edited == NO_OBJECT:
+            return np.ones(3, np.float32)
+        return inverse_albedo(albedos_of(layers, len(self.lobe_axes))[edited])
+
+    def reflect(
+        self, layers: Sequence[IndirectLayer], light: OutgoingRadiance, half: int | None = None
+    ) -> Generator[None, None, NDArray[np.float32]]:
+        """Radiance (p, 3) towards the eye of light that no object is edited in, in steps."""
+        out, rows = np.zeros((len(self.samples.points), 3), np.float32), self.samples.points
+        objects = object_of_rows(self.hits, rows)
+        for i_object in sorted({layer.i_object for layer in layers}):
+            mine = np.flatnonzero(objects == i_object)
+            own = [layer for layer in layers if layer.i_object == i_object]
+            found = yield from self.hemisphere_samples(i_object, half).reflect([layer.curves for layer in own], light)
+            for layer, reflected in zip(own, found, strict=True):
+                with np.errstate(over="ignore"):
+                    out[mine] += reflected[:, 0] * view_factors(self.hits, rows[mine], layer)
+            yield None
+        return clamp_radiance(out)
+
+    def halves(
+        self, layers: Sequence[IndirectLayer], light: OutgoingRadiance
+    ) -> Generator[None, None, NDArray[np.float32]]:
+        """What each half of the rays brings, (2, p, 3), in steps; held so that its square is one."""
+        found = np.zeros((2, len(self.samples.points), 3), np.float32)
+        for half in (0, 1):
+            found[half] = clamp_radiance((yield from self.reflect(layers, light, half)), SQUARED)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class IndirectLight:
+    """footprint: for each point of the picture four gather points, by number, and their weights, (P, 4) each; light:
+    what the cells send on, in up to n_bounces reflections; lamps: all that shines. All of it is in units of `unit`,
+    pictures excepted. need: how many rays its fans have, and why."""
+
+    points: GatherPoints
+    footprint: Footprint
+    cells: IrradianceCache
+    light: CacheLight
+    lamps: SampledLights
+    n_bounces: int
+    unit: float
+    ray_budget: RayBudget
+
+    @property
+    def n_bytes(self) -> int:
+        found = self.points.n_bytes + sum(a.nbytes for a in self.footprint)
+        return found + self.cells.n_bytes + self.light.n_bytes
+
+    def without_glossy_hits(self) -> "IndirectLight":
+        """The same without what was recorded of glossy surfaces: from the second bounce on, all go by albedo."""
+        return replace(self, points=replace(self.points, glossy=False))
+
+    def footprint_by_object(self) -> Footprint:
+        """The footprint with gather points numbered within each object."""
+        rows, weights = self.footprint
+        ranges = self.points.hits.object_ranges
+        firsts = np.searchsorted(self.points.samples.points, ranges[:, 0])
+        own = np.repeat(firsts, ranges[:, 1] - ranges[:, 0])[:, None]
+        return np.asarray(np.where(weights > 0.0, rows - own, 0), np.int32), weights
+
+    def unfiltered(self) -> "IndirectLight":
+        """The same with the noise that the rays have."""
+        return replace(self, points=replace(self.points, smoothing=None))
+
+    def smoothed(self, layers: Sequence[IndirectLayer]) -> Generator[None, None, "IndirectLight"]:
+        """The same with the filter that the noise under these layers calls for, in steps."""
+        points, light = self.unfiltered().points, self.outgoing_radiance(layers)
+        first, second = yield from points.halves(layers, light)
+        turns = least_alike(self.points.lobe_axes != NORMAL)
+        smoothing = smoothing_for(self.points.hits, self.points.samples.points, turns, first, second)
+        return replace(self, points=replace(self.points, smoothing=smoothing))
+
+    def radiosity(self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT) -> NDArray[np.float32]:
+        """Radiosity (C, D, 3) of the cells under these layers, see `irradiance.radiosity`."""
+        return self._radiosities(layers, self._reflectance(layers), edited)[0]
+
+    def _reflectance(self, layers: Sequence[IndirectLayer]) -> RecordReflectance:
+        return self.cells.maps.reflectance(layers, len(self.points.lobe_axes))
+
+    def _radiosities(
+        self, layers: Sequence[IndirectLayer], cells: RecordReflectance, edited: int
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        albedos = albedos_of(layers, len(self.points.lobe_axes))
+        # What glossy surfaces reflect of the lights themselves is recorded.
+        return radiosity(self.light, albedos, self.n_bounces, cells, edited, self.points.glossy)
+
+    def outgoing_radiance(self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT) -> OutgoingRadiance:
+        """What surfaces send towards the gather points under these layers."""
+        cells = self._reflectance(layers)
+        bright = self._radiosities(layers, cells, edited)
+        return self.points.outgoing_radiance(bright, self.light.objects, layers, cells, self.lamps, edited)
+
+    def at_points(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
+        """Indirect radiance (p, 3) of all gather points; of one half of the rays where one is named."""
+        return unscaled(run_to_end(self.points.reflect(layers, self.outgoing_radiance(layers), half)), self.unit)
+
+    def noise(self, layers: Sequence[IndirectLayer]) -> Generator[None, None, tuple[float, float]]:
+        """What chance is left in the picture, RMS relative to its mean, and that mean, in steps: its halves differ by
+        twice the chance.
+
+        What the filter blurs besides is not in it."""
+        light, (rows, weights) = self.outgoing_radiance(layers), self.footprint
+        if not len(rows):  # nothing in the picture reflects
+            return 0.0, 0.0
+        halves = yield from self.points.halves(layers, light)
+        first, second = (np.einsum("pk,pkc->pc", weights, found[rows]) for found in halves)
+        mean = 0.5 * float(np.mean(first + second, dtype=np.float64))
+        rms = 0.5 * float(np.sqrt(np.mean((first - second) ** 2, dtype=np.float64)))
+        return (rms / mean if mean > 0.0 else 0.0), mean * self.unit
+
+    def picture(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
+        """Indirect radiance (P, 3) of all points of the picture."""
+        found, (rows, weights) = (
+            run_to_end(self.points.reflect(layers, self.outgoing_radiance(layers), half)),
+            self.footprint,
+        )
+        return unscaled(np.einsum("pk,pkc->pc", weights, found[rows]), self.unit)

@@ -1,0 +1,324 @@
+"""Caustics: light from the lamps that a glossy surface throws on others, found from the lamps' side.
+
+A small lamp in a curved mirror draws a bright line that rays from the lit surface all but never find. So photons are
+sent from the glossy surfaces, as `_photon_kernels` says, and each gather point takes those that land nearest to it.
+Nothing of it depends on a curve: where a photon lands is known once, what it carries and what is reflected of it is
+summed whenever light is frozen.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.core.threads import even_parts, n_threads, on_threads
+from engine.precompute.indirect import _photon_kernels as kernels
+from engine.precompute.indirect._reflection_kernels import SampleArrays
+from engine.precompute.indirect._second_bounce_kernels import GlossyLayers, SampledLights
+from engine.precompute.indirect.direction_patterns import lobe_vectors
+from engine.precompute.indirect.irradiance_cache import CHUNK, IrradianceCache
+from engine.scene.camera import camera_frame, project
+from engine.scene.primary_hits import PrimaryHits
+from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene
+
+_SEED = 20260812
+_N_NEAREST = 128
+_BATCH = 8192  # points, whose nearest photons are 30 MB; of all points they were most of what a search took
+# Of the picture's height: a gather point takes photons from no farther than this.
+_FARTHEST = 1.0 / 24.0
+_PILOT, _LEAST_SHARE = 2048, 0.125
+# Where photons come from farther than this share of what is clear about a point, a wall may stand between.
+_NEAR = 0.1
+_VISIBILITY_MARGIN = 0.999
+
+
+class Photons(NamedTuple):
+    """n photons: positions (n, 3) and objects (n,) where they land, directions (n, 3) of flight; of the places they
+    come from starts (n, 3), off the surface, sources (n,), objects, normals (n, 3) and to_light (n, 3); power (n, 3)
+    without the material; ahead (n,), see `_photon_kernels.emit`. per_area (M,): how many started on a square metre of
+    each object."""
+
+    positions: NDArray[np.float32]
+    objects: NDArray[np.int32]
+    directions: NDArray[np.float32]
+    starts: NDArray[np.float32]
+    sources: NDArray[np.int32]
+    normals: NDArray[np.float32]
+    to_light: NDArray[np.float32]
+    power: NDArray[np.float32]
+    ahead: NDArray[np.float32]
+    per_area: NDArray[np.float32]
+
+
+class NearbyPhotons(NamedTuple):
+    """Photons about p gather points: start (p + 1,) of each point's, photon (n,), weight (n,), and the area (p,) of
+    half the disc they were looked for in."""
+
+    start: NDArray[np.int64]
+    photon: NDArray[np.int32]
+    weight: NDArray[np.float32]
+    area: NDArray[np.float32]
+
+
+class PhotonFlux(NamedTuple):
+    """What photons carry under certain curves: light (n, 3), as which power (n,) of the edited object's albedo;
+    directions (n, 3) of flight."""
+
+    light: NDArray[np.float32]
+    powers: NDArray[np.uint8]
+    directions: NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class PhotonSource:
+    """What sends photons: the scene and the cells' mesh in it, which objects (M,) are glossy, their lobe_axes (M,) and
+    axes (M, 2, 3), the lamps."""
+
+    scene: Scene
+    cells: IrradianceCache
+    glossy: NDArray[np.bool_]
+    lobe_axes: NDArray[np.int64]
+    axes: NDArray[np.float32]
+    lamps: SampledLights
+
+    def send(self, hits: PrimaryHits, n_photons: int) -> Photons:
+        """Those of n photons that land where the picture shows it; more start where more of them do."""
+        area = _areas(self.scene)
+        mine = np.array([area[begin:end].sum() for begin, end in self.scene.triangle_ranges])
+        mine[~self.glossy | ~self.scene.reflecting] = 0.0
+        able = np.flatnonzero(mine > 0.0)
+        if not len(able) or not len(self.lamps.cumulative) or n_photons == 0:
+            return _joined([], np.zeros(len(mine), np.float32))
+        n_pilot = min(_PILOT, n_photons)
+        useful = np.array(
+            [len(self._photons_from_object(hits, area, int(o), n_pilot, mine).power) / n_pilot for o in able]
+        )
+        if not useful.any():
+            return _joined([], np.zeros(len(mine), np.float32))
+        share = np.maximum(useful / useful.max(), _LEAST_SHARE)
+        counts = np.ceil(n_photons * share / share.sum()).astype(int)
+        per_area = np.zeros(len(mine), np.float32)
+        per_area[able] = counts / mine[able]
+        parts = [self._photons_from_object(hits, area, int(o), n, mine) for o, n in zip(able, counts, strict=True)]
+        return _joined(parts, per_area)
+
+    def _photons_from_object(
+        self, hits: PrimaryHits, area: NDArray[np.float64], o: int, n_photons: int, mine: NDArray[np.float64]
+    ) -> Photons:
+        """Photons from one object, of which n_photons start."""
+        begin, end = self.scene.triangle_ranges[o]
+        cumulative = np.cumsum(area[begin:end])
+        per_area = np.zeros(len(mine), np.float32)
+        per_area[o] = n_photons / mine[o]
+        numbers = _numbers(n_photons, o)
+        places = (np.arange(n_photons) + 0.5) / n_photons * cumulative[-1]
+        triangles = (begin + np.minimum(np.searchsorted(cumulative, places), end - begin - 1)).astype(np.int32)
+        parts = [
+            self._chunk(hits, triangles[i : i + CHUNK], numbers[i : i + CHUNK], per_area)
+            for i in range(0, n_photons, CHUNK)
+        ]
+        return _joined(parts, per_area)
+
+    def _chunk(
+        self, hits: PrimaryHits, triangles: NDArray[np.int32], numbers: NDArray[np.float64],
+        per_area: NDArray[np.float32],
+    ) -> Photons:  # fmt: skip
+        n, caster, mesh = len(triangles), self.cells.caster, self.cells.mesh
+        starts, to_light, onward, normals, power = np.empty((5, n, 3), np.float32)
+        limits, ahead = np.empty((2, n), np.float32)
+        kernels.emit(
+            numbers[:, :5].astype(np.float32), lobe_vectors(numbers[:, 5], numbers[:, 6]), triangles, per_area, mesh,
+            self.lobe_axes, self.axes, self.lamps, np.float32(caster.offset), starts, to_light, limits, onward, normals,
+            power, ahead,
+        )  # fmt: skip
+        kept = np.flatnonzero(power.max(axis=1) > 0.0)
+        kept = kept[~caster.occluded(starts[kept], to_light[kept], limits[kept])]
+        found = caster.intersect(starts[kept], onward[kept])
+        ends = np.where(found.triangle >= 0, mesh.objects[found.triangle], -1)
+        far = np.where(ends >= 0, found.distance, np.float32(0.0))
+        positions = np.asarray(starts[kept] + far[:, None] * onward[kept], np.float32)
+        faces = mesh.face_normals[found.triangle]
+        seen = (ends >= 0) & self._is_visible(hits, ends, positions, faces, onward[kept])
+        rows = kept[seen]
+        return Photons(
+            positions[seen], ends[seen].astype(np.int32), onward[rows], starts[rows],
+            mesh.objects[triangles[rows]].astype(np.int32), normals[rows], to_light[rows], power[rows], ahead[rows],
+            per_area,
+        )  # fmt: skip
+
+    def _is_visible(
+        self, hits: PrimaryHits, objects: NDArray[np.int32], positions: NDArray[np.float32],
+        faces: NDArray[np.float32], directions: NDArray[np.float32],
+    ) -> NDArray[np.bool_]:  # fmt: skip
+        """Whether photons land on the side of an object that the picture shows, near to where it does."""
+        to_place = positions - self.scene.camera_position.astype(np.float32)
+        facing = np.einsum("ni,ni->n", to_place, faces) * np.einsum("ni,ni->n", directions, faces) > 0.0
+        camera, (width, height) = self.scene.description.camera, hits.resolution
+        before = to_place @ camera_frame(camera)[2] > 0.0
+        x, y = project(camera, hits.resolution, to_place).T
+        near = np.zeros(len(x), bool)
+        far = _FARTHEST * height
+        for dx in (-far, 0.0, far):
+            for dy in (-far, 0.0, far):
+                column, row = np.floor(np.clip([x + dx, y + dy], -1, max(width, height))).astype(np.int64)
+                inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+                shown = hits.object_image[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
+                near |= inside & (shown == objects)
+        return near & facing & before
+
+
+def _areas(scene: Scene) -> NDArray[np.float64]:
+    """Of every triangle, (T,)."""
+    a, b, c = scene.vertices[scene.triangles].astype(np.float64).transpose(1, 0, 2)
+    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0)
+
+
+def _numbers(n: int, seed: int) -> NDArray[np.float64]:
+    """n points in seven dimensions, (n, 7), evenly spread: multiples of the powers of a root, modulo 1 [Roberts18]."""
+    root = 2.0
+    for _ in range(64):
+        root = (1.0 + root) ** (1.0 / 8.0)  # x⁸ = x + 1
+    shift = np.random.default_rng((_SEED, seed)).random(7)
+    return np.asarray((shift + np.arange(n)[:, None] * root ** -np.arange(1.0, 8.0)) % 1.0)
+
+
+def _joined(parts: Sequence[Photons], per_area: NDArray[np.float32]) -> Photons:
+    vectors, numbers, integers = np.zeros((0, 3), np.float32), np.zeros(0, np.float32), np.zeros(0, np.int32)
+    none = Photons(vectors, integers, vectors, vectors, integers, vectors, vectors, vectors, numbers, per_area)
+    fields = zip(none, *parts, strict=True)
+    return Photons(*(np.concatenate(arrays) for arrays in fields))._replace(per_area=per_area)
+
+
+def no_photons(n_objects: int) -> Photons:
+    """Of a scene where nothing glossy is lit."""
+    return _joined([], np.zeros(n_objects, np.float32))
+
+
+class PhotonMap:
+    """Photons by the object they land on, to be looked up by place."""
+
+    def __init__(self, photons: Photons) -> None:
+        self.photons = photons
+        self._order = np.argsort(photons.objects, kind="stable").astype(np.int32)
+        self._ends = np.searchsorted(photons.objects[self._order], np.arange(len(photons.per_area) + 1))
+        self._trees = {} if not len(self._order) else self._build_trees()
+
+    def _build_trees(self) -> dict[int, Any]:
+        from scipy.spatial import cKDTree  # late: scenes without photons need none of it
+
+        return {
+            o: cKDTree(self.photons.positions[self._order[begin:end]], balanced_tree=False, compact_nodes=False)
+            for o, (begin, end) in enumerate(pairwise(self._ends)) if end > begin
+        }  # fmt: skip
+
+    def nearest(
+        self, i_object: int, positions: NDArray[np.float32], farthest: NDArray[np.float32]
+    ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]:
+        """Of places (p, 3) on an object the photons (p, k), −1 for none, squared distances (p, k) and radii (p,)."""
+        begin, end = self._ends[i_object : i_object + 2]
+        if begin == end or not len(positions):
+            none = np.zeros((len(positions), 0), np.float32)
+            return none.astype(np.int32), none, farthest**2
+        distance, index = self._trees[i_object].query(positions, k=_N_NEAREST, workers=n_threads())
+        found = np.where(index < end - begin, self._order[begin + np.minimum(index, end - begin - 1)], -1)
+        radius = np.minimum(distance[:, -1], farthest)
+        return found.astype(np.int32), (distance**2).astype(np.float32), (radius**2).astype(np.float32)
+
+
+def farthest_of(scene: Scene, hits: PrimaryHits, rows: NDArray[np.integer]) -> NDArray[np.float32]:
+    """How far from each point a photon counts for it, (p,) metres of a surface that faces the eye."""
+    height = 2.0 * math.tan(math.radians(scene.description.camera.fov_y) / 2)
+    return np.asarray(
+        _FARTHEST * height * np.linalg.norm(hits.position[rows] - scene.camera_position, axis=1), np.float32
+    )
+
+
+def find_nearby_photons(
+    photon_map: PhotonMap, i_object: int, hits: PrimaryHits, samples: SampleArrays, times: NDArray[np.float32],
+    farthest: NDArray[np.float32], clearance: NDArray[np.float32], caster: RayCaster,
+) -> NearbyPhotons:  # fmt: skip
+    """The photons about the gather points of one object, some points at a time, for whom all that are near are looked
+    at; times (p,): what each of their recorded rays stands for; clearance (p,) of what is around."""
+    parts = []
+    for begin in range(0, max(len(samples.rows), 1), _BATCH):
+        part = slice(begin, begin + _BATCH)
+        some = samples._replace(
+            rows=samples.rows[part],
+            nth=samples.nth[part],
+            lobe_axes=samples.lobe_axes[part],
+            records=samples.records[part],
+        )
+        parts.append(
+            _find_nearby(photon_map, i_object, hits, some, times[part], farthest[part], clearance[part], caster)
+        )
+    return join_nearby(parts)
+
+
+def _find_nearby(
+    photon_map: PhotonMap, i_object: int, hits: PrimaryHits, samples: SampleArrays, times: NDArray[np.float32],
+    farthest: NDArray[np.float32], clearance: NDArray[np.float32], caster: RayCaster,
+) -> NearbyPhotons:  # fmt: skip
+    found, distances2, radii2 = photon_map.nearest(i_object, hits.position[samples.rows], farthest)
+    weights = np.empty(found.shape, np.float32)
+
+    def weigh(begin: int, end: int) -> None:
+        kernels.weigh_photons(
+            samples, begin, end, times, hits.geometric_normal, hits.position, photon_map.photons, found, distances2,
+            radii2, weights,
+        )  # fmt: skip
+
+    on_threads(weigh, *even_parts(len(found)))
+    kept = weights > 0.0
+    doubted = kept & (radii2 > (_NEAR * clearance) ** 2)[:, None]
+    kept[doubted] = ~_is_occluded(
+        photon_map.photons, hits, caster, samples.rows[np.nonzero(doubted)[0]], found[doubted]
+    )
+    start = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
+    return NearbyPhotons(start, found[kept], weights[kept], np.asarray(np.pi / 2 * radii2, np.float32))
+
+
+def _is_occluded(
+    photons: Photons, hits: PrimaryHits, caster: RayCaster, rows: NDArray[np.int32], numbers: NDArray[np.int32]
+) -> NDArray[np.bool_]:
+    """Whether each of some points (n,) does not see the place that one of the photons (n,) comes from."""
+    origins = hits.offset_position[rows]
+    return caster.occluded(
+        origins, photons.starts[numbers] - origins, np.full(len(rows), _VISIBILITY_MARGIN, np.float32)
+    )
+
+
+def no_nearby_photons(n_points: int) -> NearbyPhotons:
+    """About points that no photon was looked for."""
+    none = np.zeros(0, np.float32)
+    return NearbyPhotons(np.zeros(n_points + 1, np.int64), none.astype(np.int32), none, np.zeros(n_points, np.float32))
+
+
+def join_nearby(parts: Sequence[NearbyPhotons]) -> NearbyPhotons:
+    """The photons about several sets of points, one after the other."""
+    start = np.concatenate([[0], np.cumsum(np.concatenate([np.diff(part.start) for part in parts]))])
+    return NearbyPhotons(start, *(np.concatenate(arrays) for arrays in list(zip(*parts, strict=True))[1:]))
+
+
+def slice_nearby(landed: NearbyPhotons, begin: int, end: int) -> NearbyPhotons:
+    """Those about points [begin, end)."""
+    first, last = landed.start[begin], landed.start[end]
+    return NearbyPhotons(
+        landed.start[begin : end + 1] - first, landed.photon[first:last], landed.weight[first:last],
+        landed.area[begin:end],
+    )  # fmt: skip
+
+
+def photon_flux(photons: Photons, layers: GlossyLayers, edited: int, inverse: NDArray[np.float32]) -> PhotonFlux:
+    """What photons carry; those of the object `edited` as proportional to its albedo, one over which is `inverse`."""
+    light = np.zeros((len(photons.objects), 3), np.float32)
+    kernels.photon_power(photons, layers, light)
+    own = photons.sources == edited
+    light[own] *= inverse
+    return PhotonFlux(light, own.astype(np.uint8), photons.directions)

@@ -1,0 +1,213 @@
+"""What the gather points reflect of the cells' light, layer by layer: with the curves as they are, or by band of one.
+
+Both are sums over the same rays. The bands are never stored: from what is known of the rays (`ray_weights`) they are
+summed faster than they could be read. Stills, which sum once, keep nothing at all.
+"""
+
+import math
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial, reduce
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.core.threads import even_parts, n_threads, on_threads
+from engine.precompute.indirect import _reflection_kernels as kernels
+from engine.precompute.indirect._photon_kernels import reflect_photon_bands, reflect_photons
+from engine.precompute.indirect._smoothing_kernels import smooth_planes, smooth_rows
+from engine.precompute.indirect.clamping import clamp_radiance
+from engine.precompute.indirect.gather import GatherSamples, SampleCounts, direction_tables, object_of_rows
+from engine.precompute.indirect.layer_curves import LayerCurves
+from engine.precompute.indirect.photons import (
+    NearbyPhotons,
+    PhotonFlux,
+    PhotonMap,
+    find_nearby_photons,
+    no_nearby_photons,
+    slice_nearby,
+)
+from engine.precompute.indirect.ray_weights import RayWeights, SecondBounceWeights, n_angles_of
+from engine.precompute.indirect.second_bounce import SecondBounceLight
+from engine.precompute.indirect.smoothing import Smoothing, mean_of_sample_sets
+from engine.scene.primary_hits import PrimaryHits
+from engine.scene.raycaster import RayCaster
+
+_PART = 128
+_PARTS = 2  # a step and thread: some 50 ms
+
+
+@dataclass(frozen=True, eq=False)
+class OutgoingRadiance:
+    """What surfaces send towards gather points: matt (C, D, 3), radiosity of the cells that goes to all sides alike,
+    and what glossy ones send to one side, None where that counts as matt; and what photons carry from there."""
+
+    diffuse: NDArray[np.float32]
+    glossy: SecondBounceLight | None
+    caustics: PhotonFlux | None = None
+
+    @property
+    def n_powers(self) -> int:
+        return self.diffuse.shape[1]
+
+    @cached_property
+    def padded(self) -> NDArray[np.float32]:
+        """`diffuse` (C, D, 4) with a fourth number, 0: four are read and summed at once."""
+        return np.pad(self.diffuse, ((0, 0), (0, 0), (0, 1)))
+
+
+class HemisphereSamples:
+    """The fans of the gather points of one object, all their rays or one half of them; a point has the mean of its
+    fans."""
+
+    def __init__(
+        self, hits: PrimaryHits, gathered: GatherSamples, i_object: int, lobe_axis: int, size: SampleCounts,
+        half: int | None = None, keeps: bool = False, landed: NearbyPhotons | None = None,
+        smoothing: Smoothing | None = None,
+    ) -> None:  # fmt: skip
+        """keeps: what does not depend on curves, for the next sums over the same rays; landed: photons about all of the
+        gather points, if any were looked for; smoothing: of all of them, None for the sums as they are."""
+        begin, end = np.searchsorted(object_of_rows(hits, gathered.rows), (i_object, i_object + 1))
+        rows, nth = gathered.rows[begin:end], gathered.nth[begin:end]
+        records = gathered.glossy_hits
+        records = records._replace(start=records.start[begin : end + 1], times=records.times[begin:end])
+        self._samples = kernels.SampleArrays(
+            rows, nth, np.full(len(rows), lobe_axis, np.int64), gathered.records[begin:end],
+            -1 if half is None else half,
+            *direction_tables(size), hits.tangent, hits.normal, hits.wo,
+        )  # fmt: skip
+        self._caches = keeps
+        self._weights: dict[tuple[int, bytes], RayWeights] = {}
+        self._photons = no_nearby_photons(len(rows)) if landed is None else slice_nearby(landed, int(begin), int(end))
+        self._second = SecondBounceWeights(self._samples, hits.position, records, self._photons.area, keeps)
+        self._means = [mean_of_sample_sets(nth)] if nth.any() else []
+        if smoothing is not None:
+            first, last = np.searchsorted(object_of_rows(hits, gathered.points), (i_object, i_object + 1))
+            self._means.append(smoothing.part(int(first), int(last)))
+        self._hits, self._times, self._clearance = hits, records.times, gathered.clearance[begin:end]
+
+    def __len__(self) -> int:
+        return len(self._samples.rows)
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of what is kept."""
+        return self._second.n_bytes + sum(aim.n_bytes for aim in self._weights.values())
+
+    def forget_all_but(self, layers: Sequence[LayerCurves]) -> None:
+        """Keep nothing of other layers than these: of each roughness that a slider goes through there would be as much
+        as of all rays."""
+        wanted = {_weights_key(layer.optics()) for layer in layers}
+        self._weights = {key: aim for key, aim in self._weights.items() if key in wanted}
+
+    def nearby_photons(
+        self, photon_map: PhotonMap, i_object: int, farthest: NDArray[np.float32], caster: RayCaster
+    ) -> NearbyPhotons:
+        """The photons about the points of the fans, no farther than (q,)."""
+        return find_nearby_photons(
+            photon_map, i_object, self._hits, self._samples, self._times, farthest, self._clearance, caster
+        )
+
+    def reflect(
+        self, layers: Sequence[LayerCurves], light: OutgoingRadiance
+    ) -> Generator[None, None, list[NDArray[np.float32]]]:
+        """Radiance (p, D, 3) of each layer at the p points towards the eye, without f_q and f_o, in steps."""
+        out = [np.empty((len(self), light.n_powers, 3), np.float32) for _ in layers]
+        optics = [layer.optics(folded=True) for layer in layers]
+        aims = [self._weights_of(each) for each in optics]
+
+        def work(begin: int, end: int, second: kernels.SecondBounce) -> None:
+            for each, aim, result in zip(optics, aims, out, strict=True):
+                kernels.reflect(self._samples, begin, end, each, aim.part(begin, end), light.padded, second, result)
+                if light.caustics is not None:
+                    reflect_photons(self._samples, begin, end, each, self._photons, light.caustics, result)
+
+        yield from self._in_parts(light, work, aims)
+        for layer, result in zip(layers, out, strict=True):
+            if layer.is_tinted:
+                result *= layer.tint.astype(np.float32)
+        return [reduce(_mean_rows, self._means, clamp_radiance(each)) for each in out]
+
+    def by_band(
+        self, layer: LayerCurves, factor: int, light: OutgoingRadiance
+    ) -> Generator[None, None, NDArray[np.float32]]:
+        """Of one layer by band of its first or second curve: (3, J, D, p); times the curve and summed over J it is
+        `reflect`. In steps."""
+        out = np.empty((3, len(layer.curves[factor]), light.n_powers, len(self)), np.float32)
+        optics = layer.optics()
+        aim = self._weights_of(optics)
+
+        def work(begin: int, end: int, second: kernels.SecondBounce) -> None:
+            stored_weights = aim.part(begin, end)
+            kernels.reflect_bands(
+                self._samples, begin, end, optics, factor == 0, stored_weights, light.padded, second, out
+            )
+            if light.caustics is not None:
+                reflect_photon_bands(self._samples, begin, end, optics, factor == 0, self._photons, light.caustics, out)
+
+        yield from self._in_parts(light, work, [aim])
+        if layer.is_tinted:
+            out *= layer.tint.astype(np.float32)[:, None, None, None]
+        out = clamp_radiance(out)
+        for means in self._means:
+            yield
+            out = _mean_planes(out, means)
+        return out
+
+    def _weights_of(self, optics: kernels.ReflectingLayer) -> RayWeights:
+        """What is kept for such a layer, or new."""
+        key = _weights_key(optics)
+        kept = self._weights.get(key)
+        if kept is not None and kept.n_angles >= n_angles_of(optics):
+            return kept
+        made = RayWeights(self._samples, optics, self._caches)
+        if self._caches:
+            self._weights[key] = made
+        return made
+
+    def _in_parts(
+        self,
+        light: OutgoingRadiance,
+        work: Callable[[int, int, kernels.SecondBounce], None],
+        aims: Sequence[RayWeights],
+    ) -> Generator[None, None, None]:
+        glossy, step = light.glossy, _PARTS * _PART * n_threads()
+        none = np.zeros((0, light.n_powers, 4), np.float32)
+        no_second = kernels.SecondBounce(np.zeros(len(self) + 1, np.int64), np.zeros(0, np.uint16), none, 0)
+
+        def do(wanted: NDArray[np.bool_] | None, begin: int) -> None:
+            end = min(begin + _PART, len(self))
+            second = no_second
+            if glossy is not None and wanted is not None:
+                second = self._second.part(begin, end, glossy, wanted)
+            work(begin, end, second)
+
+        for begin in range(0, len(self), step):
+            wanted = None if glossy is None else self._second.missing_objects(glossy, begin)
+            on_threads(partial(do, wanted), range(begin, min(begin + step, len(self)), _PART))
+            if glossy is not None:
+                self._second.complete(glossy, begin)
+            yield
+        for aim in aims:
+            aim.complete()
+
+
+def _weights_key(optics: kernels.ReflectingLayer) -> tuple[int, bytes]:
+    """What an aim hangs on."""
+    return optics.model, optics.q.tobytes()
+
+
+def _mean_rows(light: NDArray[np.float32], means: Smoothing) -> NDArray[np.float32]:
+    """Means (p, D, 3) of light (q, D, 3); q may be 0."""
+    values = light.reshape(len(light), math.prod(light.shape[1:]))
+    out = np.empty((means.n_rows, values.shape[1]), np.float32)
+    smooth_rows(*means, values, out)
+    return out.reshape(len(out), *light.shape[1:])
+
+
+def _mean_planes(light: NDArray[np.float32], means: Smoothing) -> NDArray[np.float32]:
+    """Means (..., p) of light (..., q); q may be 0."""
+    planes = light.reshape(math.prod(light.shape[:-1]), light.shape[-1])
+    out = np.empty((len(planes), means.n_rows), np.float32)
+    on_threads(lambda begin, end: smooth_planes(*means, planes, begin, end, out), *even_parts(len(planes)))
+    return out.reshape(*light.shape[:-1], means.n_rows)

@@ -1,0 +1,307 @@
+"""The second bounce off glossy surfaces: rays remembered for it, and what they bring for any curves.
+
+Equivalent albedos spread over all directions what a glossy surface sends to one side; seen in another surface, that is
+what its light differs by most. So for each ray of a fan that ends on a glossy surface two rays more are traced and
+remembered in 27 bytes, and the glossy layers there are evaluated with their curves as they are whenever light is
+frozen. So is what the lights bring by a third gloss, in as many bytes again: between copper and copper a fifth of that
+light was missing when it went by albedo. All that has been reflected more often does.
+
+While a curve is dragged, what its own object sends on keeps its shape and follows the albedo; when the hand rests it is
+evaluated anew.
+"""
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.light.emitters import EmitterPatches
+from engine.light.triangle_lights import TriangleLights
+from engine.material import kinds
+from engine.precompute.indirect import _second_bounce_kernels as kernels
+from engine.precompute.indirect._cache_kernels import NO_RECORD, Hits
+from engine.precompute.indirect.direction_patterns import lobe_tables
+from engine.precompute.indirect.indirect_layers import IndirectLayer, is_glossy
+from engine.precompute.indirect.irradiance_cache import NO_ORDER, IrradianceCache, Rays
+from engine.precompute.indirect.record_maps import RecordReflectance
+from engine.scene.raycaster import Intersections
+from engine.sphere.geodesic import locate
+
+N_LOBE_RAYS = 1024
+_RASTER = (512, 1024)
+_LEAST_ALBEDO = 1e-6
+
+
+def no_glossy_hits(n_points: int) -> kernels.GlossyHits:
+    """Of points none of whose rays ends on a glossy surface."""
+    none, floats = np.zeros(0, np.uint16), np.zeros(0, np.float32)
+    start, normal = np.zeros(n_points + 1, np.int64), np.zeros((0, 3), np.float32)
+    times = np.ones(n_points, np.float32)
+    lit = normal, floats, none, np.zeros(0, np.uint8), floats
+    return kernels.GlossyHits(start, times, none, *lit, none, *lit)
+
+
+def join_glossy_hits(parts: Sequence[kernels.GlossyHits], order: NDArray[np.integer]) -> kernels.GlossyHits:
+    """The records of several sets of points, one after the other, with the points in this order."""
+    ends = np.cumsum([0, *(part.start[-1] for part in parts)])
+    firsts = np.concatenate([part.start[:-1] + end for part, end in zip(parts, ends, strict=False)])[order]
+    counts = np.concatenate([np.diff(part.start) for part in parts])[order]
+    start = np.concatenate([[0], np.cumsum(counts)])
+    taken = np.repeat(firsts - start[:-1], counts) + np.arange(start[-1])
+    times = np.concatenate([part.times for part in parts])[order]
+    fields = zip(*(part[2:] for part in parts), strict=True)
+    return kernels.GlossyHits(start, times, *(np.concatenate(arrays)[taken] for arrays in fields))
+
+
+def _thin(
+    which: NDArray[np.intp], n_rays: int, n_points: int, most: int
+) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
+    """At most so many of each point's rays, evenly, and how many each of them stands for (p,)."""
+    start = np.searchsorted(which, np.arange(n_points + 1) * n_rays)
+    counts = np.diff(start)
+    kept = np.minimum(counts, most)
+    ends = np.cumsum(kept)
+    place = np.arange(ends[-1] if n_points else 0) - np.repeat(ends - kept, kept)
+    step = counts / np.maximum(kept, 1)
+    chosen = np.repeat(start[:-1], kept) + ((place + 0.5) * np.repeat(step, kept)).astype(np.int64)
+    return which[chosen], np.maximum(step, 1.0).astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class SecondBounceTracer:
+    """What tracing second rays needs: which objects (M,) are glossy, their lobe_axes (M,) and axes (M, 2, 3), the
+    lamps; most: how many rays of a gather point are recorded; beyond these, each stands for several; thrice: whether
+    light that glossy surfaces reflect three times counts."""
+
+    glossy: NDArray[np.bool_]
+    lobe_axes: NDArray[np.int64]
+    axes: NDArray[np.float32]
+    lamps: kernels.SampledLights
+    most: int
+    thrice: bool
+
+    def trace(
+        self, cells: IrradianceCache, rows: NDArray[np.int32], nth: NDArray[np.uint8], rays: Rays,
+        seen: NDArray[np.uint16],
+        found: Intersections, first_open: int = 0, turn: AbstractContextManager[None] = NO_ORDER,
+    ) -> kernels.GlossyHits:  # fmt: skip
+        """The records of a chunk of fans, the nth of the points `rows`: rays and what they hit, (q · R); first_open,
+        turn: see `IrradianceCache.records_hit`."""
+        n_rays = len(seen) // max(len(rows), 1)
+        which, times = _thin(self._on_glossy(cells, seen, found), n_rays, len(rows), self.most)
+        vertex = _LightChooser(self, cells, rows, nth, n_rays)
+        lit = vertex.choose(which, which, 2, rays, found)
+        starts, to_lobe = np.empty((2, len(which), 3), np.float32)
+        there = np.empty(len(which), bool)
+        kernels.sample_lobe_rays(
+            which, n_rays, rows, nth, _hits(found), rays.origins, rays.directions, lit[0], cells.mesh, self.lobe_axes,
+            self.axes, lobe_tables(N_LOBE_RAYS), np.float32(cells.caster.offset), to_lobe, starts, there,
+        )  # fmt: skip
+        onward = Rays(starts, to_lobe, there)
+        beyond, found_3 = cells.records_and_hits(onward, first_open, turn=turn)
+        at = self._on_glossy(cells, beyond, found_3) if self.thrice else np.zeros(0, np.int64)
+        lit_3 = _scatter(vertex.choose(which[at], at, 3, onward, found_3), at, len(which))
+        start = np.searchsorted(which, np.arange(len(rows) + 1) * n_rays)
+        return kernels.GlossyHits(start, times, (which % n_rays).astype(np.uint16), *lit, beyond, *lit_3)
+
+    def _on_glossy(self, cells: IrradianceCache, seen: NDArray[np.uint16], found: Intersections) -> NDArray[np.intp]:
+        """The rays that end on glossy surfaces, by number."""
+        ends = np.where(seen == NO_RECORD, -1, cells.mesh.objects[found.triangle])
+        return np.flatnonzero((ends >= 0) & self.glossy[ends])
+
+
+def _hits(found: Intersections) -> Hits:
+    return Hits(found.triangle, found.u, found.v, found.distance)
+
+
+def _scatter(places: kernels.LitPlaces, at: NDArray[np.intp], n: int) -> kernels.LitPlaces:
+    """Those of n places at which they are; no light at the others."""
+    normal, distance, light, candidate, weight = (np.zeros((n, *each.shape[1:]), each.dtype) for each in places)
+    light[:] = kernels.NO_LIGHT
+    for all_of_them, each in zip((normal, distance, light, candidate, weight), places, strict=True):
+        all_of_them[at] = each
+    return normal, distance, light, candidate, weight
+
+
+@dataclass(frozen=True, eq=False)
+class _LightChooser:
+    """Chooses lights for places that the rays of a chunk of fans come to: the nth of the points `rows`, n_rays each."""
+
+    second: SecondBounceTracer
+    cells: IrradianceCache
+    rows: NDArray[np.int32]
+    nth: NDArray[np.uint8]
+    n_rays: int
+
+    def choose(
+        self, which: NDArray[np.intp], at: NDArray[np.intp], vertex: int, rays: Rays, found: Intersections
+    ) -> kernels.LitPlaces:
+        """Of rays `at` (n,), which come of the fans' rays `which` (n,): normals (n, 3) and distances (n,) where they
+        end, the lights that are seen there (n,), which candidates they were, and how many times they count (n,)."""
+        n, caster = len(which), self.cells.caster
+        normals, to_light, starts = np.empty((3, n, 3), np.float32)
+        lights, candidates = np.empty(n, np.uint16), np.empty(n, np.uint8)
+        weights, limits = np.empty((2, n), np.float32)
+        kernels.choose_lights(
+            which, at, vertex, self.n_rays, self.rows, self.nth, _hits(found), rays.origins, rays.directions,
+            self.cells.mesh, self.second.lobe_axes, self.second.axes, self.second.lamps, lobe_tables(N_LOBE_RAYS),
+            np.float32(caster.offset), normals, lights, candidates, weights, to_light, limits, starts,
+        )  # fmt: skip
+        asked = np.flatnonzero(weights > 0.0)
+        blocked = np.ones(n, bool)
+        blocked[asked] = caster.occluded(starts[asked], to_light[asked], limits[asked])
+        lights[blocked] = kernels.NO_LIGHT
+        return normals, found.distance[at].astype(np.float32), lights, candidates, weights
+
+
+@dataclass(frozen=True, eq=False)
+class SecondBounceLight:
+    """What glossy surfaces send on under certain curves: objects (C,) and radiosity (2, C, D, 4) of the cells, as it
+    lights others and as the object that is edited sends it on; per_area (M,): photons that started on a square metre;
+    looks (M), which differ where an object's surface sends something else, tables of layers and lamps, the object that
+    is edited and one over its albedo (3,)."""
+
+    objects: NDArray[np.int32]
+    radiosity: NDArray[np.float32]
+    per_area: NDArray[np.float32]
+    digests: tuple[bytes, ...]
+    layers: kernels.GlossyLayers
+    lamps: kernels.SampledLights
+    edited: int
+    inverse: NDArray[np.float32]
+
+
+def emitters_for_sampling(cut: TriangleLights | None, patches: EmitterPatches | None) -> kernels.SampledLights:
+    """Sky and emitters for sampling by power; half of the samples each where there are both."""
+    parts = [part for part in (_sky(cut), _patches(patches)) if part is not None and part[1].max() > 0.0]
+    if not parts:
+        none = np.zeros((0, 3), np.float32)
+        empty = np.zeros(0, np.float32)
+        return kernels.SampledLights(none[:, None], empty, none, none, empty, none, np.zeros((0, 0), np.int32))
+    shares = [strength / strength.sum() / len(parts) for _, strength, _, _ in parts]
+    corners = np.concatenate([part[0] for part in parts]).astype(np.float32)
+    share = np.concatenate(shares)
+    power = np.concatenate([part[2] for part in parts]) / np.maximum(share, 1e-30)[:, None]
+    power[share == 0.0] = 0.0
+    cumulative = np.cumsum(share)
+    cumulative[np.flatnonzero(share)[-1] :] = 2.0  # rounding leaves no sample beyond the last that shines
+    density, radiance, raster = np.zeros(0, np.float32), np.zeros((0, 3), np.float32), np.zeros((0, 0), np.int32)
+    if cut is not None and _sky(cut)[1].max() > 0.0:
+        density = (shares[0] / cut.solid_angle).astype(np.float32)
+        radiance, raster = (cut.power / cut.solid_angle[:, None]).astype(np.float32), _raster(cut)
+    normals = np.concatenate([part[3] for part in parts]).astype(np.float32)
+    return kernels.SampledLights(
+        corners, cumulative.astype(np.float32), power.astype(np.float32), normals, density, radiance, raster
+    )
+
+
+_Part = tuple[NDArray[np.floating], NDArray[np.float64], NDArray[np.floating], NDArray[np.floating]]
+
+
+def _sky(cut: TriangleLights | None) -> _Part:
+    """Corners, strengths, powers and no normals of the sky's triangles."""
+    if cut is None:
+        return np.zeros((0, 3, 3)), np.zeros(1), np.zeros((0, 3)), np.zeros((0, 3))
+    return cut.vertices[cut.corners], cut.power.max(axis=1).astype(np.float64), cut.power, np.zeros((len(cut), 3))
+
+
+def _patches(patches: EmitterPatches | None) -> _Part | None:
+    if patches is None:
+        return None
+    power = patches.radiance * patches.area[:, None]
+    return patches.corners, power.max(axis=1).astype(np.float64), power, patches.normal
+
+
+def _raster(cut: TriangleLights) -> NDArray[np.int32]:
+    """Which triangle of the cut each direction of a lat-long grid falls in; columns from -Z over +X."""
+    height, width = _RASTER
+    polar = (np.arange(height) + 0.5) * np.pi / height
+    azimuth = ((np.arange(width) + 0.5) / width - 0.5) * 2 * np.pi
+    directions = np.stack(
+        np.broadcast_arrays(
+            np.sin(polar)[:, None] * np.sin(azimuth), np.cos(polar)[:, None], -np.sin(polar)[:, None] * np.cos(azimuth)
+        ), axis=2,
+    ).reshape(-1, 3)  # fmt: skip
+    finest = int(cut.level.max())
+    size = 4 ** (finest - cut.level.astype(np.int64))
+    first = cut.index.astype(np.int64) * size
+    order = np.argsort(first)
+    found = np.searchsorted(first[order], locate(directions, finest), "right") - 1
+    return order[found].astype(np.int32).reshape(_RASTER)
+
+
+def glossy_tables(
+    layers: Sequence[IndirectLayer], lobe_axes: NDArray[np.int64], axes: NDArray[np.float32],
+    cells: RecordReflectance | None = None,
+) -> kernels.GlossyLayers:  # fmt: skip
+    """The layers that are not matt, by object; cells: what they reflect under the same layers, None where the means of
+    images will do."""
+    glossy = [i for i, each in enumerate(layers) if is_glossy(each)]
+    glossy.sort(key=lambda i: layers[i].i_object)
+    chosen = [layers[i] for i in glossy]
+    image = np.array([-1 if cells is None else cells.image[i] for i in glossy], np.int64)
+    texels = np.zeros((0, 0, 3), np.float32) if cells is None else cells.texels
+    first = np.searchsorted([each.i_object for each in chosen], np.arange(len(lobe_axes) + 1))
+    curves = [[np.asarray(curve, np.float32) for curve in each.second_curves.curves] for each in chosen]
+    none = np.zeros((0, 3), np.float32)
+    lengths = np.array([[len(curve) for curve in (*pair, none)[:2]] for pair in curves], np.int64).reshape(-1, 2)
+    begins = np.cumsum([0, *lengths.ravel()])[:-1].reshape(-1, 2)
+    factors = [each.second_curves.model.factors for each in chosen]
+    return kernels.GlossyLayers(
+        first.astype(np.int64),
+        np.array([each.second_curves.model.number for each in chosen], np.int64),
+        np.array([pair[0].gamma for pair in factors], np.int64),
+        np.array([pair[1].gamma if len(pair) > 1 else -1 for pair in factors], np.int64),
+        np.array([each.second_curves.bound_parameters for each in chosen], float).reshape(-1,
+        kinds.N_QUOTIENT_PARAMETERS),
+        np.concatenate([none, *(curve for pair in curves for curve in pair)]),
+        begins[:, 0].copy(), lengths[:, 0].copy(), begins[:, 1].copy(), lengths[:, 1].copy(),
+        np.array([each.gain * each.second_curves.tint for each in chosen], np.float32).reshape(-1, 3),
+        np.array([each.view_curve for each in chosen], np.float32).reshape(len(chosen), -1, 3) if chosen
+        else np.ones((0, 2, 3), np.float32),
+        lobe_axes, axes, image, texels,
+    )  # fmt: skip
+
+
+def layer_digests(layers: Sequence[IndirectLayer], n_objects: int, cells: RecordReflectance) -> tuple[bytes, ...]:
+    """What each object's glossy layers send on depends on, as bytes to compare."""
+    looks = [b""] * n_objects
+    for each in filter(is_glossy, layers):
+        arrays = (
+            each.second_curves.quotient_parameters,
+            *each.second_curves.curves,
+            each.gain * each.second_curves.tint,
+            each.view_curve,
+        )
+        looks[each.i_object] += b"".join(
+            [each.second_curves.model.name.encode(), *(array.tobytes() for array in arrays)]
+        )
+        if not each.maps.is_plain:
+            looks[each.i_object] += cells.digest
+    return tuple(looks)
+
+
+def diffuse_share(layers: Sequence[IndirectLayer], n_objects: int) -> NDArray[np.float32]:
+    """Of each object's albedo what its matt layers have, (M, 3); 1 where it has none."""
+    diffuse, total = np.zeros((n_objects, 3)), np.zeros((n_objects, 3))
+    for layer in layers:
+        total[layer.i_object] += layer.albedo
+        if not is_glossy(layer):
+            diffuse[layer.i_object] += layer.albedo
+    return np.where(total > _LEAST_ALBEDO, diffuse / np.maximum(total, _LEAST_ALBEDO), 1.0).astype(np.float32)
+
+
+def outgoing_radiosity(radiosity: NDArray[np.float32], inverse: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Radiosity (C, D, 3) as a polynomial in an albedo that others send on, and that its object sends on: multiplied by
+    one over the albedo (3,) and moved to the next power; (2, C, D, 4)."""
+    both = np.zeros((2, *radiosity.shape[:2], 4), np.float32)
+    both[0, ..., :3] = radiosity
+    both[1, :, 1:, :3] = radiosity[:, :-1] * inverse
+    return both
+
+
+def inverse_albedo(albedo: NDArray[np.floating]) -> NDArray[np.float32]:
+    """1/d (3,), 0 where the object is black: what it sends on then goes by albedo alone."""
+    return np.where(albedo > _LEAST_ALBEDO, 1.0 / np.maximum(albedo, _LEAST_ALBEDO), 0.0).astype(np.float32)

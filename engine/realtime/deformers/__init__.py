@@ -1,0 +1,5 @@
+"""The deformers there are, by their names: each a small module with a `KIND`."""
+
+from engine.realtime.deformers import bend, bulge, taper, twist, wave
+
+KINDS = {module.KIND.name: module.KIND for module in (bend, twist, taper, bulge, wave)}

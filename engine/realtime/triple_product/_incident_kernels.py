@@ -1,0 +1,365 @@
+"""Compiled: the light that comes in at a shading point, triangle by triangle of its own hemisphere."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from engine.core.fast_math import FAST
+
+Float32Array = NDArray[np.float32]
+Bytes = NDArray[np.uint8]
+
+N_ROOTS = 20
+# Directions of suns that a point keeps apart while something moves.
+N_PEAK_PLACES = 40
+# Of the brightest suns, that points ask by a ray each.
+N_QUERIED = 8
+
+
+class Hemisphere(NamedTuple):
+    """The upper triangles: number (U,) on the sphere, and place (5120,) back, −1 below; direction (U, 3) and solid
+    angle (U,); cosine (U,), its mean; the same of level 2 (U / 16,); children (side, side): 4 × place + child of the
+    finer triangle that holds a direction."""
+
+    number: NDArray[np.int32]
+    place: NDArray[np.int32]
+    direction: Float32Array
+    solid_angle: Float32Array
+    cosine: Float32Array
+    coarse_direction: Float32Array
+    coarse_solid_angle: Float32Array
+    coarse_cosine: Float32Array
+    children: NDArray[np.int16]
+
+
+class Light(NamedTuple):
+    """What shines: sky map (side, side, 4) and a coarse one, as `sky.SkyMap`, turned by the angle of this cosine and
+    sine; suns' direction and power (M, 3), brightest first; patches' centre, normal and flux (L, 3): radiance ×
+    area."""
+
+    sky: Float32Array
+    coarse_sky: Float32Array
+    cosine: float
+    sine: float
+    peak_direction: Float32Array
+    peak_power: Float32Array
+    centre: Float32Array
+    normal: Float32Array
+    flux: Float32Array
+
+
+class Places(NamedTuple):
+    """Points: position (S, 3), frame (S, 3, 3), visibility bits (S, 1280), bits of patches (S, ⌈L / 8⌉), slot (S,):
+    the row of what is kept for gloss, −1 for irradiance alone; and suns (S,): bits of the brightest, each asked by a
+    ray of its own, −1 where none was."""
+
+    position: Float32Array
+    frame: Float32Array
+    bits: Bytes
+    patch_bits: Bytes
+    slot: NDArray[np.int32]
+    peaks: NDArray[np.int16]
+
+
+class StoredLight(NamedTuple):
+    """What points keep: irradiance (S, 3), bits of the suns that they see (S, ⌈M / 8⌉); by slot the coefficients'
+    number (G, n) and value (G, n, 3), bfloat16, largest first, the suns by place (G, 40), −1 for none, and power
+    (G, 40, 3), and leaning (G, 2, 3): Σ power × x and Σ power × z of all light's directions in the point's frame."""
+
+    irradiance: Float32Array
+    peak_bits: Bytes
+    number: NDArray[np.int16]
+    value: NDArray[np.uint16]
+    peak_place: NDArray[np.int16]
+    peak_power: Float32Array
+    irradiance_gradient: Float32Array
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def child_at(x: float, y: float, z: float, children: NDArray[np.int16]) -> int:
+    """The entry of `Hemisphere.children` for a direction above the surface."""
+    side = children.shape[0]
+    scale = 0.5 * side / (abs(x) + y + abs(z))
+    column = min(int((x + z) * scale + 0.5 * side), side - 1)
+    row = min(int((x - z) * scale + 0.5 * side), side - 1)
+    return int(children[max(row, 0), max(column, 0)])
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _look_up(
+    sky: Float32Array, direction: Float32Array, frame: Float32Array, cosine: float, sine: float
+) -> tuple[np.float32, np.float32, np.float32]:
+    """Radiance from a direction (3,) of a frame, under a sky that was turned."""
+    a, b, c = direction[0], direction[1], direction[2]
+    tx = a * frame[0, 0] + b * frame[1, 0] + c * frame[2, 0]
+    y = a * frame[0, 1] + b * frame[1, 1] + c * frame[2, 1]
+    tz = a * frame[0, 2] + b * frame[1, 2] + c * frame[2, 2]
+    x, z = np.float32(cosine * tx - sine * tz), np.float32(sine * tx + cosine * tz)
+    side = sky.shape[0]
+    half = np.float32(0.5 * side)
+    scale = half / (abs(x) + abs(y) + abs(z))
+    fold = max(-y, np.float32(0.0)) * scale
+    u, v = x * scale, z * scale
+    u = u - fold if u < 0.0 else u + fold
+    v = v - fold if v < 0.0 else v + fold
+    column = min(max(int(u + half), 0), side - 1)
+    row = min(max(int(v + half), 0), side - 1)
+    return sky[row, column, 0], sky[row, column, 1], sky[row, column, 2]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def add_sky(p: int, at: Places, half: Hemisphere, light: Light, powers: Float32Array, moments: Float32Array) -> None:
+    """Fill powers (5120, 3), radiance × solid angle of each triangle that point p sees, and add to moments (3, 3) their
+    sums times x, y, which makes irradiance, and z."""
+    powers[:] = 0.0
+    for k in range(len(half.number)):
+        seen = at.bits[p, k >> 1] >> (4 * (k & 1)) & 15
+        if seen:
+            red, green, blue = _look_up(light.sky, half.direction[k], at.frame[p], light.cosine, light.sine)
+            part = np.float32(0.25 * ((seen & 1) + (seen >> 1 & 1) + (seen >> 2 & 1) + (seen >> 3)))
+            share = half.solid_angle[k] * part
+            m = half.number[k]
+            powers[m, 0], powers[m, 1], powers[m, 2] = red * share, green * share, blue * share
+            _add_moments(moments, red * share, green * share, blue * share, half.direction[k], half.cosine[k])
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
+def _add_moments(
+    moments: Float32Array,
+    red: np.float32,
+    green: np.float32,
+    blue: np.float32,
+    direction: Float32Array,
+    cosine: np.float32,
+) -> None:
+    x, z = direction[0], direction[2]
+    moments[0, 0] += red * x
+    moments[0, 1] += green * x
+    moments[0, 2] += blue * x
+    moments[1, 0] += red * cosine
+    moments[1, 1] += green * cosine
+    moments[1, 2] += blue * cosine
+    moments[2, 0] += red * z
+    moments[2, 1] += green * z
+    moments[2, 2] += blue * z
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _add_coarse_sky(
+    p: int, coarse_bits: NDArray[np.uint64], at: Places, half: Hemisphere, light: Light, powers: Float32Array,
+    moments: Float32Array,
+) -> None:  # fmt: skip
+    """The same by triangles of level 2: fills the first 320 of powers with a sixteenth of what each of them has."""
+    powers[:320] = 0.0
+    for k in range(len(half.coarse_cosine)):
+        seen = _count(coarse_bits[p, k])
+        if seen:
+            red, green, blue = _look_up(
+                light.coarse_sky, half.coarse_direction[k], at.frame[p], light.cosine, light.sine
+            )
+            share = half.coarse_solid_angle[k] * np.float32(seen / 64.0)
+            m, part = half.number[16 * k] >> 4, share / np.float32(16.0)
+            powers[m, 0], powers[m, 1], powers[m, 2] = red * part, green * part, blue * part
+            red, green, blue = red * share, green * share, blue * share
+            _add_moments(moments, red, green, blue, half.coarse_direction[k], half.coarse_cosine[k])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _count(word: np.uint64) -> int:
+    """The bits that are set."""
+    word = word - ((word >> np.uint64(1)) & np.uint64(0x5555555555555555))
+    word = (word & np.uint64(0x3333333333333333)) + ((word >> np.uint64(2)) & np.uint64(0x3333333333333333))
+    word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
+    return int((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _nearest(places: NDArray[np.int16], directions: Float32Array, x: float, y: float, z: float) -> int:
+    """Which of the places looks most towards a direction."""
+    best, found = -math.inf, 0
+    for j in range(len(places)):
+        d = directions[places[j]]
+        along = x * d[0] + y * d[1] + z * d[2]
+        if along > best:
+            best, found = along, j
+    return found
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _add_peaks(p: int, at: Places, half: Hemisphere, light: Light, stored: StoredLight) -> None:
+    """What point p sees of the suns: bits, irradiance and, if it is glossy, where in its hemisphere they stand."""
+    frame, slot, n_found = at.frame[p], at.slot[p], 0
+    stored.peak_bits[p] = 0
+    if slot >= 0:
+        stored.peak_place[slot] = -1
+    for s in range(len(light.peak_power)):
+        d = light.peak_direction[s]
+        y = frame[1, 0] * d[0] + frame[1, 1] * d[1] + frame[1, 2] * d[2]
+        if y <= 0.0:
+            continue
+        x = frame[0, 0] * d[0] + frame[0, 1] * d[1] + frame[0, 2] * d[2]
+        z = frame[2, 0] * d[0] + frame[2, 1] * d[1] + frame[2, 2] * d[2]
+        child = child_at(x, y, z, half.children)
+        k = child >> 2
+        if at.peaks[p] >= 0 and s < N_QUERIED:
+            if not at.peaks[p] >> s & 1:
+                continue
+        elif not at.bits[p, k >> 1] >> (4 * (k & 1) + (child & 3)) & 1:
+            continue
+        stored.peak_bits[p, s >> 3] |= np.uint8(1 << (s & 7))
+        for i in range(3):
+            stored.irradiance[p, i] += light.peak_power[s, i] * y
+        if slot >= 0:
+            for i in range(3):
+                stored.irradiance_gradient[slot, 0, i] += light.peak_power[s, i] * x
+                stored.irradiance_gradient[slot, 1, i] += light.peak_power[s, i] * z
+            j = 0
+            while j < n_found and stored.peak_place[slot, j] != k:
+                j += 1
+            if j == N_PEAK_PLACES:
+                j = _nearest(stored.peak_place[slot], half.direction, x, y, z)
+            elif j == n_found:
+                stored.peak_place[slot, j], n_found = k, n_found + 1
+                stored.peak_power[slot, j] = 0.0
+            for i in range(3):
+                stored.peak_power[slot, j, i] += light.peak_power[s, i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def add_patches(
+    p: int, at: Places, half: Hemisphere, light: Light, is_coarse: bool, powers: Float32Array, moments: Float32Array
+) -> None:
+    """Add what a point sees of patches, each put whole into the triangle that holds its centre's direction."""
+    position, frame = at.position[p], at.frame[p]
+    for j in range(len(light.centre)):
+        if not at.patch_bits[p, j >> 3] >> (j & 7) & 1:
+            continue
+        a, b = light.centre[j, 0] - position[0], light.centre[j, 1] - position[1]
+        c = light.centre[j, 2] - position[2]
+        facing = -(a * light.normal[j, 0] + b * light.normal[j, 1] + c * light.normal[j, 2])
+        y = frame[1, 0] * a + frame[1, 1] * b + frame[1, 2] * c
+        if facing > 0.0 and y > 0.0:
+            squared = a * a + b * b + c * c
+            distance = math.sqrt(squared)
+            x = frame[0, 0] * a + frame[0, 1] * b + frame[0, 2] * c
+            z = frame[2, 0] * a + frame[2, 1] * b + frame[2, 2] * c
+            m = half.number[child_at(x, y, z, half.children) >> 2]
+            solid = np.float32(facing / (squared * distance))
+            part = solid
+            if is_coarse:
+                m, part = m >> 4, solid * np.float32(1.0 / 16.0)
+            for i in range(3):
+                power = light.flux[j, i] * solid
+                powers[m, i] += light.flux[j, i] * part
+                moments[0, i] += power * np.float32(x / distance)
+                moments[1, i] += power * np.float32(y / distance)
+                moments[2, i] += power * np.float32(z / distance)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def compress(
+    powers: Float32Array, place: NDArray[np.int32], wavelets: Float32Array, sizes: Float32Array,
+    number: NDArray[np.int16],
+    value: NDArray[np.uint16],
+) -> None:  # fmt: skip
+    """Wavelets of powers (20·4^L, 3), the n largest by size, the 20 means before all: number (n,), value (n, 3).
+
+    In descending order but for an eighth of an octave, so that any first few are the best few. Behind the last that is
+    not 0 stands 0. place (5120,): negative for triangles in which there is no power. powers, wavelets and sizes are
+    written over.
+    """
+    _transform(powers, place, wavelets, sizes)
+    n, bins = len(number), sizes.view(np.int32)
+    starts = np.zeros(1 << 11, np.int32)
+    for k in range(len(powers)):
+        if sizes[k] > 0.0:
+            starts[bins[k] >> 20] += 1
+    total = 0
+    for i in range(len(starts) - 1, -1, -1):
+        count = starts[i]
+        starts[i] = total
+        total += count
+    filled = min(total, n)
+    number[filled:], value[filled:] = 0, 0
+    for k in range(len(powers)):
+        if sizes[k] > 0.0:
+            at = starts[bins[k] >> 20]
+            starts[bins[k] >> 20] = at + 1
+            if at < n:
+                number[at] = k
+                words = wavelets[k].view(np.uint32)
+                for i in range(3):
+                    value[at, i] = (words[i] + np.uint32(0x8000)) >> np.uint32(16)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _transform(means: Float32Array, place: NDArray[np.int32], wavelets: Float32Array, sizes: Float32Array) -> None:
+    """`engine.sphere.haar.forward`, and each coefficient's size by the measure of its triangle.
+
+    In place: parent t of a level reads its four children and leaves their mean in row t. Below the surface, which no
+    edge but those of the roots crosses, there is nothing to be done.
+    """
+    parents, measure, below = len(means) // 4, np.float32(1.0), len(place) // (len(means) // 4)
+    coarse = parents
+    while coarse > N_ROOTS:
+        coarse //= 4
+        measure *= np.float32(0.25)
+    while parents >= N_ROOTS:
+        for t in range(parents):
+            at = parents + 3 * t
+            sizes[at] = sizes[at + 1] = sizes[at + 2] = 0.0
+            if parents > N_ROOTS and place[t * below] < 0:
+                means[t] = 0.0
+                continue
+            for i in range(3):
+                a, b = np.float32(0.25) * means[4 * t, i], np.float32(0.25) * means[4 * t + 1, i]
+                c, d = np.float32(0.25) * means[4 * t + 2, i], np.float32(0.25) * means[4 * t + 3, i]
+                means[t, i] = a + b + c + d
+                for w, difference in enumerate((a - b - c + d, b - a - c + d, c - a - b + d)):
+                    wavelets[at + w, i] = difference
+                    sizes[at + w] = max(sizes[at + w], measure * abs(difference))
+        parents //= 4
+        below *= 4
+        measure *= np.float32(4.0)
+    for t in range(N_ROOTS):
+        sizes[t] = 0.0
+        for i in range(3):
+            wavelets[t, i] = means[t, i]
+            if means[t, i] > 0.0:
+                sizes[t] = np.inf
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def light_range(
+    start: int, stop: int, points: NDArray[np.int64], is_coarse: bool, at: Places, half: Hemisphere, light: Light,
+    stored: StoredLight,
+) -> None:  # fmt: skip
+    """Light the points[start:stop], by triangles of level 4, or coarsely by those of level 2."""
+    n = len(half.place)
+    powers, wavelets, sizes = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32), np.empty(n, np.float32)
+    coarse_bits = at.bits.view(np.uint64)
+    moments = np.empty((3, 3), np.float32)
+    for j in range(start, stop):
+        p = points[j]
+        moments[:] = 0.0
+        if is_coarse:
+            _add_coarse_sky(p, coarse_bits, at, half, light, powers, moments)
+        else:
+            add_sky(p, at, half, light, powers, moments)
+        add_patches(p, at, half, light, is_coarse, powers, moments)
+        for i in range(3):  # not all at once: for that the compiler makes the words of an error
+            stored.irradiance[p, i] = moments[1, i]
+            if at.slot[p] >= 0:
+                stored.irradiance_gradient[at.slot[p], 0, i], stored.irradiance_gradient[at.slot[p], 1, i] = (
+                    moments[0, i],
+                    moments[2, i],
+                )
+        _add_peaks(p, at, half, light, stored)
+        if at.slot[p] >= 0:
+            slot, size = at.slot[p], 320 if is_coarse else n
+            compress(powers[:size], half.place, wavelets[:size], sizes[:size], stored.number[slot], stored.value[slot])

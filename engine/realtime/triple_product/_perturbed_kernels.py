@@ -1,0 +1,265 @@
+"""Compiled: what surfaces whose normals were turned reflect of the light of points whose normals were not."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from engine.core import lanes
+from engine.core.fast_math import FAST
+from engine.realtime.triple_product._incident_kernels import StoredLight, child_at
+from engine.realtime.triple_product._slice_kernels import Tables, cell_at, reflected_between
+
+Float32Array = NDArray[np.float32]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _powers(number: NDArray[np.int16], value: NDArray[np.uint16], level: int, words: NDArray[np.uint32]) -> None:
+    """What `_incident_kernels.compress` made coefficients of, by triangles of a level: words (20·4^level, 3) become the
+    power in each, as the bits of float32."""
+    count = 20 << (2 * level)
+    words[:count] = np.uint32(0)
+    for k in range(len(number)):
+        if 0 <= number[k] < count:
+            for i in range(3):
+                if value[k, i]:
+                    words[number[k], i] = np.uint32(value[k, i]) << np.uint32(16)
+    means, parents = words.view(np.float32), 20
+    quarters = np.empty((count, 3), np.float32)
+    while parents < count:
+        for t in range(parents):
+            for i in range(3):
+                m, at = means[t, i], parents + 3 * t
+                u, v, w = means[at, i], means[at + 1, i], means[at + 2, i]
+                d = np.float32(0.25) * (m + u + v + w)
+                quarters[4 * t, i] = np.float32(4.0) * (d - np.float32(0.5) * (v + w))
+                quarters[4 * t + 1, i] = np.float32(4.0) * (d - np.float32(0.5) * (u + w))
+                quarters[4 * t + 2, i] = np.float32(4.0) * (d - np.float32(0.5) * (u + v))
+                quarters[4 * t + 3, i] = np.float32(4.0) * d
+        parents *= 4
+        for t in range(parents):
+            for i in range(3):
+                means[t, i] = quarters[t, i]
+    times = np.float32(5120.0 / count)
+    for t in range(count):
+        for i in range(3):
+            means[t, i] *= times
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def irradiance(
+    start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64],
+    normals: Float32Array, frame: Float32Array, slots: NDArray[np.int32], stored: StoredLight, level: int,
+    directions: Float32Array, out: Float32Array,
+) -> None:  # fmt: skip
+    """Fill out (3 N, 3): the irradiance, suns apart, by the light of each corner's point on a surface of normal (N, 3).
+
+    directions (20·4^level, 3): of the level's triangles, in a point's frame. The point points[j] is asked by
+    members[first[j]:first[j + 1]] of the 3 N corners. Unturned it is what the point itself keeps: what the coefficients
+    know of it tells by how much that changes.
+    """
+    words = np.empty((len(directions), 3), np.uint32)
+    powers = words.view(np.float32)
+    above = np.flatnonzero(directions[:, 1] > 0.0)
+    # Each number by itself in a row, so that several triangles are summed at once.
+    way, light = np.empty((3, len(above)), np.float32), np.empty((3, len(above)), np.float32)
+    for k in range(len(above)):
+        for i in range(3):
+            way[i, k] = directions[above[k], i]
+    own = np.empty(3, np.float32)
+    for j in range(start, stop):
+        p = points[j]
+        f = frame[p]
+        _powers(stored.number[slots[p]], stored.value[slots[p]], level, words)
+        own[:] = 0.0
+        for i in range(3):
+            for k in range(len(above)):
+                light[i, k] = powers[above[k], i]
+                own[i] += light[i, k] * way[1, k]
+        for at in range(first[j], first[j + 1]):
+            r = members[at]
+            n = normals[r // 3]
+            x = f[0, 0] * n[0] + f[0, 1] * n[1] + f[0, 2] * n[2]
+            y = f[1, 0] * n[0] + f[1, 1] * n[1] + f[1, 2] * n[2]
+            z = f[2, 0] * n[0] + f[2, 1] * n[1] + f[2, 2] * n[2]
+            red = green = blue = np.float32(0.0)
+            for k in range(len(above)):
+                cosine = max(x * way[0, k] + y * way[1, k] + z * way[2, k], np.float32(0.0))
+                red += light[0, k] * cosine
+                green += light[1, k] * cosine
+                blue += light[2, k] * cosine
+            out[r, 0], out[r, 1], out[r, 2] = red, green, blue
+            for i in range(3):
+                there = max(stored.irradiance[p, i], np.float32(0.0))
+                out[r, i] = max(there + out[r, i] - own[i], np.float32(0.0))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def quick_irradiance(
+    start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array,
+    leans: Float32Array,
+    frame: Float32Array, slots: NDArray[np.int32], stored: StoredLight, out: Float32Array,
+) -> None:  # fmt: skip
+    """Fill out (N, 3): the irradiance of surfaces at samples (N,) whose unit normals lean by (N, 3) across them.
+
+    As of light that all comes from above the horizons of both: E (1 + cos) / 2, which an even sky has, and of what
+    comes from one side its cosine with the lean.
+    """
+    for n in range(start, stop):
+        j, lean = which[n], leans[n]
+        cosine = np.float32(1.0) / np.float32(math.sqrt(1.0 + lean[0] ** 2 + lean[1] ** 2 + lean[2] ** 2))
+        out[n] = 0.0
+        for k in range(3):
+            p, weight = corners[j, k], weights[j, k]
+            f, slot = frame[p], slots[p]
+            x = cosine * (f[0, 0] * lean[0] + f[0, 1] * lean[1] + f[0, 2] * lean[2])
+            z = cosine * (f[2, 0] * lean[0] + f[2, 1] * lean[1] + f[2, 2] * lean[2])
+            half = np.float32(0.5) + np.float32(0.5) * cosine
+            for i in range(3):
+                from_side = x * stored.irradiance_gradient[slot, 0, i] + z * stored.irradiance_gradient[slot, 1, i]
+                out[n, i] += weight * (half * stored.irradiance[p, i] + from_side)
+        for i in range(3):
+            out[n, i] = max(out[n, i], np.float32(0.0))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def shade_broad(
+    start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64],
+    wo: Float32Array,
+    turned: Float32Array, frame: Float32Array, slots: NDArray[np.int32], stored: StoredLight, level: int,
+    directions: Float32Array,
+    children: NDArray[np.int16], t: Tables, out: Float32Array,
+) -> None:  # fmt: skip
+    """As `irradiance`, radiance along wo (N, 3) that slices in turned frames (N, 3, 3) reflect, by each triangle."""
+    words = np.empty((len(directions), 3), np.uint32)
+    powers = words.view(np.float32)
+    listed, between = np.empty(len(directions), np.int64), np.empty((3, 3), np.float32)
+    colour = np.empty(4, np.float32)
+    for j in range(start, stop):
+        p = points[j]
+        f = frame[p]
+        _powers(stored.number[slots[p]], stored.value[slots[p]], level, words)
+        n_listed = 0
+        for m in range(len(directions)):
+            if directions[m, 1] > 0.0 and (powers[m, 0] != 0.0 or powers[m, 1] != 0.0 or powers[m, 2] != 0.0):
+                listed[n_listed] = m
+                n_listed += 1
+        for at in range(first[j], first[j + 1]):
+            r = members[at]
+            g, o = turned[r // 3], wo[r // 3]
+            for a in range(3):
+                for b in range(3):
+                    between[a, b] = g[a, 0] * f[b, 0] + g[a, 1] * f[b, 1] + g[a, 2] * f[b, 2]
+            cell = cell_at(
+                g[0, 0] * o[0] + g[0, 1] * o[1] + g[0, 2] * o[2], g[1, 0] * o[0] + g[1, 1] * o[1] + g[1, 2] * o[2],
+                g[2, 0] * o[0] + g[2, 1] * o[1] + g[2, 2] * o[2], t,
+            )  # fmt: skip
+            total = lanes.zeros()
+            for k in range(n_listed):
+                d, power = directions[listed[k]], powers[listed[k]]
+                y = between[1, 0] * d[0] + between[1, 1] * d[1] + between[1, 2] * d[2]
+                if y <= 0.0:
+                    continue
+                x = between[0, 0] * d[0] + between[0, 1] * d[1] + between[0, 2] * d[2]
+                z = between[2, 0] * d[0] + between[2, 1] * d[1] + between[2, 2] * d[2]
+                reflected = reflected_between(cell, child_at(x, y, z, children) >> 2, t)
+                total = lanes.plus_product(total, lanes.of(power[0], power[1], power[2]), reflected)
+            lanes.store(colour, 0, total)
+            for i in range(3):
+                out[r, i] = max(colour[i], np.float32(0.0))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _shares(
+    bits: NDArray[np.uint8],
+    corners: NDArray[np.int32],
+    weights: Float32Array,
+    of_bits: Float32Array,
+    share: Float32Array,
+) -> None:
+    """Fill share (8 B,): how much a sample sees of each sun between its points. of_bits: `of_bytes`."""
+    for byte in range(len(share) // 8):
+        first, second = of_bits[bits[corners[0], byte]], of_bits[bits[corners[1], byte]]
+        third = of_bits[bits[corners[2], byte]]
+        for bit in range(8):  # at once
+            share[8 * byte + bit] = weights[0] * first[bit] + weights[1] * second[bit] + weights[2] * third[bit]
+
+
+def of_bytes() -> Float32Array:
+    """The bits of each byte as numbers, the lowest first (256, 8)."""
+    return np.unpackbits(np.arange(256, dtype=np.uint8)[:, None], axis=1, bitorder="little").astype(np.float32)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def peak_irradiance(
+    start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array,
+    turned: Float32Array,
+    frame: Float32Array, peak_bits: NDArray[np.uint8], peak_direction: Float32Array, peak_power: Float32Array,
+    of_bits: Float32Array, out: Float32Array,
+) -> None:  # fmt: skip
+    """Fill out (N, 3): by how much more suns, as samples (N,) see them, light turned surfaces than those before.
+
+    sun_direction, peak_power (3, M): each number by itself in a row, so that several suns are summed at once; M is a
+    multiple of 8, the last may have no power. of_bits: `of_bytes`."""
+    share, before = np.empty(peak_power.shape[1], np.float32), np.empty(3, np.float32)
+    for n in range(start, stop):
+        j, normal = which[n], turned[n, 1]
+        for i in range(3):
+            before[i] = np.float32(0.0)
+            for k in range(3):
+                before[i] += weights[j, k] * frame[corners[j, k], 1, i]
+        _shares(peak_bits, corners[j], weights[j], of_bits, share)
+        x, y, z, a, b, c = normal[0], normal[1], normal[2], before[0], before[1], before[2]
+        red = green = blue = np.float32(0.0)
+        for s in range(len(share)):
+            d, e, f = peak_direction[0, s], peak_direction[1, s], peak_direction[2, s]
+            cosine = max(x * d + y * e + z * f, np.float32(0.0))
+            more = share[s] * (cosine - (a * d + b * e + c * f))
+            red += more * peak_power[0, s]
+            green += more * peak_power[1, s]
+            blue += more * peak_power[2, s]
+        out[n, 0], out[n, 1], out[n, 2] = red, green, blue
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def peak_radiance(
+    start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array,
+    wo: Float32Array,
+    turned: Float32Array, peak_bits: NDArray[np.uint8], peak_direction: Float32Array, peak_power: Float32Array,
+    children: NDArray[np.int16], of_bits: Float32Array, t: Tables, out: Float32Array,
+) -> None:  # fmt: skip
+    """Fill out (N, 3): what slices reflect of suns, as samples (N,) see them, on turned surfaces; the suns as
+    `peak_irradiance` takes them."""
+    n_peaks, side = peak_power.shape[1], children.shape[0]
+    share, height, colour = np.empty(n_peaks, np.float32), np.empty(n_peaks, np.float32), np.empty(4, np.float32)
+    row, column = np.empty(n_peaks, np.int32), np.empty(n_peaks, np.int32)
+    half, last = 0.5 * side, np.int32(side - 1)
+    for n in range(start, stop):
+        j, g = which[n], turned[n]
+        cell = cell_at(
+            g[0, 0] * wo[n, 0] + g[0, 1] * wo[n, 1] + g[0, 2] * wo[n, 2],
+            g[1, 0] * wo[n, 0] + g[1, 1] * wo[n, 1] + g[1, 2] * wo[n, 2],
+            g[2, 0] * wo[n, 0] + g[2, 1] * wo[n, 1] + g[2, 2] * wo[n, 2], t,
+        )  # fmt: skip
+        _shares(peak_bits, corners[j], weights[j], of_bits, share)
+        # Where each stands in the turned frame and, as `child_at` says, in `children`: several suns at once.
+        for s in range(n_peaks):
+            d, e, f = peak_direction[0, s], peak_direction[1, s], peak_direction[2, s]
+            x = g[0, 0] * d + g[0, 1] * e + g[0, 2] * f
+            y = g[1, 0] * d + g[1, 1] * e + g[1, 2] * f
+            z = g[2, 0] * d + g[2, 1] * e + g[2, 2] * f
+            scale = half / (abs(x) + max(y, np.float32(1e-6)) + abs(z))
+            height[s] = y
+            column[s] = min(np.int32((x + z) * scale + half), last)
+            row[s] = min(np.int32((x - z) * scale + half), last)
+        total = lanes.zeros()
+        for s in range(n_peaks):
+            if share[s] > 0.0 and height[s] > 0.0:
+                place = children[max(row[s], 0), max(column[s], 0)] >> 2
+                light = lanes.of(share[s] * peak_power[0, s], share[s] * peak_power[1, s], share[s] * peak_power[2, s])
+                total = lanes.plus_product(total, light, reflected_between(cell, place, t))
+        lanes.store(colour, 0, total)
+        out[n, 0], out[n, 1], out[n, 2] = colour[0], colour[1], colour[2]

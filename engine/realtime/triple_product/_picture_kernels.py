@@ -1,0 +1,238 @@
+"""Compiled: rays through pixels, what they hit as corners and weights, and light interpolated between corners."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from engine.core.fast_math import FAST
+
+Float32Array = NDArray[np.float32]
+Int32Array = NDArray[np.int32]
+
+
+class PointTriangles(NamedTuple):
+    """The triangles between shading points: points on either side (T, 2, 3), normal (T, 3), object (T,), and of which
+    of the scene's triangles each is a part (T,); radiance (M, 3) of the objects where they shine."""
+
+    triangles: Int32Array
+    normal: Float32Array
+    i_object: Int32Array
+    emission: Float32Array
+
+
+class Samples(NamedTuple):
+    """What rays (R,) meet: corners (R, 3), −1 where nothing is reflected, and their weights (R, 3); wo (R, 3), back
+    along the ray; emitted (R, 3); i_object (R,), −1 for none; behind (R,): seen where an object has no points."""
+
+    corners: Int32Array
+    weights: Float32Array
+    wo: Float32Array
+    emitted: Float32Array
+    i_object: Int32Array
+    behind: NDArray[np.bool_]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def fill_rays(
+    start: int, stop: int, places: NDArray[np.float64], width: int, axes: NDArray[np.float64], directions: Float32Array
+) -> None:
+    """Unit directions [start, stop): axes (3, 3) are those of the picture's plane: its upper left corner, one pixel to
+    the right, one down. places (R, 2): columns and rows, or none (0, 2) for the centres of all pixels in turn."""
+    for j in range(start, stop):
+        if len(places):
+            column, row = places[j, 0], places[j, 1]
+        else:
+            column, row = j % width + 0.5, j // width + 0.5
+        x = axes[0, 0] + column * axes[1, 0] + row * axes[2, 0]
+        y = axes[0, 1] + column * axes[1, 1] + row * axes[2, 1]
+        z = axes[0, 2] + column * axes[1, 2] + row * axes[2, 2]
+        scale = 1.0 / np.sqrt(x * x + y * y + z * z)
+        directions[j, 0], directions[j, 1], directions[j, 2] = x * scale, y * scale, z * scale
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def resolve(
+    start: int,
+    triangle: Int32Array,
+    u: Float32Array,
+    v: Float32Array,
+    directions: Float32Array,
+    surface: PointTriangles,
+    out: Samples,
+) -> None:
+    """Fill samples from `start` on with the hits (n,) of rays with those directions (n, 3)."""
+    for k in range(len(triangle)):
+        j, t = start + k, triangle[k]
+        for i in range(3):
+            out.wo[j, i] = -directions[k, i]
+            out.emitted[j, i] = 0.0
+        out.corners[j, 0], out.i_object[j], out.behind[j] = -1, -1, False
+        if t < 0:
+            continue
+        i_object = surface.i_object[t]
+        out.i_object[j] = i_object
+        along = np.float32(0.0)
+        for i in range(3):
+            along += surface.normal[t, i] * directions[k, i]
+        side = 1 if along > 0.0 else 0
+        if side == 0:
+            for i in range(3):
+                out.emitted[j, i] = surface.emission[i_object, i]
+        corners = surface.triangles[t, side]
+        out.behind[j] = side == 1 and corners[0] < 0 and surface.triangles[t, 0, 0] >= 0
+        for i in range(3):
+            out.corners[j, i] = corners[i]
+        out.weights[j, 0], out.weights[j, 1], out.weights[j, 2] = np.float32(1.0) - u[k] - v[k], u[k], v[k]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def mark(start: int, stop: int, corners: Int32Array, seen: NDArray[np.bool_]) -> None:
+    """Set seen (S,) at the points that are corners of samples."""
+    for j in range(start, stop):
+        if corners[j, 0] >= 0:
+            for k in range(3):
+                seen[corners[j, k]] = True
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def add_between(
+    start: int, stop: int, samples: NDArray[np.int64], corners: Int32Array, weights: Float32Array, values: Float32Array,
+    factor: Float32Array, radiance: Float32Array,
+) -> None:  # fmt: skip
+    """Add values (S, 3), interpolated between each sample's corners, times factor (N or 1, 3) to radiance (R, 3)."""
+    several = len(factor) > 1
+    for at in range(start, stop):
+        j = samples[at]
+        a, b, c = corners[j, 0], corners[j, 1], corners[j, 2]
+        row = at if several else 0
+        for i in range(3):
+            between = weights[j, 0] * values[a, i] + weights[j, 1] * values[b, i] + weights[j, 2] * values[c, i]
+            radiance[j, i] += factor[row, i] * between
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def add_at(
+    start: int, stop: int, samples: NDArray[np.int64], values: Float32Array, factor: Float32Array,
+    radiance: Float32Array
+) -> None:  # fmt: skip
+    """Add values (N, 3) times factor (N or 1, 3) to radiance (R, 3) of samples (N,)."""
+    several = len(factor) > 1
+    for at in range(start, stop):
+        row = at if several else 0
+        for i in range(3):
+            radiance[samples[at], i] += factor[row, i] * values[at, i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def by_object(
+    i_object: Int32Array, reflects: NDArray[np.bool_], n_objects: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Those samples (R,) that reflect, by object and in their order, and where each object's begin (M + 1,)."""
+    bounds = np.zeros(n_objects + 1, np.int64)
+    for j in range(len(i_object)):
+        if reflects[j]:
+            bounds[i_object[j] + 1] += 1
+    bounds = np.cumsum(bounds)
+    at, order = bounds.copy(), np.empty(bounds[-1], np.int64)
+    for j in range(len(i_object)):
+        if reflects[j]:
+            order[at[i_object[j]]] = j
+            at[i_object[j]] += 1
+    return order, bounds
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def by_point(
+    samples: NDArray[np.int64], corners: Int32Array, n_points: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """The points that samples (N,) ask, where each one's members begin, and the members: 3 × number of sample + corner,
+    numbered within `samples`."""
+    counts = np.zeros(n_points + 1, np.int64)
+    for at in range(len(samples)):
+        for k in range(3):
+            counts[corners[samples[at], k]] += 1
+    points = np.flatnonzero(counts[:n_points])
+    first = np.zeros(len(points) + 1, np.int64)
+    for j in range(len(points)):
+        first[j + 1] = first[j] + counts[points[j]]
+        counts[points[j]] = first[j]
+    members = np.empty(3 * len(samples), np.int64)
+    for at in range(len(samples)):
+        for k in range(3):
+            p = corners[samples[at], k]
+            members[counts[p]] = 3 * at + k
+            counts[p] += 1
+    return points, first, members
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def silhouettes(i_object: Int32Array, edges: NDArray[np.bool_]) -> None:
+    """Set edges (H, W) where one of four neighbours shows another object (H, W)."""
+    height, width = i_object.shape
+    for row in range(height):
+        for column in range(width):
+            own = i_object[row, column]
+            edges[row, column] = (
+                (row > 0 and i_object[row - 1, column] != own)
+                or (row < height - 1 and i_object[row + 1, column] != own)
+                or (column > 0 and i_object[row, column - 1] != own)
+                or (column < width - 1 and i_object[row, column + 1] != own)
+            )
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def add_background(
+    start: int,
+    stop: int,
+    i_object: Int32Array,
+    wo: Float32Array,
+    image: Float32Array,
+    turn: float,
+    scale: float,
+    radiance: Float32Array,
+) -> None:
+    """Add the environment's radiance to samples that meet nothing, as `Environment.evaluate` does."""
+    height, width = image.shape[0], image.shape[1]
+    for j in range(start, stop):
+        if i_object[j] >= 0:
+            continue
+        x, y, z = -wo[j, 0], -wo[j, 1], -wo[j, 2]
+        theta = np.arctan2(np.sqrt(x * x + z * z), y)
+        phi = np.arctan2(x, -z) + turn
+        column = (phi / (2.0 * np.pi) + 0.5) * width - 0.5
+        row = min(max(theta / np.pi * height - 0.5, 0.0), height - 1.0)
+        top, left = int(np.floor(row)), int(np.floor(column))
+        down, right = np.float32(row - top), np.float32(column - left)
+        bottom, after, left = min(top + 1, height - 1), (left + 1) % width, left % width
+        for i in range(3):
+            upper = image[top, left, i] + right * (image[top, after, i] - image[top, left, i])
+            lower = image[bottom, left, i] + right * (image[bottom, after, i] - image[bottom, left, i])
+            radiance[j, i] += np.float32(scale) * (upper + down * (lower - upper))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def gather(ends: Int32Array, sent: Float32Array, found: Float32Array) -> None:
+    """Fill found (G, 3): the mean over each row of ends (G, R) of what is sent (S, 3) there; −1 sends nothing."""
+    for g in range(ends.shape[0]):
+        red = green = blue = np.float32(0.0)
+        for r in range(ends.shape[1]):
+            p = ends[g, r]
+            if p >= 0:
+                red += sent[p, 0]
+                green += sent[p, 1]
+                blue += sent[p, 2]
+        found[g, 0], found[g, 1], found[g, 2] = red / ends.shape[1], green / ends.shape[1], blue / ends.shape[1]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def spread(beside: Int32Array, share: Float32Array, gathered: Float32Array, found: Float32Array) -> None:
+    """Fill found (S, 3): gathered (G, 3) at the places beside (S, K), by their share (S, K)."""
+    found[:] = 0.0
+    for p in range(beside.shape[0]):
+        for k in range(beside.shape[1]):
+            for i in range(3):
+                found[p, i] += share[p, k] * gathered[beside[p, k], i]

@@ -1,0 +1,221 @@
+"""Tells the parts of which moving pictures are drawn (`gpu_parts`) to a graphics card, and then what changes of them.
+
+    telling = Telling(number_of_bytes)
+    for part in telling.parts(orbit): ...       all that changed since it was asked last
+
+Of the light only coefficients are told that are not 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.realtime.triple_product._slice_kernels import Tables
+from engine.realtime.triple_product.gpu_parts import (
+    N_HEAD,
+    BouncedPart,
+    ExportedBumps,
+    ExportedTerm,
+    Float32Array,
+    LightPart,
+    MeshPart,
+    Part,
+    Range,
+    SkyPart,
+    TablePart,
+    TermsPart,
+    Words,
+)
+from engine.scene.surface_uvs import corner_uvs
+from engine.texture.gpu_export import ImageExporter, image_words, stroke_words
+
+if TYPE_CHECKING:
+    from engine.material.bumps import Bumps
+    from engine.realtime.triple_product.incident import Incident
+    from engine.realtime.triple_product.lit_points import LitPoints
+    from engine.realtime.triple_product.orbit_engine import Orbit
+    from engine.realtime.triple_product.reflections import Term
+    from engine.realtime.triple_product.shading_points import ShadingPoints
+    from engine.scene.scene_loader import Scene
+    from engine.texture.pyramid import Pyramid
+
+_AT_ONCE = 4096  # points: 11 MB at 320 coefficients
+
+
+class PointExporter:
+    """What has been told so far."""
+
+    def __init__(self, most_bytes: int) -> None:
+        """most_bytes: of any one buffer; of light so many coefficients are told as go into one."""
+        self._most_bytes = most_bytes
+        self._points: ShadingPoints | None = None
+        self._incident: Incident | None = None
+        self._bumps: tuple[Bumps, ...] = ()
+        self._n = 0
+        self._indirect: Float32Array | None = None
+        self._sky: tuple[object, ...] = ()
+        self._image: object = self
+        self._terms: tuple[object, ...] = ()
+        self._tables: set[int] = set()
+        self._images: tuple[Pyramid, ...] | None = None
+
+    def parts(self, orbit: Orbit) -> Iterator[Part]:
+        """All that changed; nothing before points are there."""
+        lit = orbit.lit
+        if lit is None:
+            return
+        bumps = tuple(described.bumps for described in orbit.scene.description.objects)
+        if (lit.points, lit.incident, bumps) != (self._points, self._incident, self._bumps):
+            self._points, self._incident, self._bumps = lit.points, lit.incident, bumps
+            self._n = self._n_exported_coefficients(lit.incident)
+            lit.untold[:], self._indirect = True, None
+            yield _mesh(orbit.scene, lit, self._n)
+        yield from self._sky_parts(orbit)
+        yield from self._terms_parts(orbit)
+        which = np.flatnonzero(lit.untold)
+        for start in range(0, len(which), _AT_ONCE):
+            some = which[start : start + _AT_ONCE]
+            yield _light(lit.incident, some, self._n)
+            lit.untold[some] = False
+        if lit.indirect is not self._indirect:
+            self._indirect = lit.indirect
+            yield BouncedPart(_with_fourth(lit.indirect))
+
+    def _n_exported_coefficients(self, incident: Incident) -> int:
+        n_rows, n = incident.stored.number.shape
+        room = self._most_bytes // 4 // max(n_rows, 1) - N_HEAD
+        return max(min(n, room // 2), 1)
+
+    def _sky_parts(self, orbit: Orbit) -> Iterator[Part]:
+        sky = orbit.light
+        told = sky.environment, sky.rotation, sky.scale
+        if told != self._sky:
+            is_new, self._sky = self._image is not sky.environment, told
+            self._image = sky.environment
+            black = np.zeros((1, 1, 3), np.float32)
+            image = black if sky.environment is None else np.asarray(sky.environment.radiance, np.float32)
+            yield SkyPart(image if is_new else None, float(np.radians(sky.rotation % 360.0)), sky.scale)
+
+    def _terms_parts(self, orbit: Orbit) -> Iterator[Part]:
+        made = _Terms(orbit)
+        strokes, images = made.exported.strokes, made.exported.images
+        told = made.terms, strokes, orbit.scene.emission.tobytes()
+        if told == self._terms and images == self._images:
+            return
+        new = {serial: _table(tables) for serial, tables in made.tables.items() if serial not in self._tables}
+        words = None if images == self._images else image_words(images)
+        self._terms, self._images, self._tables = told, images, set(made.tables)
+        yield TermsPart(made.terms, new, words, stroke_words(strokes), orbit.scene.emission.astype(np.float32))
+
+
+class _Terms:
+    """The terms of an Orbit as they are told, and what they refer to."""
+
+    def __init__(self, orbit: Orbit) -> None:
+        self.tables: dict[int, Tables] = {}
+        self.exported = ImageExporter(orbit.scene.textures, orbit.scene.origin)
+        self._orbit = orbit
+        self.terms = tuple(self._export_term(term) for term in orbit.reflections.terms)
+
+    def _export_term(self, term: Term) -> ExportedTerm:
+        orbit = self._orbit
+        albedo = orbit.reflections.albedo(term) / np.pi * (orbit.n_bounces > 1)
+        tables = None if term.reflectance is not None else orbit.reflections.tables(term.layers)
+        if tables is not None:
+            self.tables[tables.serial] = tables
+        maps = None
+        if term.factor is not None:
+            maps = self.exported.maps(term.layers[0].maps)
+        bumps = None
+        if term.reflectance is not None and term.i_object in orbit.scene.bump_normals.objects:
+            own = orbit.scene.description.objects[term.i_object].bumps
+            slopes = self.exported.image(orbit.scene.textures.slopes(own))
+            bumps = ExportedBumps(slopes, own.bump_repeats, own.slope_scale, bool(own.normal_map))
+        reflectance, serial = term.reflectance or (0.0, 0.0, 0.0), tables.serial if tables else 0
+        return ExportedTerm(term.i_object, reflectance, _as_triple(albedo), serial, maps, bumps)
+
+
+def _mesh(scene: Scene, lit: LitPoints, n: int) -> MeshPart:
+    points, stored = lit.points, lit.incident.stored
+    zero = np.zeros((len(points), 1), np.float32)
+    row = lit.incident.slot.astype(np.int32)[:, None].view(np.float32)
+    each = np.concatenate([points.position, row, points.normal, zero, points.tangent, zero], axis=1)
+    order = np.argsort(scene.object_of_triangle[points.source], kind="stable")
+    source = points.source[order]
+    uvs = np.einsum("tpk,tki->tpi", _shares(points.within[order]), corner_uvs(scene, source)).astype(np.float32)
+    ways = np.zeros((len(order), 3, 6), np.float32)
+    faces = np.repeat(scene.geometric_normals[source][:, None], 3, axis=1).astype(np.float32)
+    sides = np.ascontiguousarray(points.shown[order].swapaxes(1, 2)).view(np.float32)
+    bounds = np.searchsorted(scene.object_of_triangle[source], np.arange(len(scene.smooth) + 1)).tolist()
+    for i in scene.bump_normals.objects:
+        begin, end = bounds[i], bounds[i + 1]
+        own = scene.bump_normals.offset_axes(i)[source[begin:end] - scene.triangle_ranges[i][0]]
+        ways[begin:end] = np.einsum("tpk,tki->tpi", _shares(points.within[order[begin:end]]), own)
+    corners = np.concatenate([points.corners[order].astype(np.float32), faces, uvs, sides, ways], axis=2)
+    runs = [_runs(np.flatnonzero(points.i_object == i)) for i in range(len(scene.smooth))]
+    low, high = scene.vertices.min(axis=0), scene.vertices.max(axis=0)
+    return MeshPart(
+        each.astype(np.float32).view(np.uint32), corners.reshape(-1, 16).astype(np.float32).view(np.uint32),
+        tuple(zip(bounds[:-1], bounds[1:], strict=True)), tuple(runs), _as_triple(scene.origin),
+        _as_triple((low + high) / 2.0),
+        float(np.linalg.norm(high - low)) / 2.0, len(stored.number), n,
+    )  # fmt: skip
+
+
+def _as_triple(vector: NDArray[np.floating]) -> tuple[float, float, float]:
+    x, y, z = map(float, vector)
+    return x, y, z
+
+
+def _shares(within: Float32Array) -> Float32Array:
+    """Of a triangle's three corners, (..., 3), at u and v (..., 2)."""
+    return np.stack([1.0 - within[..., 0] - within[..., 1], within[..., 0], within[..., 1]], axis=-1)
+
+
+def _runs(numbers: NDArray[np.integer]) -> tuple[Range, ...]:
+    """Ascending numbers as first and last (excluded) of those that follow one another."""
+    if not len(numbers):
+        return ()
+    breaks = np.flatnonzero(np.diff(numbers) != 1)
+    firsts, lasts = numbers[np.r_[0, breaks + 1]], numbers[np.r_[breaks, len(numbers) - 1]] + 1
+    return tuple((int(a), int(b)) for a, b in zip(firsts, lasts, strict=True))
+
+
+def _light(incident: Incident, which: NDArray[np.integer], n: int) -> LightPart:
+    stored = incident.stored
+    place = incident.slot[which]
+    place = place[place >= 0]
+    value, number = stored.value[place, :n], stored.number[place, :n]
+    n_told = np.where((value != 0).any(axis=2), np.arange(1, value.shape[1] + 1), 0).max(axis=1, initial=0)
+    most = int(n_told.max(initial=0))
+    rows = np.zeros((len(place), N_HEAD + 2 * most), np.uint32)
+    rows[:, 0] = n_told
+    rows[:, 1:7] = stored.irradiance_gradient[place].reshape(-1, 6).view(np.uint32)
+    rows[:, 7:47] = stored.peak_place[place].astype(np.int32).view(np.uint32)
+    rows[:, 47:167] = stored.peak_power[place].reshape(-1, 120).view(np.uint32)
+    four = np.concatenate([number[:, :most, None].view(np.uint16), value[:, :most]], axis=2)
+    rows[:, N_HEAD:] = np.ascontiguousarray(four).reshape(len(place), 4 * most).view(np.uint32)
+    return LightPart(which.astype(np.int32), _with_fourth(stored.irradiance[which]), place, rows)
+
+
+def _with_fourth(colours: Float32Array) -> Float32Array:
+    """Colours (N, 3) as (N, 4)."""
+    return np.concatenate([colours, np.zeros((len(colours), 1), np.float32)], axis=1)
+
+
+def _table(tables: Tables) -> TablePart:
+    return TablePart(
+        _entries(tables.table), _entries(tables.values), tables.images, tables.places, tables.n_polar,
+        tables.n_columns, tables.steepest,
+    )  # fmt: skip
+
+
+def _entries(flat: NDArray[np.uint16]) -> Words:
+    colours = flat[:-1].reshape(-1, 3)
+    four = np.zeros((len(colours), 4), np.uint16)
+    four[:, :3] = colours
+    return four.view(np.uint32)

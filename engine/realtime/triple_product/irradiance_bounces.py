@@ -1,0 +1,297 @@
+"""Light that is reflected on and on, as far as it does not depend on the eye: irradiance by albedo.
+
+Some thousand of the shading points gather: each sends cosine-distributed rays, once, that end at other shading points
+(one of the three around the hit, by chance as near as it is). Whatever the light and the materials are then,
+
+    E_(b+1)(p) = mean over p's rays of  d(q) E_b(q),       indirect irradiance = E_2 + ... + E_N,
+
+with E_1 the irradiance of the points and d the equivalent albedo of what the ray meets [BenArtzi07, sect. 5.3]. Between
+gathering points it is interpolated as in an irradiance cache [Ward88]: with weights that fall with the distance over
+the mean distance of what they meet, and with the angle between normals, and never from one that stands behind a wall,
+where it may be a hundred times as bright. Points that none is close to gather as well. It costs some milliseconds, so
+it follows every change.
+
+Backs that a camera alone has asked for gather as well, by rays of their own, that may end at them; no others' do. So
+what is known of light elsewhere does not depend on where cameras have been.
+
+Behind a door that stands ajar it falls to a tenth within a hand's breadth, though all that points meet is far away. So
+when all shadows are known, more points gather where those around them do not agree on what an even sky, and all
+emitters alike, would send: whatever shines, the same points gather.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from engine.precompute.indirect.direction_patterns import cosine_tables
+from engine.realtime.triple_product import _picture_kernels as kernels
+from engine.realtime.triple_product.shading_points import Int32Array, ShadingPoints
+from engine.realtime.triple_product.view_samples import PointMesh
+
+Float32Array = NDArray[np.float32]
+Rows = NDArray[np.int64]
+N_GATHERING = 3072
+N_MORE, _ROUNDS = 1024, 2  # where none is close
+N_OF_BACKS = 512  # of backs that a camera has asked for
+N_RAYS = 512
+_AT_ONCE = 64  # gathering points: 32,768 rays
+_BESIDE, _CANDIDATES = 8, 12
+_INTERPOLATED = 8192  # points at a time
+# By how much of the scene's size two opposite normals are apart.
+_TURNED = 0.25
+# An irradiance is off by about this much, as a share, where it is interpolated from a point as close [Ward88, eq. 3].
+_CLOSE = 0.35
+# The mean distance of what a point meets is taken for more than this share of the scene's size, and for less than that.
+_LEAST_REACH, _MOST_REACH = 0.003, 0.1
+# Points around which gathered light differs by this share gather as well.
+_UNLIKE, _FURTHER_ROUNDS = 0.15, 2
+_FAINT = 0.25  # of the mean, by which faint light counts as if it were as bright
+# Rays from point to point leave their surfaces by this share of their length: they lie in them, and would hit them.
+_RAISED = 0.002
+# Objects are worth points on their backs from this share of all rays on.
+_BACK_SHARE = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Gathering:
+    """Points (G,) that gather: the shading points at which their rays end (G, R), −1 where they meet none; how far they
+    reach (G,), harmonic means as a share of the scene's size; and how many rays met each object (M,) from behind where
+    it has no points that they may end at."""
+
+    points: Rows
+    ends: NDArray[np.int32]
+    reach: Float32Array
+    behind: Rows
+
+    def with_more(self, other: Gathering) -> Gathering:
+        """These and others."""
+        both = ((getattr(self, name), getattr(other, name)) for name in ("points", "ends", "reach"))
+        points, ends, reach = map(np.concatenate, both)
+        return Gathering(points, ends, reach, self.behind + other.behind)
+
+    def gathered(self, sent: Float32Array) -> Float32Array:
+        """Of what all points send (S, 3), (G, 3)."""
+        found = np.empty((len(self.ends), 3), np.float32)
+        kernels.gather(self.ends, np.ascontiguousarray(sent), found)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Around:
+    """Of some points (N,): the gathering ones around each, beside (N, K), by their share (N, K), and by which share
+    irradiance is off that is taken from the best of them, error (N,), infinite where none is in sight."""
+
+    beside: NDArray[np.int32]
+    share: Float32Array
+    error: Float32Array
+
+    def between(self, gathered: Float32Array) -> Float32Array:
+        """What is gathered (G, 3) at the points, (N, 3)."""
+        found = np.empty((len(self.beside), 3), np.float32)
+        kernels.spread(self.beside, self.share, gathered, found)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Exchange:
+    """Points (N,) that have light from each other: who of them gathers, and who takes it from whom; is_refined: whether
+    more gather where light has an edge."""
+
+    rows: Rows
+    gathering: Gathering
+    around: Around
+    is_refined: bool = False
+
+    @property
+    def behind(self) -> frozenset[int]:
+        """Objects that many rays meet from behind, where these have no points to end at."""
+        often = self.gathering.behind > _BACK_SHARE * max(self.gathering.ends.size, 1)
+        return frozenset(np.flatnonzero(often).tolist())
+
+    def gathered(self, sent: Float32Array, found: Float32Array) -> None:
+        """Write to found (S, 3) at the points what they gather of what all send (S, 3)."""
+        found[self.rows] = self.around.between(self.gathering.gathered(sent))
+
+
+@dataclass(frozen=True, eq=False)
+class Bounces:
+    """How light goes on: between all points that may light others, and to backs that a camera alone has asked for."""
+
+    between: Exchange
+    to_backs: tuple[Exchange, ...] = ()
+
+    def indirect(self, direct: Float32Array, albedo: Float32Array, n_bounces: int) -> tuple[Float32Array, Float32Array]:
+        """Irradiance (S, 3) after the first bounce and up to n_bounces, from that of the lights (S, 3); and of the
+        lights and up to one bounce less, which is what others show in a mirror.
+
+        albedo (S, 3): of what the points lie on; above 1 it counts as 1: light must not grow from bounce to bounce.
+        """
+        total, latest, bounded = np.zeros_like(direct), direct, np.minimum(albedo, 1.0)
+        for _ in range(n_bounces - 1):
+            sent, latest = latest * bounded, np.zeros_like(direct)
+            for each in (self.between, *self.to_backs):
+                each.gathered(sent, latest)
+            total += latest
+        return total, direct + total - (latest if n_bounces > 1 else 0.0)
+
+
+def trace_bounce_rays(
+    points: ShadingPoints, mesh: PointMesh, late: Int32Array | None = None, i_object: int = -1, rows: Rows | None = None
+) -> Generator[None, None, Exchange]:
+    """Send the rays of some points, rows (N,), in pieces; None: of all.
+
+    late (S,): the object of whose back points are that a camera alone has asked for, else −1; i_object: the one whose
+    late points these are, or −1."""
+    late = np.full(len(points), -1, np.int32) if late is None else late
+    rows = np.arange(len(points)) if rows is None else rows
+    space, n_most = _Space.of(points, rows), N_GATHERING if i_object < 0 else N_OF_BACKS
+    gathering = yield from _trace_rays(
+        points, mesh, _choose_evenly(points, space, space.is_open, n_most), space, late, i_object
+    )
+    around = yield from _interpolate(points, mesh, space, gathering)
+    for _ in range(_ROUNDS if i_object < 0 else 0):
+        more = _choose_evenly(points, space, space.is_open & (around.error > _CLOSE), N_MORE)
+        if not len(more):
+            break
+        gathering = gathering.with_more((yield from _trace_rays(points, mesh, more, space, late, i_object)))
+        around = yield from _interpolate(points, mesh, space, gathering)
+    return Exchange(rows, gathering, around)
+
+
+def refining(
+    exchange: Exchange, points: ShadingPoints, mesh: PointMesh, shone: Float32Array, late: Int32Array
+) -> Generator[None, None, Exchange]:
+    """More rays, where those that gather around a point do not agree; shone (S, 3): irradiance of three lights that
+    stand for all that may shine there; late: see `trace_bounce_rays`."""
+    rows, space = exchange.rows, _Space.of(points, exchange.rows)
+    for _ in range(_FURTHER_ROUNDS):
+        unlike, around = _unlike(exchange, shone), exchange.around
+        wanted = (unlike > _UNLIKE) | (around.error > _CLOSE)
+        near = np.flatnonzero(wanted | (unlike > 0.5 * _UNLIKE))
+        wanted &= space.is_open & ~np.isin(rows, exchange.gathering.points)
+        more = _choose_evenly(points, space, wanted, N_MORE)
+        yield
+        if not len(more):
+            break
+        gathering = exchange.gathering.with_more((yield from _trace_rays(points, mesh, more, space, late)))
+        around = yield from _interpolate(points, mesh, space, gathering, around, near)
+        exchange = replace(exchange, gathering=gathering, around=around)
+    return replace(exchange, is_refined=True)
+
+
+@dataclass(frozen=True, eq=False)
+class _Space:
+    """Where points are in place and normal, where (S, 6); rows (N,): those between which light is exchanged, from low
+    (6,) on and as wide as span, and is_open (N,) which of them are not buried; size: of the scene."""
+
+    size: float
+    where: Float32Array
+    rows: Rows
+    low: Float32Array
+    span: float
+    is_open: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, points: ShadingPoints, rows: Rows) -> _Space:
+        size = float(np.ptp(points.position, axis=0).max()) if len(points) else 1.0
+        where = np.concatenate([points.position, points.normal * np.float32(0.5 * _TURNED * size)], axis=1)
+        own = where[rows]
+        span = float(np.ptp(own, axis=0).max()) if len(own) else 1.0
+        is_open = np.ones(len(rows), bool) if points.buried is None else ~points.buried[rows]
+        return cls(size, where, rows, own.min(axis=0, initial=np.inf), span, is_open)
+
+
+def _unlike(exchange: Exchange, shone: Float32Array) -> Float32Array:
+    """By which share (N,) those that gather around each point differ in light that was reflected once and twice, by
+    half each time."""
+    gathering, around, sent = exchange.gathering, exchange.around, np.zeros_like(shone)
+    once = gathering.gathered(0.5 * shone)
+    sent[exchange.rows] = 0.5 * around.between(once)
+    found = once + gathering.gathered(sent)
+    mean, square = around.between(found), around.between(found**2)
+    spread = np.sqrt(np.maximum(square - mean**2, 0.0))
+    least = np.maximum(_FAINT * mean.mean(axis=0, keepdims=True), 1e-12)
+    return np.asarray((spread / np.maximum(mean, least)).max(axis=1, initial=0.0), np.float32)
+
+
+def _trace_rays(
+    points: ShadingPoints, mesh: PointMesh, chosen: Rows, space: _Space, late: Int32Array, i_object: int = -1
+) -> Generator[None, None, Gathering]:
+    """Rays of some points (G,), that end at late ones (S,) of their own object alone."""
+    ends, tables = np.empty((len(chosen), N_RAYS), np.int32), cosine_tables(N_RAYS)
+    nearness, behind = np.empty(len(chosen)), np.zeros(len(points.sides), np.int64)
+    chance = np.random.default_rng(2)
+    for start in range(0, len(chosen), _AT_ONCE):
+        some = chosen[start : start + _AT_ONCE]
+        frames = points.frames[some][:, [0, 2, 1]]  # the tables' third axis is the normal
+        ways = np.einsum("nrk,nki->nri", tables[: len(some)], frames).reshape(-1, 3)
+        found, distance = mesh.trace(np.repeat(points.lifted[some], N_RAYS, axis=0), np.ascontiguousarray(ways))
+        corner = (chance.random(len(ways))[:, None] > found.weights.cumsum(axis=1)[:, :2]).sum(axis=1)
+        is_met = found.corners[:, 0] >= 0
+        at = np.where(is_met, np.take_along_axis(found.corners, corner[:, None], axis=1)[:, 0], 0)
+        is_late = is_met & (late[at] >= 0) & (late[at] != i_object)
+        ends[start : start + _AT_ONCE] = np.where(is_met & ~is_late, at, -1).reshape(-1, N_RAYS)
+        near = 1.0 / np.maximum(distance.astype(np.float64), 1e-6 * space.size)
+        nearness[start : start + _AT_ONCE] = near.reshape(-1, N_RAYS).mean(axis=1)
+        behind += np.bincount(found.i_object[found.behind | is_late], minlength=len(behind))
+        yield
+    reach = np.clip(1.0 / np.maximum(nearness * space.size, 1e-9), _LEAST_REACH, _MOST_REACH)
+    return Gathering(chosen, ends, reach.astype(np.float32), np.where(points.sides[:, 1], behind, 0))
+
+
+def _interpolate(
+    points: ShadingPoints, mesh: PointMesh, space: _Space, gathering: Gathering,
+    before: Around | None = None, among: Rows | None = None,
+) -> Generator[None, None, Around]:  # fmt: skip
+    """What is gathered, at some points (N,), between those that gather; before, among: as it was with fewer of these,
+    and which of the N others are to be found for."""
+    rows, n = space.rows, len(space.rows)
+    tree, k = cKDTree(space.where[gathering.points]), min(_CANDIDATES, len(gathering.points))
+    beside, share = np.zeros((n, _BESIDE), np.int32), np.zeros((n, _BESIDE), np.float32)
+    error, most = np.full(n, np.inf, np.float32), min(_BESIDE, k)
+    if before is not None:
+        beside, share, error = before.beside.copy(), before.share.copy(), before.error.copy()
+    asked = np.arange(n) if among is None else among
+    for start in range(0, len(asked), _INTERPOLATED):
+        at = asked[start : start + _INTERPOLATED]
+        here = rows[at]
+        _, number = tree.query(space.where[here], k, workers=-1)
+        number = number.reshape(-1, k)
+        there = gathering.points[number]
+        apart = np.linalg.norm(points.position[there] - points.position[here, None], axis=2)
+        along = np.einsum("nki,ni->nk", points.normal[there], points.normal[here])
+        off = apart / (space.size * gathering.reach[number]) + np.sqrt(np.maximum(1.0 - along, 0.0))
+        best = np.argsort(off, axis=1)[:, :most]
+        number, there, off = (np.take_along_axis(each, best, axis=1) for each in (number, there, off))
+        yield
+        raised = np.float32(_RAISED) * np.take_along_axis(apart, best, axis=1)[..., None]
+        origins = points.lifted[here, None] + raised * points.normal[here, None]
+        ends = points.lifted[there] + raised * points.normal[there]
+        seen = mesh.visibility.sees(origins.reshape(-1, 3), ends.reshape(-1, 3)).reshape(there.shape)
+        inverse = 1.0 / (off + 1e-6)
+        weights = np.where(seen, (inverse - 0.999 * inverse[:, -1:]) ** 2, 0.0)  # [Shepard68], the farthest fading out
+        alone = ~weights.any(axis=1)
+        weights[alone] = inverse[alone] ** 2
+        beside[at, :most], share[at, :most] = number, weights / weights.sum(axis=1, keepdims=True)
+        error[at] = np.where(seen, off, np.inf).min(axis=1)
+        yield
+    return Around(beside, share, error)
+
+
+def _choose_evenly(points: ShadingPoints, space: _Space, wanted: NDArray[np.bool_], n_most: int) -> Rows:
+    """About n_most of the points that are wanted (N,), in cubes over place and normal, one of each."""
+    chosen, cells = np.flatnonzero(wanted), 1024.0
+    while len(chosen) > n_most:
+        cells *= 0.8
+        rows = space.rows[chosen]
+        cubes = ((space.where[rows] - space.low) * (cells / space.span)).astype(np.int64)
+        keys = np.concatenate([cubes, points.i_object[rows, None]], axis=1)
+        order = np.lexsort(keys.T)
+        is_first = np.concatenate([[True], (np.diff(keys[order], axis=0) != 0).any(axis=1)])
+        chosen = chosen[order[is_first]]
+    return space.rows[np.sort(chosen)]

@@ -1,0 +1,255 @@
+"""The shading points of one scene, and what is known of the light there by now."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.core.generators import StepRunner, run_to_end
+from engine.light.emitters import EmitterPatches
+from engine.realtime.triple_product.enclosed_points import find_enclosed
+from engine.realtime.triple_product.incident import (
+    Incident,
+    SceneEmitters,
+    empty_incident,
+    evenly_lit,
+    light_points,
+    visible_peaks,
+    with_glossy_points,
+)
+from engine.realtime.triple_product.irradiance_bounces import Bounces, Exchange, refining, trace_bounce_rays
+from engine.realtime.triple_product.point_reflection import empty_shades
+from engine.realtime.triple_product.shading_points import ShadingPoints, with_backs
+from engine.realtime.triple_product.sky_map import SkyMap
+from engine.realtime.triple_product.view_samples import PointMesh
+from engine.realtime.triple_product.visibility import N_UPPER, Bits, trace_hemispheres, trace_patches
+from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene
+
+Float32Array = NDArray[np.float32]
+UNLIT, COARSELY, EXACTLY = 0, 1, 2
+
+
+class LitPoints:
+    """Points that are traced and lit a few at a time.
+
+    state (S,): how the light that is wanted is known; traced (S,): whether shadows are; seen (S,): what the last
+    picture saw; behind: objects whose backs are to have points, as a picture saw them or light goes on from them;
+    is_bounced: of which light the indirect irradiance (S, 3) is, and the radiance sent_on (S, 3) that gloss shows of
+    points; known (S,): whether it was lit once, by whatever light; shadowed (S,): whether that light had the point's
+    shadows; n_traced: points that were traced since this was stored; untold (S,): whose light has changed since
+    `gpu_parts` told it. caster: of the scene's triangles.
+    """
+
+    def __init__(
+        self, scene: Scene, caster: RayCaster, points: ShadingPoints, n_coefficients: int, n_patches: int,
+        is_glossy: NDArray[np.bool_],
+    ) -> None:  # fmt: skip
+        """caster: of the scene's triangles; is_glossy (M,): objects that do not reflect evenly."""
+        self._scene, self.caster, self._n = scene, caster, len(points)
+        self.points, self.mesh = points, PointMesh(scene, points)
+        self.bits: Bits = np.full((self._n, N_UPPER // 2), 255, np.uint8)
+        self.patch_bits: Bits = np.full((self._n, (n_patches + 7) // 8), 255, np.uint8)
+        self.incident: Incident = empty_incident(is_glossy[points.i_object], n_coefficients)
+        self.shades = empty_shades(self.incident)
+        self.colours = np.zeros((self._n, 3), np.float32)
+        self.state = np.zeros(self._n, np.uint8)
+        self.traced, self.seen, self.known, self.shadowed, self.untold = np.zeros((5, self._n), bool)
+        self._skip_enclosed()
+        # Irradiance of each object's points, summed, before they had their shadows and after.
+        self._unshaded, self._shaded = np.zeros((2, len(is_glossy), 3))
+        self.n_traced = 0
+        self.behind: set[int] = set()
+        self._fronts, self._backs = np.arange(self._n), dict[int, NDArray[np.int64]]()
+        self._needed = set(np.flatnonzero(points.relays).tolist())
+        self._between: Exchange | None = None
+        self._to_backs: dict[int, Exchange] = {}
+        self.with_backs: list[int] = []
+        self.bounces: Bounces | None = None
+        self._bounce_steps: StepRunner[Bounces | None] | None = None
+        self.indirect, self.sent_on = np.zeros((2, self._n, 3), np.float32)
+        self.is_bounced = UNLIT
+
+    @property
+    def is_lit(self) -> int:
+        """How the light of all points is known that has shadows."""
+        if (self.state == UNLIT).any():
+            return UNLIT
+        return EXACTLY if self.is_done else COARSELY
+
+    @property
+    def is_done(self) -> bool:
+        return bool(self.traced.all() and (self.state == EXACTLY).all()) and self.behind.issubset(self.with_backs)
+
+    @property
+    def is_outdated(self) -> bool:
+        """Whether points that are seen were traced after they were lit."""
+        return bool((self.seen & self.traced & self.known & ~self.shadowed).any())
+
+    @property
+    def fraction(self) -> float:
+        return float(0.75 * self.traced.mean() + 0.25 * (self.state / EXACTLY).mean()) if self._n else 1.0
+
+    def next_points(self, wanted: NDArray[np.bool_], n: int) -> NDArray[np.int64]:
+        """n of the points that are wanted (S,), those that are seen before others."""
+        found = np.flatnonzero(wanted & self.seen)[:n]
+        return found if len(found) else np.flatnonzero(wanted)[:n]
+
+    def light(self, which: NDArray[np.int64], sky: SkyMap, lamps: SceneEmitters | None, is_coarse: bool) -> None:
+        traced = which[self.traced[which]]
+        peaks = None if is_coarse else visible_peaks(self.points, self.caster, sky, traced)
+        first = traced[~self.shadowed[traced] & (self.state[traced] != UNLIT)]
+        unshaded, i_object = self.incident.irradiance[first], self.points.i_object[first]
+        light_points(self.points, self.bits, sky, self.incident, lamps, which, is_coarse, peaks)
+        np.add.at(self._unshaded, i_object, unshaded)
+        np.add.at(self._shaded, i_object, self.incident.irradiance[first])
+        slots = self.incident.slot[which]
+        self.shades.key[slots[slots >= 0]] = -1
+        self.state[which] = COARSELY if is_coarse else EXACTLY
+        self.known[which] = self.untold[which] = True
+        self.shadowed[which] = self.traced[which]
+
+    def trace(self, which: NDArray[np.int64], patches: tuple[EmitterPatches, NDArray[np.intp]] | None) -> None:
+        trace_hemispheres(self.points, self.caster, which, self.bits)
+        if patches is not None:
+            trace_patches(self.points, self.caster, patches[0], which, self.patch_bits)
+        self.traced[which], self.state[which] = True, np.minimum(self.state[which], COARSELY)
+        self.n_traced += len(which)
+
+    def restore(self, bits: Bits, patch_bits: Bits, backs: list[int], is_glossy: NDArray[np.bool_]) -> None:
+        """Take over what was seen before; nothing where it is of other points."""
+        if backs:
+            self.add_backs(backs, is_glossy)
+        if len(bits) == len(self.points):
+            self.bits, self.patch_bits = bits, patch_bits
+            self.traced[:] = True
+
+    @property
+    def is_refined(self) -> bool:
+        """Whether more points gather where light has an edge."""
+        return self.bounces is not None and self.bounces.between.is_refined
+
+    def send_rays(self) -> None:
+        """A part of those by which light bounces on."""
+        if self._bounce_steps is None:
+            self._bounce_steps = StepRunner(self._sending())
+        if self._bounce_steps.advance():
+            self.bounces, self._bounce_steps = self._bounce_steps.result, None
+
+    @property
+    def late(self) -> NDArray[np.int32]:
+        """The object of whose back points (S,) are that cameras alone have asked for: they light nothing else. Others
+        have −1."""
+        found = np.full(self._n, -1, np.int32)
+        for i_object in self._backs.keys() - self._needed:
+            found[self._backs[i_object]] = i_object
+        return found
+
+    def _sending(self) -> Generator[None, None, Bounces | None]:
+        """None where more backs need points first."""
+        late = self.late
+        if self._needed <= self._backs.keys():
+            if self._between is None:
+                rows = np.concatenate([self._fronts, *(self._backs[i] for i in sorted(self._needed))])
+                self._between = yield from trace_bounce_rays(self.points, self.mesh, late, rows=rows)
+            if self._between.behind <= self._needed:
+                open_ = late >= 0 if self.points.buried is None else (late >= 0) & ~self.points.buried
+                for i in sorted(set(late[open_].tolist()) - self._to_backs.keys()):
+                    self._to_backs[i] = yield from trace_bounce_rays(self.points, self.mesh, late, i, self._backs[i])
+                return Bounces(self._between, tuple(self._to_backs.values()))
+            self._needed |= self._between.behind
+            self._between, self._to_backs = None, {}
+        self.behind |= self._needed
+        return None
+
+    def refine_rays(self, patches: EmitterPatches | None) -> None:
+        """A part of more of them, when all shadows are known."""
+        if self._bounce_steps is None:
+            self._bounce_steps = StepRunner(self._refining(patches))
+        if self._bounce_steps.advance():
+            self.bounces, self._bounce_steps, self.is_bounced = self._bounce_steps.result, None, UNLIT
+
+    def _refining(self, patches: EmitterPatches | None) -> Generator[None, None, Bounces]:
+        assert self.bounces is not None
+        shone = evenly_lit(self.points, self.bits, patches, self.patch_bits)
+        self._between = yield from refining(self.bounces.between, self.points, self.mesh, shone, self.late)
+        return replace(self.bounces, between=self._between)
+
+    def bounce(self, albedos: Float32Array, n_bounces: int) -> None:
+        """Find the indirect light; albedos (M, 3)."""
+        assert self.bounces is not None
+        self.is_bounced = self.is_lit
+        albedo = albedos[self.points.i_object]
+        self.indirect, before = self.bounces.indirect(self._direct(), albedo, n_bounces)
+        self.sent_on = (before * albedo / np.float32(np.pi)).astype(np.float32)
+
+    def _direct(self) -> Float32Array:
+        """Irradiance (S, 3) of the lights. Points that are not traced yet get the share of it that shadows leave, on
+        the average, to those of their object that are; to all others where none of it is."""
+        if self.traced.all():
+            return self.incident.irradiance
+        of_all = self._unshaded == 0.0
+        unshaded, shaded = (np.where(of_all, each.sum(axis=0), each) for each in (self._unshaded, self._shaded))
+        share = np.divide(shaded, unshaded, out=np.ones_like(shaded), where=unshaded > 0.0)
+        shares = np.where(self.traced[:, None], 1.0, np.minimum(share, 1.0)[self.points.i_object])
+        return np.asarray(self.incident.irradiance * shares, np.float32)
+
+    def diffuse_radiance(
+        self, which: NDArray[np.int64], reflectance: Sequence[float] | None, albedo: NDArray[np.floating] | None,
+        n_bounces: int,
+    ) -> Float32Array:  # fmt: skip
+        """What points (N,) send the same everywhere, (N, 3): of the lights by their reflectance (3,), and of further
+        bounces by their albedo (3,), None for what shows these in a mirror."""
+        sent = np.zeros((len(which), 3), np.float32)
+        if reflectance is not None:
+            sent += self.incident.irradiance[which] * np.asarray(reflectance, np.float32)
+        if n_bounces > 1 and albedo is not None:
+            sent += self.indirect[which] * np.asarray(albedo / np.pi, np.float32)
+        return sent
+
+    def add_gloss(self, is_glossy: NDArray[np.bool_]) -> None:
+        """Keep coefficients of light for objects (M,) that reflect with gloss by now."""
+        new = is_glossy[self.points.i_object] & (self.incident.slot < 0)
+        if new.any():
+            self.incident = with_glossy_points(self.incident, new)
+            self.shades = empty_shades(self.incident)
+            self.state[new] = UNLIT
+
+    def add_backs(self, objects: Sequence[int], is_glossy: NDArray[np.bool_]) -> None:
+        """One object's after the other, so that `restore` finds those that came at several times where they were."""
+        before = self._n
+        for each in objects:
+            n = len(self.points)
+            self.points = with_backs(self.points, np.arange(len(self._scene.smooth)) == each)
+            self._backs[each] = np.arange(n, len(self.points))
+        self._n = len(self.points)
+        if self.points.buried is not None:
+            of_backs = run_to_end(find_enclosed(self._scene, self.caster, self.points, before))
+            self.points = replace(self.points, buried=np.concatenate([self.points.buried, of_backs]))
+        self.mesh, self.with_backs = self.mesh.of(self.points), [*self.with_backs, *objects]
+        self.bits = _longer(self.bits, self._n, 255)
+        self.patch_bits = _longer(self.patch_bits, self._n, 255)
+        self.colours, self.state = _longer(self.colours, self._n, 0), _longer(self.state, self._n, UNLIT)
+        self.traced, self.seen = _longer(self.traced, self._n, 0), _longer(self.seen, self._n, 0)
+        self.known, self.untold = _longer(self.known, self._n, 0), _longer(self.untold, self._n, 1)
+        self.shadowed = _longer(self.shadowed, self._n, 0)
+        self.incident = with_glossy_points(self.incident, np.zeros(before, bool), self._n - before)
+        self._skip_enclosed()
+        self.indirect, self.sent_on = _longer(self.indirect, self._n, 0), _longer(self.sent_on, self._n, 0)
+        self.is_bounced = UNLIT
+        self.bounces = self._bounce_steps = None
+        self.add_gloss(is_glossy)
+
+    def _skip_enclosed(self) -> None:
+        """What is within something solid sees nothing, and no ray needs to find that out."""
+        if self.points.buried is not None:
+            self.traced |= self.points.buried
+            self.bits[self.points.buried] = self.patch_bits[self.points.buried] = 0
+
+
+def _longer(array: NDArray, n: int, value: int) -> NDArray:
+    """The array with as many rows more, all of a value, as make it n."""
+    return np.concatenate([array, np.full((n - len(array), *array.shape[1:]), value, array.dtype)])

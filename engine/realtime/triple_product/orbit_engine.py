@@ -1,0 +1,425 @@
+"""Orbit, kept: one scene seen from anywhere, its materials and light changed at any time, computed piece by piece.
+
+    orbit = Orbit(scene)
+    orbit.set_light(sky)              what is wanted: costs nothing, and may be said again at any time
+    orbit.set_layers(layers_of)
+    for progress in orbit.work():     what is wanted and not there, the most urgent first, in pieces of some 30 ms
+        ...                           between two pieces anything may be set or drawn
+    picture = orbit.draw(camera, (512, 384), "moving")
+
+What is drawn is what is known by then: at first without shadows, light coarse before fine, reflections coarse before
+fine, where the last picture looked before elsewhere. Shadows appear all at once, with the light that bounces. `version`
+rises with all that changes pictures, so that a window knows when another is worth drawing; it rests while some points
+have their shadows and others wait for them. An object of this class belongs to one thread, holds neither window nor
+process, and may be dropped between any two pieces; so may its generators.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.core.errors import InsituError
+from engine.core.generators import StepRunner, run_to_end
+from engine.core.stored_arrays import ArrayReader, Arrays
+from engine.core.threads import n_threads
+from engine.light.emitters import EmitterPatches, emitter_patches, merged_by_object
+from engine.material.bumps import Bumps
+from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.triple_product.enclosed_points import find_enclosed
+from engine.realtime.triple_product.incident import SceneEmitters
+from engine.realtime.triple_product.lit_points import EXACTLY, UNLIT, LitPoints
+from engine.realtime.triple_product.reflections import LayersOf, Reflections
+from engine.realtime.triple_product.shading_points import ShadingPoints, place_points
+from engine.realtime.triple_product.sky_map import make_sky
+from engine.realtime.triple_product.stored_visibility import deflate_bits, inflate_bits
+from engine.realtime.triple_product.view_radiance import N_MOVING, Quality, view_radiance
+from engine.realtime.triple_product.view_samples import ViewSamples, assemble_picture
+from engine.realtime.triple_product.visibility import N_UPPER, Bits
+from engine.render.still import StillProgress
+from engine.scene.description import CameraDescription
+from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene
+
+Float32Array = NDArray[np.float32]
+Steps = Iterator[StillProgress]
+
+N_POINTS = 40_000  # besides the meshes' own vertices
+N_COEFFICIENTS = 320
+N_PATCHES = 64
+N_BOUNCES = 4  # where a scene does not say
+MOST_BYTES = 3 << 29
+MOST_SLICE_BYTES = 1 << 29
+_LEAST_COEFFICIENTS = 20
+_BYTES_A_COEFFICIENT = 8
+# Points a piece and thread: some 15 ms.
+_COARSE, _FINE, _TRACED = 1536, 256, 96
+# Of a picture: for silhouettes a pixel wide, which turned normals show from behind, no hand waits half a second.
+_LEAST_BACK = 0.005
+_EDGE_RAYS = {"moving": 0, "rest": 4, "still": 16}
+_FIRST_VIEW_SIDE = 256  # pixels across, to find which points come first
+
+
+class Orbit:
+    """A scene of which pictures are drawn from anywhere; see above."""
+
+    def __init__(
+        self, scene: Scene, caster: RayCaster | None = None, n_points: int = N_POINTS,
+        n_coefficients: int = N_COEFFICIENTS, n_patches: int = N_PATCHES, most_bytes: int = MOST_BYTES,
+        most_slice_bytes: int = MOST_SLICE_BYTES,
+    ) -> None:  # fmt: skip
+        """caster: of the scene's triangles, where there is one; n_points: besides the meshes' vertices; n_coefficients:
+        of light, 20 to 5,120 a point; n_patches: of all emitters; most_bytes: what points may keep, and
+        most_slice_bytes: what the layers' slices may, see `notes`."""
+        self.scene = scene
+        self.version = 0
+        self._notes: tuple[str, ...] = ()
+        self._caster = caster or RayCaster(scene.vertices, scene.triangles)
+        self._n_points, self._n_coefficients, self._n_patches = n_points, n_coefficients, n_patches
+        self._most_bytes = most_bytes
+        self._placing: StepRunner[ShadingPoints] | None = None
+        self._lit: LitPoints | None = None
+        self._kept: tuple[Bits, Bits, list[int]] | None = None
+        self._patches = _emitters(scene, n_patches)
+        self._n_bounces = scene.description.bounces or N_BOUNCES
+        self._light, self._sky = SkyState(None), make_sky(None, 0.0)
+        self._reflections = Reflections(most_slice_bytes)
+
+    # ------------------------------------------------------------------------------------------- what can be kept
+
+    @property
+    def geometry(self) -> tuple[NDArray[np.generic] | int, ...]:
+        """All that visibility hangs on."""
+        scene = self.scene
+        arrays = scene.vertices, scene.normals, scene.triangles, scene.object_of_triangle, scene.smooth
+        return (*arrays, scene.emitters, scene.reflecting, self._n_points, self._n_patches)
+
+    @property
+    def has_traced(self) -> bool:
+        """Whether all that was asked for so far is seen, some of it traced and not restored."""
+        return self._lit is not None and self._lit.n_traced > 0 and bool(self._lit.traced.all())
+
+    def stored_visibility(self) -> dict[str, NDArray[np.generic]]:
+        """The visibility of all points, to be kept by `geometry`. Raises ValueError before any are there."""
+        if self._lit is None:
+            raise ValueError("nothing is seen yet: expected some steps of work before")
+        lit = self._lit
+        lit.n_traced = 0
+        arrays = {
+            "backs": np.array(lit.with_backs, np.int64),
+            "n_points": np.array([len(lit.points)], np.int64),
+        }
+        return arrays | deflate_bits("bits", lit.bits) | deflate_bits("patch_bits", lit.patch_bits)
+
+    def restore(self, arrays: Arrays) -> None:
+        """Become what sees as `stored_visibility` gave it, of the same geometry; before any work. Raises
+        UnsoundArrays."""
+        reader = ArrayReader(arrays)
+        n = int(reader.take("n_points", np.int64, 1)[0])
+        backs = reader.take("backs", np.int64, "backs", below=len(self.scene.smooth))
+        bits = inflate_bits("bits", reader, n, N_UPPER // 2)
+        n_patches = 0 if self._patches is None else len(self._patches[0])
+        self._kept = bits, inflate_bits("patch_bits", reader, n, (n_patches + 7) // 8), backs.tolist()
+
+    # ------------------------------------------------------------------------------------------------ what is wanted
+
+    def set_light(self, sky: SkyState) -> None:
+        """The distant light from now on."""
+        if sky != self._light:
+            self._light, self._sky = sky, make_sky(sky.environment, sky.rotation, sky.scale)
+            self._stale()
+
+    def set_emission(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
+        """Give emitters, by name, this radiance from now on, see `Scene.with_emission`."""
+        scene = self.scene.with_emission(emission)
+        if not np.array_equal(scene.emission, self.scene.emission):
+            self.scene = scene
+            if self._lit is not None:
+                self._lit.mesh.set_emission(scene)
+            self._stale()
+
+    def set_bumps(self, bumps: Mapping[str, Bumps]) -> None:
+        """What turns normals of objects, by name, from now on, see `Scene.with_bumps`."""
+        scene = self.scene.with_bumps(bumps)
+        if scene.description != self.scene.description:
+            self.scene = scene
+            if self._lit is not None:
+                self._lit.add_gloss(self._are_glossy)
+            self.version += 1
+
+    def set_bounces(self, n_bounces: int) -> None:
+        """How often light is reflected between light and eye from now on; 0: as at first, as the scene says, or 4
+        times."""
+        n_bounces = n_bounces or self.scene.description.bounces or N_BOUNCES
+        if n_bounces != self._n_bounces:
+            self._n_bounces = n_bounces
+            self._reset_bounces()
+
+    def set_layers(self, layers_of: LayersOf) -> None:
+        """The layers of each object, by its index, from now on; what did not change is not computed again."""
+        if self._reflections.set_layers({i: own for i, own in layers_of.items() if self.scene.reflecting[i]}):
+            if self._lit is not None:
+                self._lit.add_gloss(self._are_glossy)
+            self._reset_bounces()
+
+    # ---------------------------------------------------------------------------------------- what pictures are made of
+
+    @property
+    def lit(self) -> LitPoints | None:
+        """The points and their light; None before they are placed."""
+        return self._lit
+
+    @property
+    def light(self) -> SkyState:
+        """The distant light."""
+        return self._light
+
+    @property
+    def reflections(self) -> Reflections:
+        """What objects reflect."""
+        return self._reflections
+
+    @property
+    def n_bounces(self) -> int:
+        """How often light is reflected between light and eye."""
+        return self._n_bounces
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is coarser than it was to be, for want of memory."""
+        return (*self._notes, *self._reflections.notes)
+
+    # ----------------------------------------------------------------------------------------------------- the work
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether a picture shows more than black: all points that are seen have been lit once, if only without
+        shadows; at first those that the scene's own camera sees."""
+        return self._lit is not None and bool(self._lit.known[self._lit.seen].all())
+
+    @property
+    def is_done(self) -> bool:
+        """Whether there is no work left."""
+        lit = self._lit
+        if lit is None or not lit.is_done or not self._reflections.is_done:
+            return False
+        return self._n_bounces == 1 or lit.is_bounced == EXACTLY and lit.is_refined
+
+    @property
+    def fraction(self) -> float:
+        """How much of the work is done."""
+        return 0.0 if self._lit is None else self._lit.fraction
+
+    @property
+    def n_bytes(self) -> int:
+        """What points keep."""
+        lit = self._lit
+        return 0 if lit is None else lit.bits.nbytes + lit.patch_bits.nbytes + lit.incident.n_bytes
+
+    def work(self) -> Steps:
+        """All that is missing, piece by piece; ends where nothing is. What is set meanwhile is taken up at once.
+
+        Raises InsituError where the meshes have too many vertices.
+        """
+        while self._lit is None:
+            yield StillProgress(0.0, "shading points")
+            self._place()
+        while (told := self._do_next_piece()) is not None:
+            self.version += not self._lit.is_outdated  # the light without shadows stays until all is replaced
+            yield StillProgress(self.fraction, told)
+
+    def _do_next_piece(self) -> str | None:
+        """Do what is most urgent; what that was, or None where nothing is left."""
+        lit = self._lit
+        assert lit is not None
+        if self._reflections.find_coarse():
+            self._reset_bounces()
+            return "reflection"
+        if len(which := lit.next_points(lit.state == UNLIT, _COARSE * n_threads())):
+            lit.light(which, self._sky, self._lamps(lit), is_coarse=True)
+            lit.is_bounced = UNLIT
+            return "light"
+        if not self._reflections.is_done:
+            if self._reflections.refine():
+                self._reset_bounces()
+            return "reflection"
+        if not lit.is_outdated and self._bounce(lit):
+            return "bounces"
+        # Shadows alone would blacken metal that sees itself, point by point: they wait for all shadows that are seen,
+        # and for the light that bounces, and the picture shows them together.
+        waits = bool((lit.seen & ~lit.traced).any()) or self._n_bounces > 1 and lit.bounces is None
+        ripe = lit.traced & (lit.state != EXACTLY)
+        if len(which := lit.next_points(ripe & lit.shadowed if waits else ripe, _FINE * n_threads())):
+            was_outdated = lit.is_outdated
+            lit.light(which, self._sky, self._lamps(lit), is_coarse=False)
+            if was_outdated and not lit.is_outdated:
+                self._bounce(lit)
+            return "light"
+        if behind := sorted(lit.behind.difference(lit.with_backs)):
+            lit.add_backs(behind, self._are_glossy)
+            return "backs"
+        if len(which := lit.next_points(~lit.traced & lit.seen, _TRACED * n_threads())):
+            lit.trace(which, self._patches)
+            return "visibility"
+        if self._n_bounces > 1 and lit.bounces is None:
+            lit.send_rays()
+            return "bounces"
+        if len(which := lit.next_points(~lit.traced, _TRACED * n_threads())):
+            lit.trace(which, self._patches)
+            return "visibility"
+        if self._n_bounces > 1 and lit.bounces is not None and not lit.is_refined:
+            lit.refine_rays(None if self._patches is None else self._patches[0])
+            return "bounces"
+        return None
+
+    def _bounce(self, lit: LitPoints) -> bool:
+        """Find the indirect light anew where it is wanted and the direct light is known better; whether it was."""
+        if self._n_bounces == 1 or lit.bounces is None or lit.is_bounced >= lit.is_lit:
+            return False
+        lit.bounce(self._reflections.albedos(self.scene), self._n_bounces)
+        return True
+
+    # ---------------------------------------------------------------------------------------------------- pictures
+
+    def draw(
+        self, camera: CameraDescription, resolution: tuple[int, int], quality: Quality = "rest",
+        n_moving: int = N_MOVING,
+    ) -> Float32Array:  # fmt: skip
+        """Radiance (H, W, 3) as it is known by now; resolution (width, height).
+
+        quality: "moving", as quick as it gets, by n_moving coefficients a point; "rest", every pixel on its own;
+        "still", every sun exactly as well. Raises ValueError before `is_ready`.
+        """
+        return run_to_end(self.draw_steps(camera, resolution, quality, n_moving))
+
+    def draw_steps(
+        self, camera: CameraDescription, resolution: tuple[int, int], quality: Quality = "rest",
+        n_moving: int = N_MOVING, has_soft_edges: bool = False,
+    ) -> Generator[StillProgress, None, Float32Array]:  # fmt: skip
+        """The same, piece by piece; has_soft_edges: also while something moves, for a fifth of its time more."""
+        lit = self._lit
+        if lit is None:
+            raise ValueError("nothing is ready to be drawn: expected some steps of work before")
+        least = 0.0 if quality == "still" else _LEAST_BACK
+        n_edge_rays = _EDGE_RAYS[quality] or (_EDGE_RAYS["rest"] if has_soft_edges else 0)
+        seen = self._prioritize(lit, camera, resolution, n_edge_rays, quality != "moving", least)
+        # Where no light has been found yet, because the camera was led away at once or backs came in sight: black.
+        while len(which := np.flatnonzero(lit.seen & ~lit.known)[: _COARSE * n_threads()]):
+            lit.light(which, self._sky, self._lamps(lit), is_coarse=True)
+            yield StillProgress(0.0, "light")
+        what = lit, self._reflections, self.scene, self._sky, self._lamps(lit)
+        radiance = yield from view_radiance(seen, *what, self._n_bounces, quality, n_moving)
+        sky = self._light
+        return assemble_picture(seen, radiance, sky.environment, sky.rotation, sky.scale)
+
+    # ------------------------------------------------------------------------------------------------------ within
+
+    @property
+    def _are_glossy(self) -> NDArray[np.bool_]:
+        found = self._reflections.are_glossy(len(self.scene.smooth))
+        found[list(self.scene.bump_normals.objects)] = True  # in each pixel's own frame, matt or not
+        return found
+
+    def _stale(self) -> None:
+        if self._lit is not None:
+            self._lit.state[:] = UNLIT
+        self._reset_bounces()
+
+    def _reset_bounces(self) -> None:
+        if self._lit is not None:
+            self._lit.is_bounced = UNLIT
+        self.version += 1
+
+    def _place(self) -> None:
+        """A piece of placing points."""
+        if self._placing is None:
+            self._check_memory(self._n_least())  # a search that takes minutes would only find more of them
+            self._placing = StepRunner(self._points(self._n_points))
+        if not self._placing.advance():
+            return
+        points, self._placing = self._placing.result, None
+        n = self._within_memory(len(points))
+        if n < self._n_coefficients and self._n_points:
+            points = run_to_end(self._points(0))
+            n = self._within_memory(len(points))
+        self._check_memory(len(points))
+        if n < self._n_coefficients:
+            self._notes = (f"{n} coefficients of light a point instead of {self._n_coefficients}, for want of memory",)
+        n_patches = 0 if self._patches is None else len(self._patches[0])
+        self._lit = LitPoints(self.scene, self._caster, points, n, n_patches, self._are_glossy)
+        if self._kept is not None:
+            self._lit.restore(*self._kept, self._are_glossy)
+            self._kept = None
+        self.prioritize_view(self.scene.description.camera)
+        self.version += 1
+
+    def _points(self, n_points: int) -> Generator[None, None, ShadingPoints]:
+        points = yield from place_points(self.scene, self._caster, n_points)
+        found = yield from find_enclosed(self.scene, self._caster, points)
+        return replace(points, buried=found)
+
+    def prioritize_view(self, camera: CameraDescription) -> None:
+        """What a camera sees comes first from now on."""
+        lit = self._lit
+        if lit is not None:
+            width, height = self.scene.resolution
+            self._prioritize(lit, camera, (_FIRST_VIEW_SIDE, max(1, round(_FIRST_VIEW_SIDE * height / width))), 0)
+
+    def _prioritize(
+        self, lit: LitPoints, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int,
+        in_sight: bool = False, least: float = 0.0,
+    ) -> ViewSamples:  # fmt: skip
+        """What a picture sees comes first from now on; backs that no other has seen get points, without shadows yet,
+        where they are more than a share of it, and the others while nobody waits."""
+        seen = lit.mesh.sample_view(camera, resolution, n_edge_rays, in_sight)
+        if behind := seen.from_behind(least):
+            lit.add_backs(behind, self._are_glossy)
+            self.version += 1
+            seen = lit.mesh.sample_view(camera, resolution, n_edge_rays, in_sight)
+        lit.seen, lit.behind = seen.visible_points(), lit.behind | set(seen.from_behind())
+        return seen
+
+    def _within_memory(self, n_points: int) -> int:
+        """So many coefficients, at most those wanted, go into memory."""
+        rest = self._most_bytes - n_points * (N_UPPER // 2 + self._n_patches // 8 + 128)
+        return min(self._n_coefficients, rest // (n_points or 1) // _BYTES_A_COEFFICIENT)
+
+    def _n_least(self) -> int:
+        """So many points there are at least: the places of vertices that reflect."""
+        scene = self.scene
+        used = np.zeros(len(scene.vertices), bool)
+        used[scene.triangles[scene.reflecting[scene.object_of_triangle]]] = True
+        bits = (scene.vertices[used] + np.float32(0.0)).view(np.int32).astype(np.int64)  # of -0 as of 0
+        return len(np.unique(bits @ np.array([1, 0x9E3779B1, 0x85EBCA6B0001])))  # sums that wrap around: a hash
+
+    def _check_memory(self, n_points: int) -> None:
+        """InsituError where so many points do not go into memory."""
+        if self._within_memory(n_points) < _LEAST_COEFFICIENTS:
+            raise InsituError(
+                f"{self.scene.file}: {n_points} vertices, of which Orbit would keep more than "
+                f"{self._most_bytes / 2**20:.0f} MiB; expected fewer, or a simpler mesh"
+            )
+
+    def _lamps(self, lit: LitPoints) -> SceneEmitters | None:
+        if self._patches is None:
+            return None
+        patches, owner = self._patches
+        shining = EmitterPatches(
+            patches.corners, patches.centre, patches.normal, self.scene.emission[owner], patches.area
+        )
+        return SceneEmitters(shining, lit.patch_bits)
+
+
+def _emitters(scene: Scene, n_patches: int) -> tuple[EmitterPatches, NDArray[np.intp]] | None:
+    """About n_patches patches of all that may shine, now or later, and the object of each; None where nothing may."""
+    mine = scene.emitters[scene.object_of_triangle]
+    if not mine.any():
+        return None
+    corners = scene.vertices[scene.triangles[mine]].astype(np.float64)
+    corners, owner = merged_by_object(corners, scene.object_of_triangle[mine], n_patches)
+    number = np.repeat(owner[:, None] + 1.0, 3, axis=1)  # where radiance stands in patches
+    patches = emitter_patches(corners, number, n_patches)
+    return patches, np.rint(patches.radiance[:, 0]).astype(np.intp) - 1

@@ -1,0 +1,206 @@
+"""What the objects of a scene reflect, as sums that are drawn; their layers' slices, which are found piece by piece.
+
+Slices take at most so many bytes: of many layers they stand over larger triangles
+(`engine.realtime.triple_product.slice_levels`). To drop those that were used least recently, and to find them again,
+was rejected: a picture asks for all that it shows, and 500 metals took 160 s of processor time for each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.core.generators import StepRunner, run_to_end
+from engine.material.layer import Layer
+from engine.material.layer_maps import LayerMaps
+from engine.realtime.triple_product import _slice_kernels
+from engine.realtime.triple_product.slice_levels import SliceLevels
+from engine.realtime.triple_product.slices import Slices, diffuse_reflectance, slice_steps
+from engine.realtime.triple_product.visibility import LEVEL
+from engine.render.map_sampler import mean_factor
+from engine.scene.scene_loader import Scene
+
+LayersOf = Mapping[int, Sequence[Layer]]
+# Steradians: less have copper of the tea tray (Ashikhmin and Shirley's 320 and 70) and Beckmann's roughness of 0.12.
+SHARP = 0.4
+
+
+@dataclass(frozen=True)
+class Term:
+    """What an object reflects in one sum: layers that are matt, of reflectance ρ (3,), or layers with gloss; and which
+    of its visible layers' maps multiply it."""
+
+    i_object: int
+    layers: tuple[Layer, ...]
+    reflectance: tuple[float, float, float] | None
+    factor: int | None = None
+
+
+class Reflections:
+    """The terms of all objects, and the slices of their layers: none, coarse ones, fine ones."""
+
+    def __init__(self, most_bytes: int) -> None:
+        """most_bytes: that slices take."""
+        self.layers_of: dict[int, tuple[Layer, ...]] = {}
+        self.terms: tuple[Term, ...] = ()
+        self._levels = SliceLevels(most_bytes)
+        self._slices: dict[Layer, Slices] = {}
+        self._fine: set[Layer] = set()
+        self._tables: dict[tuple[Layer, ...], _slice_kernels.Tables] = {}
+        self._slice_steps: tuple[Layer, StepRunner[Slices]] | None = None
+        self._means: dict[tuple[object, ...], NDArray[np.floating]] = {}
+
+    def set_layers(self, layers_of: LayersOf) -> bool:
+        """The layers of each object, by its index, from now on; whether they are others. What stays keeps slices."""
+        layers = {i: tuple(own) for i, own in layers_of.items()}
+        if layers == self.layers_of:
+            return False
+        self.layers_of, self.terms = layers, tuple(_terms(layers))
+        glossy = list(dict.fromkeys(term.layers for term in self.terms if term.reflectance is None))
+        self._levels.choose(glossy)
+        before, self._slices = self._slices, {}
+        for layer, slices in before.items():
+            level = self._levels.of.get(layer, 0)
+            if slices.level > level > 0:
+                self._slices[layer] = slices.at_level(level)
+            elif slices.level >= min(level, LEVEL - 1) > 0:
+                self._slices[layer] = slices
+        same = {layer for layer, slices in self._slices.items() if slices is before[layer]}
+        self._fine = {layer for layer in self._fine & same if self._slices[layer].level == LEVEL}
+        self._tables = {
+            those: self._tables[those] for those in glossy if those in self._tables and same.issuperset(those)
+        }
+        return True
+
+    @property
+    def n_slices(self) -> int:
+        """Layers of which there are slices."""
+        return len(self._slices)
+
+    @property
+    def slice_bytes(self) -> int:
+        """What slices take now."""
+        arrays = [slices.flat for slices in self._slices.values()]
+        arrays += [array for tables in self._tables.values() for array in (tables.table, tables.values)]
+        return sum({id(array): array.nbytes for array in arrays}.values())
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is coarser for want of memory."""
+        return self._levels.notes
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all slices are as fine as they are to be."""
+        return not self._rough and all(layer in self._slices for layer in self._wanted)
+
+    def are_glossy(self, n_objects: int) -> NDArray[np.bool_]:
+        """Which objects (M,) do not reflect evenly."""
+        found = np.zeros(n_objects, bool)
+        found[[term.i_object for term in self.terms if term.reflectance is None]] = True
+        return found
+
+    def find_coarse(self) -> bool:
+        """Find the coarse slices of a layer that has none; whether there was one."""
+        missing = next((layer for layer in self._wanted if layer not in self._slices), None)
+        if missing is None:
+            return False
+        coarse = run_to_end(slice_steps(missing, -1))
+        self._take(missing, coarse.at_level(min(coarse.level, self._levels.of[missing])))
+        return True
+
+    def refine(self) -> bool:
+        """A step towards the fine slices of a layer whose are coarse; whether it was the last of them."""
+        rough = self._rough
+        if self._slice_steps is None or self._slice_steps[0] not in rough:
+            self._slice_steps = rough[0], StepRunner(slice_steps(rough[0]))
+        layer, steps = self._slice_steps
+        if not steps.advance():
+            return False
+        self._take(layer, steps.result)
+        self._fine.add(layer)
+        self._slice_steps = None
+        return True
+
+    def tables(self, layers: tuple[Layer, ...]) -> _slice_kernels.Tables | None:
+        """The slices of layers that lie on one another; None while they are not known."""
+        if layers not in self._tables:
+            if any(layer not in self._slices for layer in layers):
+                return None
+            total = self._slices[layers[0]]
+            for layer in layers[1:]:
+                total = total + self._slices[layer]
+            self._tables[layers] = total.make_tables()
+        return self._tables[layers]
+
+    def is_sharp(self, layers: tuple[Layer, ...]) -> bool:
+        """Whether one of the layers whose slices are known has highlights that points are too far apart for."""
+        return any(layer in self._slices and self._slices[layer].lobe < SHARP for layer in layers)
+
+    def albedo(self, term: Term) -> NDArray[np.float64]:
+        """Of the matt reflection that stands for a term's, (3,); without its maps."""
+        if term.reflectance is not None:
+            return np.pi * np.array(term.reflectance)
+        known = (self._slices[layer].albedo for layer in term.layers if layer in self._slices)
+        return sum(known, start=np.zeros(3))
+
+    def albedos(self, scene: Scene) -> NDArray[np.float32]:
+        """The same of all objects, (M, 3), with the means of their maps."""
+        albedos = np.zeros((len(scene.smooth), 3))
+        for term in self.terms:
+            maps = term.layers[0].maps
+            mean = 1.0 if maps.is_plain else self._mean_factor(scene, term.i_object, maps)
+            albedos[term.i_object] += self.albedo(term) * mean
+        return albedos.astype(np.float32)
+
+    def _mean_factor(self, scene: Scene, i_object: int, maps: LayerMaps) -> NDArray[np.floating]:
+        """By what maps multiply an object on average, (3,); kept while its files are the same."""
+        images = scene.textures.texture(maps.images), scene.textures.weight(maps.images)
+        key = i_object, maps, images
+        if key not in self._means:
+            self._means = {other: mean for other, mean in self._means.items() if other[1] in self._all_maps}
+            self._means[key] = mean_factor(scene, i_object, maps)
+        return self._means[key]
+
+    @property
+    def _all_maps(self) -> set[LayerMaps]:
+        return {layer.maps for layers in self.layers_of.values() for layer in layers}
+
+    @property
+    def _wanted(self) -> list[Layer]:
+        """The layers that want slices."""
+        return list(self._levels.of)
+
+    @property
+    def _rough(self) -> list[Layer]:
+        """Those that are to have fine ones, and have not."""
+        return [layer for layer, level in self._levels.of.items() if level == LEVEL and layer not in self._fine]
+
+    def _take(self, layer: Layer, slices: Slices) -> None:
+        self._slices[layer] = slices
+        self._tables = {layers: tables for layers, tables in self._tables.items() if layer not in layers}
+
+
+def _terms(layers_of: Mapping[int, Sequence[Layer]]) -> Iterator[Term]:
+    """What is reflected: of each object all matt layers without maps together, all others without, and each with."""
+    for i, layers in layers_of.items():
+        visible = [layer for layer in layers if layer.visible]
+        plain = [layer for layer in visible if layer.maps.is_plain]
+        glossy = tuple(layer for layer in plain if _diffuse(layer) is None)
+        diffuse = [found for layer in plain if (found := _diffuse(layer)) is not None]
+        if diffuse:
+            red, green, blue = np.sum(diffuse, axis=0)
+            yield Term(i, tuple(layer for layer in plain if layer not in glossy), (red, green, blue))
+        if glossy:
+            yield Term(i, glossy, None)
+        yield from (Term(i, (layer,), _diffuse(layer), k) for k, layer in enumerate(visible) if not layer.maps.is_plain)
+
+
+@lru_cache(maxsize=256)
+def _diffuse(layer: Layer) -> tuple[float, float, float] | None:
+    found = diffuse_reflectance(layer)
+    return None if found is None else (float(found[0]), float(found[1]), float(found[2]))

@@ -1,0 +1,367 @@
+"""Where Orbit sums light: the vertices of the scene's meshes, and between them where a mesh is coarse for its shadows.
+
+A triangle that is large beside its distance to what may shade it is cut in four, again and again. So a floor of two
+triangles gets its texels, most of them where shadows are sharp: what visibility textures over an atlas are for
+[Ma06, 3.4], without an atlas. Nothing is stretched, and there are neither seams nor meshes that cannot be unwrapped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from engine.core.generators import run_to_end
+from engine.realtime.triple_product.lit_faces import lit_sides
+from engine.scene.local_frames import object_tangents
+from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene
+
+Float32Array = NDArray[np.float32]
+Float64Array = NDArray[np.float64]
+# Corners and normals (T, 3, 3), where they lie within the scene's triangle (T, 3, 2), and which (T,) that is.
+Parts = tuple[Float64Array, Float64Array, Float64Array, NDArray[np.intp]]
+Int32Array = NDArray[np.int32]
+
+# What is finer than a 32nd of the distance to a caster, near visibility's own 1.4 degrees, shows nothing more.
+_HALVINGS = 5
+# By which the bound falls above which parts are cut.
+_STEP = 0.7
+# Cosine between two normals of a triangle: what is rounder is cut.
+_MOST_BEND = np.cos(np.radians(15.0))
+_AT_ONCE = 8192  # parts
+_INWARDS = 0.1
+# Samples of casters by area, and as many by object.
+_SAMPLES = 20_000
+# Corners of one object that agree to this share of the scene's size, and normals to this, are one point.
+_SAME_PLACE, _SAME_NORMAL = 1e-6, 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class ShadingPoints:
+    """S points and the T triangles between them, that cover the surfaces of all objects that reflect.
+
+    position (S, 3) on the surface, lifted (S, 3) off it for shadow rays, normal (S, 3) and tangent (S, 3), unit, on the
+    side that they are for; i_object (S,). triangles (T, 2, 3) into the points: those on the side that the winding
+    faces, and those on the other, −1 where light is not asked for; corners (T, 3, 3) float64 in space; source (T,): the
+    scene's triangle that each is a part of, within (T, 3, 2): u and v of its corners there. An object's points stand
+    together, neighbours mostly close. sides (M, 2): on which sides light can reach objects, relays (M,): whose backs
+    send it on, see `engine.realtime.triple_product.lit_faces`. buried (S,): points within something solid, of which no
+    picture is drawn, see `engine.realtime.triple_product.enclosed_points`; None where nobody has looked.
+    """
+
+    position: Float32Array
+    lifted: Float32Array
+    normal: Float32Array
+    tangent: Float32Array
+    i_object: Int32Array
+    triangles: Int32Array
+    source: Int32Array
+    corners: NDArray[np.float64]
+    within: Float32Array
+    sides: NDArray[np.bool_]
+    relays: NDArray[np.bool_]
+    buried: NDArray[np.bool_] | None = None
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    @cached_property
+    def frames(self) -> Float32Array:
+        """(S, 3, 3): rows tangent, normal, and across; world direction · row is its x, y, z on the geodesic sphere.
+
+        The sphere's +Y is the normal: a triangle of it then is either above the surface or below.
+        """
+        return np.stack([self.tangent, self.normal, np.cross(self.tangent, self.normal)], axis=1)
+
+    @cached_property
+    def shown(self) -> Int32Array:
+        """`triangles` for pictures: where some corners are buried the nearest of the others stands in for each.
+
+        A floor goes on beneath the walls; its points there are black, and would draw a dark line along each wall.
+        """
+        if self.buried is None or not self.buried.any():
+            return self.triangles
+        hidden = (self.triangles >= 0) & self.buried[self.triangles]
+        t, side, corner = np.nonzero(hidden & ~hidden.all(axis=2, keepdims=True))
+        apart = np.linalg.norm(self.corners[t] - self.corners[t, corner][:, None], axis=2)
+        nearest = np.where(hidden[t, side], np.inf, apart).argmin(axis=1)
+        shown = self.triangles.copy()
+        shown[t, side, corner] = self.triangles[t, side, nearest]
+        return shown
+
+    def caster(self) -> RayCaster:
+        """Rays against the triangles (T, 3)."""
+        return RayCaster(self.corners.reshape(-1, 3), np.arange(3 * len(self.corners)).reshape(-1, 3))
+
+
+def shading_points(
+    scene: Scene, caster: RayCaster, n_points: int, even: NDArray[np.bool_] | None = None, is_whole: bool = False
+) -> ShadingPoints:
+    """About `n_points` points besides the meshes' own vertices, spread evenly over what is coarse; on the side that the
+    winding faces.
+
+    caster: of the scene's triangles; even (M,): objects of which all triangles are cut as often, or none; is_whole:
+    where a triangle is cut, those beside it have the same corners, so that none part when points move. Raises
+    ValueError unless n_points ≥ 0.
+    """
+    return run_to_end(place_points(scene, caster, n_points, even, is_whole))
+
+
+def place_points(
+    scene: Scene, caster: RayCaster, n_points: int, even: NDArray[np.bool_] | None = None, is_whole: bool = False
+) -> Generator[None, None, ShadingPoints]:
+    """The same in pieces of some 30 ms."""
+    if n_points < 0:
+        raise ValueError(f"n_points = {n_points}, expected 0 or more")
+    reflects = scene.reflecting[scene.object_of_triangle]
+    even = np.zeros(len(scene.smooth), bool) if even is None else even
+    yield
+    sides, relays = lit_sides(scene, caster)
+    yield
+    parts = yield from _cut_where_coarse(scene, reflects, sides, even, n_points)
+    corners, normals, within, source = _joined_at_edges(parts) if is_whole else parts
+    mine = np.flatnonzero(reflects[source])
+    ids = np.repeat(scene.object_of_triangle[source[mine]], 3)
+    stored, number = _joined(corners[mine], normals[mine], ids)
+    order = _close_together(corners[mine].reshape(-1, 3)[stored], ids[stored])
+    stored, number = stored[order], np.argsort(order)[number]
+    triangles = np.full((len(source), 2, 3), -1, np.int32)
+    triangles[mine, 0] = number.reshape(-1, 3)
+    position, normal = corners[mine].reshape(-1, 3)[stored], normals[mine].reshape(-1, 3)[stored]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    inwards = _towards_middles(corners[mine], number.reshape(-1, 3), len(stored))
+    inwards -= np.einsum("pk,pk->p", inwards, normal)[:, None] * normal
+    return ShadingPoints(
+        position.astype(np.float32),
+        caster.offset_origins(position + inwards, normal),
+        normal.astype(np.float32),
+        object_tangents(scene, ids[stored], normal).astype(np.float32),
+        ids[stored].astype(np.int32),
+        triangles,
+        source.astype(np.int32),
+        corners,
+        within.astype(np.float32),
+        sides,
+        relays & scene.reflecting,
+    )
+
+
+def with_backs(points: ShadingPoints, behind: NDArray[np.bool_]) -> ShadingPoints:
+    """The points, and behind them others for the backs of objects (M,) that are named and have none yet."""
+    front, back = points.triangles[:, 0], points.triangles[:, 1]
+    mine = (front[:, 0] >= 0) & (back[:, 0] < 0) & behind[points.i_object[front[:, 0]]]
+    twins, number = np.unique(front[mine], return_inverse=True)
+    triangles = points.triangles.copy()
+    triangles[mine, 1] = len(points) + number.reshape(-1, 3)
+    position, normal = points.position[twins], -points.normal[twins]
+    lift = np.einsum("pk,pk->p", points.lifted[twins] - position, normal)[:, None]
+    own = position, points.lifted[twins] - 2.0 * lift * normal, normal, points.tangent[twins], points.i_object[twins]
+    stored = points.position, points.lifted, points.normal, points.tangent, points.i_object
+    position, lifted, normal, tangent, i_object = (np.concatenate(both) for both in zip(stored, own, strict=True))
+    return ShadingPoints(
+        position, lifted, normal, tangent, i_object, triangles, points.source, points.corners, points.within,
+        points.sides, points.relays, points.buried,
+    )  # fmt: skip
+
+
+def _towards_middles(corners: Float64Array, numbers: NDArray[np.intp], n_points: int) -> Float64Array:
+    """From points (S, 3) a tenth of the way to the middles of the triangles around them, whose corners (T, 3, 3) have
+    these numbers (T, 3): off an edge, where two walls meet and a ray may miss both, and nowhere where it goes on."""
+    steps, at = corners.mean(axis=1, keepdims=True) - corners, numbers.ravel()
+    total = np.stack([np.bincount(at, steps[..., i].ravel(), n_points) for i in range(3)], axis=1)
+    return np.asarray(_INWARDS * total / np.bincount(at, minlength=n_points)[:, None])
+
+
+def _quarters(corners: NDArray, middles: NDArray) -> NDArray:
+    """(T, 4, 3, k): what stands at corners of the four parts of triangles, by what stands at theirs and in the middle
+    of their edges (T, 3, k)."""
+    (a, b, c), (ab, bc, ca) = np.moveaxis(corners, 1, 0), np.moveaxis(middles, 1, 0)
+    return np.stack([np.stack(part, axis=1) for part in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))], axis=1)
+
+
+def _cut_where_coarse(
+    scene: Scene, reflects: NDArray[np.bool_], sides: NDArray[np.bool_], even: NDArray[np.bool_], n_points: int
+) -> Generator[None, None, Parts]:
+    """The scene's triangles, those of them quartered that are large beside their distance to what may shade them on the
+    sides (M, 2) that light reaches, and of objects that stay even (M,) all or none.
+
+    A shadow varies over lengths in proportion to the distance to its caster. So the error of a part is taken for its
+    area times its longest edge over that distance, and the largest is cut, until there are n_points more.
+    """
+    casters = cKDTree(_samples(scene))
+    n = len(scene.triangles)
+    within = np.tile([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)], (n, 1, 1))
+    parts = scene.vertices[scene.triangles].astype(np.float64), _corner_normals(scene), within, np.arange(n)
+    i_object = scene.object_of_triangle
+    whole = parts
+    yield
+    errors = yield from _errors(casters, parts[0], parts[1], sides[i_object])
+    errors = np.where(reflects[parts[3]], errors, 0.0)
+    most, bound = n + 2 * n_points, errors.max(initial=0.0)
+    while bound > 0.0:
+        cut = errors > bound
+        if not cut.any():
+            bound = _STEP * bound if bound > 1e-9 * errors.max() else 0.0
+            continue
+        if len(cut) + 3 * cut.sum() > most:
+            break
+        n_whole, parts = int((~cut).sum()), _cut(parts, cut)
+        corners, normals, source = parts[0][n_whole:], parts[1][n_whole:], parts[3][n_whole:]
+        of_new = yield from _errors(casters, corners, normals, sides[i_object[source]])
+        errors = np.concatenate([errors[~cut], of_new])
+    for i in np.flatnonzero(even):  # in the place of what it was cut to, for which the others are cut as they were
+        parts = _with_even(parts, i_object == i, whole, n_points)
+    return parts
+
+
+def _with_even(parts: Parts, mine: NDArray[np.bool_], whole: Parts, n_points: int) -> Parts:
+    """The parts with those of an object, whose triangles (T,) are told, cut as often; whole: as they were at first."""
+    own = whole[0][mine], whole[1][mine], whole[2][mine], whole[3][mine]
+    while 0 < 4 * len(own[3]) <= n_points:
+        own = _cut(own, np.ones(len(own[3]), bool))
+    others = ~mine[parts[3]]
+    corners, normals, within = (
+        np.concatenate([each[others], its]) for each, its in zip(parts[:3], own[:3], strict=True)
+    )
+    return corners, normals, within, np.concatenate([parts[3][others], own[3]])
+
+
+def _cut(parts: Parts, cut: NDArray[np.bool_]) -> Parts:
+    """The parts that are not to be cut, and behind them four of each that is."""
+    corners, normals, within = (
+        np.concatenate([a[~cut], _quarters(a[cut], _middles(a[cut])).reshape(-1, *a.shape[1:])]) for a in parts[:3]
+    )
+    return corners, normals, within, np.concatenate([parts[3][~cut], np.repeat(parts[3][cut], 4)])
+
+
+def _joined_at_edges(parts: Parts) -> Parts:
+    """The parts, halved wherever others have a corner in the middle of one of their edges; no corner is a new one."""
+    there, halved = np.unique(_places(parts[0], parts[0])), parts
+    while (hangs := _has_hanging_vertices(halved[0], parts[0], there)).any():
+        which = hangs.any(axis=1)
+        turn = (np.argmax(hangs[which], axis=1)[:, None] + np.arange(3)) % 3  # that edge first
+        corners, normals, within = (
+            np.concatenate([a[~which], _halves(np.take_along_axis(a[which], turn[..., None], 1))]) for a in halved[:3]
+        )
+        halved = corners, normals, within, np.concatenate([halved[3][~which], np.tile(halved[3][which], 2)])
+    return halved
+
+
+def _has_hanging_vertices(corners: Float64Array, among: Float64Array, there: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which edges (T, 3) have one of these places between their ends; one without length has nothing between them."""
+    ends, middles = _places(corners, among), _places(_middles(corners), among)
+    return np.isin(middles, there) & (middles != ends) & (middles != np.roll(ends, -1, axis=1))
+
+
+def _halves(corners: NDArray) -> NDArray:
+    """(2 T, 3, k): what stands at corners of triangles (T, 3, k) that are halved at their first edge."""
+    a, b, c = np.moveaxis(corners, 1, 0)
+    middle = (a + b) / 2.0
+    return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+
+
+def _places(places: Float64Array, among: Float64Array) -> NDArray[np.int64]:
+    """Numbers of places (..., 3), the same for the same place; among: (..., 3) in whose box they lie."""
+    low = among.min(axis=(0, 1))
+    size = float((among.max(axis=(0, 1)) - low).max()) or 1.0
+    x, y, z = np.moveaxis(np.round((places - low) / size * (2**20 - 1)).astype(np.int64), -1, 0)
+    return np.asarray((x << 40) + (y << 20) + z)
+
+
+def _errors(
+    casters: cKDTree, corners: Float64Array, normals: Float64Array, lit: NDArray[np.bool_]
+) -> Generator[None, None, NDArray[np.float64]]:
+    """What parts (T, 3, 3) are off by if they are not cut: area × longest edge / distance to casters, at most the area,
+    and that where they bend; 0 for what is fine enough. Of casters on the sides that light reaches, lit (T, 2), the
+    nearer counts."""
+    sides = corners - np.roll(corners, 1, axis=1)
+    twice = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    longest = np.linalg.norm(sides, axis=2).max(axis=1)
+    up = normals.mean(axis=1)
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    bend = np.einsum("tki,tki->tk", normals, np.roll(normals, 1, axis=1)).min(axis=1)
+    middles, nearness = corners.mean(axis=1), np.zeros(len(corners))
+    for side, sign in enumerate((1.0, -1.0)):
+        of_side = np.flatnonzero(lit[:, side])
+        found = yield from _nearness(casters, middles[of_side], sign * up[of_side], longest[of_side])
+        nearness[of_side] = np.maximum(nearness[of_side], found)
+    return twice / 2.0 * np.where(bend < _MOST_BEND, 1.0, nearness)
+
+
+def _nearness(
+    casters: cKDTree, places: Float64Array, normals: Float64Array, lengths: NDArray[np.float64]
+) -> Generator[None, None, NDArray[np.float64]]:
+    """Lengths (N,) over the distance to what may shade places (N, 3): 1, ½, ¼, ... or 0.
+
+    A ball that touches the surface from above and has the distance for its radius then holds a sample of something; of
+    the surface itself, flat or bulging, it cannot.
+    """
+    found = np.zeros(len(places))
+    for k in range(_HALVINGS + 1):
+        open_ = np.flatnonzero(found == 0.0)
+        for start in range(0, len(open_), _AT_ONCE):
+            some = open_[start : start + _AT_ONCE]
+            radius = lengths[some] * 2.0**k
+            distance, _ = casters.query(places[some] + radius[:, None] * normals[some], workers=-1)
+            found[some[distance < radius - 1e-3 * lengths[some]]] = 2.0**-k
+            yield
+    return found
+
+
+def _samples(scene: Scene) -> Float64Array:
+    """Places all over the surfaces, in a fixed order of chance."""
+    random = np.random.default_rng(1)
+    corners = scene.vertices[scene.triangles].astype(np.float64)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    by_area = random.choice(len(area), _SAMPLES, p=area / area.sum())
+    by_object = random.integers(*scene.triangle_ranges[random.integers(len(scene.smooth), size=_SAMPLES)].T)
+    weights = random.dirichlet((1.0, 1.0, 1.0), 2 * _SAMPLES)
+    return np.einsum("nk,nki->ni", weights, corners[np.concatenate([by_area, by_object])])
+
+
+def _close_together(positions: Float64Array, i_object: NDArray[np.integer]) -> NDArray[np.intp]:
+    """An order in which what belongs to an object stands together, along a Z-curve through space."""
+    low = positions.min(axis=0, initial=np.inf)
+    size = float((positions.max(axis=0, initial=-np.inf) - low).max(initial=0.0)) if len(positions) else 1.0
+    places = ((positions - low) / (size or 1.0) * 1023.0).astype(np.int64)
+    code = np.zeros(len(positions), np.int64)
+    for bit in range(10):
+        for axis in range(3):
+            code |= (places[:, axis] >> bit & 1) << (3 * bit + axis)
+    return np.lexsort((code, i_object))
+
+
+def _middles(corners: Float64Array) -> Float64Array:
+    return (corners + np.roll(corners, -1, axis=1)) / 2.0
+
+
+def _corner_normals(scene: Scene) -> NDArray[np.float64]:
+    """(T, 3, 3): the vertices' normals where an object is smooth and they are of use, else the face's; on the side that
+    the winding faces, also where that is against them."""
+    faces = np.repeat(scene.geometric_normals[:, None].astype(np.float64), 3, axis=1)
+    own = scene.normals[scene.triangles].astype(np.float64)
+    along = np.einsum("tki,tki->tk", own, faces)
+    sign = np.where(along.sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
+    usable = scene.smooth[scene.object_of_triangle][:, None] & (sign * along > 1e-3)
+    return np.where(usable[..., None], sign[..., None] * own, faces)
+
+
+def _joined(
+    corners: NDArray[np.float64], normals: NDArray[np.float64], i_object: NDArray[np.integer]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Which corners stand for all that share place, normal and object, and of which of these each corner is one."""
+    flat = corners.reshape(-1, 3)
+    size = float(np.abs(flat).max(initial=0.0)) or 1.0
+    keys = np.concatenate([
+        np.round(flat / (size * _SAME_PLACE)),
+        np.round(normals.reshape(-1, 3) / _SAME_NORMAL),
+        i_object[:, None],
+    ], axis=1).astype(np.int64)  # fmt: skip
+    packed = np.ascontiguousarray(keys).view(np.dtype((np.void, keys.dtype.itemsize * keys.shape[1]))).ravel()
+    _, places, points = np.unique(packed, return_index=True, return_inverse=True)
+    return places, points.ravel()

@@ -1,0 +1,91 @@
+"""By what textures and weight maps multiply what a picture sees: filtered over the pixel, as in Placement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.core.threads import even_parts, on_threads
+from engine.material.layer import Layer
+from engine.material.layer_maps import Images
+from engine.realtime.triple_product import _footprint_kernels as kernels
+from engine.realtime.triple_product.view_samples import Rows, ViewSamples
+from engine.render.map_sampler import paint_weights, sample_images
+from engine.scene.bump_normals import Footprints, gradients
+from engine.scene.scene_loader import Scene
+from engine.scene.surface_uvs import corner_uvs
+from engine.texture.pyramid import MOST_PROBES, Pyramid
+
+Float32Array = NDArray[np.float32]
+MOVING_PROBES = 2
+
+
+def factors(
+    seen: ViewSamples, which: Rows, scene: Scene, i_object: int, layers: Sequence[Layer], quality: str
+) -> dict[int, Float32Array]:
+    """By what maps multiply an object's visible layers that have any, by their number: (N, 3) at samples (N,).
+
+    While something moves, a pixel seen at a slant is covered by fewer look-ups, each in one level of the image.
+    """
+    visible = [layer for layer in layers if layer.visible]
+    mapped = {k: layer.maps for k, layer in enumerate(visible) if not layer.maps.is_plain}
+    at = _Places(seen, which, scene, i_object, quality == "moving")
+    return {k: np.asarray(maps.factor(*at.look_up(maps.images)), np.float32) for k, maps in mapped.items()}
+
+
+class _Places:
+    """Where samples of one object lie on its images; what layers share, and pictures of one camera, is looked up
+    once."""
+
+    def __init__(self, seen: ViewSamples, which: Rows, scene: Scene, i_object: int, is_quick: bool) -> None:
+        self._seen, self._which, self._scene, self._i_object = seen, which, scene, i_object
+        self._is_quick, self._most_probes = is_quick, MOVING_PROBES if is_quick else MOST_PROBES
+
+    def look_up(self, images: Images) -> tuple[Float32Array, Float32Array]:
+        """Texture (N, 3) and weight (N,)."""
+        colours, shares = sample_images(images, self._scene.textures, len(self._which), self._sample)
+        if images.strokes:
+            shares = paint_weights(self._scene, self._seen.in_scene(self._which), images.strokes, shares)
+        return colours, shares
+
+    def _sample(self, image: Pyramid, scale: tuple[float, float]) -> Float32Array:
+        known = self._seen.sampled
+        key = self._i_object, image, scale
+        if key not in known:
+            footprints = footprints_of(self._seen, self._which, self._scene, self._i_object)
+            known[key] = image.over(*footprints, self._most_probes, scale, self._is_quick)
+        return known[key]
+
+
+def footprints_of(seen: ViewSamples, which: Rows, scene: Scene, i_object: int) -> Footprints:
+    """Texture coordinates of the samples of an object, and their change over a pixel to the left and upwards, (N, 2);
+    found once."""
+    if i_object not in seen.footprints:
+        seen.footprints[i_object] = _footprints(seen, which, scene, i_object)
+    uv, left, up = seen.footprints[i_object]
+    return uv, left, up
+
+
+def _footprints(seen: ViewSamples, which: Rows, scene: Scene, i_object: int) -> tuple[NDArray[np.float64], ...]:
+    if i_object not in seen.charts:
+        seen.charts[i_object] = _charts(scene, i_object)
+    out = tuple(np.empty((3, len(which), 2)))
+    samples, eye = seen.samples, seen.camera_position.astype(np.float64)
+    what = which, seen.found[0], seen.points.source, samples.wo, seen.share, seen.charts[i_object]
+
+    def part(start: int, stop: int) -> None:
+        kernels.footprints(start, stop, *what, eye, seen.axes, *out)
+
+    on_threads(part, *even_parts(len(which)))
+    return out
+
+
+def _charts(scene: Scene, i_object: int) -> kernels.Charts:
+    """How an object's triangles lie on its images."""
+    own = np.arange(*scene.triangle_ranges[i_object])
+    corners = scene.vertices[scene.triangles[own]].astype(np.float64)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    first = np.ascontiguousarray(corners[:, 0]), np.ascontiguousarray(corner_uvs(scene, own)[:, 0])
+    return kernels.Charts(*first, normals, gradients(scene, own), int(own[0]))

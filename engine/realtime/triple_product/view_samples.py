@@ -1,0 +1,266 @@
+"""What a picture from anywhere sees: the shading points around each pixel; at rest, edges by several rays a pixel."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.core.threads import even_parts, on_threads
+from engine.light.environment import Environment
+from engine.realtime.triple_product import _picture_kernels as kernels
+from engine.realtime.triple_product._footprint_kernels import Charts
+from engine.realtime.triple_product.corner_visibility import CornerVisibility
+from engine.realtime.triple_product.shading_points import ShadingPoints
+from engine.scene.camera import camera_frame
+from engine.scene.description import CameraDescription
+from engine.scene.edges import Surface, edge_pixels, ray_offsets, turn_of
+from engine.scene.local_frames import local_frames, object_tangents
+from engine.scene.raycaster import Intersections, RayCaster
+from engine.scene.scene_loader import Scene
+
+Float32Array = NDArray[np.float32]
+Rows = NDArray[np.int64]
+_RAYS = 16384  # at a time
+_FEW_EDGE_RAYS = 4  # a pixel, up to which edges are silhouettes alone
+
+
+class PointMesh:
+    """The surface between shading points, ready for rays from any eye."""
+
+    def __init__(self, scene: Scene, points: ShadingPoints, caster: RayCaster | None = None) -> None:
+        """caster: of the triangles between the points, where there is one."""
+        self._scene, self._points = scene, points
+        self._last: tuple[tuple[object, ...], ViewSamples] | None = None
+        self._caster = caster or points.caster()
+        self._charts: dict[int, Charts] = {}
+        self.visibility = CornerVisibility(points, self._caster)
+        self._surface = kernels.PointTriangles(
+            points.shown, np.ascontiguousarray(scene.geometric_normals[points.source]),
+            scene.object_of_triangle[points.source], scene.emission,
+        )  # fmt: skip
+
+    def of(self, points: ShadingPoints) -> PointMesh:
+        """The same surface, with other points on its sides."""
+        other = PointMesh(self._scene, points, self._caster)
+        other._charts = self._charts
+        return other
+
+    def sample_view(
+        self, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int = 0, in_sight: bool = False
+    ) -> ViewSamples:
+        """What the eye sees in a picture of resolution (width, height), one ray through each pixel's centre; where
+        edges are to be soft 4, 8 or 16 through the pixels at them, which by more than 4 are also those where an object
+        bends or breaks off; in_sight: of points that see what they are asked about alone. The last is kept, as the
+        camera stays while a material or the light moves."""
+        asked = camera, resolution, n_edge_rays, in_sight
+        if self._last is None or self._last[0] != asked:
+            self._last = asked, self._sample_view(*asked)
+        return self._last[1]
+
+    def _sample_view(
+        self, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int, in_sight: bool
+    ) -> ViewSamples:
+        width, height = resolution
+        pixel, share = np.arange(width * height), np.ones(width * height, np.float32)
+        samples, found = self._trace(camera, resolution, np.empty((0, 2)), len(pixel))
+        if n_edge_rays:
+            edges = np.zeros((height, width), bool)
+            if n_edge_rays > _FEW_EDGE_RAYS:
+                edges[:] = self._edges(samples, found, resolution).reshape(height, width)
+            else:
+                kernels.silhouettes(samples.i_object.reshape(height, width), edges)
+            inner, outer = np.flatnonzero(~edges), np.flatnonzero(edges)
+            places = np.stack([outer % width, outer // width], axis=1)[:, None] + (0.5 + ray_offsets(n_edge_rays))
+            more, found_more = self._trace(camera, resolution, places.reshape(-1, 2), n_edge_rays * len(outer))
+            samples = kernels.Samples(*(np.concatenate([a[inner], b]) for a, b in zip(samples, more, strict=True)))
+            found = tuple(np.concatenate([a[inner], b]) for a, b in zip(found, found_more, strict=True))
+            pixel = np.concatenate([inner, np.repeat(outer, n_edge_rays)])
+            share = np.concatenate([share[inner], np.full(n_edge_rays * len(outer), 1.0 / n_edge_rays, np.float32)])
+        if in_sight:
+            self.visibility.fix_corners(samples, found[0])
+        i_object = samples.i_object
+        reflects = samples.corners[:, 0] >= 0
+        order, bounds = kernels.by_object(i_object, reflects, len(self._scene.smooth))
+        eye = np.subtract(camera.position, self._scene.origin).astype(np.float32)
+        axes = _plane(camera, resolution)
+        what = samples, pixel, share, order, bounds, found, self._points, self._charts
+        return ViewSamples((width, height), eye, axes, *what)
+
+    def _edges(
+        self, samples: kernels.Samples, found: tuple[NDArray, ...], resolution: tuple[int, int]
+    ) -> NDArray[np.bool_]:  # fmt: skip
+        """Which pixels (R,) are at edges as Placement has them: also where one object breaks off or bends."""
+        reflects = np.flatnonzero(samples.corners[:, 0] >= 0)
+        ids = np.where(samples.corners[:, 0] >= 0, samples.i_object, -1)
+        position, normal = np.zeros((2, len(ids), 3), np.float32)
+        corners, weights = samples.corners[reflects], samples.weights[reflects]
+        between = np.einsum("rk,rki->ri", weights, self._points.normal[corners])
+        normal[reflects] = between / np.maximum(np.linalg.norm(between, axis=1, keepdims=True), 1e-30)
+        position[reflects] = np.einsum("rk,rki->ri", weights, self._points.corners[found[0][reflects]])
+        surface = Surface(ids.astype(np.int32), position, normal)
+        return edge_pixels(samples.i_object, surface, turn_of(_FEW_EDGE_RAYS), resolution)
+
+    def set_emission(self, scene: Scene) -> None:
+        """Take over what objects emit."""
+        self._scene, self._surface, self._last = scene, self._surface._replace(emission=scene.emission), None
+
+    def trace(self, origins: Float32Array, directions: Float32Array) -> tuple[kernels.Samples, Float32Array]:
+        """What a few rays (R, 3) from anywhere meet, and how far away (R,)."""
+        out, hits = _room(len(origins)), self._caster.intersect(origins, directions)
+        kernels.resolve(0, hits.triangle, hits.u, hits.v, directions, self._surface, out)
+        self.visibility.fix_corners(out, hits.triangle)
+        return out, hits.distance
+
+    def _trace(
+        self, camera: CameraDescription, resolution: tuple[int, int], places: NDArray[np.float64], n: int
+    ) -> tuple[kernels.Samples, tuple[NDArray, ...]]:
+        """Samples of n rays, and their triangle, u and v."""
+        axes, eye = _plane(camera, resolution), np.subtract(camera.position, self._scene.origin).astype(np.float32)
+        directions = np.empty((n, 3), np.float32)
+        out = _room(n)
+        found = np.empty(n, np.int32), np.empty(n, np.float32), np.empty(n, np.float32)
+
+        def part(start: int) -> None:
+            stop = min(start + _RAYS, n)
+            kernels.fill_rays(start, stop, places, resolution[0], axes, directions)
+            own = directions[start:stop]
+            hits = self._caster.intersect(np.broadcast_to(eye, own.shape), own)
+            kernels.resolve(start, hits.triangle, hits.u, hits.v, own, self._surface, out)
+            for mine, theirs in zip(found, (hits.triangle, hits.u, hits.v), strict=True):
+                mine[start:stop] = theirs
+
+        on_threads(part, range(0, n, _RAYS))
+        return out, found
+
+
+@dataclass(frozen=True, eq=False)
+class ViewSamples:
+    """Samples (R,) of a picture: resolution (width, height), eye (3,), axes (3, 3) of its plane, what they meet, their
+    pixel (R,) and share of it (R,). order (N,): those that reflect, by object, whose ranges are bounds (M + 1,); found:
+    triangle, u, v of the points' triangles; footprints, sampled, leans: what `view_maps` and `perturbed_normals` have
+    found for it; charts: how objects' triangles lie on images, shared by all pictures."""
+
+    resolution: tuple[int, int]
+    camera_position: Float32Array
+    axes: NDArray[np.float64]
+    samples: kernels.Samples
+    pixel: Rows
+    share: Float32Array
+    order: Rows
+    bounds: Rows
+    found: tuple[NDArray, ...]
+    points: ShadingPoints
+    charts: dict[int, Charts]
+    footprints: dict[int, tuple[NDArray[np.float64], ...]] = field(default_factory=dict)
+    sampled: dict[object, Float32Array] = field(default_factory=dict)
+    leans: dict[object, Float32Array] = field(default_factory=dict)
+
+    @cached_property
+    def shares(self) -> Float32Array:
+        """(R, 3): how near samples are to the corners of their triangle; weights differ where not all are in sight."""
+        _, u, v = self.found
+        return np.stack([1.0 - u - v, u, v], axis=1)
+
+    def places(self, which: Rows) -> Float32Array:
+        """Where samples (N,) lie, (N, 3)."""
+        corners = self.points.corners[self.found[0][which]]
+        return np.asarray(np.einsum("nk,nki->ni", self.shares[which], corners), np.float32)
+
+    def of(self, i_object: int) -> Rows:
+        """The samples that see an object."""
+        return self.order[self.bounds[i_object] : self.bounds[i_object + 1]]
+
+    def from_behind(self, least: float = 0.0) -> tuple[int, ...]:
+        """Objects that are seen where they have no points, in more than this share of what is seen."""
+        n_samples = np.bincount(self.samples.i_object[self.samples.behind])
+        return tuple(np.flatnonzero(n_samples > least * len(self.samples.behind)).tolist())
+
+    def visible_points(self) -> NDArray[np.bool_]:
+        """Which shading points (S,) are corners of samples."""
+        seen = np.zeros(len(self.points), bool)
+        kernels.mark(0, len(self.pixel), self.samples.corners, seen)
+        return seen
+
+    def normals(self, which: Rows) -> Float32Array:
+        """Those of points, unit, between the corners of samples (N,): (N, 3)."""
+        corners, weights = self.samples.corners[which], self.samples.weights[which]
+        between = np.einsum("nk,nki->ni", weights, self.points.normal[corners])
+        length = np.linalg.norm(between, axis=1, keepdims=True)
+        return np.asarray(between / np.maximum(length, 1e-30), np.float32)
+
+    def frames(
+        self, which: Rows, scene: Scene, i_object: int, normals: Float32Array | None = None
+    ) -> NDArray[np.float64]:
+        """Of samples (N,) of an object, (N, 3, 3): rows tangent, bitangent, normal; normals (N, 3): others than those
+        between points."""
+        own = (self.normals(which) if normals is None else normals).astype(np.float64)
+        return local_frames(object_tangents(scene, np.full(len(which), i_object), own), own)
+
+    def in_scene(self, which: Rows) -> Intersections:
+        """Where samples (N,) lie on the scene's own triangles; without distances."""
+        triangle = self.found[0][which]
+        u, v = np.einsum("nk,nki->in", self.shares[which], self.points.within[triangle])
+        return Intersections(self.points.source[triangle], u, v, np.zeros(len(u), np.float32))
+
+
+def interpolate(
+    seen: ViewSamples, which: Rows, values: Float32Array, factor: Float32Array, radiance: Float32Array
+) -> None:
+    """Add values (S, 3) of shading points between the corners of samples (N,), times factor (N or 1, 3), to
+    `radiance`."""
+    samples = seen.samples
+
+    def part(start: int, stop: int) -> None:
+        kernels.add_between(start, stop, which, samples.corners, samples.weights, values, factor, radiance)
+
+    on_threads(part, *even_parts(len(which)))
+
+
+def add_values(which: Rows, values: Float32Array, factor: Float32Array, radiance: Float32Array) -> None:
+    """Add values (N, 3) of samples (N,), times factor (N or 1, 3), to `radiance`."""
+
+    def part(start: int, stop: int) -> None:
+        kernels.add_at(start, stop, which, values, factor, radiance)
+
+    on_threads(part, *even_parts(len(which)))
+
+
+def assemble_picture(
+    seen: ViewSamples, radiance: Float32Array, environment: Environment | None, rotation: float, scale: float = 1.0
+) -> Float32Array:
+    """The picture (H, W, 3) of samples' reflected radiance (R, 3), which is written over: what shines and the sky
+    behind it all are added."""
+    radiance += seen.samples.emitted
+    if environment is not None:
+        image, turn = environment.radiance, math.radians(rotation % 360.0)
+
+        def part(start: int, stop: int) -> None:
+            samples = seen.samples
+            kernels.add_background(start, stop, samples.i_object, samples.wo, image, turn, scale, radiance)
+
+        on_threads(part, *even_parts(len(radiance)))
+    width, height = seen.resolution
+    if len(radiance) == width * height:
+        return radiance.reshape(height, width, 3)
+    whole = np.stack([np.bincount(seen.pixel, radiance[:, i] * seen.share, width * height) for i in range(3)], axis=1)
+    return whole.astype(np.float32).reshape(height, width, 3)
+
+
+def _room(n: int) -> kernels.Samples:
+    """For n samples."""
+    return kernels.Samples(
+        np.empty((n, 3), np.int32), np.zeros((n, 3), np.float32), np.empty((n, 3), np.float32),
+        np.empty((n, 3), np.float32), np.empty(n, np.int32), np.empty(n, bool),
+    )  # fmt: skip
+
+
+def _plane(camera: CameraDescription, resolution: tuple[int, int]) -> NDArray[np.float64]:
+    """The picture's plane as `fill_rays` takes it, see `engine.scene.camera.pixel_directions`."""
+    (width, height), half = resolution, math.tan(math.radians(camera.fov_y) / 2)
+    right, up, forward = camera_frame(camera)
+    corner = forward - half * width / height * right + half * up
+    return np.stack([corner, right * (2.0 * half / height), up * (-2.0 * half / height)])

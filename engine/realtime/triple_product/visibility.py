@@ -1,0 +1,108 @@
+"""What each shading point sees of its hemisphere: four bits a triangle of the sphere in the point's own frame.
+
+It hangs on geometry alone, neither on light nor on camera. Rays go where there is something to find out: through the
+middle of each of the 640 triangles of level 3 above the surface; where one of them and one of those around it differ,
+through all four of its children; where one of these and one beside it differ, through its four children in turn. So a
+shadow's edge is found to 1.4 degrees (one ray a triangle shifts a sun's shadow by up to half of it: 9 % of error on the
+bunny's floor), with half the rays of asking all 2,560 triangles first.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.core.threads import n_threads, on_threads
+from engine.light.emitters import EmitterPatches
+from engine.realtime.triple_product import _visibility_kernels as kernels
+from engine.realtime.triple_product.shading_points import ShadingPoints
+from engine.scene.raycaster import RayCaster
+from engine.sphere.geodesic import geodesic
+
+LEVEL = 4
+N_UPPER = 10 * 4**LEVEL
+
+_CHUNK = 32  # points at a time and thread
+_MOST_RAYS = 1 << 20
+# A ray to an emitter ends this share before it.
+SHORT = 1e-4
+Bits = NDArray[np.uint8]
+
+
+@lru_cache(maxsize=1)
+def upper_triangles() -> NDArray[np.int32]:
+    """The triangles above the surface (2560,), ascending: four children of one parent stand together. Read-only."""
+    above = np.flatnonzero(geodesic(LEVEL).centres[:, 1] > 0.0).astype(np.int32)
+    above.flags.writeable = False
+    return above
+
+
+def trace_hemispheres(points: ShadingPoints, caster: RayCaster, which: NDArray[np.integer], bits: Bits) -> None:
+    """Fill the bits (S, 1280) of points (N,); caster: of the scene's triangles.
+
+    Half a byte is a triangle of upper(), the first in the low half; bit c of it is child c, and 1 is free.
+    """
+    asked = np.asarray(which, np.int64)
+
+    def part(start: int) -> None:
+        _trace_batch(points, caster, asked[start : start + _CHUNK], bits)
+
+    on_threads(part, range(0, len(asked), _CHUNK))
+
+
+def trace_patches(
+    points: ShadingPoints, caster: RayCaster, patches: EmitterPatches, which: NDArray[np.integer], bits: Bits
+) -> None:
+    """Fill the bits (S, ⌈L / 8⌉) of points (N,), which of L patches of emitters each sees: a ray to a place on each."""
+    step = max(_MOST_RAYS // n_threads() // max(len(patches), 1), 1)
+
+    def part(start: int) -> None:
+        some = which[start : start + step]
+        origins = np.repeat(points.lifted[some], len(patches), axis=0)
+        ways = np.tile(patches.samples, (len(some), 1)) - origins
+        free = ~caster.occluded(origins, ways, np.full(len(ways), 1.0 - SHORT, np.float32))
+        bits[some] = np.packbits(free.reshape(len(some), -1), axis=1, bitorder="little")
+
+    on_threads(part, range(0, len(which), step))
+
+
+def _trace_batch(points: ShadingPoints, caster: RayCaster, which: NDArray[np.int64], bits: Bits) -> None:
+    way4, way5, around3, beside4 = _tables()
+    n = len(which)
+    lifted, frames = points.lifted, points.frames
+    origins, ways = np.empty((2, n * N_UPPER // 4, 3), np.float32)
+    kernels.first_rays(which, lifted, frames, way4, origins, ways)
+    middle = ~caster.occluded(origins, ways).reshape(n, -1)
+    asked = np.empty_like(middle)
+    origins, ways = np.empty((2, 3 * kernels.differing(middle, around3, asked), 3), np.float32)
+    kernels.more_rays(which, asked, lifted, frames, way4, 3, origins, ways)
+    free = np.empty((n, N_UPPER), bool)
+    kernels.spread(middle, asked, caster.occluded(origins, ways), free)
+    asked = np.empty_like(free)
+    origins, ways = np.empty((2, 4 * kernels.differing(free, beside4, asked), 3), np.float32)
+    kernels.more_rays(which, asked, lifted, frames, way5, 4, origins, ways)
+    kernels.pack(free, asked, caster.occluded(origins, ways), which, bits)
+
+
+@lru_cache(maxsize=1)
+def _tables() -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
+    """Directions of the upper triangles (2560, 3) and of their children (10240, 3); the triangles that share a corner
+    with each of the parents (640, 13), and those beside each (2560, 3), −1 for none and for those below."""
+    above = upper_triangles()
+    way4 = geodesic(LEVEL).centres[above].astype(np.float32)
+    way5 = geodesic(LEVEL + 1).centres.reshape(-1, 4, 3)[above].reshape(-1, 3).astype(np.float32)
+    place = np.full(geodesic(LEVEL).n_triangles, -1, np.int32)
+    place[above] = np.arange(N_UPPER)
+    parents = place[::4] // 4  # −1 // 4 is −1
+    corners = geodesic(LEVEL - 1).triangles
+    sharing: list[list[int]] = [[] for _ in range(int(corners.max()) + 1)]
+    for t, three in enumerate(corners):
+        for corner in three:
+            sharing[corner].append(t)
+    around = np.full((N_UPPER // 4, 13), -1, np.int32)
+    for j, t in enumerate(above[::4] // 4):
+        others = parents[sorted({s for corner in corners[t] for s in sharing[corner]} - {t})]
+        around[j, : len(others)] = others
+    return way4, way5, around, place[geodesic(LEVEL).neighbours[above]]

@@ -1,0 +1,152 @@
+"""Compiled: triangles to pixels, and pixels to radiance.
+
+A pixel's ray is linear in column and row, and so are the shares of a triangle's corners along it, up to the distance:
+nothing has to be divided, and nothing clipped where a triangle reaches behind the eye [Olano97].
+Kernels never validate: `engine.realtime.zonal_harmonics.raster` does.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from engine.core.fast_math import FAST
+
+Float64Array = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+Int32Array = NDArray[np.int32]
+
+_NEAR = 1e-6  # of depth 1: what reaches nearer has no outline in the picture
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def set_up(
+    start: int, stop: int, places: Float32Array, corners: Int32Array, sides: Int32Array, camera_position: Float64Array,
+    plane: Float64Array, view: Float64Array,
+    size: Int32Array, shares: Float32Array, boxes: Int32Array, front: Float32Array,
+) -> None:  # fmt: skip
+    """Fill shares[start:stop] (T, 3, 3), of each corner of triangles (T, 3) over places (V, 3): at column 0, a column
+    to the right, a row down, divided by the distance, positive inside; boxes (T, 4): first and last column and row that
+    they may cover, none of those that turn their backs and have no points there; front (T,): positive seen from the
+    front.
+
+    plane (3, 3): the direction of the upper left corner, a column, a row; view (3, 3): rows that take a direction to
+    column and row times depth, and depth; size (2,): width, height.
+    """
+    p = np.empty((3, 3))
+    for t in range(start, stop):
+        behind = 0
+        least_x = least_y = math.inf
+        most_x = most_y = -math.inf
+        for k in range(3):
+            for i in range(3):
+                p[k, i] = places[corners[t, k], i] - camera_position[i]
+            depth = view[2, 0] * p[k, 0] + view[2, 1] * p[k, 1] + view[2, 2] * p[k, 2]
+            if not depth > _NEAR:
+                behind += 1
+                continue
+            x = (view[0, 0] * p[k, 0] + view[0, 1] * p[k, 1] + view[0, 2] * p[k, 2]) / depth
+            y = (view[1, 0] * p[k, 0] + view[1, 1] * p[k, 1] + view[1, 2] * p[k, 2]) / depth
+            least_x, most_x = min(least_x, x), max(most_x, x)
+            least_y, most_y = min(least_y, y), max(most_y, y)
+        boxes[t, 0], boxes[t, 1], boxes[t, 2], boxes[t, 3] = 0, -1, 0, -1
+        determinant = _dot_cross(p[0], p[1], p[2])
+        front[t] = -determinant
+        is_hidden = determinant > 0.0 and sides[t, 1, 0] < 0 and sides[t, 0, 0] >= 0
+        if behind == 3 or is_hidden or determinant == 0.0 or not math.isfinite(determinant):
+            continue
+        if behind:
+            boxes[t, 0], boxes[t, 1], boxes[t, 2], boxes[t, 3] = 0, size[0] - 1, 0, size[1] - 1
+        else:
+            boxes[t, 0] = int(max(math.ceil(min(least_x, 1e6) - 0.5), 0.0))
+            boxes[t, 1] = int(min(math.floor(max(most_x, -1e6) - 0.5), size[0] - 1.0))
+            boxes[t, 2] = int(max(math.ceil(min(least_y, 1e6) - 0.5), 0.0))
+            boxes[t, 3] = int(min(math.floor(max(most_y, -1e6) - 0.5), size[1] - 1.0))
+        for k in range(3):
+            for i in range(3):
+                shares[t, k, i] = _dot_cross(plane[i], p[(k + 1) % 3], p[(k + 2) % 3]) / determinant
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _dot_cross(a: Float64Array, b: Float64Array, c: Float64Array) -> float:
+    return (
+        a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fill_rows(
+    start: int, stop: int, shares: Float32Array, boxes: Int32Array, nearness: Float32Array, found: Int32Array
+) -> None:
+    """Fill rows [start, stop) of found (H, W), the nearest triangle or -1, and of nearness (H, W), 1 / distance in
+    lengths of a pixel's direction."""
+    half, tiny = np.float32(0.5), np.float32(-1e-6)
+    nearness[start:stop], found[start:stop] = 0.0, -1
+    for t in range(len(shares)):
+        first, last = max(boxes[t, 2], start), min(boxes[t, 3], stop - 1)
+        if first > last or boxes[t, 0] > boxes[t, 1]:
+            continue
+        s = shares[t]
+        for row in range(first, last + 1):
+            y = np.float32(row) + half
+            a0, a1, a2 = s[0, 0] + y * s[0, 2], s[1, 0] + y * s[1, 2], s[2, 0] + y * s[2, 2]
+            for column in range(boxes[t, 0], boxes[t, 1] + 1):
+                x = np.float32(column) + half
+                a, b, c = a0 + x * s[0, 1], a1 + x * s[1, 1], a2 + x * s[2, 1]
+                total = a + b + c
+                edge = tiny * total
+                if total > nearness[row, column] and a >= edge and b >= edge and c >= edge:
+                    nearness[row, column], found[row, column] = total, t
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def paint_rows(
+    start: int, stop: int, found: Int32Array, shares: Float32Array, sides: Int32Array, front: Float32Array,
+    i_object: Int32Array,
+    white: Float32Array, gloss: Float32Array, albedos: Float32Array, emission: Float32Array, plane: Float64Array,
+    sky: Float32Array, turn: float,
+    scale: float, picture: Float32Array,
+) -> None:  # fmt: skip
+    """Fill rows [start, stop) of picture (H, W, 3): white (S, 3) between a triangle's points times the object's albedo
+    (M, 3), gloss (S, 3), what shines (M, 3), and the sky (h, w, 3) behind it all.
+
+    sides (T, 2, 3): a triangle's points on either side, -1 for none; front (T,): positive seen from the front.
+    """
+    height, width = sky.shape[0], sky.shape[1]
+    for row in range(start, stop):
+        for column in range(found.shape[1]):
+            t, x, y = found[row, column], column + 0.5, row + 0.5
+            if t < 0:
+                dx = plane[0, 0] + x * plane[1, 0] + y * plane[2, 0]
+                dy = plane[0, 1] + x * plane[1, 1] + y * plane[2, 1]
+                dz = plane[0, 2] + x * plane[1, 2] + y * plane[2, 2]
+                theta, phi = np.arctan2(np.sqrt(dx * dx + dz * dz), dy), np.arctan2(dx, -dz) + turn
+                u = (phi / (2.0 * np.pi) + 0.5) * width - 0.5
+                v = min(max(theta / np.pi * height - 0.5, 0.0), height - 1.0)
+                top, left = int(np.floor(v)), int(np.floor(u))
+                down, right = np.float32(v - top), np.float32(u - left)
+                bottom, after, left = min(top + 1, height - 1), (left + 1) % width, left % width
+                for i in range(3):
+                    upper = sky[top, left, i] + right * (sky[top, after, i] - sky[top, left, i])
+                    lower = sky[bottom, left, i] + right * (sky[bottom, after, i] - sky[bottom, left, i])
+                    picture[row, column, i] = np.float32(scale) * (upper + down * (lower - upper))
+                continue
+            side, m = 0 if front[t] > 0.0 else 1, i_object[t]
+            for i in range(3):
+                picture[row, column, i] = emission[m, i] if side == 0 else 0.0
+            p, q, r = sides[t, side, 0], sides[t, side, 1], sides[t, side, 2]
+            if p < 0:
+                continue
+            s = shares[t]
+            a = s[0, 0] + np.float32(x) * s[0, 1] + np.float32(y) * s[0, 2]
+            b = s[1, 0] + np.float32(x) * s[1, 1] + np.float32(y) * s[1, 2]
+            c = s[2, 0] + np.float32(x) * s[2, 1] + np.float32(y) * s[2, 2]
+            whole = np.float32(1.0) / (a + b + c)
+            a, b, c = a * whole, b * whole, c * whole
+            for i in range(3):
+                diffuse = a * white[p, i] + b * white[q, i] + c * white[r, i]
+                shiny = a * gloss[p, i] + b * gloss[q, i] + c * gloss[r, i]
+                picture[row, column, i] += max(diffuse * albedos[m, i] + shiny, np.float32(0.0))

@@ -1,0 +1,144 @@
+"""A mesh where an animation of its file has taken it at a time: morph targets, then the skin [glTF20, 3.7, 3.11].
+
+Each vertex moves by the sum of what its bones and targets do beyond resting: with all at rest it stays as it was to the
+last bit. Its axes go from the mesh at rest back to that of the accessors, by the Jacobian of morph targets there
+(differences over the triangles), and by the mean of its bones' linear parts, normals by that of their inverse
+transposes; how weights change along the surface is left out, as is usual [Sloan05, 5].
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.core.threads import even_parts, on_threads
+from engine.realtime.zonal_harmonics import _animation_kernels as kernels
+from engine.realtime.zonal_harmonics.gradients import gradients
+from engine.realtime.zonal_harmonics.pose import Pose, deformed_frames, orthonormal
+from engine.scene.loaders.gltf_nodes import matrix_of
+from engine.scene.rig import PATHS, Clip, Rig, Track, morph_weight, normal_matrices
+
+Float64Array = NDArray[np.float64]
+Values = dict[tuple[int, str], Float64Array]
+
+REST_TOLERANCE = (
+    1e-5  # of the mesh's extent: a bone that moves nothing of it by more is at rest, but for the file's rounding
+)
+
+
+def animated_pose(
+    rig: Rig, rest: Pose, triangles: NDArray[np.int32], clip: str, time: float, loop: bool = True
+) -> Pose:
+    """The pose at a time, seconds; beyond a clip's end it begins anew, or without `loop` stays as it ends.
+
+    rest: the object's vertices (V, 3), `Scene.vertices` in its range, and their axes; triangles (T, 3): numbers of
+    these. Raises ValueError where there is no such animation, or the time is not finite.
+    """
+    if len(rig.binding.bones) != len(rest.positions):
+        raise ValueError(f"{len(rest.positions)} vertices, expected {len(rig.binding.bones)}, as the rig has")
+    values = sample_clip(rig.skeleton.clip(clip), time, loop)
+    weights = {node: values.get((node, "weights"), own) for node, own in rig.skeleton.weights.items()}
+    moves = _bone_moves(rig, values)
+    is_morphed = any(morph_weight(m, weights) != morph_weight(m, rig.skeleton.weights) for m in rig.binding.morphs)
+    if not is_morphed and not moves.any():
+        return rest
+    # Places before any bone, now and at rest, and what the bones at rest make of the difference.
+    before, normals = rig.binding.morph_vertices(rig.skeleton.weights)
+    places, positions = before, rest.positions.copy()
+    has_normals = np.asarray(rig.binding.normals.any(axis=1))
+    if is_morphed:
+        places, normals = rig.binding.morph_vertices(weights)
+        positions += np.einsum("vab,vb->va", rig.rest_pose.linear, places - before)
+        for morph in rig.binding.morphs:
+            if morph.normals is None and morph_weight(morph, weights) != 0.0:
+                has_normals[morph.vertices] = False
+    # The bones' own part of it.
+    linear, turned = rig.rest_pose.linear.copy(), np.empty_like(positions)
+    bones, shares, turns = rig.binding.bones, rig.binding.weights, normal_matrices(rig.rest_pose.matrices + moves)
+    on_threads(
+        lambda start, stop: kernels.skin_range(
+            places, normals, bones, shares, moves, turns, start, stop, positions, linear, turned
+        ),
+        *even_parts(len(positions)),
+    )
+    # Axes from the mesh at rest back to before any bone, there by what targets do, and on.
+    if is_morphed:
+        linear = linear @ gradients(before, places, triangles)
+    axes = deformed_frames(rest.frames, linear @ rig.rest_pose.inverse)
+    about = axes.copy()
+    about[has_normals, 2] = turned[has_normals]
+    return Pose(positions, orthonormal(about, axes))
+
+
+def sample_clip(clip: Clip, time: float, loop: bool = True) -> Values:
+    """The values of a clip's tracks, by node and path, at a time. Raises ValueError where it is not finite."""
+    if not np.isfinite(time):
+        raise ValueError(f"time {time}, expected a finite number of seconds")
+    if loop and clip.duration > 0.0 and not 0.0 <= time <= clip.duration:
+        time %= clip.duration
+    return {(track.node, track.path): _at(track, time) for track in clip.tracks}
+
+
+def _at(track: Track, time: float) -> Float64Array:
+    """A track's value between its keys, or of the nearest where there is none on one side."""
+    times, is_spline = track.times, track.interpolation == "CUBICSPLINE"
+    after = int(np.searchsorted(times, time, side="right"))
+    before = max(after - 1, 0)
+    if after in (0, len(times)) or track.interpolation == "STEP":
+        return _normalized(track, track.values[before, 1] if is_spline else track.values[before])
+    span = times[after] - times[before]
+    share = (time - times[before]) / span
+    if is_spline:
+        return _normalized(track, _hermite(track.values[before], track.values[after], span, share))
+    if track.path == "rotation":
+        return _slerp(track.values[before], track.values[after], share)
+    return np.asarray((1.0 - share) * track.values[before] + share * track.values[after])
+
+
+def _normalized(track: Track, value: Float64Array) -> Float64Array:
+    """The value, of a rotation at length 1."""
+    length = float(np.linalg.norm(value)) if track.path == "rotation" else 1.0
+    return value / length if length > 1e-6 else np.array([0.0, 0.0, 0.0, 1.0])
+
+
+def _hermite(before: Float64Array, after: Float64Array, span: float, share: float) -> Float64Array:
+    """Between two keys (3, W) of a cubic spline [glTF20, C.5]."""
+    square, cube = share**2, share**3
+    return np.asarray(
+        (2 * cube - 3 * square + 1) * before[1]
+        + span * (cube - 2 * square + share) * before[2]
+        + (3 * square - 2 * cube) * after[1]
+        + span * (cube - square) * after[0]
+    )
+
+
+def _slerp(before: Float64Array, after: Float64Array, share: float) -> Float64Array:
+    """Between two rotations, the shorter way round at an even speed [glTF20, C.4]."""
+    before, after = before / np.linalg.norm(before), after / np.linalg.norm(after)
+    cosine = float(before @ after)
+    if cosine < 0.0:
+        after, cosine = -after, -cosine
+    angle = np.arccos(min(cosine, 1.0))
+    if angle < 1e-6:
+        value = (1.0 - share) * before + share * after
+    else:
+        value = (np.sin((1.0 - share) * angle) * before + np.sin(share * angle) * after) / np.sin(angle)
+    return np.asarray(value / np.linalg.norm(value))
+
+
+def _bone_moves(rig: Rig, values: Values) -> Float64Array:
+    """The matrices of bones less those at rest (B, 3, 4); 0 of those at rest."""
+    skeleton, moved = rig.skeleton, dict[int, Float64Array]()
+    for node, rest in skeleton.parts.items():
+        if any((node, path) in values for path in PATHS):
+            moved[node] = matrix_of(*(values.get((node, path), part) for path, part in zip(PATHS, rest, strict=True)))
+    places, matrices = rig.binding.places, rig.rest_pose.matrices
+    moves = np.ascontiguousarray(rig.bone_matrices(moved) - matrices)
+    low, high = places.min(axis=0), places.max(axis=0)
+    corners = np.array(
+        [[x, y, z, 1.0] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    )
+    # How far a bone takes the mesh, and how large it makes it.
+    furthest, size = np.abs(moves @ corners.T).max(axis=(1, 2)), np.ptp(matrices @ corners.T, axis=2).max(axis=1)
+    moves[furthest <= REST_TOLERANCE * size] = 0.0
+    return moves

@@ -1,0 +1,350 @@
+"""Deform, kept: one scene whose meshes bend while their own shadows and reflections go along [Sloan05].
+
+    deform = Deform(scene)
+    deform.set_light(sky)             what is wanted: costs nothing, and may be said again at any time
+    deform.set_layers(layers_of)
+    for progress in deform.work():    transfer, unshadowed at once, then roughly, then by all rays, object by object
+        ...                           between two pieces anything may be set or drawn
+    picture = deform.draw(camera, (512, 384), poses)
+
+What an object's points see of itself turns with them when it bends. What they see of other objects does not: an object
+that is to bend has its own shadows alone in its transfer, those that stay have one another's; what bends shades all
+else by a few clusters of its surface (`engine.realtime.zonal_harmonics.blockers`). Distant light alone is known here.
+What the scene's file says of an object's surface (`engine.scene.surface_kinds`) takes the place of its own transfer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.core.generators import run_to_end
+from engine.light.environment import triangle_integrals
+from engine.material.layer import Layer
+from engine.material.layer_maps import Images
+from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.zonal_harmonics.bending_points import BendingPoints, bending_points
+from engine.realtime.zonal_harmonics.gloss import low_gloss
+from engine.realtime.zonal_harmonics.gpu_export import PictureExporter
+from engine.realtime.zonal_harmonics.gpu_parts import NO_PARTS, Numbers, PictureExport
+from engine.realtime.zonal_harmonics.object_transfer import N_LOBES, ORDER, ObjectTransfer, TransferCache, TransferStore
+from engine.realtime.zonal_harmonics.picture_renderer import PictureRenderer, Quality, camera_position_of
+from engine.realtime.zonal_harmonics.pose import Poses
+from engine.realtime.zonal_harmonics.reflectance import Reflectance, albedos, reflectance
+from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, band_light
+from engine.realtime.zonal_harmonics.shading_state import LayersOf, ShadingState, is_glossy
+from engine.realtime.zonal_harmonics.surface_details import Detail, detail
+from engine.realtime.zonal_harmonics.transfer import N_RAYS, unshadowed
+from engine.realtime.zonal_harmonics.zonal import Zonal, fit
+from engine.render.still import StillProgress
+from engine.scene.description import CameraDescription
+from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import Scene
+from engine.scene.surface_kinds import DeformSurface, SurfacesByObject
+from engine.sphere.harmonics import project
+
+Float32Array = NDArray[np.float32]
+
+N_POINTS = 12_000  # besides the meshes' own vertices
+N_BOUNCES = 2  # of an object's light onto itself
+FEW_RAYS = 128  # of what stands in until there is better
+_LIGHT_LEVEL = 5
+
+
+class Deform:
+    """A scene of which pictures are drawn in any pose, from anywhere; see above."""
+
+    def __init__(
+        self, scene: Scene, n_points: int | None = None, n_rays: int = N_RAYS, store: TransferStore | None = None,
+        caster: RayCaster | None = None,
+    ) -> None:  # fmt: skip
+        """scene: at rest; n_points: besides the meshes' vertices, None for `N_POINTS`; n_rays: a point; caster: of the
+        scene's triangles."""
+        self.scene = scene
+        self.version = 0
+        self._caster = caster or RayCaster(scene.vertices, scene.triangles)
+        self._n_points, self._store = N_POINTS if n_points is None else n_points, store
+        self._rays, self._n_lobes = (min(FEW_RAYS, n_rays), n_rays), N_LOBES
+        self._points: BendingPoints | None = None
+        self._light = SkyState(None)
+        self._bands: BandLight | None = None
+        self._layers_of: dict[int, tuple[Layer, ...]] = {}
+        self._reflectances: dict[int, Reflectance] = {}  # as they are asked for
+        self._surfaces: dict[str, DeformSurface] = {}
+        self._posed: frozenset[int] = frozenset()
+        self._n_bounces = N_BOUNCES
+        self._cache: dict[int, ObjectTransfer] = {}
+        self._transfers: TransferCache | None = None
+        self._even: frozenset[int] = frozenset()
+        self._job: tuple[ObjectTransfer, Generator[float, None, Zonal]] | None = None
+        self._lobes: Lobes | None = None
+        self._pictures: PictureRenderer | None = None
+        self._exporter: PictureExporter | None = None
+        self._errors: Float32Array | None = None
+        self._details: dict[int, Detail] = {}
+
+    # ------------------------------------------------------------------------------------------------ what is wanted
+
+    def set_light(self, sky: SkyState) -> None:
+        """The distant light from now on."""
+        if sky != self._light or self._bands is None:
+            self._light, self._bands = sky, band_light_of(sky)
+            self.version += 1
+
+    def set_emission(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
+        """Give emitters, by name, this radiance from now on: it is seen, but lights nothing here."""
+        scene = self.scene.with_emission(emission)
+        if not np.array_equal(scene.emission, self.scene.emission):
+            self.scene = scene
+            self.version += 1
+
+    def set_layers(self, layers_of: LayersOf) -> None:
+        """The layers of each object, by its index, from now on."""
+        layers = {i: tuple(each for each in own if each.visible) for i, own in layers_of.items()}
+        layers = {i: own for i, own in layers.items() if self.scene.reflecting[i]}
+        if layers != self._layers_of:
+            before, self._layers_of = self._layers_of, layers
+            self._reflectances = {i: each for i, each in self._reflectances.items() if before.get(i) == layers.get(i)}
+            self.version += 1
+
+    def set_bending(self, names: Sequence[str]) -> None:
+        """The objects, by name, that bend: of shadows that transfer has they have their own alone; what they cast on
+        others is coarse, see `engine.realtime.zonal_harmonics.blockers`."""
+        posed = frozenset(self.scene.object_index(each) for each in names if each in self.scene.object_names)
+        if posed != self._posed:
+            self._posed = posed
+            self.version += 1
+
+    def set_surfaces(self, surfaces: SurfacesByObject) -> None:
+        """What is said of the surfaces of objects, by name, from now on, in the place of what the scene's file says.
+        Raises LoadError where an image cannot be used."""
+        self.scene.textures.load(Images(weight=file) for _, surface in surfaces for _, file in surface.files)
+        self._surfaces = dict(surfaces)
+
+    def set_effort(self, n_rays: int, n_lobes: int) -> None:
+        """How many rays go from a point, and how many lobes, 1 to `N_LOBES`, stand for what they found, from now on."""
+        self._rays, self._n_lobes = (min(FEW_RAYS, n_rays), n_rays), n_lobes
+
+    def set_bounces(self, n_bounces: int) -> None:
+        """How often light is reflected between light and eye from now on; 0: as at first, as often as it can be."""
+        self._n_bounces = min(n_bounces - 1, N_BOUNCES) if n_bounces else N_BOUNCES
+
+    # ----------------------------------------------------------------------------------------------------- the work
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether a picture shows more than black."""
+        return self._lobes is not None and self._bands is not None
+
+    @property
+    def is_done(self) -> bool:
+        """Whether there is no work left."""
+        return self._lobes is not None and all(
+            self._cache.get(each.i_object) == each for each in self._final_transfers()
+        )
+
+    @property
+    def fraction(self) -> float:
+        """How much of the work is done, by points."""
+        if self._points is None or not len(self._points):
+            return 0.0
+        counts = [len(self._points.points_of(each.i_object)) for each in self._final_transfers()]
+        shares = [self._share_of_wanted(each) for each in self._final_transfers()]
+        return float(np.dot(counts, shares) / max(sum(counts), 1))
+
+    @property
+    def n_bytes(self) -> int:
+        """What points keep."""
+        lobes = self._lobes
+        return 0 if lobes is None else lobes.low.nbytes + lobes.axes.nbytes + lobes.coefficients.nbytes
+
+    @property
+    def lost_shares(self) -> dict[int, float]:
+        """The share of the sharpest layer's reflection that is too sharp for this, by object; see `LowGloss.lost`."""
+        found = {
+            i: [low_gloss(each, ORDER).lost_share for each in own if is_glossy(each)]
+            for i, own in self._layers_of.items()
+        }
+        return {i: max(each) for i, each in found.items() if each}
+
+    def work(self) -> Iterator[StillProgress]:
+        """All that is missing, piece by piece; ends where nothing is. What is set meanwhile is taken up at once."""
+        if self._points is None or self._even != self._translucent():
+            yield StillProgress(0.0, "placing points")
+            self._make_points()
+        for layer in [each for own in self._layers_of.values() for each in own if is_glossy(each)]:
+            low_gloss(layer, ORDER)  # kept: no picture waits for it
+            yield StillProgress(self.fraction, "finding reflections")
+        while (wanted := self._most_urgent()) is not None:
+            if self._job is None or self._job[0] != wanted:
+                self._job = wanted, self._load_or_simulate(wanted)
+            try:
+                yield StillProgress(self.fraction, "tracing transfer" if next(self._job[1]) < 1.0 else "fitting lobes")
+            except StopIteration as end:
+                self._job = None
+                self._set_transfer(wanted, end.value)
+
+    def _translucent(self) -> frozenset[int]:
+        """Objects that light goes through: a sum over points that lie unevenly would show where triangles are cut."""
+        return frozenset(i for i in range(len(self.scene.smooth)) if self._surface_of(i).subsurface is not None)
+
+    def _make_points(self) -> None:
+        """All points, and lobes for them as if nothing shaded them; where there were some before, as near ones had."""
+        before, had, errors = self._points, self._lobes, self._errors
+        self._even = self._translucent()
+        even = np.isin(np.arange(len(self.scene.smooth)), list(self._even))
+        points = bending_points(self.scene, self._caster, self._n_points, even)
+        self._reflectances = {}
+        self._points, self._transfers = points, TransferCache(self.scene, points, self._store)
+        self._lobes, self._errors = _unshadowed_lobes(len(points)), np.zeros(len(points), np.float32)
+        if before is not None and had is not None and errors is not None:
+            near = points.nearest_of(before)
+            self._lobes, self._errors = Lobes(had.low[near], had.axes[near], had.coefficients[near]), errors[near]
+            self._cache = {i: each for i, each in self._cache.items() if points.has_same_points(before, i)}
+        self._pictures = PictureRenderer(self.scene, points)
+        self._exporter, self._job = PictureExporter(points, self._pictures.posed, self._pictures.blockers), None
+        self.version += 1
+
+    def _final_transfers(self) -> list[ObjectTransfer]:
+        """The best transfer of all objects that there is to be."""
+        resting = tuple(i for i in range(len(self.scene.smooth)) if i not in self._posed)
+        found = []
+        for i in self._layers_of:
+            surface = self._surface_of(i)
+            casters = (i,) if i in self._posed or surface.kind else resting
+            bright = Reflectance() if surface.kind or not self._n_bounces else self._reflectance(i)
+            n_bounces = self._n_bounces if bright.brightest else 0
+            found.append(ObjectTransfer(i, casters, surface, bright, n_bounces, self._rays[1], self._n_lobes))
+        return found
+
+    def _reflectance(self, i: int) -> Reflectance:
+        """What an object reflects onto itself."""
+        if i not in self._reflectances:
+            assert self._points is not None
+            self._reflectances[i] = reflectance(albedos(self.scene, self._points, i, self._layers_of[i], ORDER))
+        return self._reflectances[i]
+
+    def _share_of_wanted(self, wanted: ObjectTransfer) -> float:
+        known = self._cache.get(wanted.i_object)
+        return 0.0 if known is None else 1.0 if known == wanted else 0.1
+
+    def _surface_of(self, i: int) -> DeformSurface:
+        """What is said of an object's surface."""
+        described = self.scene.description.objects[i]
+        return self._surfaces.get(described.name, described.deform)
+
+    def _most_urgent(self) -> ObjectTransfer | None:
+        """What is most urgent: of every object something before of any all; those that rest first, for on them stand
+        shadows that have gone."""
+        missing = [each for each in self._final_transfers() if self._cache.get(each.i_object) != each]
+        missing.sort(key=lambda each: each.i_object in self._posed)
+        for each in missing:
+            known = self._cache.get(each.i_object)
+            is_other = known is None or (known.casters, known.surface) != (each.casters, each.surface)
+            if is_other:
+                is_there = self._transfers is not None and self._transfers.get(each) is not None
+                return each if is_there else replace(each, reflectance=Reflectance(), n_rays=self._rays[0], n_lobes=1)
+        return missing[0] if missing else None
+
+    def _load_or_simulate(self, wanted: ObjectTransfer) -> Generator[float, None, Zonal]:
+        """What was kept of it, or found anew; yields the share of the rays that is done."""
+        assert self._points is not None and self._transfers is not None
+        is_final = (wanted.n_rays, wanted.n_lobes) == (self._rays[1], self._n_lobes)
+        if is_final and (kept := self._transfers.get(wanted)) is not None:
+            return kept
+        zonal = yield from wanted.compute(self.scene, self._points)
+        if is_final:
+            self._transfers.put(wanted, zonal)
+        return zonal
+
+    def _set_transfer(self, wanted: ObjectTransfer, zonal: Zonal) -> None:
+        assert self._points is not None and self._lobes is not None and self._errors is not None
+        i, surface = wanted.i_object, wanted.surface
+        self._cache[i] = wanted
+        self.version += 1
+        self._details.pop(i, None)
+        if surface.is_mapped:
+            self._details[i] = detail(self.scene, surface, zonal)
+            return
+        mine, n = self._points.points_of(i), zonal.axes.shape[1]
+        self._errors[mine] = zonal.relative_errors
+        lobes = Lobes(self._lobes.low.copy(), self._lobes.axes.copy(), self._lobes.coefficients.copy())
+        lobes.low[mine], lobes.axes[mine, :n], lobes.coefficients[mine] = zonal.low, zonal.axes, 0.0
+        lobes.coefficients[mine, :n] = zonal.coefficients
+        self._lobes = lobes
+
+    # ---------------------------------------------------------------------------------------------------- pictures
+
+    def draw(
+        self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (), quality: Quality = "moving",
+        turned: bool = True,
+    ) -> Float32Array:  # fmt: skip
+        """Radiance (H, W, 3) as it is known by now; resolution (width, height). "rest": four samples a pixel. turned:
+        whether transfer turns with the surface; False shows what one would get if it did not.
+
+        Raises ValueError before `is_ready`.
+        """
+        subject, pictures = self._shading_state()
+        return pictures.draw(subject, camera, resolution, poses, quality, turned)
+
+    def draw_errors(self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = ()) -> Float32Array:
+        """How far the lobes of what is seen are off the transfer they were fitted to (H, W, 3): see `error_colours`.
+        Raises ValueError before `is_ready`."""
+        subject, pictures = self._shading_state()
+        return pictures.draw_errors(subject, camera, resolution, poses)
+
+    def export_picture(self, camera: CameraDescription, poses: Poses, known: Numbers = NO_PARTS) -> PictureExport:
+        """What a graphics card draws the same picture of, but for parts whose numbers are known. Raises ValueError
+        before `is_ready`."""
+        subject, _ = self._shading_state()
+        assert self._exporter is not None
+        return self._exporter.export(subject, camera_position_of(self.scene, camera), poses, known)
+
+    def carried(self, poses: Poses) -> dict[str, tuple[float, float, float]]:
+        """How far animations have carried the objects in these poses, by name: x, y, z."""
+        return {} if self._pictures is None else self._pictures.posed.animation_offsets(poses)
+
+    def _shading_state(self) -> tuple[ShadingState, PictureRenderer]:
+        """What is known by now."""
+        if self._pictures is None or self._lobes is None or self._errors is None or self._bands is None:
+            raise ValueError("nothing is ready to be drawn: expected some steps of work before")
+        known = self._layers_of, self._lobes, self._errors, self._details, self._missing_casters()
+        return ShadingState(self.version, self.scene, self._light, self._bands, *known), self._pictures
+
+    def _missing_casters(self) -> tuple[frozenset[int], ...]:
+        """For each object the others that bend, and that its transfer, as it is by now, does not see."""
+        seen = {i: each.casters for i, each in self._cache.items()}
+        shown = self._posed.intersection(self._layers_of)
+        return tuple(shown.difference((i, *seen.get(i, ()))) for i in range(len(self.scene.smooth)))
+
+
+def _unshadowed_lobes(n_points: int) -> Lobes:
+    """Of points that see all that is above them."""
+    one = run_to_end(fit(unshadowed(1, ORDER), 1))
+    low, axes = np.repeat(one.low, n_points, axis=0), np.zeros((n_points, N_LOBES, 3))
+    axes[:, :, 2] = 1.0
+    axes[:, 0] = one.axes[0, 0]
+    coefficients = np.zeros((n_points, N_LOBES, ORDER))
+    coefficients[:, 0] = one.coefficients[0, 0]
+    return Lobes(low.astype(np.float32), axes.astype(np.float32), coefficients.astype(np.float32))
+
+
+def band_light_of(sky: SkyState) -> BandLight:
+    """A sky in as many bands as transfer has."""
+    if sky.environment is None:
+        return band_light(np.zeros((ORDER * ORDER, 3)))
+    powers = triangle_integrals(sky.environment, sky.rotation, _LIGHT_LEVEL) * sky.scale
+    return band_light(project(powers, ORDER))
+
+
+def finish_deform(deform: Deform) -> Deform:
+    """With all its work done."""
+    run_to_end(_export_picture(deform))
+    return deform
+
+
+def _export_picture(deform: Deform) -> Generator[StillProgress, None, None]:
+    yield from deform.work()

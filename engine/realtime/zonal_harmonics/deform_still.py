@@ -1,0 +1,17 @@
+"""A still in Deform's way, of the meshes as they stand."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.realtime.zonal_harmonics.deform_engine import Deform
+from engine.render.still import StillProgress
+
+
+def render_deform(deform: Deform, resolution: tuple[int, int]) -> Generator[StillProgress, None, NDArray[np.float32]]:
+    """Radiance (H, W, 3) of a scene, as Deform shows it when the hand rests; yields how far it is."""
+    yield from deform.work()
+    return deform.draw(deform.scene.description.camera, resolution, (), "rest")

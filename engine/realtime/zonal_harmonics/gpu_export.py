@@ -1,0 +1,191 @@
+"""Tells the parts that a graphics card draws of (`engine.realtime.zonal_harmonics.gpu_parts`), which the window knows
+without all this; of a pose that moves, what the window does not have."""
+
+from __future__ import annotations
+
+from itertools import count
+from secrets import randbits
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.realtime.zonal_harmonics._blocker_kernels import LEAST
+from engine.realtime.zonal_harmonics.bending_points import BendingPoints
+from engine.realtime.zonal_harmonics.blockers import Blockers, spread_of
+from engine.realtime.zonal_harmonics.gloss import STEEPEST, even_light
+from engine.realtime.zonal_harmonics.gpu_parts import (
+    NO_PARTS,
+    AppearancePart,
+    CoverPart,
+    ExportedDetail,
+    ExportedTerm,
+    Float32Array,
+    Numbers,
+    PictureExport,
+    PosedPart,
+    ShapePart,
+    SkyPart,
+)
+from engine.realtime.zonal_harmonics.pose import Poses
+from engine.realtime.zonal_harmonics.posed_points import PosedPoints
+from engine.realtime.zonal_harmonics.shading import Lobes
+from engine.realtime.zonal_harmonics.shading_state import ShadingState, albedo
+from engine.realtime.zonal_harmonics.surface_details import Detail
+from engine.scene.scene_loader import Scene
+from engine.sphere.harmonics import clamped_cosine
+from engine.texture.gpu_export import ImageExporter, image_words, stroke_words
+
+_numbers = count(1 + randbits(48))  # of parts: another worker's are others
+
+
+class PictureExporter:
+    """Of one scene's points."""
+
+    def __init__(self, points: BendingPoints, posed: PosedPoints, blockers: Blockers) -> None:
+        self._points, self._posed, self._blockers = points, posed, blockers
+        self._shape: tuple[Lobes, ShapePart] | None = None
+        self._appearance: tuple[int, AppearancePart] | None = None
+        self._cover: tuple[tuple[object, ...], CoverPart] | None = None
+        self._sky: SkyPart | None = None
+
+    def export(
+        self, of: ShadingState, camera_position: NDArray[np.float64], poses: Poses, known: Numbers = NO_PARTS
+    ) -> PictureExport:
+        """All of a picture but the parts whose numbers are known; eye (3,): where the camera stands."""
+        places, frames = self._posed.at(poses)
+        if self._shape is None or self._shape[0] is not of.lobes:
+            self._shape = of.lobes, shape_part(self._points, of.lobes)
+        if self._appearance is None or self._appearance[0] != of.version:
+            self._appearance = of.version, self._export_appearance(of)
+        backdrop = of.backdrop.radiance
+        if self._sky is None or self._sky.radiance is not backdrop:
+            self._sky = SkyPart(next(_numbers), backdrop)
+        assert self._cover is not None
+        shape, look, cover, sky = self._shape[1], self._appearance[1], self._cover[1], self._sky
+        axes = [self._posed.axes_of(i)[1].reshape(-1, 9) for i in of.details]
+        all_axes, rows = (
+            np.concatenate(axes) if axes else np.zeros((0, 9), np.float32),
+            self._blockers.rows(of.casting_objects),
+        )
+        posed = posed_part(places, frames, all_axes, rows, camera_position)
+        numbers = shape.number, look.number, cover.number, sky.number
+        is_new = [number != here for number, here in zip(numbers, known, strict=True)]
+        return PictureExport(
+            posed, numbers, shape if is_new[0] else None, look if is_new[1] else None, cover if is_new[2] else None,
+            sky if is_new[3] else None,
+        )  # fmt: skip
+
+    def _export_appearance(self, of: ShadingState) -> AppearancePart:
+        """The look, after the cover that it speaks of."""
+        images, firsts = ImageExporter(of.scene.textures, of.scene.origin), dict[int, ExportedDetail]()
+        n_told = 0
+        for i, each in of.details.items():
+            firsts[i] = _export_detail(n_told, each)
+            n_told += _lobe_rows(each).size
+        terms = tuple(
+            ExportedTerm(i, _as_triple(albedo(layer)), None if layer.maps.is_plain else images.maps(layer.maps),
+            firsts.get(i))
+            for i in of.layers_of for layer in of.pixel_layers(i)
+        )  # fmt: skip
+        covered = tuple(dict.fromkeys(term.i_object for term in terms))
+        made_of = covered, tuple(of.details.items()), images.images, images.strokes
+        if self._cover is None or self._cover[0] != made_of:
+            self._cover = made_of, self._export_cover(of, covered, images)
+        return appearance_part(of, terms)
+
+    def _export_cover(self, of: ShadingState, objects: tuple[int, ...], images: ImageExporter) -> CoverPart:
+        first_axes, n_axes = dict[int, int](), 0
+        for i in of.details:
+            first_axes[i], n_axes = n_axes, n_axes + len(self._posed.axes_of(i)[1])
+        corners, ranges, n = [np.zeros((0, 3, 12), np.int32)], dict[int, tuple[int, int]](), 0
+        for i in objects:
+            mine = np.flatnonzero(self._points.surface.i_object == i)
+            ranges[i], n = (n, n + len(mine)), n + len(mine)
+            corners.append(_covered_corners(of.scene, self._points, mine))
+            if i in first_axes:
+                corners[-1][..., 3] = first_axes[i] + self._posed.axes_of(i)[0][mine]
+        lobes = [np.zeros(0, np.float32), *(_lobe_rows(each).ravel() for each in of.details.values())]
+        n_strokes = sum(len(each.strokes) for each in images.strokes)
+        return CoverPart(
+            next(_numbers), np.concatenate(corners).reshape(-1, 12), ranges, np.concatenate(lobes),
+            image_words(images.images), stroke_words(images.strokes), n_strokes,
+        )  # fmt: skip
+
+
+def shape_part(points: BendingPoints, lobes: Lobes) -> ShapePart:
+    surface, (_, n_lobes, order) = points.surface, lobes.coefficients.shape
+    corners = _corners(points, np.arange(len(surface.corners)))
+    corners[..., 3] = surface.i_object[:, None]
+    return ShapePart(next(_numbers), corners.reshape(-1, 4), points.owners, _rows(lobes), n_lobes, order)
+
+
+def appearance_part(of: ShadingState, terms: tuple[ExportedTerm, ...] = ()) -> AppearancePart:
+    objects, rows = np.zeros((len(of.scene.smooth), 8), np.float32), list[Float32Array]()
+    objects[:, :3], objects[:, 4:7] = of.albedos, of.scene.emission
+    for i in of.layers_of:
+        objects[i, 3] = len(rows)
+        for low, factor in of.glosses_of(i):
+            bands = (low.bands * np.asarray(factor, np.float32)).reshape(len(low.lean), -1)
+            rows.append(np.hstack([bands, low.lean[:, None]]))
+        objects[i, 7] = len(rows) - objects[i, 3]
+    light, backdrop = of.bands, of.backdrop
+    order = light.table.shape[2]
+    gloss = np.array(rows, np.float32) if rows else np.zeros((0, 2, 3 * order + 1), np.float32)
+    cosine = (clamped_cosine(order) / np.pi).astype(np.float32)
+    return AppearancePart(
+        next(_numbers), light.harmonics, light.table, objects, gloss, float(STEEPEST), cosine, even_light(light),
+        of.casts.astype(np.float32), spread_of(order), LEAST, backdrop.turn, backdrop.scale, terms,
+    )  # fmt: skip
+
+
+def posed_part(
+    places: Float32Array,
+    frames: Float32Array,
+    axes: Float32Array,
+    blockers: Float32Array,
+    camera_position: NDArray[np.float64],
+) -> PosedPart:
+    """places (V, 3) of all that is drawn, frames (S, 3, 3) of the points, which are the first of them."""
+    rows = np.zeros((len(places), 12), np.float32)
+    rows[: len(frames), :9], rows[:, 9:] = frames.reshape(-1, 9), places
+    return PosedPart(rows, axes, blockers, _as_triple(camera_position))
+
+
+def _corners(points: BendingPoints, which: NDArray[np.integer]) -> NDArray[np.int32]:
+    """Of triangles (T, 3, 4): place, points on front and back, 0."""
+    surface = points.surface
+    found = np.zeros((len(which), 3, 4), np.int32)
+    found[..., 0] = surface.corners[which]
+    found[..., 1], found[..., 2] = surface.sides[which, 0], surface.sides[which, 1]
+    return found
+
+
+def _covered_corners(scene: Scene, points: BendingPoints, which: NDArray[np.integer]) -> NDArray[np.int32]:
+    """Of triangles (T, 3, 12), without axes."""
+    at_rest = np.zeros((len(which), 3, 8), np.float32)
+    at_rest[..., :2] = points.corner_uvs(scene, which)
+    at_rest[..., 2:5] = points.corners_at_rest(which)
+    at_rest[..., 5:] = scene.geometric_normals[points.source[which]][:, None]
+    return np.concatenate([_corners(points, which), at_rest.view(np.int32)], axis=2)
+
+
+def _export_detail(first: int, detail: Detail) -> ExportedDetail:
+    found = detail.map()
+    height, width, n_lobes, _ = found.lobes.coefficients.shape
+    return ExportedDetail(first, (height, width), n_lobes, found.repeats, found.is_smooth)
+
+
+def _lobe_rows(detail: Detail) -> Float32Array:
+    found = detail.map().lobes
+    return _rows(Lobes(*(each.reshape(-1, *each.shape[2:]) for each in (found.low, found.axes, found.coefficients))))
+
+
+def _rows(lobes: Lobes) -> Float32Array:
+    """Low, then of each lobe its axis and its bands (P, 4 + N (3 + n))."""
+    each = np.concatenate([lobes.axes, lobes.coefficients], axis=2).reshape(len(lobes.low), -1)
+    return np.hstack([lobes.low, each])
+
+
+def _as_triple(vector: NDArray[np.floating]) -> tuple[float, float, float]:
+    x, y, z = map(float, vector)
+    return x, y, z

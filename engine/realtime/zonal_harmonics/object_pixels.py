@@ -1,0 +1,79 @@
+"""The pixels that show an object, where more is to be known of them than what lies between its points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.material.layer_maps import LayerMaps
+from engine.realtime.triple_product.view_maps import MOVING_PROBES
+from engine.realtime.zonal_harmonics.bending_points import BendingPoints
+from engine.realtime.zonal_harmonics.raster import RasterResult
+from engine.render.map_sampler import paint_weights, sample_images
+from engine.scene.raycaster import Intersections
+from engine.scene.scene_loader import Scene
+from engine.texture.pyramid import MOST_PROBES, Pyramid
+
+IntegerArray = NDArray[np.integer]
+Float64Array = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Pixels:
+    """N pixels: rows and columns (N,); triangle (N,) that each shows, and the shares (N, 3) of its corners; whether its
+    front is seen (N,); points (N, 3) at the corners on that side, -1 for none."""
+
+    rows: IntegerArray
+    columns: IntegerArray
+    triangle: IntegerArray
+    weights: Float32Array
+    is_front: NDArray[np.bool_]
+    points: IntegerArray
+    _drawn: RasterResult
+    _all: BendingPoints
+
+    @cached_property
+    def at(self) -> Intersections:
+        """Where on the scene's meshes."""
+        u, v = np.einsum("nk,nki->in", self.weights, self._all.within[self.triangle])
+        return Intersections(self._all.source[self.triangle], u, v, np.zeros(len(u), np.float32))
+
+    def uvs(self, scene: Scene) -> Float64Array:
+        """Texture coordinates (N, 2)."""
+        return np.einsum("nk,nki->ni", self.weights, self._corner_uvs(scene))
+
+    def factor(self, scene: Scene, maps: LayerMaps, is_quick: bool) -> Float32Array:
+        """By what images and strokes multiply a layer (N, 3), filtered over the pixel; is_quick: by fewer look-ups."""
+        if maps.is_plain:
+            return np.ones((1, 3), np.float32)
+        corners = self._corner_uvs(scene)
+        uv, right, below = (
+            np.einsum("nk,nki->ni", self._drawn.weights(self.rows, self.columns, *beside), corners)
+            for beside in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+        )
+        probes = MOVING_PROBES if is_quick else MOST_PROBES
+
+        def sample(image: Pyramid, repeats: tuple[float, float]) -> Float32Array:
+            return image.over(uv, right - uv, below - uv, probes, repeats, is_quick)
+
+        texture, weight = sample_images(maps.images, scene.textures, len(uv), sample)
+        return np.asarray(maps.factor(texture, paint_weights(scene, self.at, maps.strokes, weight)), np.float32)
+
+    def _corner_uvs(self, scene: Scene) -> Float64Array:
+        """Of the corners of what pixels show (N, 3, 2)."""
+        return self._all.corner_uvs(scene, self.triangle)
+
+
+def pixels_of(i_object: int, drawn: RasterResult, points: BendingPoints) -> Pixels | None:
+    """Those that show an object; None where none does."""
+    surface, sees = points.surface, drawn.found >= 0
+    rows, columns = np.nonzero(sees & (surface.i_object[np.where(sees, drawn.found, 0)] == i_object))
+    if not len(rows):
+        return None
+    triangle, is_front = drawn.found[rows, columns], drawn.front[drawn.found[rows, columns]] > 0.0
+    sides = surface.sides[triangle, np.where(is_front, 0, 1)]
+    return Pixels(rows, columns, triangle, drawn.weights(rows, columns), is_front, sides, drawn, points)

@@ -1,0 +1,137 @@
+"""The transfer of one object of a scene, as it is said to be: what it hangs on, and how it is found."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.core.generators import map_steps
+from engine.material.layer_maps import Images
+from engine.realtime.zonal_harmonics.bending_points import BendingPoints
+from engine.realtime.zonal_harmonics.membrane import membrane
+from engine.realtime.zonal_harmonics.reflectance import Reflectance
+from engine.realtime.zonal_harmonics.subsurface import Medium, simulate_subsurface
+from engine.realtime.zonal_harmonics.surface_details import heights, n_texels, patch_vectors, wrinkle_lobes
+from engine.realtime.zonal_harmonics.transfer import add_bounces, simulate_shadows
+from engine.realtime.zonal_harmonics.zonal import Zonal, fit, fit_linear_lobe
+from engine.scene.scene_loader import Scene
+from engine.scene.surface_kinds import DeformSurface
+
+ORDER, N_LOBES = 6, 4
+
+
+@dataclass(frozen=True)
+class ObjectTransfer:
+    """Which object's; the objects that shade its points; what is said of its surface; how bright its points are,
+    and how often light goes from it onto itself; rays and lobes a point."""
+
+    i_object: int
+    casters: tuple[int, ...]
+    surface: DeformSurface
+    reflectance: Reflectance
+    n_bounces: int
+    n_rays: int
+    n_lobes: int
+
+    @property
+    def is_worth_storing(self) -> bool:
+        """Whether it takes longer to find than to read; a membrane's map may change beneath what is kept."""
+        return self.surface.membrane is None
+
+    def dependencies(self, scene: Scene, points: BendingPoints) -> tuple[object, ...]:
+        """All that it hangs on."""
+        surface = self.surface
+        if surface.wrinkles is not None:  # one map for all depths
+            return ("wrinkles 2",)
+        if surface.patch is not None:
+            return "patch", self.n_rays, self.n_lobes, heights(scene, surface.patch)
+        bright = (self.reflectance.brightest, self.n_bounces, *filter(None, (self.reflectance.shares,)))
+        own = (surface.model_dump_json(),) if surface.kind else bright
+        lobes = () if self.n_lobes == N_LOBES else (self.n_lobes,)
+        return *points.geometry(self.i_object, self.casters), *own, self.n_rays, *lobes
+
+    def n_places(self, scene: Scene, points: BendingPoints) -> int:
+        """How many places it is found at: the object's points, or a map's texels."""
+        if self.surface.is_mapped:
+            return n_texels(scene, self.surface)
+        return len(points.points_of(self.i_object))
+
+    def compute(self, scene: Scene, points: BendingPoints) -> Generator[float, None, Zonal]:
+        """By rays, where these are needed, then lobes. Yields the share of the rays that is done."""
+        surface = self.surface
+        if surface.membrane is not None:
+            return membrane(_translucency(scene, points, self.i_object, surface.membrane.translucency), ORDER)
+        if surface.wrinkles is not None:
+            return (yield from wrinkle_lobes(ORDER))
+        vectors = yield from self._vectors(scene, points)
+        if self.n_lobes == 1:  # which is soon to be another
+            return fit_linear_lobe(vectors)
+        return (yield from map_steps(fit(vectors, self.n_lobes), lambda _: 1.0))
+
+    def _vectors(self, scene: Scene, points: BendingPoints) -> Generator[float, None, NDArray[np.float64]]:
+        """Of the object's points, or of a patch's texels (P, n^2)."""
+        if self.surface.patch is not None:
+            return (yield from patch_vectors(scene, self.surface.patch, ORDER, self.n_rays))
+        mesh, caster = points.mesh(self.i_object, self.casters), points.caster(self.casters)
+        if self.surface.subsurface is not None:
+            medium, own = Medium(**self.surface.values), mesh.corners[mesh.corners[:, 0] >= 0]
+            return (yield from simulate_subsurface(mesh, caster, own, ORDER, medium, self.n_rays))
+        vectors = yield from simulate_shadows(mesh, caster, ORDER, self.n_rays)
+        if self.reflectance.brightest and self.n_bounces:
+            albedo = self.reflectance.albedo
+            vectors = yield from map_steps(
+                add_bounces(mesh, caster, vectors, albedo, self.n_bounces), lambda share: 0.99
+            )
+        return vectors
+
+
+class TransferStore(Protocol):
+    """Where fitted transfer is kept, by all that it hangs on. What `get` finds is of so many places."""
+
+    def get(self, made_of: tuple[object, ...], n_places: int) -> Zonal | None: ...
+
+    def put(self, made_of: tuple[object, ...], zonal: Zonal) -> None: ...
+
+
+class TransferCache:
+    """What was found of a scene's objects: the last two of each at hand, for one that bends will rest again, and all
+    on the shelf."""
+
+    def __init__(self, scene: Scene, points: BendingPoints, store: TransferStore | None) -> None:
+        self._scene, self._points, self._store = scene, points, store
+        self._at_hand: dict[ObjectTransfer, Zonal] = {}
+        self._loaded: dict[int, ObjectTransfer] = {}  # in vain, the last of each object
+
+    def get(self, wanted: ObjectTransfer) -> Zonal | None:
+        if wanted in self._at_hand or self._loaded.get(wanted.i_object) == wanted:
+            return self._at_hand.get(wanted)
+        self._loaded[wanted.i_object] = wanted
+        if self._store is not None and wanted.is_worth_storing:
+            made_of = wanted.dependencies(self._scene, self._points)
+            found = self._store.get(made_of, wanted.n_places(self._scene, self._points))
+            if found is not None:
+                self._hold_recent(wanted, found)
+        return self._at_hand.get(wanted)
+
+    def put(self, wanted: ObjectTransfer, zonal: Zonal) -> None:
+        self._hold_recent(wanted, zonal)
+        if self._store is not None and wanted.is_worth_storing:
+            self._store.put(wanted.dependencies(self._scene, self._points), zonal)
+
+    def _hold_recent(self, wanted: ObjectTransfer, zonal: Zonal) -> None:
+        for other in [each for each in self._at_hand if each.i_object == wanted.i_object][:-1]:
+            del self._at_hand[other]
+        self._at_hand[wanted] = zonal
+
+
+def _translucency(scene: Scene, points: BendingPoints, i: int, surface: float | str) -> NDArray[np.float64]:
+    """Of an object's points (P,), 0 to 1."""
+    if not isinstance(surface, str):
+        return np.full(len(points.points_of(i)), surface)
+    image = scene.textures.weight(Images(weight=surface))
+    assert image is not None
+    return np.clip(image.at(points.uvs(i))[:, 0].astype(np.float64), 0.0, 1.0)

@@ -1,0 +1,157 @@
+"""Patches of detail that repeat over a surface: their transfer as a texture [Sloan05, 6].
+
+A patch is a height field, simulated once among its own copies; its texels hold zonal lobes in the axes of the surface
+that it is laid on: tangent along u, bitangent along v, normal. So it goes onto any surface with texture coordinates,
+however that is bent, and costs no more of it. Detail shades itself, and does not move what is seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from engine.core.generators import map_steps
+from engine.core.threads import even_parts, on_threads
+from engine.realtime.zonal_harmonics import _patch_kernels as kernels
+from engine.realtime.zonal_harmonics.pose import orthonormal
+from engine.realtime.zonal_harmonics.shading import Lobes, lobes
+from engine.realtime.zonal_harmonics.subsurface import Medium, Sources, subsurface
+from engine.realtime.zonal_harmonics.transfer import (
+    N_RAYS,
+    TransferPoints,
+    cosine_directions,
+    rotate_transfer,
+    simulate,
+)
+from engine.realtime.zonal_harmonics.zonal import Zonal
+from engine.scene.raycaster import RayCaster
+from engine.scene.surface_points import surface_points
+
+Float64Array = NDArray[np.float64]
+
+UNDER_EVERY = 4  # texels, between places where light enters from below
+
+
+@dataclass(frozen=True)
+class Slab:
+    """What a patch is made of where light goes through it: a medium, by the patch's side in place of the metre, and how
+    far its flat underside, which is lit from below, lies under height 0."""
+
+    medium: Medium
+    thickness: float
+
+
+def simulate_patch(
+    heights: ArrayLike, n: int, albedo: float = 0.0, n_bounces: int = 0, slab: Slab | None = None, n_rays: int = N_RAYS
+) -> Generator[float, None, Float64Array]:
+    """The vectors (H W, n^2) of a patch's texels, row by row, with its shadows and either what it reflects onto itself
+    or, of a slab, what light goes through it. heights (H, W): see `heights`. Yields the share that is done.
+
+    Raises ValueError where heights are not finite, or the slab has no thickness there.
+    """
+    heights = np.asarray(heights, np.float64)
+    if heights.ndim != 2 or min(heights.shape) < 2 or not (np.abs(heights) <= 10.0).all():
+        raise ValueError(f"heights of shape {heights.shape}, expected a map of finite ones up to 10 sides")
+    if slab is not None and not heights.min() > -slab.thickness:
+        raise ValueError(f"a slab {slab.thickness:g} thick, expected more than {-heights.min():g}")
+    mesh, caster = _among_copies(heights)
+    end = 0.6 if slab else 1.0
+    vectors = yield from map_steps(simulate(mesh, caster, n, albedo, n_bounces, n_rays), lambda share: end * share)
+    flat = rotate_transfer(vectors, mesh.frames.transpose(0, 2, 1))
+    if slab is None:
+        return flat
+    places = mesh.points.position.astype(np.float64)
+    below = cosine_directions(n_rays, n)[1].mean(axis=0) * _mirrored(n)
+    sources = _sources(places, mesh.frames[:, 2, 2], heights.shape, slab)
+    leaving = subsurface(np.vstack([flat, below]), places, sources, slab.medium)
+    return (yield from map_steps(leaving, lambda share: 0.6 + 0.4 * share))
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """A patch's lobes as they are looked up: low (H, W, 4), axes (H, W, N, 3), coefficients (H, W, N, n); errors (H, W)
+    of their fit, as shares."""
+
+    low: NDArray[np.float32]
+    axes: NDArray[np.float32]
+    coefficients: NDArray[np.float32]
+    errors: Float64Array
+
+    def at(self, uvs: ArrayLike) -> Lobes:
+        """The lobes at texture coordinates (P, 2), which repeat: bands that are kept as they are lie between texels,
+        lobes are the nearest texel's, as neighbours' have nothing to do with each other."""
+        uvs = np.ascontiguousarray(uvs, np.float64)
+        found = Lobes(*(np.empty((len(uvs), *each.shape[2:]), np.float32) for each in self._maps()))
+        on_threads(
+            lambda start, stop: kernels.look_up_range(
+                *self._maps(), uvs, start, stop, found.low, found.axes, found.coefficients
+            ),
+            *even_parts(len(uvs)),
+        )
+        return found
+
+    def errors_at(self, uvs: ArrayLike) -> Float64Array:
+        """Of the texels (P,) that hold texture coordinates (P, 2)."""
+        height, width = self.errors.shape
+        u, v = np.mod(np.asarray(uvs, np.float64), 1.0).T
+        return self.errors[np.minimum(((1.0 - v) * height).astype(int), height - 1), (u * width).astype(int) % width]
+
+    def _maps(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        return self.low, self.axes, self.coefficients
+
+
+def patch(zonal: Zonal, shape: tuple[int, int]) -> Patch:
+    """Of lobes fitted to the vectors of a patch's texels."""
+    flat = lobes(zonal)
+    maps = flat.low, flat.axes, flat.coefficients
+    low, axes, coefficients = (each.reshape(*shape, *each.shape[1:]) for each in maps)
+    return Patch(low, axes, coefficients, zonal.relative_errors.reshape(shape))
+
+
+def _among_copies(heights: Float64Array) -> tuple[TransferPoints, RayCaster]:
+    """The texels of a patch, and what stands around them: the patch and its eight neighbours."""
+    n_rows, n_columns = heights.shape
+    row, column = np.mgrid[-n_rows : 2 * n_rows + 1, -n_columns : 2 * n_columns + 1]
+    height = heights[row % n_rows, column % n_columns]
+    places = np.stack([(column + 0.5) / n_columns, 1.0 - (row + 0.5) / n_rows, height], axis=2)
+    grid = np.arange(row.size, dtype=np.int32).reshape(row.shape)
+    a, b, c, d = (each.ravel() for each in (grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:], grid[:-1, :-1]))
+    triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    caster = RayCaster(places.reshape(-1, 3), triangles)
+    inside = places[n_rows : 2 * n_rows, n_columns : 2 * n_columns].reshape(-1, 3)
+    slope_u = (np.roll(heights, -1, axis=1) - np.roll(heights, 1, axis=1)) * (n_columns / 2.0)
+    slope_v = (np.roll(heights, 1, axis=0) - np.roll(heights, -1, axis=0)) * (n_rows / 2.0)
+    normals = np.stack([-slope_u, -slope_v, np.ones_like(slope_u)], axis=2).reshape(-1, 3)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    upright = np.tile(np.eye(3), (len(normals), 1, 1))
+    frames = orthonormal(np.concatenate([upright[:, :2], normals[:, None]], axis=1), upright)
+    numbers = ((row % n_rows) * n_columns + column % n_columns).ravel().astype(np.int32)
+    corners = numbers[triangles]  # a copy's are the patch's own: only their normals say which way they face
+    points = surface_points(caster, inside, normals)
+    return TransferPoints(points, frames, corners, normals[corners].sum(axis=1)), caster
+
+
+def _sources(places: Float64Array, upright: Float64Array, shape: tuple[int, int], slab: Slab) -> Sources:
+    """Where light enters a slab from above and from below, in the patch and as far around it as the medium reaches; of
+    what enters below there is one vector, after those of the texels."""
+    reach = min(slab.medium.reach, 2.0)
+    texel = 1.0 / (shape[0] * shape[1])
+    under = [np.arange(0, size, UNDER_EVERY) for size in shape]
+    u, v = np.meshgrid((under[1] + 0.5) / shape[1], 1.0 - (under[0] + 0.5) / shape[0])
+    bottom = np.stack([u.ravel(), v.ravel(), np.full(u.size, -slab.thickness)], axis=1)
+    one = np.concatenate([places, bottom])
+    areas = np.concatenate([texel / upright, np.full(len(bottom), 1.0 / len(bottom))])
+    numbers = np.concatenate([np.arange(len(places)), np.full(len(bottom), len(places))]).astype(np.int32)
+    around = range(-int(np.ceil(reach)), int(np.ceil(reach)) + 1)
+    copies = np.array([(x, y, 0.0) for x in around for y in around])
+    all_places = (one + copies[:, None]).reshape(-1, 3)
+    near = (np.abs(all_places[:, :2] - 0.5) <= 0.5 + reach).all(axis=1)
+    return Sources(all_places[near], np.tile(areas, len(copies))[near], np.tile(numbers, len(copies))[near])
+
+
+def _mirrored(n: int) -> Float64Array:
+    """What turns a function of order n upside down, about the plane z = 0: (n^2,)."""
+    return np.array([(-1.0) ** (band + m) for band in range(n) for m in range(-band, band + 1)])

@@ -1,0 +1,150 @@
+"""A mesh in another pose: deformers in a row, and the axes that its points have then [Sloan05, 5].
+
+The Jacobian of the whole row, by the chain rule, takes tangents along and normals by its cofactors, which need no
+inverse: where space collapses, a point keeps what axes it can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from engine.core.errors import InsituError
+from engine.realtime.deformers import KINDS
+
+Float64Array = NDArray[np.float64]
+
+MAX_GROWTH = 1000.0
+_SHORT = 1e-12
+_SIDES = 9  # of a cube, at so many places along each
+AXES = {"x": (1, 0, 2), "y": (0, 1, 2), "z": (0, 2, 1)}  # places of across, axis, depth
+
+
+@dataclass(frozen=True)
+class Deformation:
+    """One deformer at work: its kind's name, how much, and which of the object's axes it stands on: x, y or z."""
+
+    kind: str
+    amount: float
+    axis: str = "y"
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise ValueError(f"deformer {self.kind!r}, expected one of {', '.join(KINDS)}")
+        low, high = KINDS[self.kind].limits
+        if not low <= self.amount <= high:
+            raise ValueError(f"{self.kind} {self.amount:g}, expected {low:g} to {high:g}")
+        if self.axis not in AXES:
+            raise ValueError(f"axis {self.axis!r}, expected one of x, y, z")
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Where an animation of the object's file has taken it at a time, seconds; beyond its ends it begins anew."""
+
+    clip: str
+    time: float
+
+    def __post_init__(self) -> None:
+        if not isfinite(self.time):
+            raise ValueError(f"time {self.time:g}, expected a finite number of seconds")
+
+
+Motion = tuple[Moment | Deformation, ...]  # what an object goes through, one after another; a moment comes first
+Poses = tuple[tuple[str, Motion], ...]  # of objects, by name
+
+
+def without_identity(poses: Sequence[tuple[str, Motion]]) -> Poses:
+    """What of them moves anything: no deformer of no amount, no object without any."""
+    rows = ((name, tuple(each for each in row if isinstance(each, Moment) or each.amount)) for name, row in poses)
+    return tuple((name, row) for name, row in rows if row)
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Points (V, 3) and their axes, rows tangent, bitangent, normal (V, 3, 3)."""
+
+    positions: Float64Array
+    frames: Float64Array
+
+    @property
+    def box(self) -> Float64Array:
+        """The least and the largest corner (2, 3)."""
+        return np.stack([self.positions.min(axis=0), self.positions.max(axis=0)])
+
+
+def deform(pose: Pose, deformations: Sequence[Deformation], box: Float64Array | None = None) -> Pose:
+    """The pose after the deformers, one after another, each in the same box (2, 3): the resting mesh's, or None where
+    that is the pose's own."""
+    if not deformations:
+        return pose
+    positions, jacobians = pose.positions, np.broadcast_to(np.eye(3), pose.frames.shape)
+    low, high = pose.box if box is None else box
+    for deformation in deformations:
+        places = list(AXES[deformation.axis])
+        foot, height = (low + high) / 2.0, high[places[1]] - low[places[1]]
+        if not height > 0.0:
+            continue  # flat along that axis: there is nothing to bend
+        foot[places[1]] = low[places[1]]
+        moved, jacobian = KINDS[deformation.kind].move((positions - foot)[:, places] / height, deformation.amount)
+        back = np.argsort(places)
+        positions = moved[:, back] * height + foot
+        jacobians = jacobian[:, back][:, :, back] @ jacobians
+    return Pose(positions, deformed_frames(pose.frames, jacobians))
+
+
+def largest_growth(deformations: Sequence[Deformation]) -> float:
+    """How many times as large a cube becomes by deformers, one after another, along the axis where that is most."""
+    places = np.stack(np.meshgrid(*[np.linspace(0.0, 1.0, _SIDES)] * 3), axis=-1).reshape(-1, 3)
+    moved = deform(Pose(places, np.broadcast_to(np.eye(3), (len(places), 3, 3))), deformations)
+    return float(np.ptp(moved.positions, axis=0).max())
+
+
+def check_extent(name: str, positions: Float64Array, most: float) -> None:
+    """Raises InsituError where an object, by name, reaches farther than so many metres in a pose."""
+    extent = float(np.abs(positions).max(initial=0.0))
+    if not extent <= most:
+        raise InsituError(f"{name}: reaches {extent:.3g} m in this pose, expected at most {most:g} m")
+
+
+def deformed_frames(frames: ArrayLike, jacobians: ArrayLike) -> Float64Array:
+    """Axes (V, 3, 3), rows tangent, bitangent, normal, after maps with these Jacobians (V, 3, 3).
+
+    The normal stays normal to the surface, on its outer side; the tangent stays as near to its image as it may.
+    """
+    frames, jacobians = np.asarray(frames, np.float64), np.asarray(jacobians, np.float64)
+    normal = np.einsum("vab,vb->va", _cofactors(jacobians), frames[:, 2])
+    normal = normal * np.where(np.linalg.det(jacobians) < 0.0, -1.0, 1.0)[:, None]
+    tangent = np.einsum("vab,vb->va", jacobians, frames[:, 0])
+    return orthonormal(np.stack([tangent, frames[:, 1], normal], axis=1), frames)
+
+
+def orthonormal(frames: Float64Array, instead: Float64Array) -> Float64Array:
+    """Axes (V, 3, 3) with the normals' directions and tangents as near to these as they may be; where one has no
+    length, that of others."""
+    normal = _unit(frames[:, 2], instead[:, 2])
+    tangent = _unit(_across(frames[:, 0], normal), _across(instead[:, 0], normal))
+    tangent = _unit(tangent, np.cross(instead[:, 1], normal))
+    return np.stack([tangent, np.cross(normal, tangent), normal], axis=1)
+
+
+def _cofactors(matrices: Float64Array) -> Float64Array:
+    """det(J) J^-T (V, 3, 3), also where there is no inverse: rows are cross products of rows."""
+    a, b, c = matrices[:, 0], matrices[:, 1], matrices[:, 2]
+    return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+
+
+def _across(vectors: Float64Array, normal: Float64Array) -> Float64Array:
+    return vectors - np.einsum("vc,vc->v", vectors, normal)[:, None] * normal
+
+
+def _unit(vectors: Float64Array, instead: Float64Array) -> Float64Array:
+    """Vectors (V, 3) of length 1; where they have none, the others (V, 3)."""
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    others = np.linalg.norm(instead, axis=1, keepdims=True)
+    has_length = lengths > _SHORT
+    return np.where(has_length, vectors / np.where(has_length, lengths, 1.0), instead / np.maximum(others, _SHORT))

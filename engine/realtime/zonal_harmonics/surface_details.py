@@ -1,0 +1,159 @@
+"""Detail that lies on an object's texture coordinates, pixel by pixel: patches of heights, and wrinkles [Sloan05, 6].
+
+Its lobes are in axes along u and v, which are found of the mesh as it is bent. It shades itself alone: what the rest of
+the object does to it is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.material.layer_maps import Images
+from engine.realtime.zonal_harmonics.heights import PATTERNS, of_image
+from engine.realtime.zonal_harmonics.heights import SIDE as TEXELS
+from engine.realtime.zonal_harmonics.patches import Patch, patch, simulate_patch
+from engine.realtime.zonal_harmonics.pose import orthonormal
+from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, lobes, shade
+from engine.realtime.zonal_harmonics.wrinkle import SIDE, wrinkles
+from engine.realtime.zonal_harmonics.wrinkle import Wrinkles as WrinkleMap
+from engine.realtime.zonal_harmonics.zonal import Zonal
+from engine.scene.scene_loader import Scene
+from engine.scene.surface_kinds import DeformSurface
+from engine.scene.surface_kinds import Detail as PatchSays
+from engine.scene.surface_kinds import Wrinkles as WrinklesSay
+
+Float64Array = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class LobeMap:
+    """Lobes as shaders look them up (H, W, ...), v upwards, in axes along u, along v, outwards.
+
+    repeats: along u and v. is_smooth: lobes lie between entries and axes are to be made of length 1, else they are the
+    nearest entry's; such a map has one column, and the sum of u and v times repeats runs along its rows, first to last.
+    """
+
+    lobes: Lobes
+    repeats: tuple[float, float]
+    is_smooth: bool
+
+
+class Detail(Protocol):
+    """Lobes by texture coordinates."""
+
+    def at(self, uvs: Float64Array) -> Lobes:
+        """At (P, 2), in axes along u, along v, outwards."""
+
+    def errors_at(self, uvs: Float64Array) -> Float64Array:
+        """How far they are off what they were fitted to (P,), as a share of it."""
+
+    def map(self) -> LobeMap:
+        """All of them."""
+
+
+class PatchDetail(Detail):
+    """A patch that repeats."""
+
+    def __init__(self, found: Patch, repeats: tuple[float, float]) -> None:
+        self._patch, self._repeats = found, repeats
+
+    def at(self, uvs: Float64Array) -> Lobes:
+        return self._patch.at(uvs * self._repeats)
+
+    def errors_at(self, uvs: Float64Array) -> Float64Array:
+        return self._patch.errors_at(uvs * self._repeats)
+
+    def map(self) -> LobeMap:
+        found = self._patch
+        return LobeMap(Lobes(found.low, found.axes, found.coefficients), self._repeats, False)
+
+
+class WrinkleDetail(Detail):
+    """Grooves across u or v."""
+
+    def __init__(self, found: WrinkleMap, surface: WrinklesSay) -> None:
+        self._map, self._surface = found, surface
+
+    def at(self, uvs: Float64Array) -> Lobes:
+        return lobes(self._on_surface(self._lobes_at(uvs)))
+
+    def errors_at(self, uvs: Float64Array) -> Float64Array:
+        return self._lobes_at(uvs).relative_errors
+
+    def map(self) -> LobeMap:
+        one, surface = lobes(self._on_surface(self._map.of_depth(self._surface.depth))), self._surface
+        column = Lobes(*(each[:, None] for each in (one.low, one.axes, one.coefficients)))
+        return LobeMap(column, (surface.repeats, 0.0) if surface.across == "u" else (0.0, surface.repeats), True)
+
+    def _on_surface(self, found: Zonal) -> Zonal:
+        """In axes along u, along v, outwards."""
+        if self._surface.across == "u":
+            return found
+        return found.rotate([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # across and along it are v and -u
+
+    def _lobes_at(self, uvs: Float64Array) -> Zonal:
+        places = uvs[:, 0 if self._surface.across == "u" else 1] * self._surface.repeats
+        return self._map.at(places, np.full(len(uvs), self._surface.depth))
+
+
+def heights(scene: Scene, surface: PatchSays) -> Float64Array:
+    """(H, W), in sides of the patch; of an image as many texels as there are to be at most."""
+    if surface.kind is not None:
+        return PATTERNS[surface.kind]() * surface.height
+    image = scene.textures.weight(Images(weight=surface.file or ""))
+    assert image is not None
+    coarse = next(each for each in image.levels if max(each.shape[:2]) <= TEXELS)[..., 0]
+    whole = np.tile(coarse, [2 if n == 1 else 1 for n in coarse.shape])
+    return of_image(whole) * surface.height
+
+
+def patch_vectors(scene: Scene, surface: PatchSays, n: int, n_rays: int) -> Generator[float, None, Float64Array]:
+    """The vectors of a patch's texels, row by row. Yields the share that is done."""
+    return (yield from simulate_patch(heights(scene, surface), n, n_rays=n_rays))
+
+
+def wrinkle_lobes(n: int) -> Generator[float, None, Zonal]:
+    """The lobes of a map of wrinkles, row by row. Yields the share that is done."""
+    found = yield from wrinkles(n)
+    maps = (found.low, found.axes, found.coefficients, found.errors)
+    return Zonal(*(each.reshape(-1, *each.shape[2:]) for each in maps))
+
+
+def n_texels(scene: Scene, surface: DeformSurface) -> int:
+    """How many texels of a patch, or nodes of a map of wrinkles, have lobes."""
+    return SIDE * SIDE if surface.patch is None else heights(scene, surface.patch).size
+
+
+def detail(scene: Scene, surface: DeformSurface, zonal: Zonal) -> Detail:
+    """Of lobes of `n_texels`."""
+    if surface.wrinkles is not None:
+        maps = (zonal.low, zonal.axes, zonal.coefficients, zonal.errors)
+        of_nodes = (each.reshape(SIDE, SIDE, *each.shape[1:]).astype(np.float64) for each in maps)
+        return WrinkleDetail(WrinkleMap(*of_nodes), surface.wrinkles)
+    assert surface.patch is not None
+    height, width = heights(scene, surface.patch).shape
+    return PatchDetail(patch(zonal, (height, width)), surface.patch.repeats)
+
+
+def shade_pixels(
+    found: Detail,
+    uvs: Float64Array,
+    axes: Float32Array,
+    weights: Float32Array,
+    is_front: NDArray[np.bool_],
+    light: BandLight,
+) -> Float32Array:
+    """What white matt pixels (N, 3) send; axes (N, 3, 3, 3) of the corners of their triangles and shares (N, 3) of
+    these; of backs the detail is turned inside out."""
+    mean = np.einsum("nk,nkab->nab", weights, axes)
+    handed = np.sign(np.linalg.det(mean))[:, None]
+    frames = orthonormal(mean.astype(np.float64), axes[:, 0].astype(np.float64))
+    frames[:, 1] *= np.where(handed < 0.0, -1.0, 1.0)
+    frames[:, 2] *= np.where(is_front, 1.0, -1.0)[:, None]
+    return np.maximum(shade(found.at(uvs), frames, light), np.float32(0.0))

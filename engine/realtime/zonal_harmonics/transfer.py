@@ -1,0 +1,170 @@
+"""How light from afar comes back from points of a mesh: transfer vectors by rays [Sloan05, 3.2].
+
+A transfer vector t (n^2,) is that of a white matt surface: under light e its radiance is e . t, times its albedo. It is
+in the axes of the point itself, so that it follows them when the mesh bends. What the mesh reflects onto itself is
+added bounce by bounce; light that is blocked by what is far away is not local, and wrong as soon as that moves: what is
+to cast shadows is the caller's choice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from engine.core.generators import map_steps
+from engine.core.threads import even_parts, on_threads
+from engine.realtime.zonal_harmonics import _transfer_kernels as kernels
+from engine.scene.raycaster import RayCaster
+from engine.scene.surface_points import SurfacePoints
+from engine.sphere.harmonics import basis, quadrature
+
+Float64Array = NDArray[np.float64]
+
+N_RAYS = 5000
+N_BOUNCE_RAYS = 1000
+_BLOCK_RAYS = 1 << 19  # a piece of work that pictures can be drawn between
+_GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
+
+
+@dataclass(frozen=True, eq=False)
+class TransferPoints:
+    """P points to be simulated: where (`SurfacePoints`); frames (P, 3, 3), rows tangent, bitangent, normal; and the
+    caster's triangles as corners (T, 3), numbers of these points, -1 for triangles that are none of theirs. normals
+    (T, 3): which way those face, of any length; None: as their corners lie."""
+
+    points: SurfacePoints
+    frames: Float64Array
+    corners: NDArray[np.int32]
+    normals: Float64Array | None = None
+
+
+def unshadowed(n_points: int, n: int) -> Float64Array:
+    """The vectors (P, n^2) of points that see all that is above them: a cosine about their normal."""
+    return np.repeat(cosine_directions(N_RAYS, n)[1].mean(axis=0)[None], n_points, axis=0)
+
+
+def simulate(
+    mesh: TransferPoints, caster: RayCaster, n: int, albedo: ArrayLike = 0.0, n_bounces: int = 0, n_rays: int = N_RAYS
+) -> Generator[float, None, Float64Array]:
+    """Vectors (P, n^2) of order n with the mesh's own shadows and, for albedo (P,) or one for all in [0, 1), what it
+    reflects onto itself in so many bounces. Yields the share that is done."""
+    end = 0.7 if n_bounces else 1.0
+    total = yield from map_steps(simulate_shadows(mesh, caster, n, n_rays), lambda share: end * share)
+    if n_bounces:
+        total = yield from map_steps(
+            add_bounces(mesh, caster, total, albedo, n_bounces), lambda share: end + 0.2 * share
+        )
+    yield 1.0
+    return total
+
+
+def simulate_shadows(
+    mesh: TransferPoints, caster: RayCaster, n: int, n_rays: int = N_RAYS
+) -> Generator[float, None, Float64Array]:
+    """Vectors (P, n^2) of order n with the shadows of what the rays can meet. Yields the share that is done."""
+    total = np.empty((len(mesh.frames), n * n))
+    for start, stop, rays in ray_blocks(mesh, cosine_directions(n_rays, n)[0]):
+        blocked = caster.occluded(*rays).reshape(stop - start, n_rays)
+        total[start:stop] = (~blocked) @ (cosine_directions(n_rays, n)[1] / n_rays)
+        yield stop / len(total)
+    return total
+
+
+def add_bounces(
+    mesh: TransferPoints, caster: RayCaster, vectors: Float64Array, albedo: ArrayLike, n_bounces: int
+) -> Generator[float, None, Float64Array]:
+    """Vectors (P, n^2) with what the mesh, of albedo (P,) or one for all in [0, 1), reflects onto itself in so many
+    bounces of the light that they take in. Yields the share that is done."""
+    hits = yield from _hits(mesh, caster)
+    total = vectors.copy()
+    sent = rotate_transfer(total, mesh.frames.transpose(0, 2, 1))  # in the world's axes, as all points' are
+    reflectance = np.broadcast_to(np.asarray(albedo, np.float64), len(total))[:, None]
+    for _ in range(n_bounces):
+        sent = hits.gather(reflectance * sent, mesh.corners)
+        total += rotate_transfer(sent, mesh.frames)
+    return total
+
+
+def rotate_transfer(vectors: Float64Array, frames: Float64Array) -> Float64Array:
+    """Functions (P, n^2) in the axes that are the rows of `frames` (P, 3, 3): exact, by quadrature."""
+    n = round(vectors.shape[1] ** 0.5)
+    places, weights = quadrature(n)
+    weighed = basis(places, n) * weights[:, None]
+    result = np.empty_like(vectors)
+    back = np.ascontiguousarray(frames.transpose(0, 2, 1))
+    on_threads(
+        lambda start, stop: kernels.turn_range(vectors, back, places, weighed, start, stop, result),
+        *even_parts(len(vectors)),
+    )
+    return result
+
+
+@cache
+def cosine_directions(count: int, n: int) -> tuple[Float64Array, Float64Array]:
+    """Directions (D, 3) about +z, as dense as the cosine, each for the same share of a matt surface's irradiance; and
+    the harmonics there (D, n^2). A spiral of the golden angle over the disc below them."""
+    i = np.arange(count) + 0.5
+    radius, angle = np.sqrt(i / count), i * _GOLDEN_ANGLE
+    directions = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1.0 - radius**2)], axis=1)
+    return directions, basis(directions, n)
+
+
+@dataclass(frozen=True, eq=False)
+class _Hits:
+    """What of the mesh the rays of each point hit from the front: those of point p are firsts[p] to firsts[p + 1]."""
+
+    firsts: NDArray[np.int64]
+    triangle: NDArray[np.int32]
+    u: NDArray[np.float32]
+    v: NDArray[np.float32]
+
+    def gather(self, sent: Float64Array, corners: NDArray[np.int32]) -> Float64Array:
+        """What each point receives of what all send."""
+        result = np.empty_like(sent)
+        on_threads(
+            lambda start, stop: kernels.gather_range(
+                self.firsts, self.triangle, self.u, self.v, corners, 1.0 / N_BOUNCE_RAYS, sent, start, stop, result
+            ),
+            *even_parts(len(sent)),
+        )
+        return result
+
+
+def _hits(mesh: TransferPoints, caster: RayCaster) -> Generator[float, None, _Hits]:
+    n_points = len(mesh.frames)
+    counts = np.zeros(n_points + 1, np.int64)
+    parts: list[tuple[NDArray, NDArray, NDArray]] = []
+    normals = _face_normals(mesh) if mesh.normals is None else mesh.normals
+    for start, stop, (origins, directions) in ray_blocks(mesh, cosine_directions(N_BOUNCE_RAYS, 1)[0]):
+        found = caster.intersect(origins, directions)
+        is_front = np.einsum("rc,rc->r", directions, normals[found.triangle]) < 0.0
+        of_mesh = (found.triangle >= 0) & is_front & (mesh.corners[found.triangle, 0] >= 0)
+        parts.append((found.triangle[of_mesh], found.u[of_mesh], found.v[of_mesh]))
+        counts[start + 1 : stop + 1] = of_mesh.reshape(stop - start, N_BOUNCE_RAYS).sum(axis=1)
+        yield stop / n_points
+    triangle, u, v = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return _Hits(np.cumsum(counts), triangle, u, v)
+
+
+def _face_normals(mesh: TransferPoints) -> Float64Array:
+    """Not of length 1 (T, 3)."""
+    a, b, c = (mesh.points.position[mesh.corners[:, k]].astype(np.float64) for k in range(3))
+    return np.cross(b - a, c - a)
+
+
+def ray_blocks(
+    mesh: TransferPoints, local: Float64Array
+) -> Generator[tuple[int, int, tuple[NDArray[np.float32], NDArray[np.float32]]], None, None]:
+    """Some points after others, by their numbers: origins and directions of all their rays, `local` (D, 3) in their own
+    axes."""
+    n_rays = len(local)
+    size = max(1, _BLOCK_RAYS // n_rays)
+    for start in range(0, len(mesh.frames), size):
+        stop = min(start + size, len(mesh.frames))
+        directions = (local @ mesh.frames[start:stop]).astype(np.float32).reshape(-1, 3)
+        origins = np.repeat(mesh.points.offset_position[start:stop], n_rays, axis=0)
+        yield start, stop, (origins, directions)

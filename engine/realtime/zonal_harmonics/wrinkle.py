@@ -1,0 +1,189 @@
+"""Wrinkles: grooves whose transfer is known by formula, as zonal lobes over where in the groove and how deep it is
+[Sloan05, 4.2].
+
+A groove is one period of a cosine, h(x) = d (1 - cos 2 pi x) / 2 over x in [0, 1], with its foot at x = 0 and 1, its
+ridge at 1/2 and d its depth by its width; it repeats along x and goes on along y. What a point sees of the sky is known
+by two horizons, so no rays are traced. Three lobes a point, axes and coefficients bilinear over a map of position and
+depth, are fitted to all points at once: so lobes of neighbours correspond, and what lies between is one too. Bands 0
+and 1 are kept as they are. Axes are those of the surface that is wrinkled: across the groove, along it, outwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import uniform_filter
+from scipy.optimize import minimize
+
+from engine.core.threads import even_parts, on_threads
+from engine.realtime.zonal_harmonics import _wrinkle_kernels as kernels
+from engine.realtime.zonal_harmonics.transfer import cosine_directions
+from engine.realtime.zonal_harmonics.zonal import Zonal
+from engine.sphere.harmonics import bands, basis
+
+Float64Array = NDArray[np.float64]
+
+SIDE, N_LOBES, ORDER = 32, 3, 6
+DEEPEST = 1.0  # widths
+N_RAYS = 2000
+_PER_CELL = 2  # samples of the fit, each way
+_ROUNDS, _STEPS = 8, 30
+_PARTS = 8  # of the samples, on however many threads
+_SPREADS = np.radians([15.0, 30.0, 45.0, 60.0, 75.0])  # of the outer lobes from the middle one, to begin with
+_RIDGE = 1e-6
+_HORIZON_STEPS = 512
+
+
+@dataclass(frozen=True, eq=False)
+class Wrinkles:
+    """Lobes at the nodes of a map, rows by position from 0 to 1, columns by depth from 0 to `DEEPEST`: low (H, W, 4),
+    axes (H, W, N, 3), coefficients (H, W, N, n); errors (H, W): the length of what they leave of what they were fitted
+    to, at a node and half way to the next."""
+
+    low: Float64Array
+    axes: Float64Array
+    coefficients: Float64Array
+    errors: Float64Array
+
+    def at(self, position: ArrayLike, depth: ArrayLike) -> Zonal:
+        """The lobes of points (P,) of grooves; positions repeat, depths are held between 0 and `DEEPEST`."""
+        position, depth = (np.asarray(each, np.float64).ravel() for each in np.broadcast_arrays(position, depth))
+        n_rows, n_columns = self.low.shape[:2]
+        row = (position - np.floor(position)) * (n_rows - 1)
+        column = np.clip(depth / DEEPEST, 0.0, 1.0) * (n_columns - 1)
+        top, left = np.minimum(row.astype(int), n_rows - 2), np.minimum(column.astype(int), n_columns - 2)
+        found = []
+        for each in (self.low, self.axes, self.coefficients, self.errors):
+            down, right = (part.reshape(-1, *[1] * (each.ndim - 2)) for part in (row - top, column - left))
+            above = (1.0 - right) * each[top, left] + right * each[top, left + 1]
+            below = (1.0 - right) * each[top + 1, left] + right * each[top + 1, left + 1]
+            found.append((1.0 - down) * above + down * below)
+        low, axes, coefficients, errors = found
+        return Zonal(low, _unit(axes), coefficients, errors)
+
+    def of_depth(self, depth: float) -> Zonal:
+        """The nodes (H,) of one depth, of which those of a place are even sums, their axes then made of length 1."""
+        n_columns = self.low.shape[1]
+        column = min(max(depth / DEEPEST, 0.0), 1.0) * (n_columns - 1)
+        left = min(int(column), n_columns - 2)
+        share = column - left
+        maps = (self.low, self.axes, self.coefficients, self.errors)
+        return Zonal(*((1.0 - share) * each[:, left] + share * each[:, left + 1] for each in maps))
+
+
+def wrinkles(n: int = ORDER, side: int = SIDE) -> Generator[float, None, Wrinkles]:
+    """The map of so many nodes each way, fitted by L-BFGS [Nocedal06, 7.2]. Yields the share that is done."""
+    n_samples = _PER_CELL * (side - 1) + 1
+    node = np.linspace(0.0, side - 1.0, n_samples)
+    places = np.stack(np.meshgrid(node, node, indexing="ij"), axis=2).reshape(-1, 2)
+    targets = transfer(places[:, 0] / (side - 1), places[:, 1] / (side - 1) * DEEPEST, n)
+    at_nodes = targets.reshape(n_samples, n_samples, -1)[::_PER_CELL, ::_PER_CELL].reshape(side * side, -1)
+    yield 0.1
+    axes, coefficients = _initial_lobes(at_nodes, n)
+    shapes = (side, side, N_LOBES, 3), (side, side, N_LOBES, n)
+    values = np.concatenate([axes.ravel(), coefficients.ravel()])
+    options = {"maxiter": _STEPS, "maxcor": 20}
+    for round_ in range(_ROUNDS):
+        values = minimize(_error, values, (targets, places, shapes), "L-BFGS-B", jac=True, options=options).x
+        yield 0.1 + 0.9 * (round_ + 1) / _ROUNDS
+    axes, coefficients = _split_values(values, shapes)
+    low, none = at_nodes[:, :4].reshape(side, side, 4), np.zeros((side, side))
+    fitted = Wrinkles(low, _unit(axes), coefficients, none)
+    position, depth = places.T / (side - 1)
+    squares = ((fitted.at(position, depth * DEEPEST).harmonics() - targets) ** 2).sum(axis=1)
+    about_nodes = uniform_filter(squares.reshape(n_samples, n_samples), 2 * _PER_CELL - 1, mode="nearest")
+    return replace(fitted, errors=np.sqrt(np.maximum(about_nodes[::_PER_CELL, ::_PER_CELL], 0.0)))
+
+
+def _error(
+    values: Float64Array, targets: Float64Array, places: Float64Array, shapes: tuple
+) -> tuple[float, Float64Array]:
+    """The squared error of all samples and its gradient; by parts whose number does not depend on the cores."""
+    axes, coefficients = _split_values(values, shapes)
+    gradients = np.zeros((_PARTS, len(values)))
+
+    def part(i: int) -> float:
+        ends = len(targets) * i // _PARTS, len(targets) * (i + 1) // _PARTS
+        return float(
+            kernels.error_range(targets, places, axes, coefficients, *ends, *_split_values(gradients[i], shapes))
+        )
+
+    return sum(on_threads(part, range(_PARTS))), gradients.sum(axis=0)
+
+
+def _split_values(values: Float64Array, shapes: tuple) -> tuple[Float64Array, Float64Array]:
+    """Axes and coefficients, which stand one after the other."""
+    end = int(np.prod(shapes[0]))
+    return values[:end].reshape(shapes[0]), values[end:].reshape(shapes[1])
+
+
+def _initial_lobes(vectors: Float64Array, n: int) -> tuple[Float64Array, Float64Array]:
+    """Axes (P, 3, 3) and coefficients (P, 3, n) to begin with: one lobe along the linear band, and two along the groove
+    on either side of it, spread alike at all points, by the best of some angles [Sloan05, 4.2]."""
+    middle = _unit(vectors[:, [3, 1, 2]] * (-1.0, -1.0, 1.0))
+    along = _unit(np.array([0.0, 1.0, 0.0]) - middle[:, 1:2] * middle)
+    best: tuple[float, Float64Array, Float64Array] | None = None
+    for spread in _SPREADS:
+        outer = [np.cos(spread) * middle + side * np.sin(spread) * along for side in (-1.0, 1.0)]
+        axes = np.stack([middle, *outer], axis=1)
+        coefficients = _coefficients(vectors, axes, n)
+        model = np.einsum("pik,pik->pk", basis(axes, n), coefficients[:, :, bands(n)])
+        error = float(((vectors - model)[:, kernels.FIRST**2 :] ** 2).sum())
+        if best is None or error < best[0]:
+            best = error, axes, coefficients
+    assert best is not None
+    return best[1], best[2]
+
+
+def _coefficients(vectors: Float64Array, axes: Float64Array, n: int) -> Float64Array:
+    """The best ones (P, N, n) about given axes, band by band."""
+    values, found = basis(axes, n), np.zeros((*axes.shape[:2], n))
+    for l in range(kernels.FIRST, n):  # noqa: E741
+        band = values[:, :, l * l : (l + 1) ** 2]
+        system = band @ band.transpose(0, 2, 1) + _RIDGE * np.eye(axes.shape[1])
+        found[:, :, l] = np.linalg.solve(system, band @ vectors[:, l * l : (l + 1) ** 2, None])[:, :, 0]
+    return found
+
+
+def _unit(vectors: Float64Array) -> Float64Array:
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(np.where(lengths > 0.0, vectors / np.where(lengths > 0.0, lengths, 1.0), (0.0, 0.0, 1.0)))
+
+
+def transfer(position: ArrayLike, depth: ArrayLike, n: int = ORDER, n_rays: int = N_RAYS) -> Float64Array:
+    """Vectors (P, n^2) of order n of points of a groove, with its shadows: positions (P,) from 0 to 1, depths (P,) by
+    the groove's width."""
+    position, depth = (np.asarray(each, np.float64).ravel() for each in np.broadcast_arrays(position, depth))
+    slope = np.pi * depth * np.sin(2.0 * np.pi * position)
+    length = np.sqrt(1.0 + slope**2)
+    normal = np.stack([-slope / length, 0.0 * slope, 1.0 / length], axis=1)
+    tangent = np.stack([1.0 / length, 0.0 * slope, slope / length], axis=1)
+    left, right = _horizons(position, depth)
+    local, _ = cosine_directions(n_rays, n)
+    vectors = np.empty((len(position), n * n))
+
+    def part(start: int, stop: int) -> None:
+        for p in range(start, stop):
+            axes = np.stack([tangent[p], [0.0, 1.0, 0.0], normal[p]])
+            directions = local @ axes
+            rise, across = directions[:, 2], directions[:, 0]
+            free = rise > np.where(across > 0.0, right[p] * across, -left[p] * across)
+            vectors[p] = free @ basis(directions, n) / n_rays
+
+    on_threads(part, *even_parts(len(position)))
+    return vectors
+
+
+def _horizons(position: Float64Array, depth: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """The steepest slopes (P,) from points of a groove up to what stands on their left and on their right: a ridge half
+    a width away at most, or nothing."""
+    away = (np.arange(_HORIZON_STEPS) + 1.0) / _HORIZON_STEPS
+    here = -np.cos(2.0 * np.pi * position)[:, None]
+    slopes = []
+    for side in (-1.0, 1.0):
+        there = -np.cos(2.0 * np.pi * (position[:, None] + side * away))
+        slopes.append((0.5 * depth[:, None] * (there - here) / away).max(axis=1))
+    return slopes[0], slopes[1]

@@ -1,0 +1,307 @@
+"""Geometry and materials of a GLB file: every triangle under its node's transform, sorted by material.
+
+The accessors are checked and read here, not by trimesh or pygltflib, which read what is not there (see `mesh`): counts,
+offsets and strides are held against the binary chunk, indices against the vertices. Nodes must form a forest of bounded
+depth. What is read is the mesh at rest, where its skin and the weights of its morph targets have it; where the file has
+animations, each part has a rig that says how they move it (`gltf_rig`). Materials are `gltf_materials`'.
+
+What a file has wrong beside its lengths and indices is mended or left out with a note, as other programs do: a normal
+that is no number is computed, a node scaled by 0 shows nothing. A mesh without normals is flat [glTF 2.0, 3.7.2.1].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.core.errors import LoadError
+from engine.core.safe_files import read_regular_file, resolve_inside
+from engine.material.bumps import NO_BUMPS, Bumps
+from engine.material.layer_maps import LayerMaps
+from engine.scene.description import LayerDescription
+from engine.scene.loaders.glb import JsonObject, parse_glb
+from engine.scene.loaders.gltf_file import FLOATS, INTEGERS, SHARES, GltfFile
+from engine.scene.loaders.gltf_materials import PartMaterial, read_material
+from engine.scene.loaders.gltf_nodes import MeshNode, placed_meshes
+from engine.scene.loaders.gltf_rig import PrimitiveRig, RigReader
+from engine.scene.loaders.gltf_textures import GltfImages
+from engine.scene.mesh import (
+    MAX_COORDINATE,
+    MAX_MESH_BYTES,
+    MAX_UV,
+    Float64Array,
+    Mesh,
+    join_meshes,
+    normalize,
+    smooth_normals,
+    validate_mesh,
+    with_flat_normals,
+)
+from engine.scene.rig import Binding, Rig, Skeleton, join_bindings
+
+Bound = tuple[Mesh, Binding | None]
+
+MAX_COUNT = 2**31 - 1
+# Vertices and faces of all copies that nodes make of meshes, one more for every byte: small files must not cost much.
+MOST_COPIED = 1_000_000
+_HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_")
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+
+
+@dataclass(frozen=True)
+class GlbPart:
+    """All triangles of one material, in the file's frame."""
+
+    mesh: Mesh
+    layers: tuple[LayerDescription, ...]
+    emission: tuple[float, float, float] | None
+    rig: Rig | None = None
+    bumps: Bumps = NO_BUMPS
+
+
+@dataclass(frozen=True)
+class GlbModel:
+    """A GLB file's parts, one a material in use, and notes on what was stepped over."""
+
+    parts: tuple[GlbPart, ...]
+    notes: tuple[str, ...]
+
+
+def read_glb(path: Path) -> GlbModel:
+    """Read a GLB file; raises LoadError naming the place and what was expected there."""
+    root, binary = parse_glb(read_regular_file(path, MAX_MESH_BYTES), path)
+    _check_extensions(root)
+    _check_uris(root, binary)
+    file = GltfFile(
+        path,
+        binary,
+        root.children("bufferViews"),
+        root.children("accessors"),
+        root.children("meshes"),
+        root.children("nodes"),
+        len(root.children("materials")),
+    )
+    rigs = RigReader(file, root)
+    copies, skipped = _Copies(file, rigs), 0
+    for mesh_index, placed in placed_meshes(file, root).items():
+        for primitive in file.meshes[mesh_index].children("primitives"):
+            skipped += 0 if copies.take(primitive, placed) else len(placed)
+    by_material = copies.by_material()
+    if not by_material:
+        why = f": {next(iter(root.notes))}" if root.notes else ""
+        raise LoadError(path, "faces", 0, f"at least one mesh of triangles in the scene{why}")
+    images = GltfImages(root, binary)
+    described = root.children("materials")
+    used = {k: PartMaterial() if k < 0 else read_material(described[k], images) for k in by_material}
+    skeleton = None
+    if root.children("animations"):
+        skeleton = rigs.skeleton(b for bound in by_material.values() for _, b in bound if b is not None)
+    parts = [_part(by_material[k], material, skeleton) for k, material in used.items()]
+    notes = [*root.notes, *_notes(list(used.values()), skipped), *rigs.notes]
+    return GlbModel(tuple(parts), tuple(notes))
+
+
+def _part(bound: list[Bound], material: PartMaterial, skeleton: Skeleton | None) -> GlbPart:
+    """The joined meshes of one material; without texture coordinates it has no textures. Where some have normals, those
+    without get vertices of their own for every face, so that they stay flat."""
+    if any(mesh.normals is not None for mesh, _ in bound):
+        bound = [each if each[0].normals is not None else _with_flat_normals(*each) for each in bound]
+    mesh, layers, bumps = join_meshes([mesh for mesh, _ in bound]), material.layers, material.bumps
+    if mesh.uvs is None:
+        layers, bumps = tuple(layer.model_copy(update={"maps": LayerMaps()}) for layer in layers), NO_BUMPS
+    rig = None
+    if skeleton is not None:
+        rig = Rig(skeleton, join_bindings([binding for _, binding in bound if binding is not None]), np.eye(4))
+    return GlbPart(mesh, layers, material.emission, rig, bumps)
+
+
+def _with_flat_normals(mesh: Mesh, binding: Binding | None) -> Bound:
+    """The same with flat normals."""
+    facets, vertices = with_flat_normals(mesh)
+    return facets, None if binding is None else binding.select_vertices(vertices)
+
+
+def _check_extensions(root: JsonObject) -> None:
+    """Refuses files that cannot be read without an extension that changes geometry, or the format of images."""
+    required = root.values.get("extensionsRequired", [])
+    if not isinstance(required, list):
+        raise root.error("extensionsRequired", required, "a list")
+    for name in required:
+        if not isinstance(name, str) or not name.startswith(_HARMLESS) or name == "KHR_texture_basisu":
+            expected = "no required extension of geometry or image files (no Draco, no meshopt, no Basis)"
+            raise root.error("extensionsRequired", name, expected)
+
+
+def _check_uris(root: JsonObject, binary: bytes) -> None:
+    """The one buffer is the file's own binary chunk; pictures may be files, but none outside the file's folder."""
+    for i, buffer in enumerate(root.children("buffers")):
+        uri = buffer.text("uri")
+        if uri is not None:
+            if not uri.startswith("data:"):
+                resolve_inside(root.file.parent, uri, root.file, f"{buffer.place}: uri")
+            raise buffer.error("uri", uri, "none: the file's own binary chunk")
+        length = buffer.integer("byteLength", 1, MAX_COUNT)
+        if i or length > len(binary):
+            raise buffer.error(
+                "byteLength",
+                f"{length} in a binary chunk truncated at byte {len(binary)}" if not i else "a second buffer",
+                f"one buffer of at most {len(binary)} bytes",
+            )
+    for image in root.children("images"):
+        uri = image.text("uri")
+        if uri is not None and not uri.startswith("data:"):
+            resolve_inside(root.file.parent, unquote(uri), root.file, f"{image.place}: uri")
+
+
+class _Copies:
+    """The triangles of a file by material: each list of them read once, and placed once for all its copies, of which a
+    file may have no more than its size is worth; and what they hang on, where something moves them."""
+
+    def __init__(self, file: GltfFile, rigs: RigReader) -> None:
+        self._file, self._rigs = file, rigs
+        self._read: dict[str, tuple[Mesh, PrimitiveRig | None] | None] = {}
+        self._placed: dict[tuple[int, str], list[MeshNode]] = {}
+        self._most, self._n = MOST_COPIED + len(file.binary), 0
+
+    def take(self, primitive: JsonObject, placed: list[MeshNode]) -> bool:
+        """Read a primitive and note where copies of it stand; False for points and lines, which are left out."""
+        if primitive.integer("mode", 0, 6, _TRIANGLES) < _TRIANGLES:
+            return False
+        made_of = repr([primitive.values.get(key) for key in ("attributes", "indices", "targets", "mode")])
+        if made_of not in self._read:
+            mesh = _read_primitive(self._file, primitive)
+            attached = self._rigs.attached(primitive, len(mesh.vertices), placed) if mesh else None
+            self._read[made_of] = (mesh, attached) if mesh else None
+        read = self._read[made_of]
+        if read is None:
+            return True
+        self._n += (len(read[0].vertices) + len(read[0].triangles)) * len(placed)
+        if self._n > self._most:
+            expected = f"at most {self._most} in a file of this size"
+            raise primitive.error("vertices and faces of all copies", self._n, expected)
+        material = primitive.integer("material", -1, self._file.n_materials - 1, -1)
+        self._placed.setdefault((material, made_of), []).extend(placed)
+        return True
+
+    def by_material(self) -> dict[int, list[Bound]]:
+        """All triangles at rest, in the order of the materials, −1 for what has none, and what they hang on."""
+        found: dict[int, list[Bound]] = {}
+        for (material, made_of), placed in self._placed.items():
+            read = self._read[made_of]
+            if read and (copies := self._rigs.copies(*read, placed)):
+                found.setdefault(material, []).extend(copies)
+        return dict(sorted(found.items()))
+
+
+def _read_primitive(file: GltfFile, primitive: JsonObject) -> Mesh | None:
+    """One list, strip or fan of triangles; None where it has none."""
+    attributes = primitive.child("attributes")
+    if not attributes.has("POSITION"):
+        raise attributes.error("POSITION", "nothing", "an accessor of positions")
+    vertices = file.read(attributes, "POSITION", "VEC3", FLOATS).astype(np.float64)
+    normals = None
+    if attributes.has("NORMAL"):
+        normals = file.read(attributes, "NORMAL", "VEC3", FLOATS).astype(np.float64)
+        if len(normals) != len(vertices):
+            raise attributes.error("NORMAL", f"{len(normals)} normals", f"{len(vertices)}, as there are positions")
+    if primitive.has("indices"):
+        corners = file.read(primitive, "indices", "SCALAR", INTEGERS).astype(np.int64)[:, 0]
+    else:
+        corners = np.arange(len(vertices))
+    if len(corners) and corners.max() >= len(vertices):
+        k = int(np.argmax(corners >= len(vertices)))
+        raise primitive.error(f"index {k}", int(corners[k]), f"an index from 0 to {len(vertices) - 1}")
+    triangles = _triangles(primitive, corners)
+    is_place = np.abs(vertices) <= MAX_COORDINATE  # false for NaN too
+    if not is_place.all():
+        is_whole = is_place[triangles].all(axis=(1, 2))
+        primitive.note("faces", f"{np.count_nonzero(~is_whole)} with a corner that is no number", "left out")
+        triangles, vertices = triangles[is_whole], np.where(is_place, vertices, 0.0)
+    if not len(triangles):
+        primitive.note("faces", 0, "left out")
+        return None
+    uvs = _read_uvs(file, attributes, len(vertices), triangles)
+    tangents = None
+    if normals is not None:
+        normals = _mend_normals(normals, vertices, triangles, attributes)
+        if uvs is not None:  # tangents are of use beside both others alone [glTF 2.0, 3.7.2.1]
+            tangents = _read_tangents(file, attributes, len(vertices), triangles)
+    mesh = Mesh(vertices, triangles, normals, uvs, tangents)
+    return validate_mesh(mesh, file.path, f"{primitive.place}: ")
+
+
+def _triangles(primitive: JsonObject, corners: npt.NDArray[np.int64]) -> npt.NDArray[np.int32]:
+    """Triangles (T, 3) of a list, a strip or a fan [glTF 2.0, 3.7.2.1]; those of a strip that only turn it round, with
+    a corner twice, are none."""
+    mode, n = primitive.integer("mode", _TRIANGLES, _FAN, _TRIANGLES), len(corners)
+    if mode == _TRIANGLES:
+        if n % 3:
+            raise primitive.error("indices", f"{n} corners", "a multiple of 3")
+        return corners.reshape(-1, 3).astype(np.int32)
+    i = np.arange(max(n - 2, 0))
+    if mode == _STRIP:  # v_i, v_(i + 1 + i mod 2), v_(i + 2 − i mod 2)
+        triangles = corners[np.stack([i, i + 1 + i % 2, i + 2 - i % 2], axis=1)]
+    else:
+        triangles = corners[np.stack([i + 1, i + 2, np.zeros_like(i)], axis=1)]
+    a, b, c = triangles.T
+    return triangles[(a != b) & (b != c) & (c != a)].astype(np.int32)
+
+
+def _mend_normals(
+    normals: Float64Array, vertices: Float64Array, triangles: npt.NDArray[np.int32], attributes: JsonObject
+) -> Float64Array:
+    """Unit normals (V, 3), those that are no numbers as the faces around have them."""
+    is_usable = np.asarray(np.isfinite(normals).all(axis=1))
+    around = smooth_normals(vertices, triangles)
+    if not is_usable.all():
+        attributes.note("NORMAL", f"{np.count_nonzero(~is_usable)} that are no numbers", "computed from the faces")
+    return normalize(np.where(is_usable[:, None], normals, around), around)
+
+
+def _read_uvs(
+    file: GltfFile, attributes: JsonObject, n_vertices: int, triangles: npt.NDArray[np.int32]
+) -> npt.NDArray[np.float32] | None:
+    """Texture coordinates of the corners, (T, 3, 2), v turned upwards: in glTF it grows downwards."""
+    if not attributes.has("TEXCOORD_0"):
+        return None
+    values = file.read(attributes, "TEXCOORD_0", "VEC2", SHARES)
+    if len(values) != n_vertices:
+        found = f"{len(values)} texture coordinates"
+        raise attributes.error("TEXCOORD_0", found, f"{n_vertices}, as there are positions")
+    scale = 1.0 if values.dtype.kind == "f" else 1.0 / np.iinfo(values.dtype).max
+    uvs = values.astype(np.float32) * np.float32(scale)
+    uvs[:, 1] = np.float32(1.0) - uvs[:, 1]
+    is_usable = np.abs(uvs) <= MAX_UV
+    if not is_usable.all():
+        attributes.note("TEXCOORD_0", f"{np.count_nonzero(~is_usable)} numbers beyond {MAX_UV:g}", "taken as 0")
+        uvs = np.where(is_usable, uvs, np.float32(0.0))
+    return uvs[triangles]
+
+
+def _notes(materials: list[PartMaterial], skipped: int) -> list[str]:
+    """What the file holds that is not shown."""
+    lines = []
+    if skipped:
+        lines.append(f"{skipped} primitives of points or lines left out")
+    lines += dict.fromkeys(note for material in materials for note in material.notes)
+    return lines
+
+
+def _read_tangents(
+    file: GltfFile, attributes: JsonObject, n_vertices: int, triangles: npt.NDArray[np.int32]
+) -> npt.NDArray[np.float32] | None:
+    """Tangents and hands of the corners, (T, 3, 4): bitangents are hand × normal × tangent, to where images go up."""
+    if not attributes.has("TANGENT"):
+        return None
+    values = file.read(attributes, "TANGENT", "VEC4", FLOATS)
+    if len(values) != n_vertices:
+        raise attributes.error("TANGENT", f"{len(values)} tangents", f"{n_vertices}, as there are positions")
+    is_usable = np.isfinite(values).all(axis=1)
+    if not is_usable.all():
+        attributes.note("TANGENT", f"{np.count_nonzero(~is_usable)} that are no numbers", "all are computed")
+        return None
+    return np.asarray(values[triangles], np.float32)

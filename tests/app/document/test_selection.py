@@ -1,0 +1,131 @@
+"""What stays selected through edits, undo and redo."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+
+import pytest
+
+from app.document.commands.curves import (
+    AddOperator,
+    MoveOperator,
+    MuteOperator,
+    RemoveOperator,
+    ReplaceOperator,
+    ResetCurve,
+    SetOperators,
+)
+from app.document.commands.layers import SetParameter
+from app.document.view_state import SetView
+from app.editor.editor import Editor
+from engine.curve.operators import Edit, Operator, diagonal
+from engine.curve.pairs import edit_at
+from tests.app.fake_worker import FakeClient
+
+CURVE = ("pot.1", "theta_h")
+LOW = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
+HIGH = Operator("amplify", "y", 0.5, 0.6, 0.7, 0.8, magnitude=2.0)
+PAIR = diagonal((0.2, 0.3, 0.4, 0.5), 0.01, 0.5)
+
+
+@pytest.fixture
+def editor(client: FakeClient) -> Editor:
+    """An editor with three edits on the selected curve: LOW, a diagonal one, HIGH."""
+    editor = Editor(client, "shelf")
+    client.open_scene()
+    editor.tick(0.0)
+    editor.do(SetOperators(*CURVE, (LOW, *PAIR, HIGH)))
+    return editor
+
+
+def operators(editor: Editor) -> tuple[Edit, ...]:
+    return editor.document.layer("pot.1").operators("theta_h")
+
+
+def chosen(editor: Editor) -> Edit | None:
+    """The selected operator itself."""
+    index = editor.view.operator
+    return None if index is None else operators(editor)[index]
+
+
+def test_the_operator_in_hand_stays_in_hand(editor: Editor) -> None:
+    editor.do(SetView.of(operator=3))
+    editor.do(ReplaceOperator(*CURVE, 3, replace(HIGH, magnitude=3.0)))
+    editor.undo()
+    assert chosen(editor) == HIGH
+    editor.redo()
+    assert chosen(editor) == replace(HIGH, magnitude=3.0)
+
+
+def test_selection_follows_a_reorder_and_its_undo(editor: Editor) -> None:
+    editor.do(SetView.of(operator=3))
+    editor.do(MoveOperator(*CURVE, 3, 0))
+    assert (editor.view.operator, chosen(editor)) == (0, HIGH)
+    editor.undo()
+    assert (editor.view.operator, chosen(editor)) == (3, HIGH)
+    editor.redo()
+    assert (editor.view.operator, chosen(editor)) == (0, HIGH)
+
+
+def test_what_is_deleted_and_comes_back_is_selected_again(editor: Editor) -> None:
+    editor.do(SetView.of(operator=1))
+    editor.do(RemoveOperator(*CURVE, 1))
+    assert editor.view.operator is None
+    editor.undo()
+    assert editor.view.operator == 1
+    editor.do(SetView.of(operator=0))
+    editor.do(RemoveOperator(*CURVE, 3))  # another one
+    assert chosen(editor) == LOW
+
+
+def test_a_new_operator_that_is_undone_and_redone_is_in_hand(editor: Editor) -> None:
+    editor.do(ResetCurve(*CURVE))
+    editor.do(SetOperators(*CURVE, (LOW,)))
+    editor.do(SetView.of(operator=0))
+    editor.undo()
+    assert editor.view.operator is None
+    editor.redo()
+    assert chosen(editor) == LOW
+
+
+def test_an_undo_elsewhere_leaves_it_alone(editor: Editor) -> None:
+    editor.do(SetView.of(operator=3))
+    editor.do(SetParameter("pot.1", "alpha", 0.4))
+    editor.undo()
+    assert editor.view.operator == 3
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_whatever_is_done_the_selected_one_is_the_same_or_none(editor: Editor, seed: int) -> None:
+    """Each edit carries a magnitude of its own; the selected one may change place, or go, and never become another."""
+    chance = random.Random(seed)
+    for step in range(30):
+        before, there = chosen(editor), operators(editor)
+        index = chance.randrange(max(len(there), 1))
+        command = chance.choice(["add", "remove", "move", "mute", "undo", "redo", "select"])
+        if command == "undo":
+            editor.undo()
+        elif command == "redo":
+            editor.redo()
+        elif command == "add":
+            editor.do(AddOperator(*CURVE, replace(HIGH, magnitude=100.0 * seed + step + 3.0)))
+        elif not there:
+            continue
+        elif command == "remove":
+            editor.do(RemoveOperator(*CURVE, index))
+        elif command == "move":
+            editor.do(MoveOperator(*CURVE, index, chance.randrange(len(there))))
+        elif command == "mute":
+            editor.do(MuteOperator(*CURVE, index, chance.random() < 0.5))
+        else:
+            editor.do(SetView.of(operator=edit_at(there, index).start))
+            continue
+        after = chosen(editor)
+        assert editor.view.operator is None or edit_at(operators(editor), editor.view.operator)
+        if before is not None and after is not None and any(same(before, each) for each in operators(editor)):
+            assert same(before, after)
+
+
+def same(one: Edit, other: Edit) -> bool:
+    return replace(one, muted=False) == replace(other, muted=False)

@@ -1,0 +1,126 @@
+"""Scripts are read whole: typed steps, or one line that names what is wrong."""
+
+from pathlib import Path
+
+import pytest
+
+from app.editor.script import (
+    AssertErrorBelow,
+    CaptureWindow,
+    ChooseView,
+    DragItem,
+    DragPoints,
+    ImportFile,
+    PickLobe,
+    RedoSteps,
+    RotateLight,
+    SelectPath,
+    SetValues,
+    ShowPanelStep,
+    UndoSteps,
+    WaitFor,
+    load_script,
+)
+from engine.core.errors import LoadError
+
+ALL_STEPS = """
+[[step]]
+set = {"teapot.1.alpha" = 0.3, "teapot.0.albedo" = [1, 0.5, 0], "tray.visible" = false}
+[[step]]
+select = "teapot.1.theta_h"
+[[step]]
+drag = {item = "curve.b", by = [40, -25]}
+[[step]]
+drag = {from = [10, 20.5], to = [30, 40]}
+[[step]]
+show = "brdf"
+[[step]]
+lobe = [3, 4]
+[[step]]
+view = "ACES 2.0"
+[[step]]
+rotate = 45.0
+[[step]]
+measured = {file = "cloth.binary", cloth = true}
+[[step]]
+undo = 1
+[[step]]
+redo = 2
+[[step]]
+wait = "exact"
+[[step]]
+capture = "FILE.png"
+[[step]]
+assert_error_below = 0.01
+"""
+
+
+def test_all_kinds_of_steps(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text(ALL_STEPS)
+    assert load_script(tmp_path / "s.toml") == (
+        SetValues((("teapot.1.alpha", 0.3), ("teapot.0.albedo", (1.0, 0.5, 0.0)), ("tray.visible", False))),
+        SelectPath("teapot.1.theta_h"),
+        DragItem("curve.b", (40.0, -25.0)),
+        DragPoints((10.0, 20.5), (30.0, 40.0)),
+        ShowPanelStep("brdf"),
+        PickLobe((3, 4)),
+        ChooseView("aces_2"),
+        RotateLight(45.0),
+        ImportFile(Path("cloth.binary"), True),
+        UndoSteps(1),
+        RedoSteps(2),
+        WaitFor("exact"),
+        CaptureWindow(tmp_path / "FILE.png"),
+        AssertErrorBelow(0.01),
+    )
+
+
+def test_captures_go_where_they_are_told(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text('[[step]]\ncapture = "a/b.PNG"')
+    assert load_script(tmp_path / "s.toml", tmp_path / "out") == (CaptureWindow(tmp_path / "out" / "a" / "b.PNG"),)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "step = nothing"),
+        ("step = []", "at least 1 items"),
+        ("step = 3", "step = 3"),
+        ("[[steps]]\nundo = 1", "step = nothing"),
+        ("[[step]]", "exactly one of set, select, drag"),
+        ("[[step]]\nundo = 1\nredo = 1", "exactly one of set, select, drag"),
+        ("[[step]]\nundo = 1\n[[step]]\njump = 1", "step 1: jump = 1, expected one of set, select"),
+        ("[[step]]\nundo = 0", "step 0: undo = 0"),
+        ("[[step]]\nundo = true", "step 0: undo = True"),
+        ("[[step]]\nundo = 1.5", "step 0: undo = 1.5"),
+        ("[[step]]\nwait = 'long'", "step 0: wait = long"),
+        ("[[step]]\nrotate = nan", "step 0: rotate = nan"),
+        ("[[step]]\nrotate = 'left'", "step 0: rotate = left"),
+        ("[[step]]\nset = {}", "step 0: set"),
+        ("[[step]]\nkeep = ' a'", "s.toml: step 0: keep = a, expected a name of 1 to 64 characters"),
+        ("[[step]]\ncamera = {}", "at least one of own, side, focal, frame, orbit"),
+        ("[[step]]\ncamera = {orbit = [1]}", "step 0: camera: orbit 1 = nothing"),
+        ("[[step]]\ncamera = {dolly = 0}", "step 0: camera: dolly = 0"),
+        ("[[step]]\ncamera = {focal = nan}", "step 0: camera: focal = nan"),
+        ("[[step]]\ncamera = {side = 'below'}", "step 0: camera: side = below"),
+        ("[[step]]\ncamera = {roll = 1}", "step 0: camera: roll = 1, expected one of own, side"),
+        ("[[step]]\nset = {'a.alpha' = inf}", "a.alpha = inf"),
+        ("[[step]]\nset = {'a.alpha' = {}}", "a.alpha"),
+        ("[[step]]\nselect = ''", "step 0: select"),
+        ("[[step]]\ndrag = {item = 'curve.b'}", "step 0: drag"),
+        ("[[step]]\ndrag = {item = 'curve.b', by = [1, 2], to = [3, 4]}", "item and by, or from and to"),
+        ("[[step]]\ndrag = {from = [1, 2], to = [3]}", "step 0: drag: to 1 = nothing"),
+        ("[[step]]\ndrag = {from = [1, 2], to = [3, 4, 5]}", "step 0: drag: to"),
+        ("[[step]]\ndrag = {from = [1, 2], to = [3, 1e9]}", "step 0: drag: to 1"),
+        ("[[step]]\ncapture = 'a.exr'", "step 0: capture = a.exr, expected a file name that ends in .png"),
+        ("[[step]]\nassert_error_below = 0", "step 0: assert_error_below = 0"),
+        ("[[step]]\nundo = ", "TOML"),
+    ],
+)
+def test_bad_scripts_are_named(tmp_path: Path, text: str, says: str) -> None:
+    path = tmp_path / "s.toml"
+    path.write_text(text)
+    with pytest.raises(LoadError) as caught:
+        load_script(path)
+    line = str(caught.value)
+    assert line.startswith(f"{path}: ") and says in line and "\n" not in line

@@ -1,0 +1,369 @@
+"""What the window asks for and shows of indirect light, with answers put in the worker's mouth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.document.commands.layers import SetFresnelTerm, SetFrozen
+from app.document.commands.series import SetFirstBands
+from app.document.document import Selection, document_from_description
+from app.modes.placement.curves import Curves
+from app.modes.placement.indirect_controller import FREEZE_PATIENCE, IDLE_SECONDS, IndirectController
+from app.modes.placement.placement_events import IndirectRadiance
+from app.modes.placement.placement_messages import FreezeIndirect, IndirectFound, IndirectFrozen, IndirectNoise
+from engine.curve.operators import Operator
+from engine.scene.description import parse_description
+from tests.app.fake_worker import SCENE, FakeClient
+
+SELECTED = Selection("pot", 1, "theta_h")
+LIFT = Operator("amplify", "y", 0.0, 0.0, 1.0, 1.2, magnitude=2.0)
+ROWS, WEIGHTS = np.zeros((4, 4), np.int32), np.full((4, 4), 0.25, np.float32)
+
+
+class Talk:
+    """A talk under way about the scene of the fake worker."""
+
+    def __init__(self) -> None:
+        self.client, self.curves, self.now = FakeClient(), Curves(), 0.0
+        self.document = document_from_description("shelf", parse_description(SCENE, "shelf"))
+        self.controller = IndirectController(self.client.send, self.curves)
+
+    def update(
+        self, selected: Selection | None = SELECTED, n_bounces: int = 3, revision: int = 1, second: int | None = None
+    ):
+        self.now += 0.1
+        return self.controller.update(self.now, self.document, selected, n_bounces, second, revision)
+
+    @property
+    def asked(self) -> list[FreezeIndirect]:
+        return [request for request in self.client.requests if isinstance(request, FreezeIndirect)]
+
+    def found(self, number: int = 1, stage: str = "fine", revision: int = 1) -> None:
+        self.controller.receive_samples(IndirectFound(number, stage, ROWS + number, WEIGHTS, revision=revision))
+
+    def frozen(self, number: int = 1, noise: float | None = 0.02) -> None:
+        """The answer to the newest request: two samples a layer, powers 1, d and d²."""
+        wish = self.asked[-1]
+        reflected, n_bands = {}, 0
+        for look in wish.scene.visible:
+            if look.key == wish.key and wish.factor is not None:
+                n_bands = len(look.coefficients[wish.factor])
+            else:
+                reflected[look.key] = np.stack([np.full((2, 3), 10.0**n, np.float32) for n in range(3)])
+        mine = [
+            look for look in wish.scene.visible if look.key.rpartition(".")[0] == (wish.key or "").rpartition(".")[0]
+        ]
+        albedos = {look.key: np.ones((32, *(*map(len, look.coefficients), 1)[:2])) / 1e4 for look in mine}
+        bands = np.ones((3, n_bands, 3, 2), np.float32)
+        self.controller.receive_frozen(
+            IndirectFrozen(number, wish.serial, wish.key, wish.factor, reflected, bands, albedos)
+        )
+        if noise is not None:
+            self.controller.receive_noise(IndirectNoise(number, wish.serial, noise, mean=0.5))
+
+    def edit(self, key: str, factor: str, *operators: Operator) -> None:
+        layer = self.document.layer(key)
+        self.document = self.document.with_layer(key, layer.with_operators(factor, operators))
+        self.controller.edited()
+
+
+@pytest.fixture
+def talk() -> Talk:
+    return Talk()
+
+
+def test_direct_light_asks_for_nothing(controller: Talk) -> None:
+    assert controller.update(n_bounces=1) == [] and not controller.asked and controller.controller.is_complete
+
+
+def test_one_freezing_and_then_the_sums(controller: Talk) -> None:
+    controller.update()
+    controller.update()
+    assert len(controller.asked) == 1 and (controller.asked[0].key, controller.asked[0].factor) == ("pot.1", 0)
+    assert {look.key for look in controller.asked[0].scene.visible} == {"pot.0", "pot.1", "floor.0"}
+    assert not controller.controller.is_complete
+    controller.found()
+    controller.frozen()
+    assert not controller.controller.is_shown
+    shown = {event.key: event.radiance for event in controller.update() if isinstance(event, IndirectRadiance)}
+    assert controller.controller.is_shown
+    albedo = controller.controller._albedo(controller.document, controller.controller._frozen[1])
+    expected = 1 + 10 * albedo + 100 * albedo**2
+    np.testing.assert_allclose(shown["floor.0"], np.tile(expected, (2, 1)), rtol=1e-5)
+    curve = controller.curves.coefficients(controller.document, "pot.1")["theta_h"].sum(axis=0)
+    np.testing.assert_allclose(shown["pot.1"], np.tile(curve * (1 + albedo + albedo**2), (2, 1)), rtol=1e-5)
+    assert controller.controller.is_complete and controller.update() == []
+
+
+def test_the_selected_curve_needs_no_other_freezing_and_moves_all_layers(controller: Talk) -> None:
+    controller.update()
+    controller.found()
+    controller.frozen()
+    controller.update()
+    controller.edit("pot.1", "theta_h", LIFT)
+    assert {event.key for event in controller.update()} == {"pot.0", "pot.1", "floor.0"}
+    assert len(controller.asked) == 1 and not controller.controller.is_complete
+
+
+def test_a_layer_that_shares_the_curve_needs_no_other_freezing_either(controller: Talk) -> None:
+    controller.document = SetFresnelTerm("pot.1", True).apply(controller.document)
+    controller.update()
+    controller.found()
+    controller.frozen()
+    controller.update()
+    controller.edit("pot.1", "theta_h", LIFT)
+    assert {event.key for event in controller.update()} == {"pot.0", "pot.1", "pot.2", "floor.0"}
+    assert len(controller.asked) == 1 and not controller.controller.is_complete
+    controller.now += IDLE_SECONDS
+    controller.update()
+    assert len(controller.asked) == 2
+
+
+def test_what_a_glossy_object_sends_is_frozen_anew_once_the_hand_rests(controller: Talk) -> None:
+    controller.update()
+    controller.found()
+    controller.frozen()
+    controller.edit("pot.1", "theta_h", LIFT)
+    controller.update()
+    controller.now += IDLE_SECONDS
+    controller.update()
+    assert len(controller.asked) == 2
+    controller.frozen()
+    assert controller.update() and controller.controller.is_complete
+    controller.now += IDLE_SECONDS
+    controller.update()
+    assert len(controller.asked) == 2
+
+
+def test_the_second_bounce_has_as_many_bands_as_are_asked_for(controller: Talk) -> None:
+    for second in (None, 8, 1):
+        controller.update(second=second)
+        controller.found()
+        controller.frozen()
+        controller.update(second=second)
+    assert [request.second_bands for request in controller.asked] == [None, 8, 1]
+
+
+def test_other_bands_at_the_first_bounce_are_frozen_anew(controller: Talk) -> None:
+    controller.update()
+    controller.found()
+    controller.frozen()
+    controller.update()
+    controller.document = SetFirstBands(16).apply(controller.document)
+    assert controller.update() == [] and not controller.controller.is_complete and len(controller.asked) == 2
+    look = next(look for look in controller.asked[-1].scene.visible if look.key == "pot.1")
+    assert look.bands == (16, 16)
+
+
+def test_a_freezing_is_awaited_once_there_is_light_to_freeze(controller: Talk) -> None:
+    assert not controller.controller.awaits_frozen
+    controller.update()
+    assert not controller.controller.awaits_frozen  # finding the light takes long
+    controller.found()
+    assert controller.controller.awaits_frozen
+    controller.frozen()
+    assert not controller.controller.awaits_frozen
+
+
+def test_noise_is_that_of_the_light_on_screen(controller: Talk) -> None:
+    controller.update()
+    controller.found(1)
+    controller.frozen(1, noise=None)
+    assert controller.update() and controller.controller.noise is None
+    assert (
+        not controller.controller.is_complete and controller.controller.noise_of_picture(0.0) == 0.0
+    )  # nothing is claimed before it is known
+    controller.controller.receive_noise(IndirectNoise(1, controller.asked[-1].serial, 0.02, mean=0.5))
+    controller.update()
+    assert controller.controller.noise == 0.02 and controller.controller.is_complete
+    assert controller.controller.noise_of_picture(1.5) == pytest.approx(
+        0.02 * 0.5 / 2.0
+    )  # a quarter of the light is indirect
+    controller.found(2)
+    controller.frozen(2, noise=None)
+    controller.update()
+    assert controller.controller.noise is None and not controller.controller.is_complete
+
+
+def test_what_is_frozen_by_hand_costs_no_bands(controller: Talk) -> None:
+    controller.document = SetFrozen("pot", True).apply(controller.document)
+    controller.update()
+    assert [(request.key, request.factor) for request in controller.asked] == [(None, None)]
+    controller.document = SetFrozen("pot", False).apply(controller.document)
+    controller.now += FREEZE_PATIENCE
+    controller.update()
+    assert (controller.asked[-1].key, controller.asked[-1].factor) == ("pot.1", 0)
+
+
+def test_the_noise_of_a_matt_object_is_told_anew_when_the_hand_rests(controller: Talk) -> None:
+    selected = Selection("floor", 0, "theta_i")
+    controller.update(selected)
+    controller.found()
+    controller.frozen()
+    controller.edit("floor.0", "theta_i", LIFT)
+    for _ in range(2):
+        controller.now += IDLE_SECONDS
+        controller.update(selected)
+    assert len(controller.asked) == 2 and not controller.controller.is_complete and controller.controller.noise == 0.02
+    controller.frozen(noise=3.76)
+    controller.update(selected)
+    assert controller.controller.noise == 3.76 and controller.controller.is_complete
+
+
+def test_an_answer_to_an_older_request_is_not_taken_for_the_newer(controller: Talk) -> None:
+    controller.update()
+    controller.found()
+    late = controller.asked[-1]
+    controller.now += FREEZE_PATIENCE
+    controller.edit("floor.0", "theta_i", LIFT)
+    controller.update()
+    assert controller.asked[-1] is not late
+    controller.controller.receive_frozen(
+        IndirectFrozen(1, late.serial, late.key, late.factor, {}, np.zeros((3, 0, 3, 0)), {})
+    )
+    assert controller.update() == []
+
+
+@pytest.mark.parametrize(("key", "factor"), [("pot.1", "theta_d"), ("floor.0", "theta_i"), ("pot.0", "theta_i")])
+def test_any_other_curve_is_frozen_anew(controller: Talk, key: str, factor: str) -> None:
+    controller.update()
+    controller.found()
+    controller.frozen()
+    controller.edit(key, factor, LIFT)
+    assert controller.update() == [] and len(controller.asked) == 2 and not controller.controller.is_complete
+    controller.frozen()
+    assert controller.update() and controller.controller.is_complete
+
+
+def test_another_selection_keeps_the_picture_until_its_freezing_is_here(controller: Talk) -> None:
+    controller.update()
+    controller.found()
+    controller.frozen()
+    controller.update()
+    assert controller.update(Selection("floor", 0, "theta_i")) == [] and len(controller.asked) == 2
+    footprint = controller.controller._frozen[2]
+    controller.frozen()
+    assert controller.controller._frozen[2] is footprint  # it is on the graphics card already
+    assert {event.key for event in controller.update(Selection("floor", 0, "theta_i"))} == {"pot.0", "pot.1", "floor.0"}
+
+
+def test_one_request_at_a_time_but_patience_ends(controller: Talk) -> None:
+    controller.update()
+    controller.edit("floor.0", "theta_i", LIFT)
+    controller.update()
+    assert len(controller.asked) == 1
+    controller.now += FREEZE_PATIENCE
+    controller.update()
+    assert len(controller.asked) == 2
+
+
+def test_what_belongs_to_other_samples_is_not_shown(controller: Talk) -> None:
+    controller.update()
+    controller.found(number=2)
+    controller.frozen(number=1)
+    assert controller.update() == []
+
+
+def test_a_rough_light_is_not_the_last(controller: Talk) -> None:
+    controller.update()
+    controller.found(1, "rough")
+    controller.frozen(1)
+    assert controller.update() and not controller.controller.is_complete
+    controller.found(2)
+    assert not controller.controller.is_complete
+    controller.frozen(2)
+    assert controller.update() and controller.controller.is_complete
+
+
+def test_light_brings_the_footprint_of_its_own_samples(controller: Talk) -> None:
+    controller.update()
+    controller.found(1, "rough")
+    controller.frozen(1)
+    controller.found(2)  # what reflects it has not come yet
+    assert {int(event.footprint.rows[0, 0]) for event in controller.update()} == {1}
+    controller.frozen(2)
+    assert {int(event.footprint.rows[0, 0]) for event in controller.update()} == {2}
+
+
+def test_light_of_the_transport_before_is_not_the_last(controller: Talk) -> None:
+    controller.update(revision=1)
+    controller.found(revision=1)
+    controller.frozen()
+    controller.update(revision=1)
+    assert controller.controller.is_complete
+    controller.update(revision=2)
+    controller.frozen()
+    assert controller.update(revision=2) and not controller.controller.is_complete  # the light may have turned
+    controller.found(revision=2)  # it is the same
+    controller.update(revision=2)
+    assert controller.controller.is_complete
+
+
+def test_a_new_worker_begins_anew(controller: Talk) -> None:
+    controller.update()
+    controller.found()
+    controller.frozen()
+    controller.update()
+    controller.controller.worker_restarted()
+    controller.update()
+    assert len(controller.asked) == 2 and not controller.controller.is_complete and controller.controller.is_shown
+
+
+def test_a_new_transport_is_told_what_to_freeze(controller: Talk) -> None:
+    controller.update(revision=1)
+    controller.update(revision=2)
+    assert [request.revision for request in controller.asked] == [1, 2]
+
+
+def test_a_hidden_layer_sends_nothing_on(controller: Talk) -> None:
+    state = controller.document.object("floor")
+    hidden = replace(state, layers=tuple(layer.replace(visible=False) for layer in state.layers))
+    objects = tuple(hidden if each.name == "floor" else each for each in controller.document.objects)
+    controller.document = replace(controller.document, objects=objects)
+    controller.update()
+    assert {look.key for look in controller.asked[-1].scene.visible} == {"pot.0", "pot.1"}
+
+
+def test_fewer_bounces_take_it_away(controller: Talk) -> None:
+    controller.update()
+    controller.found()
+    controller.frozen()
+    controller.update()
+    assert {(event.key, event.radiance) for event in controller.update(n_bounces=1)} == {
+        ("pot.0", None), ("pot.1", None), ("floor.0", None),
+    }  # fmt: skip
+
+
+def test_light_comes_in_units_of_its_own(controller: Talk) -> None:
+    controller.update()
+    controller.found()
+    wish = controller.asked[-1]
+    reflected = {
+        look.key: np.stack([np.full((2, 3), 3.0, np.float32)]) for look in wish.scene.visible if look.key != wish.key
+    }
+    bands = np.full(
+        (3, len(next(x for x in wish.scene.visible if x.key == wish.key).coefficients[0]), 1, 2), 0.0, np.float32
+    )
+    answer = IndirectFrozen(1, wish.serial, wish.key, wish.factor, reflected, bands, {}, unit=1e24)
+    controller.controller.receive_frozen(answer)
+    shown = {event.key: event.radiance for event in controller.update()}
+    np.testing.assert_allclose(shown["floor.0"], 3e24, rtol=1e-6)
+    assert not controller.controller.is_clamped
+
+
+def test_an_albedo_beyond_all_bounds_is_bright_where_there_is_light_and_said(controller: Talk) -> None:
+    # d = 1e19: d² is 1e38 and fits, times 100 it does not. Where nothing comes by that power, nothing is shown.
+    controller.update()
+    controller.found()
+    wish = controller.asked[-1]
+    powers = np.stack([np.full((2, 3), value, np.float32) for value in (1.0, 0.0, 0.0)])
+    reflected = {look.key: powers if look.key == "floor.0" else 100 * powers[::-1] for look in wish.scene.visible}
+    mine = next(look for look in wish.scene.visible if look.key == wish.key)
+    bands = np.zeros((3, len(mine.coefficients[0]), 3, 2), np.float32)
+    e = {wish.key: np.full((32, *map(len, mine.coefficients)), 1e19)}
+    reflected.pop(wish.key)
+    controller.controller.receive_frozen(IndirectFrozen(1, wish.serial, wish.key, wish.factor, reflected, bands, e))
+    shown = {event.key: event.radiance for event in controller.update()}
+    np.testing.assert_array_equal(shown["floor.0"], 1.0)
+    assert np.isfinite(shown["pot.0"]).all() and shown["pot.0"].min() > 1e35 and controller.controller.is_clamped

@@ -1,0 +1,166 @@
+"""A sky that turns or is exchanged over a scene that was made ready for it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.document.document import LightState
+from app.document.scene_state import LayerState, SceneState
+from app.measure.accuracy import errors
+from app.messages.worker_messages import Response
+from app.modes.placement.placement_messages import (
+    ComputeTransport,
+    LayerPicture,
+    PrepareRelighting,
+    RelightingPrepared,
+    StageDone,
+)
+from app.worker.cache import ArrayCache
+from app.worker.dispatcher import RequestDispatcher
+from engine.curve.operators import Operator
+from engine.material import MODELS
+from engine.material.layer import make_layer
+from engine.planner import RenderSettings
+from tests.opened import open_in_process, run_in_process
+from tests.pictures import write_exr
+from tests.scene_text import camera, placed
+
+SCENE = (
+    camera((0.4, 1.6, 2.6), 45, (32, 24))
+    + '[environment]\nfile = "sky.exr"\n'
+    + placed("ground", "quad", "5,0,0,0, 0,0,5,0, 0,-5,0,0, 0,0,0,1")
+    + placed("ball", "sphere", "0.9,0,0,0, 0,0.9,0,0.5, 0,0,0.9,0, 0,0,0,1")
+)
+LAMP = placed("lamp", "quad", "1,0,0,-1.2, 0,0,-1,2.4, 0,1,0,0, 0,0,0,1", "emission = [3, 3, 3]\n")
+METAL = "ball.0"
+TWICE = Operator("amplify", "y", 0.0, 0.0, np.pi / 2, np.pi / 2, magnitude=2.0)
+LAYERS = (
+    LayerState("ground.0", make_layer(MODELS["lambert"]), (8,)),
+    LayerState(METAL, make_layer(MODELS["rough_conductor"], {"alpha": 0.3}), (16, 4)),
+)
+
+
+def skylight(shift: int = 0) -> np.ndarray:
+    radiance = np.ones((16, 32, 3), np.float32) * np.float32((0.5, 0.7, 1.0))
+    radiance[3:6, 4 + shift : 9 + shift] += np.float32((12.0, 9.0, 6.0))
+    return radiance
+
+
+def opened(folder: Path, text: str = SCENE) -> RequestDispatcher:
+    write_exr(folder / "sky.exr", skylight())
+    (folder / "scene.toml").write_text(text)
+    tasks = RequestDispatcher(ArrayCache(folder / "cache"))
+    open_in_process(tasks, str(folder / "scene.toml"))
+    return tasks
+
+
+def asked(light: LightState, n_final: int = 240, emission=(), layers=LAYERS) -> ComputeTransport:
+    scene, decisions = SceneState(light, layers, emission), RenderSettings(n_final or 240)
+    return ComputeTransport(scene, METAL, "theta_h", 40, decisions, is_drag=n_final == 0)
+
+
+def turning(rotation: float, **changes: object) -> ComputeTransport:
+    return asked(LightState(rotation=rotation), 0, **changes)  # type: ignore[arg-type]
+
+
+def pictures(answers: list[Response], stage: str) -> dict[str, np.ndarray]:
+    return {a.key: np.array(a.radiance) for a in answers if isinstance(a, LayerPicture) and a.stage == stage}
+
+
+def ready(tasks: RequestDispatcher, **changes: object) -> dict[str, np.ndarray]:
+    """Make the picture at no rotation, and be ready for others; the picture."""
+    request = asked(LightState(), **changes)  # type: ignore[arg-type]
+    final = pictures(run_in_process(tasks, request), "final")
+    answers = run_in_process(tasks, PrepareRelighting(request.scene))
+    assert [type(a) for a in answers] == [RelightingPrepared] and answers[0].transport_bytes > 0
+    return final
+
+
+def test_a_turned_sky_lights_every_pixel_as_its_own_transport_does(tmp_path: Path) -> None:
+    tasks = opened(tmp_path)
+    before = ready(tasks)
+    answers = run_in_process(tasks, turning(110.0))
+    found = pictures(answers, "relit")
+    assert not pictures(answers, "drag") and [a.exact for a in answers if isinstance(a, StageDone)] == [True]
+    truth = pictures(run_in_process(tasks, asked(LightState(rotation=110.0))), "final")
+    quick = pictures(run_in_process(opened(tmp_path), turning(110.0)), "drag")
+    for key, picture in truth.items():
+        off = errors(found[key], picture).rmse
+        assert off < 0.06 and errors(before[key], picture).rmse > 3 * off
+        assert len(quick[key]) < len(picture)  # as it is without
+
+
+def test_no_turn_is_the_exact_picture_and_a_walk_of_turns_is_one_turn(tmp_path: Path) -> None:
+    tasks = opened(tmp_path)
+    final = ready(tasks)
+    same = pictures(run_in_process(tasks, turning(0.0)), "relit")
+    walk = np.random.default_rng(5).uniform(0.0, 360.0, 4)
+    once = pictures(run_in_process(tasks, turning(77.0)), "relit")
+    for rotation in (*walk, 77.0):
+        last = pictures(run_in_process(tasks, turning(float(rotation))), "relit")
+    for key, picture in final.items():
+        np.testing.assert_allclose(same[key], picture, rtol=1e-4, atol=1e-5 * picture.max())
+        np.testing.assert_array_equal(last[key], once[key])
+
+
+def test_a_constant_sky_may_turn_as_it_likes(tmp_path: Path) -> None:
+    tasks = opened(tmp_path, SCENE.replace('file = "sky.exr"', "radiance = [0.4, 0.5, 0.7]"))
+    final = ready(tasks)
+    turned = pictures(run_in_process(tasks, turning(200.0)), "relit")
+    for key, picture in final.items():
+        np.testing.assert_allclose(turned[key], picture, rtol=1e-3)
+
+
+def test_rows_last_as_long_as_their_material(tmp_path: Path) -> None:
+    tasks = opened(tmp_path)
+    ready(tasks)
+    bent = replace(LAYERS[1], layer=LAYERS[1].layer.with_operators("theta_h", [TWICE]))
+    edited = (LAYERS[0], bent)
+    answers = run_in_process(tasks, turning(40.0, layers=edited))
+    assert set(pictures(answers, "relit")) == {"ground.0"} and set(pictures(answers, "drag")) == {METAL}
+    before = pictures(run_in_process(tasks, turning(40.0)), "relit")[METAL]  # undone: they are still there
+    ready(tasks, layers=edited)
+    after = pictures(run_in_process(tasks, turning(40.0, layers=edited)), "relit")[METAL]
+    np.testing.assert_allclose(after, 2.0 * before, atol=0.1 * before.mean())
+
+
+def test_another_environment_comes_first_without_ghosts_of_the_one_before(tmp_path: Path) -> None:
+    tasks = opened(tmp_path)
+    ready(tasks)
+    write_exr(tmp_path / "other.exr", skylight(15))
+    other = LightState(environment=str(tmp_path / "other.exr"))
+    answers = run_in_process(tasks, asked(other))
+    stages = [a.stage for a in answers if isinstance(a, LayerPicture)]
+    assert stages[:2] == ["relit"] * 2 and "coarse" not in stages and stages[-1] == "final"
+    truth = pictures(answers, "final")
+    for key, picture in pictures(answers, "relit").items():
+        assert errors(picture, truth[key]).rmse < 0.15
+
+
+def test_lamps_stay_as_they_are_while_the_sky_turns(tmp_path: Path) -> None:
+    tasks = opened(tmp_path, SCENE + LAMP)
+    lit = (("lamp", (3.0, 3.0, 3.0)),)
+    ready(tasks, emission=lit)
+    found = pictures(run_in_process(tasks, turning(110.0, emission=lit)), "relit")
+    dimmed = run_in_process(tasks, turning(110.0, emission=(("lamp", (1.0, 1.0, 1.0)),)))
+    assert not pictures(dimmed, "relit") and set(pictures(dimmed, "drag")) == set(found)
+    truth = pictures(run_in_process(tasks, asked(LightState(rotation=110.0), emission=lit)), "final")
+    for key, picture in truth.items():
+        assert errors(found[key], picture).rmse < 0.06
+
+
+@pytest.mark.parametrize("n_made", [1, 3])
+def test_what_is_given_up_half_way_leaves_what_is_whole(tmp_path: Path, n_made: int) -> None:
+    tasks = opened(tmp_path)
+    request = asked(LightState())
+    run_in_process(tasks, request)
+    steps = tasks.handle(PrepareRelighting(request.scene))
+    for _ in range(16 + n_made):
+        next(steps)
+    steps.close()  # type: ignore[attr-defined]
+    n_ready = len(pictures(run_in_process(tasks, turning(40.0)), "relit"))
+    assert n_ready < 2
+    ready(tasks)
+    assert len(pictures(run_in_process(tasks, turning(40.0)), "relit")) == 2

@@ -1,0 +1,484 @@
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from engine.core.generators import run_to_end
+from engine.light.environment import Environment, constant_environment
+from engine.material import MODELS
+from engine.material.layer import make_layer
+from engine.realtime.triple_product import _corner_kernels as corner_kernels
+from engine.realtime.triple_product import _incident_kernels as kernels
+from engine.realtime.triple_product import _slice_kernels as slice_kernels
+from engine.realtime.triple_product.incident import (
+    SceneEmitters,
+    empty_incident,
+    hemisphere,
+    kernel_lights,
+    kernel_places,
+    light_points,
+    with_glossy_points,
+)
+from engine.realtime.triple_product.point_reflection import (
+    empty_shades,
+    mirror_directions,
+    peak_lights_of,
+    reflect_at_corners,
+    reflect_at_rest,
+    reflect_moving,
+    shade_points,
+)
+from engine.realtime.triple_product.reflections import SHARP
+from engine.realtime.triple_product.shading_points import shading_points
+from engine.realtime.triple_product.sky_map import MAP_SIDE, make_sky, texel_directions
+from engine.realtime.triple_product.slices import (
+    diffuse_reflectance,
+    has_isotropic_reflection,
+    slice_bytes_of,
+    slice_steps,
+    spherical,
+    table_bytes_of,
+    to_shading_frame,
+)
+from engine.realtime.triple_product.view_samples import PointMesh, interpolate
+from engine.realtime.triple_product.visibility import trace_hemispheres, trace_patches, upper_triangles
+from engine.render.integrator import evaluate_layers
+from engine.scene.description import parse_description
+from engine.scene.raycaster import RayCaster
+from engine.scene.scene_loader import build_scene
+from engine.sphere import haar
+from engine.sphere.geodesic import geodesic
+from tests.engine.precompute.direct.by_hand import square
+from tests.engine.realtime.triple_product.conftest import SCENE
+
+FLOOR = 0
+
+
+def lit(ball, sky, n: int = 5120, lamps=None, is_coarse: bool = False):
+    points, _, bits = ball
+    incident = empty_incident(np.ones(len(points), bool), n)
+    light_points(points, bits, sky, incident, lamps, is_coarse=is_coarse)
+    return incident
+
+
+def visible_powers(points, p: int, bits, sky) -> np.ndarray:
+    """Radiance × solid angle of each triangle (5120, 3) of point p's frame, as it is seen there; without suns."""
+    powers = np.empty((5120, 3), np.float32)
+    at = kernel_places(points, bits, np.full(len(points), -1, np.int32), None)
+    kernels.add_sky(p, at, hemisphere(), kernel_lights(sky, None), powers, np.zeros((3, 3), np.float32))
+    return powers
+
+
+@pytest.fixture(scope="module")
+def uneven() -> Environment:
+    rows, columns = np.mgrid[0:32, 0:64]
+    image = 0.2 + np.stack([rows / 32, np.sin(columns / 5) ** 2, (rows * columns) % 7 / 7], axis=2)
+    return Environment(image.astype(np.float32), "test")
+
+
+# ------------------------------------------------------------------------------------------------------------ the sky
+
+
+def test_texels_of_the_octahedron_are_found_again() -> None:
+    directions = texel_directions(16)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
+    # Spread over the sphere: no half of it has more than its part.
+    assert np.abs((np.sign(directions)).mean(axis=0)).max() < 1e-12
+
+
+def test_an_even_sky_is_even_and_has_no_sun() -> None:
+    sky = make_sky(constant_environment((2.0, 1.0, 0.5)), 0.0)
+    assert len(sky.peak_power) == 0
+    np.testing.assert_allclose(sky.map[..., :3], np.broadcast_to([2.0, 1.0, 0.5], (MAP_SIDE, MAP_SIDE, 3)), rtol=1e-5)
+    assert not make_sky(None, 0.0).map.any()
+
+
+def test_one_bright_texel_is_a_sun_that_keeps_its_power(ball) -> None:
+    points, _, bits = ball
+    image = np.zeros((64, 128, 3), np.float32)
+    image[20, 40] = 1e4
+    environment = Environment(image, "test")
+    sky = make_sky(environment, 0.0)
+    direction = (sky.peak_direction * sky.peak_power[:, :1]).sum(axis=0)
+    direction /= np.linalg.norm(direction)
+    solid_angle = 2 * np.pi / 128 * (np.cos(20 * np.pi / 64) - np.cos(21 * np.pi / 64))
+    assert sky.peak_power.sum() == pytest.approx(3 * 1e4 * solid_angle, rel=1e-3)
+    incident = lit(ball, sky)
+    # What sees it gets its power times the cosine of the triangle that holds it; the ball's shadow gets nothing.
+    floor = points.i_object == FLOOR
+    open_floor = floor & (np.linalg.norm(points.position[:, [0, 2]], axis=1) > 2.2)
+    expected = 1e4 * solid_angle * direction[1]
+    np.testing.assert_allclose(incident.irradiance[open_floor], expected, rtol=2e-3)
+    across = np.cross(points.position - [0.0, 0.5, 0.0], direction)
+    shaded = floor & (np.linalg.norm(across, axis=1) < 0.42)
+    assert shaded.sum() > 20 and incident.irradiance[shaded].max() < 1e-4 * expected
+    lower = np.delete(np.arange(5120), upper_triangles())
+    assert not visible_powers(points, 0, bits, sky)[lower].any()
+
+
+def test_turning_the_environment_turns_what_is_looked_up(ball) -> None:
+    columns = np.arange(128) / 128 * 2 * np.pi
+    image = np.broadcast_to(
+        (1.0 + np.stack([np.sin(columns), np.cos(columns), 0 * columns], axis=1))[None], (64, 128, 3)
+    )
+    smooth = Environment(np.ascontiguousarray(image, np.float32), "test")
+    directions = texel_directions(MAP_SIDE)
+    flat = np.abs(directions[:, 1]) < 0.8  # towards the poles the image itself is sharp
+    turned = make_sky(smooth, 37.0)
+    assert turned.map is make_sky(smooth, 0.0).map  # nothing is summed anew
+    np.testing.assert_allclose(turned.map.reshape(-1, 4)[flat, :3], smooth.evaluate(directions[flat]), atol=0.02)
+    points, _, bits = ball
+    p = np.flatnonzero(points.i_object == FLOOR)[0]
+    seen = upper_triangles()[np.unpackbits(bits[p], bitorder="little").reshape(-1, 4).all(axis=1)]
+    powers = visible_powers(points, p, bits, turned)[seen] / geodesic(4).solid_angles[seen, None]
+    ways = geodesic(4).centres[seen] @ points.frames[p]
+    low = np.abs(ways[:, 1]) < 0.8
+    np.testing.assert_allclose(powers[low], smooth.evaluate(ways[low], 37.0), atol=0.03)
+
+
+def test_suns_turn_with_the_environment_and_are_as_bright_in_sum() -> None:
+    image = np.zeros((64, 128, 3), np.float32)
+    image[20, 40] = 1e4
+    environment = Environment(image, "test")
+    there, here = make_sky(environment, 90.0), make_sky(environment, 0.0)
+    found = (here.peak_direction * here.peak_power[:, :1]).sum(axis=0) / here.peak_power[:, 0].sum()
+    assert environment.evaluate(found[None])[0, 0] > 5e3
+    found = (there.peak_direction * there.peak_power[:, :1]).sum(axis=0) / there.peak_power[:, 0].sum()
+    assert environment.evaluate(found[None], 90.0)[0, 0] > 5e3
+    np.testing.assert_allclose(make_sky(environment, 90.0, 2.0).peak_power, 2.0 * here.peak_power)
+
+
+# --------------------------------------------------------------------------------------------------- light at points
+
+
+def test_an_even_sky_over_open_ground_is_pi_times_its_radiance(ball) -> None:
+    points, _, _ = ball
+    incident = lit(ball, make_sky(constant_environment((2.0, 1.0, 0.5)), 30.0), 20)
+    corners = (points.i_object == FLOOR) & (np.abs(points.position[:, 0]) > 2.9) & (np.abs(points.position[:, 2]) > 2.9)
+    hidden = (0.5 / np.linalg.norm([3.0, 0.5, 3.0])) ** 2 * 0.5 / np.linalg.norm([3.0, 0.5, 3.0])
+    np.testing.assert_allclose(
+        incident.irradiance[corners], np.tile(np.pi * (1 - hidden) * np.array([2.0, 1.0, 0.5]), (4, 1)), rtol=2e-3
+    )
+
+
+def test_all_coefficients_are_the_wavelets_of_the_powers_and_fewer_are_the_largest(ball, uneven) -> None:
+    points, _, bits = ball
+    sky = make_sky(uneven, 10.0)
+    whole, few = lit(ball, sky), lit(ball, sky, 100)
+    seeing = np.flatnonzero(whole.irradiance.any(axis=1))
+    for p in seeing[:: len(seeing) // 7]:
+        powers = visible_powers(points, p, bits, sky)
+        expected = haar.forward(powers.astype(np.float64))
+        dense = np.zeros((5120, 3))
+        np.add.at(dense, *whole.coefficients(p))
+        np.testing.assert_allclose(dense, expected, rtol=2**-8, atol=1e-6 * np.abs(expected).max())
+        sunlit = 0.0 if not len(sky.peak_power) else suns_irradiance(points, p, whole, sky)
+        assert whole.irradiance[p] == pytest.approx(
+            (powers[upper_triangles()] * hemisphere().cosine[:, None]).sum(axis=0) + sunlit, rel=1e-4
+        )
+        number, value = few.coefficients(p)
+        best = np.flatnonzero(haar.select_coefficients(expected, 100))
+        # By counting in bins an eighth of an octave wide, and without means that are 0: most are among the best.
+        assert np.isin(number[value.any(axis=1)], best).mean() > 0.8
+        means = np.flatnonzero(expected[:20].any(axis=1))
+        assert set(number[: len(means)]) == set(means)
+        assert (few.coefficients(p)[0][:50] == whole.coefficients(p)[0][:50]).all()
+
+
+def suns_irradiance(points, p, incident, sky) -> np.ndarray:
+    seen = np.unpackbits(incident.stored.peak_bits[p], count=len(sky.peak_power), bitorder="little")
+    cosine = np.maximum(sky.peak_direction @ points.normal[p], 0.0)
+    return (sky.peak_power * (seen * cosine)[:, None]).sum(axis=0)
+
+
+def test_coarse_light_is_about_as_bright(ball, uneven) -> None:
+    sky = make_sky(uneven, 10.0)
+    coarse, fine = lit(ball, sky, 100, is_coarse=True), lit(ball, sky, 100)
+    np.testing.assert_allclose(coarse.irradiance, fine.irradiance, rtol=0.1, atol=0.02 * fine.irradiance.max())
+    assert coarse.stored.number.max() < 320
+
+
+def test_matt_points_keep_irradiance_alone_until_they_gloss(ball, uneven) -> None:
+    points, _, bits = ball
+    sky, floor = make_sky(uneven, 0.0), points.i_object == FLOOR
+    glossy, some = lit(ball, sky, 80), empty_incident(~floor, 80)
+    light_points(points, bits, sky, some)
+    np.testing.assert_array_equal(some.irradiance, glossy.irradiance)
+    assert some.n_bytes < glossy.n_bytes and (some.slot[floor] == -1).all()
+    grown = with_glossy_points(some, floor)
+    light_points(points, bits, sky, grown, which=np.flatnonzero(floor))
+    for p in (0, len(points) - 1):
+        for mine, theirs in zip(grown.coefficients(p), glossy.coefficients(p), strict=True):
+            np.testing.assert_array_equal(mine, theirs)
+
+
+def test_a_lamp_lights_a_floor_as_the_closed_form_says(ball) -> None:
+    from engine.light.emitters import emitter_patches
+
+    points, caster, _ = ball
+    lamp = emitter_patches(square((2.0, 1.0, 2.0), (1, 0, 0), (0, 0, 1)), np.ones((2, 3)), 512)
+    seen = np.empty((len(points), (len(lamp) + 7) // 8), np.uint8)
+    trace_patches(points, caster, lamp, np.arange(len(points)), seen)
+    incident = lit(ball, make_sky(None, 0.0), 5120, SceneEmitters(lamp, seen))
+    floor = (points.i_object == FLOOR) & (np.linalg.norm(points.position[:, [0, 2]] - [2, 2], axis=1) < 0.4)
+    towards = lamp.centre[None] - points.position[floor][:, None]
+    squared = (towards**2).sum(axis=2)
+    exact = (lamp.area * towards[..., 1] ** 2 / squared**2).sum(axis=1)
+    np.testing.assert_allclose(incident.irradiance[floor][:, 0], exact, rtol=5e-3)
+
+
+# --------------------------------------------------------------------------------------------------------- reflection
+
+
+GOLD = make_layer(MODELS["rough_conductor"], {"alpha": 0.3})
+MATT = make_layer(MODELS["lambert"], {"albedo": [0.5, 0.25, 1.0]})
+BRUSHED = make_layer(MODELS["ward_anisotropic"])
+MATT_LIKE = make_layer(MODELS["oren_nayar"], {"sigma": 0.3})
+
+
+def test_a_look_is_kept_until_what_it_shows_changes(ball_scene, ball) -> None:
+    points, camera = ball[0], ball_scene.description.camera
+    mesh = PointMesh(ball_scene, points)
+    seen = mesh.sample_view(camera, (24, 18))
+    assert mesh.sample_view(camera, (24, 18)) is seen and mesh.sample_view(camera, (25, 18)) is not seen
+    again = mesh.sample_view(camera, (24, 18))
+    soft = mesh.sample_view(camera, (24, 18), 4)
+    assert soft is not again and mesh.sample_view(camera, (24, 18), 4) is soft
+    mesh.set_emission(ball_scene)  # what it emits is in it
+    assert mesh.sample_view(camera, (24, 18), 4) is not soft
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_every_model_is_the_same_mirrored_across_its_grain(name: str) -> None:
+    # So that slices over half a turn of the eye serve all of it.
+    layer, mirror = make_layer(MODELS[name]), np.array([-1.0, 1.0, 1.0])
+    polar, azimuth = np.random.default_rng(3).random((2, 2, 64)) * np.array([1.4, 2.0 * np.pi])[:, None, None]
+    wi, wo = (spherical(polar[i], azimuth[i]) for i in range(2))
+    there = evaluate_layers([layer], to_shading_frame(wi), to_shading_frame(wo))
+    back = evaluate_layers([layer], to_shading_frame(wi * mirror), to_shading_frame(wo * mirror))
+    np.testing.assert_allclose(back, there, rtol=1e-6, atol=1e-9)
+
+
+def test_what_turns_with_its_grain_is_told_from_what_does_not() -> None:
+    assert (
+        has_isotropic_reflection(GOLD)
+        and has_isotropic_reflection(make_layer(MODELS["oren_nayar"]))
+        and not has_isotropic_reflection(BRUSHED)
+    )
+    assert (
+        diffuse_reflectance(GOLD) is None
+        and diffuse_reflectance(make_layer(MODELS["oren_nayar"], {"sigma": 0.5})) is None
+    )
+    assert diffuse_reflectance(MATT) == pytest.approx(np.array([0.5, 0.25, 1.0]) / np.pi)
+
+
+def along(slices, ball, incident, p: int, wo: np.ndarray) -> np.ndarray:
+    """What point p sends along directions (N, 3) of its frame, each looked up as a sample of its own."""
+    points, _, _ = ball
+    world = (wo * [-1.0, 1.0, -1.0] @ points.frames[p]).astype(np.float32)  # in the mirror
+    found = np.empty((3 * len(wo), 3), np.float32)
+    members = np.arange(3 * len(wo))
+    corner_kernels.shade_corners(
+        0, 1, np.array([p]), np.array([0, len(members)]), members, world, 5120, points.frames, incident.slot,
+        incident.stored, peak_lights_of(make_sky(None, 0.0), incident, 0.0), slices.make_tables(), found,
+        np.zeros((0, 2), np.uint64),
+    )  # fmt: skip
+    return found[::3]
+
+
+@pytest.mark.parametrize("layers", [[GOLD], [BRUSHED], [BRUSHED, GOLD]], ids=["isotropic", "brushed", "both"])
+def test_slices_reflect_as_the_sum_over_triangles_does(ball, uneven, layers) -> None:
+    # With all coefficients, and an outgoing direction on the grid, it is the same sum in another basis.
+    points, _, bits = ball
+    sky = make_sky(uneven, 0.0)
+    incident, slices = lit(ball, sky), run_to_end(slice_steps(layers[0], 0))
+    for layer in layers[1:]:
+        slices = slices + run_to_end(slice_steps(layer, 0))
+    assert slices.is_isotropic == (BRUSHED not in layers)
+    sphere, above = geodesic(4), upper_triangles()
+    steps = np.arange(0, 360, 9.0)[::7]
+    for p, angle in ((len(points) // 3, 2), (len(points) // 2, 9), (len(points) - 1, 20)):
+        powers = visible_powers(points, p, bits, sky).astype(np.float64)
+        wo = spherical(np.full(len(steps), np.radians(89.0) / 23 * angle), np.radians(steps))
+        exact = np.stack([
+            (evaluate_layers(layers, to_shading_frame(sphere.centres[above]), np.tile(to_shading_frame(d[None]), (2560,
+            1)))
+             * powers[above]).sum(axis=0)
+            for d in wo
+        ])  # fmt: skip
+        np.testing.assert_allclose(along(slices, ball, incident, p, wo), exact, rtol=4e-3, atol=1e-3 * exact.max())
+
+
+def test_what_moves_shows_the_colours_of_rest_interpolated(ball_scene, ball, uneven) -> None:
+    points, _, _ = ball
+    sky = make_sky(uneven, 0.0)
+    incident = lit(ball, sky, 320)
+    seen = PointMesh(ball_scene, points).sample_view(ball_scene.description.camera, (48, 36))
+    tables, which = run_to_end(slice_steps(GOLD, 0)).make_tables(), seen.of(1)
+    resting = reflect_at_rest(seen, which, incident, sky, [GOLD], tables, 0.005)
+    colours, moving = np.zeros((len(points), 3), np.float32), np.zeros((48 * 36, 3), np.float32)
+    shade_points(seen, np.flatnonzero(seen.visible_points()), incident, tables, 320, empty_shades(incident), colours)
+    interpolate(seen, which, colours, np.ones((1, 3), np.float32), moving)
+    assert np.sqrt(((moving[which] - resting) ** 2).mean()) < 0.05 * resting.mean()
+
+
+def test_a_sun_is_reflected_in_its_own_direction(ball_scene, ball) -> None:
+    # A mirror-like ball shows its highlight where the half vector is the normal, narrower than a triangle.
+    points, _, _ = ball
+    image = np.zeros((256, 512, 3), np.float32)
+    image[60, 300] = 1e5
+    sky = make_sky(Environment(image, "test"), 0.0)
+    sharp = make_layer(MODELS["rough_conductor"], {"alpha": 0.05})
+    seen = PointMesh(ball_scene, points).sample_view(ball_scene.description.camera, (240, 180))
+    on_ball = seen.of(1)
+    tables = run_to_end(slice_steps(sharp, 0)).make_tables()
+    found = reflect_at_rest(seen, on_ball, lit(ball, sky, 20), sky, [sharp], tables, 0.01)
+    normal = np.einsum("pk,pki->pi", seen.samples.weights[on_ball], points.normal[seen.samples.corners[on_ball]])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    half = sky.peak_direction.mean(axis=0) / np.linalg.norm(sky.peak_direction.mean(axis=0)) + seen.samples.wo[on_ball]
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    assert (normal * half).sum(axis=1)[found[:, 0].argmax()] > np.cos(np.radians(2.0))
+
+
+def test_a_highlight_stands_where_the_surface_shows_it_also_where_points_are_far_apart(tmp_path) -> None:
+    # Normals of neighbours are 36 degrees apart: seen by each point as it stands, there would be three highlights.
+    trimesh.creation.icosphere(1, radius=0.5).export(tmp_path / "ball.ply")
+    text = SCENE.replace('primitive = "sphere"', 'mesh = "ball.ply"')
+    scene = build_scene(parse_description(tomllib.loads(text), "ball"), tmp_path / "ball.toml", (48, 36))
+    caster = RayCaster(scene.vertices, scene.triangles)
+    points = shading_points(scene, caster, 0)
+    bits = np.empty((len(points), 1280), np.uint8)
+    trace_hemispheres(points, caster, np.arange(len(points)), bits)
+    rows, columns = np.mgrid[0:64, 0:128]
+    panel = 0.1 + 20.0 * np.exp(-((rows - 16.0) ** 2 + (columns - 70.0) ** 2) / 8.0)
+    sky = make_sky(Environment(np.repeat(panel[..., None], 3, axis=2).astype(np.float32), "test"), 0.0)
+    sky = replace(sky, peak_power=sky.peak_power[:0], peak_direction=sky.peak_direction[:0])
+    layer = make_layer(MODELS["rough_conductor"], {"alpha": 0.12})
+    seen = PointMesh(scene, points).sample_view(scene.description.camera, (48, 36))
+    which = seen.of(1)[::5]
+    incident = lit((points, caster, bits), sky)
+    tables = run_to_end(slice_steps(layer)).make_tables()
+    found = reflect_at_rest(seen, which, incident, sky, [layer], tables, 0.01)
+    quickly = reflect_moving(seen, which, incident, sky, tables, 96)
+    above, exact = upper_triangles(), np.zeros((len(which), 3))
+    for n, (j, normal) in enumerate(zip(which, seen.normals(which), strict=True)):
+        tangent = np.cross([0.0, 1.0, 0.0], normal)
+        tangent /= np.linalg.norm(tangent)
+        frame = np.stack([tangent, normal, np.cross(tangent, normal)])
+        wo = to_shading_frame((seen.samples.wo[j] @ frame.T)[None])
+        for p, weight in zip(seen.samples.corners[j], seen.samples.weights[j], strict=True):
+            wi = to_shading_frame(geodesic(4).centres[above] @ points.frames[p] @ frame.T)
+            values = evaluate_layers([layer], wi, np.repeat(wo, len(wi), axis=0))
+            exact[n] += weight * (values * visible_powers(points, p, bits, sky)[above]).sum(axis=0)
+    assert np.sqrt(((found - exact) ** 2).mean()) < 0.1 * exact.mean()
+    assert np.sqrt(((quickly - exact) ** 2).mean()) < 0.2 * exact.mean()
+
+
+def test_how_sharp_a_layer_is_is_told_by_its_slices() -> None:
+    # Of a matt one f = cos θ: (∫ f)² / ∫ f² = π² / (2 π / 3).
+    assert run_to_end(slice_steps(MATT, 0)).lobe == pytest.approx(1.5 * np.pi, rel=1e-2)
+    blunt, sharp = (make_layer(MODELS["rough_conductor"], {"alpha": alpha}) for alpha in (0.3, 0.1))
+    assert run_to_end(slice_steps(sharp, -1)).lobe < SHARP < run_to_end(slice_steps(blunt, -1)).lobe
+
+
+def test_a_layer_with_gloss_is_kept_in_seven_megabytes() -> None:
+    slices = run_to_end(slice_steps(GOLD, 0))
+    tables = slices.make_tables()
+    assert tables.table.nbytes + slices.packed.nbytes < 7.2e6 and np.shares_memory(tables.values, slices.packed)
+
+
+def entries(flat: np.ndarray, images: np.ndarray) -> np.ndarray:
+    """Of tables, (polar and columns, symmetries, 5120 or 2560, 3), as the kernels find them."""
+    n_slices = 24 * (9 if len(images) == 10 else 41)
+    return slice_kernels.unpacked(flat[:-1]).reshape(n_slices, -1, 3)[:, images]
+
+
+@pytest.mark.parametrize("level", [1, 2, 3])
+@pytest.mark.parametrize("layer", [GOLD, BRUSHED], ids=["isotropic", "brushed"])
+def test_coarse_slices_are_read_as_even_fine_ones(layer, level: int) -> None:
+    coarse = run_to_end(slice_steps(layer, -1)).at_level(level)
+    fine = coarse.at_level(4)
+    assert coarse.packed.shape[2] == 10 * 4**level and fine.packed.shape[2] == 2560
+    near, far = coarse.make_tables(), fine.make_tables()
+    made = near.table.nbytes, near.values.nbytes
+    assert made == (table_bytes_of(level, layer is GOLD), slice_bytes_of(level, layer is GOLD))
+    np.testing.assert_array_equal(entries(near.values, near.places), entries(far.values, far.places))
+    kept, even = entries(near.table, near.images), entries(far.table, far.images)
+    np.testing.assert_allclose(kept, even, rtol=0.01, atol=1e-6 * even.max())
+    np.testing.assert_allclose(coarse.albedo, fine.albedo, rtol=0.01)
+    both, twice = coarse + run_to_end(slice_steps(MATT_LIKE, 0)), fine + run_to_end(slice_steps(MATT_LIKE, 0))
+    np.testing.assert_array_equal(both.packed, twice.packed)
+    turned = coarse.half_around()
+    assert not turned.is_isotropic and turned.level == level
+    np.testing.assert_array_equal(turned.at_level(4).packed, fine.half_around().packed)
+
+
+def test_slices_over_larger_triangles_are_means_and_have_the_first_coefficients() -> None:
+    fine = run_to_end(slice_steps(GOLD, 0))
+    coarse = fine.at_level(3)
+    means = fine.values.reshape(24, 9, 640, 4, 3).mean(axis=3)
+    np.testing.assert_allclose(coarse.values, means, rtol=2**-8)
+    near, far = coarse.make_tables(), fine.make_tables()
+    first = slice(0, 20 * 4**3)
+    kept, all_of_them = entries(near.table, near.images)[:, :, first], entries(far.table, far.images)[:, :, first]
+    np.testing.assert_allclose(kept, all_of_them, rtol=0.01, atol=2e-3 * all_of_them.max())
+
+
+def test_finer_slices_are_the_means_over_finer_triangles() -> None:
+    # Where a layer is about even, triangles are asked in their middles alone; a highlight is sharper than that.
+    sharp = make_layer(MODELS["rough_conductor"], {"alpha": 0.1})
+    found, weights = (
+        run_to_end(slice_steps(sharp)).values[8, 3],
+        geodesic(5).solid_angles.reshape(-1, 4)[upper_triangles()],
+    )
+    wi = geodesic(5).centres.reshape(-1, 4, 3)[upper_triangles()].reshape(-1, 3)
+    wo = spherical(np.array([np.radians(89.0) / 23 * 8]), np.array([np.radians(4.5 * 3)]))
+    values = evaluate_layers([sharp], to_shading_frame(wi), np.tile(to_shading_frame(wo), (len(wi), 1))).reshape(
+        -1, 4, 3
+    )
+    exact = np.einsum("kp,kpi->ki", weights, values) / weights.sum(axis=1)[:, None]
+    assert np.linalg.norm(found - exact) < 0.005 * np.linalg.norm(exact)
+
+
+def test_all_suns_that_are_asked_are_the_sum_over_them(ball_scene, ball, uneven) -> None:
+    points, _, bits = ball
+    image = uneven.radiance.copy()
+    image[8:11, 40:44] *= 300.0
+    sky = make_sky(Environment(image, "test"), 30.0)
+    assert len(sky.peak_power) > 5
+    incident = lit(ball, sky, 20)
+    seen = PointMesh(ball_scene, points).sample_view(ball_scene.description.camera, (48, 36))
+    which, tables = seen.of(1)[::7], run_to_end(slice_steps(GOLD, 0)).make_tables()
+    incident.stored.value[:] = 0  # suns alone
+    found = reflect_at_rest(seen, which, incident, sky, [GOLD], tables, -1.0)
+    for j, row in zip(which, found, strict=True):
+        corners, weights = seen.samples.corners[j], seen.samples.weights[j].astype(np.float64)
+        frame = np.einsum("k,kij->ij", weights, points.frames[corners])
+        normal = frame[1] / np.linalg.norm(frame[1])
+        tangent = frame[0] - (frame[0] @ normal) * normal
+        tangent /= np.linalg.norm(tangent)
+        frame = np.stack([tangent, normal, np.cross(tangent, normal)])
+        seen_by = np.unpackbits(incident.stored.peak_bits[corners], axis=1, bitorder="little")[:, : len(sky.peak_power)]
+        wi, wo = sky.peak_direction @ frame.T, seen.samples.wo[j] @ frame.T
+        values = evaluate_layers([GOLD], to_shading_frame(wi), np.tile(to_shading_frame(wo[None]), (len(wi), 1)))
+        exact = ((weights @ seen_by * (wi[:, 1] > 0.0))[:, None] * sky.peak_power * values).sum(axis=0)
+        np.testing.assert_allclose(row, exact, rtol=0.02, atol=1e-3 * found.max())
+
+
+def test_suns_that_differ_little_are_looked_up_as_they_stand(ball_scene, ball, uneven) -> None:
+    # What is matt enough differs by nothing among slices: none is asked, and all are the sum over them.
+    image = uneven.radiance.copy()
+    image[8:11, 40:44] *= 300.0
+    sky = make_sky(Environment(image, "test"), 30.0)
+    points, _, _ = ball
+    incident = lit(ball, sky, 20)
+    seen = PointMesh(ball_scene, points).sample_view(ball_scene.description.camera, (48, 36))
+    which, tables = seen.of(1), run_to_end(slice_steps(GOLD)).make_tables()
+    sharp = np.zeros((3 * len(which), 2), np.uint64)
+    ways = mirror_directions(seen.samples.wo[which], seen.normals(which))
+    found = reflect_at_corners(seen, which, ways, incident, peak_lights_of(sky, incident, 1e9), tables, sharp)
+    assert not sharp.any()
+    exact = reflect_at_rest(seen, which, incident, sky, [GOLD], tables, -1.0)
+    assert np.sqrt(((found - exact) ** 2).mean()) < 0.1 * exact.mean()

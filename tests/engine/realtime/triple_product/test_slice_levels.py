@@ -1,0 +1,119 @@
+"""Of many glossy layers slices are coarser, so that they take no more than they may."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine.light.environment import Environment
+from engine.material import MODELS
+from engine.material.layer import Layer, make_layer
+from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.triple_product.orbit_engine import Orbit
+from engine.realtime.triple_product.slice_levels import SliceLevels
+from engine.realtime.triple_product.slices import slice_bytes_of, table_bytes_of
+from engine.scene.description import parse_description
+from engine.scene.scene_loader import Scene, build_scene
+from tests.scene_text import camera, placed
+
+SIZE = 32, 24
+BRUSHED = make_layer(MODELS["ward_anisotropic"], {})
+FEW = 1 << 19  # bytes: each level has a few rows more than a quarter of the next
+
+
+def metal(number: int) -> Layer:
+    return make_layer(MODELS["rough_conductor"], {"alpha": 0.2 + 0.05 * number})
+
+
+def n_bytes(level: int, is_isotropic: bool = True) -> int:
+    return slice_bytes_of(level, is_isotropic) + table_bytes_of(level, is_isotropic)
+
+
+def test_layers_have_the_finest_triangles_at_which_all_fit() -> None:
+    terms = [(metal(i),) for i in range(6)]
+    levels = SliceLevels(6 * n_bytes(4))
+    levels.choose(terms)
+    assert set(levels.of.values()) == {4} and levels.notes == ()
+    levels = SliceLevels(6 * n_bytes(4) - 1)
+    levels.choose(terms)
+    assert list(levels.of.values()) == [4, 4, 4, 4, 4, 3] and "coarser" in levels.notes[0]
+    levels = SliceLevels(4 * n_bytes(2) + 2 * n_bytes(3))
+    levels.choose(terms)
+    assert list(levels.of.values()) == [3, 3, 2, 2, 2, 2]
+    levels = SliceLevels(1)
+    levels.choose(terms)
+    assert set(levels.of.values()) == {1}
+    levels.choose([])
+    assert levels.of == {} and levels.notes == ()
+
+
+def test_a_sum_of_layers_counts_with_slices_of_its_own() -> None:
+    """Two layers each for themselves, and their sum, which has a grain."""
+    sums = [(metal(0), BRUSHED)]
+    fits = slice_bytes_of(4, True) + slice_bytes_of(4, False) + n_bytes(4, False)
+    for most, level in ((fits, 4), (fits - 1, 3)):
+        levels = SliceLevels(most)
+        levels.choose(sums)
+        assert set(levels.of.values()) == {level}
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    blocks = [
+        placed(f"block {i}", "cube", f"0.5,0,0,{i - 1.5}, 0,0.5,0,0.25, 0,0,0.5,{0.3 * i}, 0,0,0,1") for i in range(4)
+    ]
+    text = camera((0.5, 2.0, 4.0), 40, SIZE) + "[environment]\nradiance = [1, 1, 1]\n" + "".join(blocks)
+    return build_scene(parse_description(tomllib.loads(text), "blocks"), Path("blocks.toml"), SIZE)
+
+
+def orbit_of(scene: Scene, layers: dict[int, list[Layer]], most_bytes: int) -> Orbit:
+    made = Orbit(scene, n_points=200, n_coefficients=320, most_slice_bytes=most_bytes)
+    image = np.random.default_rng(1).uniform(0.0, 2.0, (8, 16, 3)).astype(np.float32)
+    made.set_light(SkyState(Environment(image, "noise")))
+    made.set_bounces(1)
+    made.set_layers(layers)
+    return made
+
+
+def pictures(orbit: Orbit, most_bytes: int) -> list[np.ndarray]:
+    """Moving and at rest, when all is done; slices stay within these bytes all the while."""
+    for _ in orbit.work():
+        assert orbit.reflections.slice_bytes <= most_bytes
+    assert orbit.is_done
+    found = [orbit.draw(orbit.scene.description.camera, SIZE, quality) for quality in ("moving", "rest")]
+    assert 0 < orbit.reflections.slice_bytes <= most_bytes
+    return found
+
+
+def test_many_metals_stay_within_their_bytes_and_look_alike(scene: Scene) -> None:
+    layers = {i: [metal(2 * i)] for i in range(3)} | {3: [metal(1), BRUSHED]}
+    unbounded = orbit_of(scene, layers, 1 << 30)
+    exact = pictures(unbounded, 1 << 30)
+    n_all = unbounded.reflections.slice_bytes
+    assert unbounded.notes == () and n_all > 50e6
+    just = pictures(orbit_of(scene, layers, n_all), n_all)
+    for found, wanted in zip(just, exact, strict=True):
+        np.testing.assert_array_equal(found, wanted)
+    for most_bytes, off in ((n_all // 4 + FEW, 0.02), (n_all // 16 + FEW, 0.05), (n_all // 64 + FEW, 0.15)):
+        bounded = orbit_of(scene, layers, most_bytes)
+        found = pictures(bounded, most_bytes)
+        assert "coarser" in bounded.notes[0] and bounded.reflections.slice_bytes > most_bytes // 2
+        for one, wanted in zip(found, exact, strict=True):
+            error = float(np.sqrt(((one - wanted) ** 2).mean()) / wanted.mean())
+            print(most_bytes, error)
+            assert 0.0 < error < off
+
+
+def test_what_was_coarse_is_fine_again_when_there_are_few(scene: Scene) -> None:
+    most_bytes = 2 * n_bytes(4) + FEW
+    orbit = orbit_of(scene, {i: [metal(i)] for i in range(2)}, most_bytes)
+    fine = pictures(orbit, most_bytes)
+    orbit.set_layers({i: [metal(i)] for i in range(4)})
+    assert orbit.reflections.slice_bytes <= most_bytes and not orbit.is_done
+    pictures(orbit, most_bytes)
+    orbit.set_layers({i: [metal(i)] for i in range(2)})
+    for found, wanted in zip(pictures(orbit, most_bytes), fine, strict=True):
+        np.testing.assert_array_equal(found, wanted)

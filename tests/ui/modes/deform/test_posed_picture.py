@@ -1,0 +1,152 @@
+"""Deform's moving pictures in shaders against those of compiled code: bent, glossy, seen from behind, with lamps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import pytest
+
+from app.measure.deform import DeformEffort
+from engine.light.environment import Environment
+from engine.material import MODELS
+from engine.material.layer import make_layer
+from engine.precompute.direct.pipeline import SkyState
+from engine.realtime.zonal_harmonics.deform_engine import Deform, finish_deform
+from engine.realtime.zonal_harmonics.pose import Deformation, Poses
+from engine.scene.camera_moves import orbit_camera
+from engine.scene.description import Camera
+from engine.scene.scene_loader import Scene, load_scene
+from tests.scene_text import camera, placed
+from ui.gl.context import GraphicsError
+from ui.gl.gpu_drawing import VARIABLE, shader_bytes
+from ui.gl.textures import read_texture
+from ui.measure_deform import frame_rates
+from ui.modes.deform.gl.posed_picture import PosedPicture
+
+pytestmark = pytest.mark.gl
+
+SIZE = (96, 72)
+MATT = make_layer(MODELS["lambert"], {"albedo": (0.6, 0.5, 0.4)})
+GLOSS = make_layer(MODELS["rough_conductor"], {"alpha": 0.4})
+BENT: Poses = (
+    ("ball", (Deformation("bend", 60.0), Deformation("twist", 40.0))),
+    ("leaf", (Deformation("bend", 90.0),)),
+)
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    """A ball and a leaf that is open over a floor, and a lamp."""
+    path = Path(tmp_path_factory.mktemp("scene")) / "ball.toml"
+    path.write_text(
+        camera((1.5, 1.2, 3.0), 40, SIZE)
+        + "[environment]\nradiance = [1, 1, 1]\n"
+        + placed("ball", "sphere", "0.6,0,0,0, 0,0.8,0,0, 0,0,0.6,0, 0,0,0,1")
+        + placed("leaf", "quad", "0.5,0,0,-0.8, 0,0,0.5,0, 0,-0.5,0,0.4, 0,0,0,1")
+        + placed("floor", "quad", "4,0,0,0, 0,0,4,-0.6, 0,-4,0,0, 0,0,0,1")
+        + placed("lamp", "quad", "0.3,0,0,0.8, 0,0,0.3,0.9, 0,-0.3,0,0, 0,0,0,1", "emission = [3, 2, 1]\n")
+    )
+    return load_scene(path)
+
+
+@pytest.fixture(scope="module")
+def deform(scene: Scene) -> Deform:
+    made = Deform(scene, n_points=3000, n_rays=64)
+    image = np.random.default_rng(2).uniform(0.2, 2.0, (16, 32, 3)).astype(np.float32)
+    made.set_light(SkyState(Environment(image, "noise"), 30.0, 1.2))
+    made.set_layers({0: (MATT, GLOSS), 1: (MATT,), 2: (MATT, GLOSS, GLOSS)})
+    made.set_bending(["ball", "leaf"])
+    made.set_effort(64, 2)
+    return finish_deform(made)
+
+
+@pytest.fixture
+def picture(context: moderngl.Context) -> Iterator[PosedPicture]:
+    """Without smoothed edges."""
+    made = PosedPicture(context, 0)
+    for _ in made.warm_up():
+        pass
+    yield made
+    made.release()
+    assert made.memory_bytes == 0
+
+
+@pytest.mark.parametrize(("poses", "turn"), [((), 0.0), (BENT, 0.0), (BENT, 140.0), (BENT, -75.0)])
+def test_it_is_the_picture_of_compiled_code(deform: Deform, picture: PosedPicture, poses: Poses, turn: float) -> None:
+    eye = orbit_camera(deform.scene.description.camera, np.radians(turn), 0.2)
+    expected = deform.draw(eye, SIZE, poses)
+    found = shown(picture, deform, eye, poses)
+    off = np.abs(found - expected).max(axis=2)
+    assert (off > 0.01).mean() < 0.01  # pixels on edges may go to either side
+    assert np.median(off) < 1e-4 and expected.std() > 0.1
+
+
+def test_gloss_under_a_small_sun_is_the_same_and_has_no_rings(deform: Deform, picture: PosedPicture) -> None:
+    light, eye = deform._light, deform.scene.description.camera
+    sky = np.full((32, 64, 3), 0.05, np.float32)
+    sky[8, 20] = 600.0
+    deform.set_light(SkyState(Environment(sky, "sun")))
+    deform.set_layers({0: (GLOSS,), 1: (GLOSS,), 2: (MATT, GLOSS, GLOSS)})
+    expected, found = deform.draw(eye, SIZE, BENT), shown(picture, deform, eye, BENT)
+    deform.set_light(light)
+    deform.set_layers({0: (MATT, GLOSS), 1: (MATT,), 2: (MATT, GLOSS, GLOSS)})
+    off = np.abs(found - expected).max(axis=2)
+    assert (off > 0.01 * expected.max()).mean() < 0.01 and expected.max() > 0.5
+    assert np.percentile(found, 1.0) > 0.2 * 0.05  # of the even part of the sky
+
+
+def shown(picture: PosedPicture, deform: Deform, eye: Camera, poses: Poses) -> np.ndarray:
+    told = deform.export_picture(eye, poses, picture.part_numbers)
+    return read_texture(picture.draw(told, eye, SIZE), np.float32)[..., :3].astype(np.float32)
+
+
+def test_what_is_known_is_not_told_again(deform: Deform, picture: PosedPicture) -> None:
+    eye = deform.scene.description.camera
+    before = shown(picture, deform, eye, BENT)
+    told = deform.export_picture(eye, BENT, picture.part_numbers)
+    assert told.shape is None and told.appearance is None
+    light = deform._light
+    deform.set_light(SkyState(light.environment, 120.0, 0.3))
+    told = deform.export_picture(eye, BENT, picture.part_numbers)
+    assert told.appearance is not None and not any(
+        (told.shape, told.cover, told.sky)
+    )  # the sky's image stays where it is
+    assert not np.allclose(shown(picture, deform, eye, BENT), before, atol=0.1)
+    deform.set_light(light)
+    assert shown(picture, deform, eye, BENT) == pytest.approx(before, abs=1e-6)
+
+
+def test_a_pose_of_nothing_is_refused(context: moderngl.Context, deform: Deform) -> None:
+    bare = PosedPicture(context)
+    told = deform.export_picture(deform.scene.description.camera, ())
+    with pytest.raises(GraphicsError, match="without its mesh"):
+        bare.draw(replace(told, shape=None), deform.scene.description.camera, SIZE)
+    bare.release()
+
+
+def test_edges_are_smooth(context: moderngl.Context, deform: Deform, picture: PosedPicture) -> None:
+    eye, smooth = deform.scene.description.camera, PosedPicture(context)
+    soft, hard = (shown(each, deform, eye, BENT) for each in (smooth, picture))
+    expected = deform.draw(eye, SIZE, BENT, "rest")
+    assert np.abs(soft - expected).mean() < 0.7 * np.abs(hard - expected).mean()
+    smooth.release()
+
+
+def test_frames_are_timed(context: moderngl.Context) -> None:
+    effort = DeformEffort(24, 14, n_frames=2, resolution=(48, 36))
+    for is_glossy in (False, True):
+        rates = frame_rates(context, effort, is_glossy)
+        assert len(rates) == 2 and min(rates) > 0.0
+
+
+def test_software_leaves_it_to_the_worker_unless_asked(
+    context: moderngl.Context, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv(VARIABLE, raising=False)
+    assert shader_bytes(context) == 0  # llvmpipe
+    monkeypatch.setenv(VARIABLE, "shader")
+    assert shader_bytes(context) > 0

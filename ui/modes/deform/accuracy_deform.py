@@ -1,0 +1,58 @@
+"""What Deform has in the Accuracy panel: how its pictures are drawn, and what of the scene they leave out."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from app.document.view_state import SetView
+from app.modes.deform.deform_status import DeformStatus
+from ui.modes.orbit import accuracy_orbit
+from ui.modes.placement import accuracy_placement
+from ui.panels import error_legend, widgets
+from ui.panels.actions import Action
+from ui.panels.context import PanelContext
+
+LEFT_OUT = (
+    "What has deformers, or stands in its animation, shades itself alone; what is at rest shades its like. All "
+    "shadows, and the light of lamps, come back when the hand rests and Placement takes over."
+)
+SPLIT_HINT = (
+    "Splits the picture: what paths through the scene show of this pose, refined while the hand rests; transfer that "
+    "does not turn with the surface; and Deform's own. Drag the dividers."
+)
+FIT_HINT = (
+    "Shows in false colours how far the fitted lobes are off the light they stand for, point by point, on patches and "
+    "wrinkles pixel by pixel: where it is yellow, creases are deeper than a few lobes can tell. A membrane is exact."
+)
+EVENLY = (1.0 / 3.0, 2.0 / 3.0)
+LEFT_OUT_AND_STAYS = (
+    "What has deformers, or stands in its animation, shades itself alone; what is at rest shades its like. The surface "
+    "of {} is Deform's alone, so that Placement does not take over when the hand rests: choose it (G) for all shadows."
+)
+
+
+def draw(context: PanelContext) -> list[Action]:
+    """The figures measured of what is seen, what sharp curves lose, and what comes back at rest."""
+    status = context.status
+    actions = accuracy_orbit.draw(context)
+    if not isinstance(status, DeformStatus):
+        return actions
+    is_split = context.view.split is not None
+    if widgets.text_button(context, "deform.split", "Not beside paths" if is_split else "Beside paths", SPLIT_HINT):
+        actions.append(SetView.of(split=None if is_split else EVENLY, fit_error=False))
+    imgui.same_line()
+    shows_error = context.view.fit_error
+    if widgets.text_button(context, "deform.fit_error", "Light" if shows_error else "Fit error", FIT_HINT):
+        actions.append(SetView.of(fit_error=not shows_error, split=None))
+    if shows_error:
+        corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
+        imgui.dummy(ImVec2(room, error_legend.height(context)))
+        error_legend.draw(context, imgui.get_window_draw_list(), corner, room)
+    for name, share in sorted(status.lost, key=lambda each: -each[1])[:4]:
+        hint = (
+            "The share of this material's reflection, by energy, that is too sharp for the bands of light that follow "
+            "a bending mesh. The rest is a soft highlight; Placement has all of it."
+        )
+        accuracy_placement.figure(context, f"Lost of {name}", f"{share:.0%}", hint)
+    widgets.caption(LEFT_OUT_AND_STAYS.format(", ".join(status.deform_only)) if status.deform_only else LEFT_OUT)
+    return actions

@@ -1,0 +1,124 @@
+"""The deformers of the selected object in the picture: each one's axis as it is bent, and a grip that changes its
+amount.
+
+A grip is a point of the object's box that goes through all its deformers. Where a hand drags it to, the amount follows
+by a few steps of Newton's method on the picture's plane: so every kind has a handle that knows only where it is held.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document.commands import SetDeformer
+from engine.realtime.deformers import KINDS
+from engine.realtime.zonal_harmonics.pose import AXES, Deformation, Pose, deform
+from engine.scene.camera import camera_frame, project
+from engine.scene.camera_moves import distance
+from ui.panels.actions import Action
+from ui.panels.context import PanelContext
+from ui.panels.picture_handles import PictureHandle, Place
+from ui.panels.viewport_layout import PictureRect
+
+Float64Array = NDArray[np.float64]
+
+N_LINE = 33
+BESIDE = 0.07  # of the height, between grips that would lie on one another
+_ROUNDS, _STEP = 4, {"degrees": 0.5, "": 0.005}
+_FURTHEST = {"degrees": 15.0, "": 0.15}  # that an amount goes in a step
+_NEAREST = 1e-3  # of the distance to the target
+
+
+def handles(context: PanelContext, placed: PictureRect) -> list[PictureHandle]:
+    """Of the selected object, where it is seen."""
+    selected = context.view.selected
+    box = None if selected is None else context.box_of(selected.object)
+    if selected is None or box is None or not np.isfinite(box).all():
+        return []
+    box = box + dict(getattr(context.status, "carried", ())).get(selected.object, (0.0, 0.0, 0.0))
+    row = context.document.object(selected.object).deformations
+    found = []
+    for index, deformation in enumerate(row):
+        line = _on_screen(context, placed, _posed(box, row, _axis(box, row, index)))
+        if line is None:
+            continue
+        kind = KINDS[deformation.kind]
+        amount = f"{deformation.amount:.1f}°" if kind.unit == "degrees" else f"{deformation.amount:.3f}"
+        drag = partial(_dragged, context, placed, selected.object, box, row, index)
+        places = [(float(x), float(y)) for x, y in line]
+        label = f"{deformation.kind} {selected.object}"
+        found.append(
+            PictureHandle(f"pose.handle.{index}", places[-1], places, label, f"{kind.title} {amount}: drag it.", drag)
+        )
+    return found
+
+
+def _axis(box: Float64Array, row: tuple[Deformation, ...], index: int) -> Float64Array:
+    """The line (N, 3) along a deformer's axis at rest, from its foot to its grip."""
+    deformation = row[index]
+    across, upward = grip = KINDS[deformation.kind].grip
+    before = [each for each in row[:index] if (KINDS[each.kind].grip, each.axis) == (grip, deformation.axis)]
+    upward += BESIDE * (len(before) + 1)
+    i_across, i_axis, i_depth = AXES[deformation.axis]
+    low, high = box
+    line = np.empty((N_LINE, 3))
+    line[:, [i_across, i_depth]] = 0.5 * (low + high)[[i_across, i_depth]]
+    line[:, i_axis] = low[i_axis] + upward * (high - low)[i_axis] * np.linspace(0.0, 1.0, N_LINE)
+    if across:  # up the axis, then out to where it is held
+        n = N_LINE // 2
+        line[:n, i_axis] = low[i_axis] + upward * (high - low)[i_axis] * np.linspace(0.0, 1.0, n)
+        line[n:, i_axis] = line[n - 1, i_axis]
+        line[n:, i_across] += across * 0.5 * (high - low)[i_across] * np.linspace(0.0, 1.0, N_LINE - n)
+    return line
+
+
+def _posed(box: Float64Array, row: tuple[Deformation, ...], points: Float64Array) -> Float64Array:
+    """Where the row of deformers takes points (N, 3)."""
+    frames = np.broadcast_to(np.eye(3), (len(points), 3, 3))
+    return deform(Pose(points, frames), row, box).positions
+
+
+def _on_screen(context: PanelContext, placed: PictureRect, points: Float64Array) -> Float64Array | None:
+    """Where points (N, 3) are seen (N, 2); None where one is beside or behind the eye."""
+    towards = points - np.array(context.camera.position)
+    if not (towards @ camera_frame(context.camera)[2] > _NEAREST * distance(context.camera)).all():
+        return None
+    size = max(round(placed.width), 1), max(round(placed.height), 1)
+    return np.asarray(project(context.camera, size, towards) + (placed.x, placed.y))
+
+
+def _dragged(
+    context: PanelContext,
+    placed: PictureRect,
+    name: str,
+    box: Float64Array,
+    row: tuple[Deformation, ...],
+    index: int,
+    to: Place,
+) -> list[Action]:
+    """The amount by which the grip is nearest to a place on screen."""
+    deformation = row[index]
+    kind, grip = KINDS[deformation.kind], _axis(box, row, index)[-1:]
+
+    def seen(amount: float) -> Float64Array | None:
+        changed = (*row[:index], replace(deformation, amount=amount), *row[index + 1 :])
+        found = _on_screen(context, placed, _posed(box, changed, grip))
+        return None if found is None else np.asarray(found[0])
+
+    (low, high), amount = kind.limits, deformation.amount
+    for _ in range(_ROUNDS):
+        step = _STEP[kind.unit] if amount + _STEP[kind.unit] <= high else -_STEP[kind.unit]
+        here, there = seen(amount), seen(amount + step)
+        if here is None or there is None:
+            break
+        slope = (there - here) / step
+        steepness = float(slope @ slope)
+        if steepness < 1e-6:  # it goes towards the eye: the hand cannot say how far
+            break
+        wanted = float(slope @ (np.array(to) - here)) / steepness
+        furthest = _FURTHEST[kind.unit]
+        amount = min(max(amount + min(max(wanted, -furthest), furthest), low), high)
+    return [SetDeformer(name, index, amount=amount)] if amount != deformation.amount else []

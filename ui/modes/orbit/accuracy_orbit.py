@@ -1,0 +1,44 @@
+"""What Orbit has in the Accuracy panel: how its pictures are drawn, and Placement's part while that shows the view."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from app.messages.editor_status import duration
+from app.modes.orbit.orbit_status import OrbitStatus
+from ui.modes.placement import accuracy_placement
+from ui.panels.actions import Action
+from ui.panels.context import PanelContext
+
+
+def draw(context: PanelContext) -> list[Action]:
+    """The figures measured of what is seen."""
+    status = context.status
+    if not isinstance(status, OrbitStatus):
+        return accuracy_placement.draw(context)
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(imgui.get_style().item_spacing.x, context.px(1)))
+    for name, value, hint in figures(status):
+        accuracy_placement.figure(context, name, value, hint)
+    imgui.pop_style_var()
+    return []
+
+
+def figures(status: OrbitStatus) -> list[tuple[str, str, str]]:
+    """(name, value, explanation) of every measured figure."""
+    width, height = status.drawn_resolution
+    seconds = status.drawn_seconds
+    took = duration(seconds) if seconds >= 1.0 else f"{1e3 * seconds:.0f} ms"
+    drawn = f"{width} × {height}, {took}" if width else "–"
+    return [
+        (
+            "Drawn",
+            drawn,
+            "Pixels of the last picture, and the time it took. While something moves there are as many as are drawn "
+            "in time; at rest there are all.",
+        ),
+        (
+            "Memory",
+            f"{status.memory_mb:.0f} MB, light {status.precomputed_mb:.0f} MB",
+            "Main memory of the window and of what computes for it; what Orbit keeps of light in the scene.",
+        ),
+    ]

@@ -1,0 +1,243 @@
+"""Orbit's picture: the worker draws it, the window shows it; at rest Placement's fades in over it.
+
+take: OrbitPicture ─► canvas;  all other events ─► PlacementFeed, which draws as soon as it has a part
+draw: the one or the other, or for a quarter of a second both ─► display texture
+
+Where there is a graphics card, moving pictures are drawn here, of parts that the worker tells (`ui.gl.gpu_drawing`);
+where it fails, the worker draws them from then on.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Mapping
+from typing import Protocol
+
+import moderngl
+import numpy as np
+
+from app.editor.editor import Editor
+from app.messages.picture_events import PictureEvent, SceneFrame
+from app.modes.orbit.orbit_controller import OrbitController
+from app.modes.orbit.orbit_events import OrbitPartArrived, OrbitPicture
+from ui.gl.context import GraphicsError
+from ui.gl.display import DisplayView
+from ui.gl.gpu_drawing import shader_bytes
+from ui.modes.orbit.gl.canvas import PictureCanvas
+from ui.modes.orbit.gl.shaded_picture import ShadedPicture
+from ui.modes.placement.placement_feed import PlacementFeed, stops
+from ui.picture_feed import PictureSource
+from ui.still_saver import ViewportStill
+from ui.tone_view import ToneView
+
+FADE_SECONDS = 0.25
+
+
+class MovingRenderer(Protocol):
+    """Draws moving pictures on a graphics card."""
+
+    def warm_up(self) -> Iterator[None]:
+        """Compile all shaders, one a step; raises GraphicsError."""
+
+    def forget(self) -> None:
+        """Another scene was opened: give its memory back."""
+
+    def release(self) -> None: ...
+
+
+class OrbitFeed(PictureSource):
+    """Feeds a canvas, and Placement's renderer beside it."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self.placement = PlacementFeed(context)
+        self.canvas = PictureCanvas(context)
+        self.shaded: MovingRenderer | None = None
+        self._warm_up: Iterator[None] | None = None
+        self._is_chosen = False
+        self._shaded_of: object = None
+        self._n_parts = 0
+        self._opening = 0
+        self._scene: object = None
+        self._names: list[str] = []
+        self._view = ToneView()
+        self._texture: moderngl.Texture | None = None
+        self._compared: object = None
+        self._placement_since = math.inf
+        self._drawn: object = None
+        self._is_measure = False
+
+    @property
+    def picture(self) -> moderngl.Texture | None:
+        return self._texture
+
+    def warm_up(self) -> Iterator[None]:
+        return self.placement.warm_up()
+
+    def take(self, editor: Editor, event: PictureEvent) -> None:
+        if isinstance(event, OrbitPartArrived):
+            self._take_part(editor, event)
+            return
+        if isinstance(event, OrbitPicture):
+            self.canvas.set_picture(event.radiance)
+            self._is_measure, self._drawn, self._shaded_of = event.is_measure, None, None
+            return
+        if isinstance(event, SceneFrame):
+            self._take_scene(event)
+        self.placement.take(editor, event)
+
+    def _take_scene(self, event: SceneFrame) -> None:
+        """Another scene, or the same seen in another way: then what is shown stays until there is another picture."""
+        scene = event.source, event.description.objects
+        if scene != self._scene:
+            self.canvas.clear()
+        if event.opening != self._opening and self.shaded is not None:
+            self.shaded.forget()
+        self._opening = event.opening
+        self.canvas.set_frame(event.frame)
+        self._scene, self._names = scene, [described.name for described in event.description.objects]
+        self._compared, self._drawn = None, None
+
+    def draw(self, editor: Editor, last_frame_ms: float, all_taken: bool) -> bool:
+        controller = _controller(editor)
+        busy = self._prepare_shaders(editor, controller)
+        self._draw_shaded(editor, controller)
+        # Before there is a first picture, Placement's feed shows objects lit from the eye.
+        is_first = self.canvas.is_empty
+        busy |= (controller.is_placement_active or is_first) and self.placement.draw(editor, last_frame_ms, all_taken)
+        share = 1.0 if is_first else self._share_of_placement(controller)
+        self._follow_comparison(editor, share)
+        if share == 1.0:
+            self._texture = self.placement.picture
+            self._drawn = None
+        else:
+            self._draw_canvas(editor, controller, share)
+        return busy or 0.0 < share < 1.0 or self._view.waits
+
+    def _prepare_shaders(self, editor: Editor, controller: OrbitController) -> bool:
+        """Where moving pictures are to be drawn here: compile a shader, and tell the talk after the last; whether there
+        are more."""
+        if self._is_chosen:
+            return False
+        try:
+            if self._warm_up is None:
+                if not shader_bytes(self._context):
+                    self._is_chosen = True
+                    return False
+                self.shaded = self._new_shaded()
+                self._warm_up = self.shaded.warm_up()
+            if next(self._warm_up, self) is self:
+                self._is_chosen = True
+                controller.draw_in_window(shader_bytes(self._context))
+        except (GraphicsError, moderngl.Error) as error:
+            self._disable_shaders(editor, error)
+        return not self._is_chosen
+
+    def _new_shaded(self) -> MovingRenderer:
+        return ShadedPicture(self._context)
+
+    def _take_part(self, editor: Editor, event: OrbitPartArrived) -> None:
+        if isinstance(self.shaded, ShadedPicture):
+            self._n_parts += 1
+            try:
+                self.shaded.buffers.take(event.part)
+            except (GraphicsError, moderngl.Error) as error:
+                self._disable_shaders(editor, error)
+
+    def _draw_shaded(self, editor: Editor, controller: OrbitController) -> None:
+        """The moving picture, where it is drawn here and would be another one."""
+        wanted, shaded = controller.drawn_in_window, self.shaded
+        if not isinstance(shaded, ShadedPicture) or wanted is None or not shaded.buffers.is_ready:
+            return
+        if (wanted, self._n_parts) == self._shaded_of:
+            return
+        try:
+            self.canvas.show(shaded.draw(*wanted))
+            controller.record_draw_seconds(shaded.seconds)
+        except (GraphicsError, moderngl.Error) as error:
+            self._disable_shaders(editor, error)
+        self._shaded_of, self._drawn, self._is_measure = (wanted, self._n_parts), None, False
+
+    def _disable_shaders(self, editor: Editor, error: Exception) -> None:
+        """From now on the worker draws."""
+        self.canvas.show(None)
+        if self.shaded is not None:
+            self.shaded.release()
+        self.shaded, self._is_chosen = None, True
+        _controller(editor).draw_in_window(0)
+        editor.notify(f"{_controller(editor).title} is drawn by the processor: {error}", True)
+
+    def _share_of_placement(self, controller: OrbitController) -> float:
+        """How much of Placement's picture is seen, 0 to 1."""
+        now = time.monotonic()
+        if not controller.shows_placement:
+            self._placement_since = math.inf
+            return 0.0
+        self._placement_since = min(self._placement_since, now)
+        return min((now - self._placement_since) / FADE_SECONDS, 1.0)
+
+    def _draw_canvas(self, editor: Editor, controller: OrbitController, share: float) -> None:
+        """Draw, where it would be another picture than was drawn last."""
+        view = self._display_view(editor, controller)
+        if (view, share) != self._drawn:
+            other = self.placement.renderer.linear_texture if share > 0.0 else None
+            self._texture = self.canvas.draw(view, other, share)
+            self._drawn = view, share
+
+    def _follow_comparison(self, editor: Editor, share: float) -> None:
+        compared = editor.view.compare
+        if compared is self._compared:
+            return
+        if compared is None:
+            self.canvas.drop_snapshot()
+        else:
+            self.canvas.take_snapshot(self.placement.renderer.linear_texture if share > 0.0 else None)
+        self._compared, self._drawn = compared, None
+
+    def _display_view(self, editor: Editor, controller: OrbitController) -> DisplayView:
+        """Outlines and the divider belong to the view that was traced last; over a picture from elsewhere, which is
+        seen until the next has been drawn, they would lie beside their objects."""
+        view, compared = editor.view, editor.view.compare
+        rests = not controller.is_away and controller.shows_viewpoint
+        tone_mapping = self._view.follow(view.tone_mapping)
+        return DisplayView(
+            exposure=0.0 if self._is_measure else view.exposure + stops(editor.document.light),
+            compare_exposure=None if compared is None else view.exposure + stops(compared.light),
+            tone_mapping="false_colour" if self._is_measure else tone_mapping,
+            selected=self._index(view.selected.object if view.selected and rests else None),
+            hovered=self._index(view.hovered if rests else None),
+            compare_divider=view.compare_divider if compared is not None and rests else None,
+        )
+
+    def _index(self, name: str | None) -> int | None:
+        return self._names.index(name) if name in self._names else None
+
+    def still(self, editor: Editor) -> ViewportStill | None:
+        controller, frame = _controller(editor), self.canvas.frame
+        if controller.shows_placement:
+            return self.placement.still(editor)
+        if frame is None or self._texture is None:
+            return None
+        return ViewportStill(
+            self.canvas.finished_image(self._display_view(editor, controller)),
+            self.canvas.linear_image() * np.float32(editor.document.light.intensity),
+        )
+
+    def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]:
+        return self.placement.map_thumbnails(key)
+
+    def map_refusal(self, editor: Editor, key: str) -> str | None:
+        return self.placement.map_refusal(editor, key)
+
+    def close(self) -> None:
+        self.placement.close()
+        self.canvas.release()
+        if self.shaded is not None:
+            self.shaded.release()
+
+
+def _controller(editor: Editor) -> OrbitController:
+    """Whose picture it is."""
+    assert isinstance(editor.controller, OrbitController)
+    return editor.controller

@@ -1,0 +1,229 @@
+"""What Placement has in the Accuracy panel: lights, bounces, bands and precision, and how far the picture is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+from imgui_bundle import ImVec2, imgui
+
+from app.document.commands.series import SetFirstBands
+from app.document.effective_settings import effective_view, override_lines_of
+from app.document.view_state import SetView
+from app.modes.placement.placement_status import PlacementStatus
+from engine.planner import N_PATCHES
+from ui import theme as look
+from ui.display_names import with_display_names
+from ui.panels import widgets
+from ui.panels.actions import Action
+from ui.panels.context import PanelContext
+
+LIGHT_CHOICES = (400, 1000, 4000, 10000)
+PATCH_CHOICES = (256, N_PATCHES, 3000, 10000)
+BOUNCE_CHOICES = (1, 2, 3, 4)
+FIRST_BANDS = {"Auto": None, "16": 16, "32": 32, "64": 64, "128": 128, "256": 256}
+SECOND_BANDS = {"All": None, "16": 16, "8": 8, "1": 1}
+FIRST_HINT = (
+    "Bands J of the sharpest curves at the first bounce from the eye: more follow finer edits, and take more memory "
+    "and time. Auto: as many as each curve needs."
+)
+SECOND_HINT = (
+    "Bands of each curve at the second bounce. 1: by albedo, as if surfaces were matt there; more let glossy ones "
+    "throw light where they do."
+)
+LIGHTS_HINT = "Triangle lights that stand for the environment in the finished picture: more are truer and take longer."
+PATCHES_HINT = "Parts that lamps are cut into in the finished picture: more give truer shadows and take longer."
+EDGES = {"Auto edges": None, "No edges": 0, "4 edge rays": 4, "8 edge rays": 8, "16 edge rays": 16}
+EDGES_HINT = (
+    "Rays through each pixel where objects meet or normals turn fast: smooth edges and rims, for a little more time "
+    "and memory. Auto: as many as the scene requires."
+)
+GAP = 4.0
+# What a number of lights and one of patches need beside each other.
+LIGHTS_WIDTH = 132.0
+# And the bands of two bounces.
+BANDS_WIDTH = 140.0
+
+
+def draw(context: PanelContext) -> list[Action]:
+    """The choices, and the figures measured."""
+    status = context.status
+    assert isinstance(status, PlacementStatus)
+    context = replace(context, view=effective_view(context.view, context.document))
+    actions: list[Action] = []
+    for action in _quality(context, status):
+        actions += override_lines_of(action, context.document) if isinstance(action, SetView) else [action]
+    imgui.spacing()
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(imgui.get_style().item_spacing.x, context.px(1)))
+    selected = context.view.selected
+    for name, value, hint in figures(status, None if selected is None else selected.key):
+        figure(context, name, value, with_display_names(context.document, hint))
+    imgui.pop_style_var()
+    return actions
+
+
+def _quality(context: PanelContext, status: PlacementStatus) -> list[Action]:
+    actions: list[Action] = []
+    if any(state.emits for state in context.document.objects):
+        actions += _lights_and_patches(context)
+    else:
+        widgets.label(context, "Lights", least=_least(context, map(_short, LIGHT_CHOICES)))
+        chosen = LIGHT_CHOICES.index(context.view.n_lights) if context.view.n_lights in LIGHT_CHOICES else -1
+        choices = [(_short(n), LIGHTS_HINT) for n in LIGHT_CHOICES]
+        pressed = widgets.segments(context, "accuracy.lights", choices, chosen, least=_share(context, len(choices)))
+        if pressed is not None:
+            actions.append(SetView.of(n_lights=LIGHT_CHOICES[pressed]))
+    widgets.label(context, "Bounces")
+    hint = "Reflections between light and eye. 1 is direct light; more bring colour bleeding and light from neighbours."
+    chosen = BOUNCE_CHOICES.index(context.view.n_bounces) if context.view.n_bounces in BOUNCE_CHOICES else -1
+    choices = [(str(n), hint) for n in BOUNCE_CHOICES]
+    pressed = widgets.segments(context, "accuracy.bounces", choices, chosen, least=_share(context, len(choices)))
+    if pressed is not None:
+        actions.append(SetView.of(n_bounces=BOUNCE_CHOICES[pressed]))
+    if status.bounces_note:
+        widgets.caption(status.bounces_note)
+    actions += _series(context)
+    options = (
+        ("Half", "Half floats on the graphics card: half the memory, errors of a thousandth."),
+        ("Float", "Full floats on the graphics card: twice the memory, increments without rounding."),
+    )
+    chosen = 0 if context.view.precision == "half" else 1
+    gap = context.px(GAP)
+    widgets.label(context, "Transport", least=2.0 * _least(context, [text for text, _ in options]) + GAP)
+    room = imgui.get_content_region_avail().x - gap
+    least = (0.5 * room - 1) / 2 / context.theme.scale
+    pressed = widgets.segments(context, "accuracy.precision", options, chosen, least=least)
+    if pressed is not None:
+        actions.append(SetView.of(precision="half" if pressed == 0 else "float"))
+    imgui.same_line(0.0, gap)
+    picked = _combo(context, "accuracy.edges", EDGES, context.view.n_edge_rays, 0.5 * room, EDGES_HINT)
+    actions += [SetView.of(n_edge_rays=n) for n in picked]
+    if status.transport_note:
+        widgets.caption(with_display_names(context.document, status.transport_note))
+    return actions
+
+
+def _lights_and_patches(context: PanelContext) -> list[Action]:
+    """Where lamps shine too: both numbers on one line."""
+    widgets.label(context, "Lights", least=LIGHTS_WIDTH)
+    gap = context.px(GAP)
+    room = imgui.get_content_region_avail().x - gap
+    lights = {_short(n): n for n in LIGHT_CHOICES}
+    actions: list[Action] = [
+        SetView.of(n_lights=pick)
+        for pick in _combo(context, "accuracy.lights", lights, context.view.n_lights, 0.4 * room, LIGHTS_HINT)
+        if pick is not None
+    ]
+    imgui.same_line(0.0, gap)
+    patches = {f"{_short(n)} patches": n for n in PATCH_CHOICES}
+    chosen = _combo(context, "accuracy.patches", patches, context.view.n_patches, 0.6 * room, PATCHES_HINT)
+    return actions + [SetView.of(n_patches=pick) for pick in chosen if pick is not None]
+
+
+def _series(context: PanelContext) -> list[Action]:
+    """The bands of each bounce from the eye: the first and the second can be chosen, later ones go by albedo."""
+    actions: list[Action] = []
+    widgets.label(context, "Bands", least=BANDS_WIDTH if context.view.n_bounces > 1 else widgets.LEAST_CONTROL)
+    n_later = context.view.n_bounces - 2
+    later = "  1" * n_later
+    gap = context.px(GAP)
+    room = imgui.get_content_region_avail().x - (imgui.calc_text_size(later).x if later else 0.0)
+    both = context.view.n_bounces > 1
+    first = context.document.first_bands
+    chosen = _combo(context, "accuracy.first", FIRST_BANDS, first, (room - gap) / 2 if both else room, FIRST_HINT)
+    actions += [SetFirstBands(pick) for pick in chosen]
+    if both:
+        imgui.same_line(0.0, gap)
+        second = context.view.second_bands
+        chosen = _combo(context, "accuracy.second", SECOND_BANDS, second, (room - gap) / 2, SECOND_HINT)
+        actions += [SetView.of(second_bands=pick) for pick in chosen]
+    if n_later > 0:
+        imgui.same_line(0.0, 0.0)
+        imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT_SOFT))
+        imgui.text_unformatted(later)
+        imgui.pop_style_color()
+        widgets.tooltip("Bounces after the second go by albedo: one band each.")
+    return actions
+
+
+def _combo(
+    context: PanelContext, name: str, choices: Mapping[str, int | None], chosen: int | None, width: float, hint: str
+) -> list[int | None]:
+    """A list of numbers; what was picked of it, if anything."""
+    picked = []
+    shown = next((text for text, bands in choices.items() if bands == chosen), str(chosen))
+    seen = _short_of(shown, width - 2.0 * imgui.get_style().frame_padding.x)
+    imgui.set_next_item_width(width)
+    if widgets.begin_combo(f"##{name}", seen):
+        for text, bands in choices.items():
+            pressed, _ = imgui.selectable(text, bands == chosen)
+            context.handles.note_item(f"{name}.{text}")
+            if pressed and bands != chosen:
+                picked.append(bands)
+        imgui.end_combo()
+    else:
+        context.handles.note_item(name)
+    widgets.tooltip(hint)
+    return picked
+
+
+def _short_of(shown: str, room: float) -> str:
+    """What is chosen, or where that is wider than the room, its number alone: "768 patches"."""
+    return shown if imgui.calc_text_size(shown).x <= room else shown.partition(" ")[0]
+
+
+def _least(context: PanelContext, texts: Iterable[str]) -> float:
+    """The width, at scale 1, of segments of these texts."""
+    return widgets.segments_width(context, list(texts)) / context.theme.scale
+
+
+def _share(context: PanelContext, count: int) -> float:
+    """The width, at scale 1, of each of `count` segments that fill the rest of the line."""
+    return max(imgui.get_content_region_avail().x - (count - 1), 1.0) / count / context.theme.scale
+
+
+def _short(count: int) -> str:
+    return f"{count // 1000}k" if count >= 1000 else str(count)
+
+
+def figures(status: PlacementStatus, selected: str | None = None) -> list[tuple[str, str, str]]:
+    """(name, value, explanation) of every measured figure; selected: the key of the layer that is."""
+    shown = f"{status.shown_coefficients} of {status.wanted_coefficients}" if status.wanted_coefficients else "–"
+    bands = dict(status.bands)
+    if selected in bands:
+        shown = f"{shown}, {_bands(bands[selected])}"
+    plan = "\n".join(f"{key}: {_bands(counts)}" for key, counts in status.bands)
+    return [
+        (
+            "Coefficients",
+            shown,
+            "Wavelet coefficients of the selected curve that the picture shows, and the bands of its layer's transport."
+            f"\n{plan}",
+        ),
+        (
+            "Memory",
+            f"{status.memory_mb:.0f} MB, transport {status.precomputed_mb:.0f} MB",
+            "Main memory of the window and of what computes for it; precomputed transport, by which a curve redraws "
+            "at once.\n"
+            f"On the graphics card: {status.gpu_mb:.0f} MB, with the selected curve's transport.",
+        ),
+    ]
+
+
+def _bands(counts: tuple[int, ...]) -> str:
+    """The bands of a layer's curves, as a person reads them."""
+    return "bands " + " × ".join(map(str, counts)) if counts else "no bands: fixed"
+
+
+def figure(context: PanelContext, name: str, value: str, hint: str) -> None:
+    start, room = imgui.get_cursor_pos_x(), imgui.get_content_region_avail().x
+    imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT_SOFT))
+    imgui.text_unformatted(name)
+    imgui.pop_style_color()
+    widgets.tooltip(hint)
+    width = imgui.calc_text_size(value).x
+    if imgui.calc_text_size(name).x + imgui.get_style().item_spacing.x + width <= room:
+        imgui.same_line(start)
+    widgets.align_right(width)
+    imgui.text_unformatted(value)
+    widgets.tooltip(hint)

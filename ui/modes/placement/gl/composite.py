@@ -1,0 +1,310 @@
+"""From the layers' accumulators to one linear picture.
+
+`Compositor` keeps the textures of one camera's view. ``shade`` sums an object's layers into its rows of `shaded`,
+``composite`` puts shaded surfaces and the backdrop together; both only for what changed. Pixels are shaded in sample
+layout, once for each pixel that needs it, so that a picture that is mostly background or still costs little.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.scene.picture_frame import PictureFrame
+from ui.gl.context import GraphicsError
+from ui.gl.frame_check import require_sound
+from ui.gl.passes import Box, Passes
+from ui.gl.textures import TextureMemory, read_texture
+from ui.modes.placement.gl.accumulator import Accumulator
+from ui.modes.placement.gl.sample_layout import (
+    SAMPLES_PER_ROW,
+    not_a_power_of_two,
+    pack_samples,
+    row_count,
+    sample_addresses,
+)
+
+VIEW_CURVE_SIZE = 256
+
+
+@dataclass(eq=False)
+class FootprintTextures:
+    """Which samples stand for each pixel: addresses (four a pixel) and weights, in the layout of `shaded`."""
+
+    addresses: moderngl.Texture
+    weights: moderngl.Texture
+    n_samples_needed: NDArray[np.int64]  # (O,) one more than the largest sample index of each object
+
+
+@dataclass(eq=False)
+class MapTexture:
+    """A layer's images at the pixels of its object, RGB and weight, in the layout of `shaded`; and what they are of."""
+
+    texture: moderngl.Texture
+    samples: NDArray[np.float16]
+
+
+class ShadedLayer(Protocol):
+    """What the compositor must know of a layer to draw it."""
+
+    @property
+    def accumulator(self) -> Accumulator: ...
+    @property
+    def footprint(self) -> FootprintTextures | None: ...
+    @property
+    def gain(self) -> tuple[float, float, float]: ...
+    @property
+    def view_curve(self) -> moderngl.Texture | None: ...
+    @property
+    def visible(self) -> bool: ...
+    @property
+    def maps(self) -> MapTexture | None: ...
+    @property
+    def map_numbers(self) -> tuple[float, bool]: ...
+
+
+class Compositor:
+    """Shaded surfaces, backdrop and the linear picture of one frame."""
+
+    def __init__(self, passes: Passes, memory: TextureMemory, frame: PictureFrame) -> None:
+        require_sound(frame)
+        self.frame = frame
+        self._passes, self._memory = passes, memory
+        self._textures: list[moderngl.Texture] = []
+        self._framebuffers: list[moderngl.Framebuffer] = []
+        self._environment: moderngl.Texture | None = None
+
+    def allocating(self) -> Generator[None, None, None]:
+        """Make its textures, in steps none of which keeps the window for as long as a frame; before anything else.
+
+        What there is by then is freed where one fails, or is the last that is asked for."""
+        try:
+            yield from self._allocate()
+        except BaseException:
+            self.release()
+            raise
+
+    def _allocate(self) -> Generator[None, None, None]:
+        frame, size = self.frame, (self.frame.width, self.frame.height)
+        counts = frame.object_ranges[:, 1] - frame.object_ranges[:, 0]
+        rows = [row_count(int(n)) if n else 0 for n in counts]
+        self._first_rows = np.concatenate(([0], np.cumsum(rows))).astype(int)
+        self._object_boxes = [frame.object_box(i) for i in range(frame.n_objects)]
+        self._n_rows = not_a_power_of_two(int(self._first_rows[-1]))
+        self._lamps = frame.lamps._replace(radiance=np.array(frame.lamps.radiance, dtype=np.float32))
+        self._emitter_pixels = np.zeros((frame.height, frame.width, 4), dtype=np.float32)
+        self._emitter_pixels[..., :3] = frame.emission_image
+        self._emitter_pixels[..., 3] = frame.open_image
+        yield
+        self._emission = self._keep(size, 4, "f4", self._emitter_pixels)
+        yield
+        self._rays = self._keep(size, 3, "f4", np.asarray(frame.ray_directions, np.float32))
+        yield
+        addresses, mixed = self._addresses_of_pixels()
+        yield
+        self._pixel_addresses = self._keep(size, 1, "i4", addresses)
+        self._mixed = self._keep(mixed.shape[1::-1], 2, "i4", mixed)
+        self._theta_o = self._keep((SAMPLES_PER_ROW, self._n_rows), 1, "f4", self.pack(frame.theta_o, np.float32))
+        yield
+        self.shaded = self._keep((SAMPLES_PER_ROW, self._n_rows), 4, "f4")
+        self.backdrop = self._keep(size, 4, "f4")
+        self.linear = self._keep(size, 4, "f4")
+        yield
+        targets = (self.shaded, self.backdrop, self.linear)
+        self._framebuffers = [self._memory.framebuffer([texture]) for texture in targets]
+        self._shaded_target, self._backdrop_target, self.linear_target = self._framebuffers
+
+    def object_rows(self, i_object: int) -> tuple[int, int]:
+        """(first row, number of rows) of an object's pixels in sample layout."""
+        first, last = self._first_rows[i_object : i_object + 2]
+        return int(first), int(last - first)
+
+    def object_box(self, i_object: int) -> Box:
+        """The box of the picture that holds an object's pixels."""
+        return self._object_boxes[i_object]
+
+    def object_size(self, i_object: int) -> int:
+        """Points that the eye sees on the object."""
+        start, stop = self.frame.object_ranges[i_object]
+        return int(stop - start)
+
+    def pack(self, values: NDArray[np.generic], dtype: type[np.generic]) -> NDArray[np.generic]:
+        """Values (P,) or (P,n) of the points as texels (rows, 1024, n) in the layout of `shaded`."""
+        table = np.asarray(values, dtype=dtype)
+        if table.ndim == 1:
+            table = table[:, None]
+        texels = np.zeros((self._n_rows, SAMPLES_PER_ROW, table.shape[1]), dtype=dtype)
+        for i_object, (start, stop) in enumerate(self.frame.object_ranges):
+            first, n_rows = self.object_rows(i_object)
+            if n_rows:
+                texels[first : first + n_rows] = pack_samples(table[start:stop], table.shape[1])
+        return texels
+
+    def _addresses_of_pixels(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Of each pixel (H,W) the address of its point's radiance, −1 where it has none, and −2 − i where what it shows
+        is mixed of several points, or of one that shines as well: their addresses and shares (as bits) stand from the
+        i-th texel on in the second array (rows,1024,2), the last share of a pixel negative."""
+        frame = self.frame
+        addresses = np.empty(frame.n_points, dtype=np.int32)
+        for i_object, (start, stop) in enumerate(frame.object_ranges):
+            base = self.object_rows(i_object)[0] * SAMPLES_PER_ROW
+            addresses[start:stop] = base + sample_addresses(np.arange(stop - start))
+        image = np.full(frame.height * frame.width, -1, dtype=np.int32)
+        shown = np.flatnonzero(frame.share)
+        is_whole = (frame.share[shown] == 1.0) & ~np.isin(frame.pixel[shown], frame.lamps.pixel)
+        whole, parts = shown[is_whole], shown[~is_whole]
+        image[frame.pixel[whole]] = addresses[whole]
+        parts = parts[np.argsort(frame.pixel[parts], kind="stable")]
+        first = np.flatnonzero(np.diff(frame.pixel[parts], prepend=-1))
+        last = np.append(first[1:], len(parts))[: len(first)] - 1
+        image[frame.pixel[parts[first]]] = -2 - first
+        shares = frame.share[parts].astype(np.float32)
+        shares[last] *= -1.0
+        mixed = np.zeros((not_a_power_of_two(-(-len(parts) // SAMPLES_PER_ROW)), SAMPLES_PER_ROW, 2), dtype=np.int32)
+        mixed.reshape(-1, 2)[: len(parts)] = np.stack([addresses[parts], shares.view(np.int32)], axis=1)
+        return image.reshape(frame.height, frame.width), mixed
+
+    def make_footprint(self, rows: NDArray[np.integer], weights: NDArray[np.floating]) -> FootprintTextures:
+        """Textures of rows (P,4), indices into the samples of the pixel's own object, and weights (P,4)."""
+        expected = (self.frame.n_points, 4)
+        if rows.shape != expected or weights.shape != expected:
+            raise GraphicsError(f"footprint of shapes {rows.shape} and {weights.shape}, expected {expected}")
+        if rows.size and rows.min() < 0:
+            raise GraphicsError(f"footprint row {rows.min()}, expected 0 or more")
+        needed = [int(rows[start:stop].max(initial=-1)) + 1 for start, stop in self.frame.object_ranges]
+        size = (SAMPLES_PER_ROW, self._n_rows)
+        addresses = self._memory.texture(size, 4, "i4", self.pack(sample_addresses(rows), np.int32))
+        try:
+            packed = self._memory.texture(size, 4, "f4", self.pack(weights, np.float32))
+        except GraphicsError:
+            self._memory.release(addresses)
+            raise
+        return FootprintTextures(addresses, packed, np.array(needed, dtype=np.int64))
+
+    def make_maps(self, i_object: int, samples: NDArray[np.float16]) -> MapTexture:
+        """The texture of an object's samples (p,4), texture RGB and weight."""
+        expected = (self.object_size(i_object), 4)
+        if samples.shape != expected:
+            raise GraphicsError(f"maps of shape {samples.shape}, expected {expected}")
+        size = (SAMPLES_PER_ROW, row_count(len(samples)))
+        return MapTexture(self._memory.texture(size, 4, "f2", pack_samples(samples, 4)), samples)
+
+    def release_maps(self, maps: MapTexture | None) -> None:
+        self._memory.release(None if maps is None else maps.texture)
+
+    def release_footprint(self, footprint: FootprintTextures) -> None:
+        self._memory.release(footprint.addresses)
+        self._memory.release(footprint.weights)
+
+    def set_environment(self, radiance: NDArray[np.floating] | None) -> None:
+        """The lat-long map (H,W,3) seen behind everything; None is black."""
+        if radiance is None:
+            radiance = np.zeros((1, 1, 3), dtype=np.float32)
+        if radiance.ndim != 3 or radiance.shape[2] != 3 or not np.isfinite(radiance).all():
+            raise GraphicsError(f"environment of shape {radiance.shape}, expected (H, W, 3), all finite")
+        height, width = radiance.shape[:2]
+        made = self._memory.texture((width, height), 3, "f4", radiance.astype(np.float32))
+        made.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        made.repeat_x = True
+        self._memory.release(self._environment)
+        self._environment = made
+
+    def set_emission(self, i_object: int, radiance: Sequence[float]) -> bool:
+        """Let an emitter's front, where it is seen, have this radiance; whether that changes the backdrop."""
+        lamps, wanted = self._lamps, np.asarray(radiance, dtype=np.float32)
+        mine = lamps.object == i_object
+        if not mine.any() or (lamps.radiance[mine] == wanted).all():
+            return False
+        lamps.radiance[mine] = wanted
+        pixels = lamps.pixel[mine]
+        there = np.isin(lamps.pixel, pixels)  # others may share them
+        shining = self._emitter_pixels.reshape(-1, 4)[:, :3]
+        shining[pixels] = 0.0
+        np.add.at(shining, lamps.pixel[there], (lamps.share[:, None] * lamps.radiance)[there])
+        first, last = int(pixels.min()) // self.frame.width, int(pixels.max()) // self.frame.width
+        band = np.ascontiguousarray(self._emitter_pixels[first : last + 1])
+        self._emission.write(band, viewport=(0, first, self.frame.width, len(band)), alignment=1)
+        return True
+
+    def draw_backdrop(self, rotation_degrees: float, intensity: float) -> None:
+        """Redraw what is behind the surfaces."""
+        if self._environment is None:
+            self.set_environment(None)
+        assert self._environment is not None
+        program = self._passes.full_screen("placement/backdrop.frag.glsl")
+        textures = {"emission": self._emission, "ray_directions": self._rays, "environment": self._environment}
+        rotation = float(np.radians(rotation_degrees % 360.0))
+        box = self.picture_box
+        self._passes.draw(program, self._backdrop_target, box, textures, rotation=rotation, intensity=float(intensity))
+
+    @property
+    def picture_box(self) -> Box:
+        return 0, 0, self.frame.width, self.frame.height
+
+    def shade(self, i_object: int, layers: Sequence[ShadedLayer]) -> None:
+        """Sum the visible layers of an object; black when there are none."""
+        first_row, n_rows = self.object_rows(i_object)
+        if n_rows == 0:
+            return
+        box = (0, first_row, SAMPLES_PER_ROW, n_rows)
+        drawn = [layer for layer in layers if layer.visible]
+        if not drawn:
+            self._shaded_target.use()
+            self._shaded_target.clear(viewport=box)
+        for i, layer in enumerate(drawn):
+            self._shade_layer(layer, box, add=i > 0)
+
+    def _shade_layer(self, layer: ShadedLayer, box: Box, add: bool) -> None:
+        textures = {"accumulator": layer.accumulator.texture}
+        uniforms: dict[str, object] = {"gain": layer.gain}
+        if layer.footprint is None or layer.maps is not None:
+            uniforms["first_row"] = box[1]
+        if layer.footprint is not None:
+            textures["footprint_addresses"] = layer.footprint.addresses
+            textures["footprint_weights"] = layer.footprint.weights
+        if layer.view_curve is not None:
+            textures["theta_o"], textures["view_curve"] = self._theta_o, layer.view_curve
+        if layer.maps is not None:
+            textures["maps"] = layer.maps.texture
+            strength, inverts = layer.map_numbers
+            uniforms |= {"texture_strength": strength, "inverts_weight": int(inverts)}
+        program = self._passes.full_screen(
+            "placement/shade.frag.glsl",
+            FOOTPRINT=int(layer.footprint is not None),
+            VIEW_CURVE=int(layer.view_curve is not None),
+            MAPS=int(layer.maps is not None),
+        )
+        self._passes.draw(program, self._shaded_target, box, textures, add=add, **uniforms)
+
+    def composite(self, box: Box) -> None:
+        """Redraw the linear picture inside `box`."""
+        program = self._passes.full_screen("placement/composite.frag.glsl")
+        textures = {
+            "pixel_addresses": self._pixel_addresses, "mixed": self._mixed, "shaded": self.shaded,
+            "backdrop": self.backdrop,
+        }  # fmt: skip
+        self._passes.draw(program, self.linear_target, box, textures)
+
+    def read_linear(self) -> NDArray[np.float32]:
+        """The linear picture (H,W,3); waits for the GPU."""
+        return read_texture(self.linear, np.float32)[..., :3].astype(np.float32)
+
+    def _keep(
+        self, size: tuple[int, int], components: int, dtype: str, data: NDArray[np.generic] | None = None
+    ) -> moderngl.Texture:
+        texture = self._memory.texture(size, components, dtype, data)
+        self._textures.append(texture)
+        return texture
+
+    def release(self) -> None:
+        for framebuffer in self._framebuffers:
+            self._memory.release_framebuffer(framebuffer)
+        for texture in self._textures:
+            self._memory.release(texture)
+        self._memory.release(self._environment)
+        self._textures, self._framebuffers, self._environment = [], [], None

@@ -1,0 +1,219 @@
+"""The layers that follow an edited curve: their transport on the GPU, what of it is still arriving, what is wanted.
+
+Mostly that is one layer, the selected one. Layers that share the curve follow it as well, each with its own transport
+and at its own samples, all in the same frame: those that a transport was begun `beside`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.planner import Precision
+from ui.gl.context import GraphicsError
+from ui.gl.textures import TextureMemory
+from ui.modes.placement.gl.accumulator import TermSum
+from ui.modes.placement.gl.composite import FootprintTextures
+from ui.modes.placement.gl.layers import LayerStack
+from ui.modes.placement.gl.refiner import Refiner
+from ui.modes.placement.gl.transport import TransportUpload
+
+
+@dataclass(eq=False)
+class _PendingUpload:
+    """A transport on its way to the GPU, with the footprint its samples belong to and the layers that stay beside."""
+
+    key: str
+    curve: str
+    stage: str
+    upload: TransportUpload
+    footprint: FootprintTextures | None
+    beside: Collection[str]
+
+
+@dataclass(eq=False)
+class _ActiveTransport:
+    """A transport at work, over the bands of a curve."""
+
+    curve: str
+    refiner: Refiner
+    footprint: FootprintTextures | None
+
+
+@dataclass(frozen=True)
+class EditUpdate:
+    """What an update did: terms added, the most that still differ in a layer, whether nothing is left to do."""
+
+    applied: int = 0
+    remaining: int = 0
+    exact: bool = True
+
+
+class EditedLayers:
+    """Transports by layer key, and the coefficients (J,3) of a curve that each layer should show."""
+
+    def __init__(self, memory: TextureMemory, terms: TermSum) -> None:
+        self._memory, self._terms = memory, terms
+        self._wanted: dict[str, tuple[str, NDArray[np.float64]]] = {}
+        self._arriving: list[_PendingUpload] = []
+        self._active: dict[str, _ActiveTransport] = {}
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The layers whose transport is at work."""
+        return tuple(self._active)
+
+    @property
+    def precision(self) -> Precision | None:
+        """Of the transports at work; None where none is."""
+        return next((active.refiner.transport.precision for active in self._active.values()), None)
+
+    @property
+    def upload_fraction(self) -> float | None:
+        """How much of the transport under way is there; None when there is none."""
+        return self._arriving[0].upload.fraction if self._arriving else None
+
+    @property
+    def footprints(self) -> tuple[FootprintTextures | None, ...]:
+        """What transports at work and under way need."""
+        at_work = (active.footprint for active in self._active.values())
+        return (*at_work, *(arriving.footprint for arriving in self._arriving))
+
+    def begin(
+        self,
+        layers: LayerStack,
+        key: str,
+        transport: NDArray[np.floating],
+        norms: NDArray[np.floating],
+        scale: NDArray[np.floating] | None,
+        beside: Collection[str],
+        curve: str,
+        stage: str = "",
+    ) -> None:
+        """Start to upload a transport over a curve. Others under way, but for layers `beside` it, are given up."""
+        self.cancel(keep=[other for other in beside if other != key])
+        upload = TransportUpload(self._memory, transport, norms, scale)
+        arriving = _PendingUpload(key, curve, stage, upload, layers.footprint, beside)
+        self._arriving.append(arriving)
+        try:
+            layers.check_sample_count(key, layers[key].i_object, upload.target.n_samples)
+        except GraphicsError:
+            self._give_up(arriving)
+            raise
+
+    def upload(self, time_budget_s: float) -> bool:
+        """Go on with what is under way for about this long; True when nothing is any more."""
+        if not self._arriving:
+            return True
+        arriving = self._arriving[0]
+        try:
+            if not arriving.upload.advance(time_budget_s):
+                return False
+            self._activate(arriving)
+        except GraphicsError:
+            self._give_up(arriving)
+            raise
+        self._arriving.remove(arriving)
+        return not self._arriving
+
+    def cancel(self, keep: Collection[str] = ()) -> None:
+        """Give up what is under way, but for some layers; what is at work stays."""
+        for arriving in [each for each in self._arriving if each.key not in keep]:
+            self._give_up(arriving)
+
+    def curve(self, key: str) -> str | None:
+        """The curve of a layer's transport at work."""
+        return self._active[key].curve if key in self._active else None
+
+    def want(self, key: str, coefficients: NDArray[np.floating], curve: str) -> None:
+        """The curve that a layer should show; kept for its transport where that is not there."""
+        values = np.array(coefficients, dtype=np.float64)
+        if values.ndim != 2 or values.shape[1] != 3 or not np.isfinite(values).all():
+            raise GraphicsError(f"layer {key}: coefficients of shape {values.shape}, expected (J, 3), all finite")
+        active = self._active.get(key)
+        if active is not None and active.curve == curve and active.refiner.fits(values):
+            active.refiner.want(values)
+        self._wanted[key] = curve, values
+
+    def start_from(
+        self, key: str, coefficients: NDArray[np.floating] | None, same_samples: bool, stage: str = ""
+    ) -> None:
+        """A layer's picture was replaced by one of a stage made with these coefficients, None where they are unknown.
+
+        A transport of another stage that is on its way would bring back the picture before.
+        """
+        for arriving in [each for each in self._arriving if each.key == key and each.stage != stage]:
+            self._give_up(arriving)
+        if key in self._active:
+            if same_samples:
+                self._active[key].refiner.start_from(coefficients)
+            else:
+                self._stop(key)
+
+    def update(self, layers: LayerStack, max_coefficients: int | None, budget_s: float | None) -> EditUpdate:
+        """Move each layer towards what is wanted: at most so many terms each, all of them within `budget_s`."""
+        works = list(self._at_work())
+        share = None if budget_s is None or not works else budget_s / len(works)
+        applied = 0
+        for key, active in works:
+            layer, refiner = layers[key], active.refiner
+            done, accumulator = refiner.step(layer.accumulator, refiner.term_limit(max_coefficients, share))
+            if done.swapped:
+                layers.exchange(key, accumulator, active.footprint)
+            if done.swapped or done.shown_changed:
+                layers.dirty.add(layer.i_object)
+                layer.mean = refiner.mean_radiance()
+            applied += done.applied
+        remaining = max((len(active.refiner.state.pending()) for _, active in works), default=0)
+        return EditUpdate(applied, remaining, all(active.refiner.is_exact for _, active in works))
+
+    def missing(self, layers: LayerStack, object_size: int) -> float:
+        """sqrt(Σ_k |Δc_k|²‖T_k‖²) with f_q, of pixels, over all the layers; `object_size` is that of their object."""
+        total = 0.0
+        for key, active in self._at_work():
+            pixels_per_sample = object_size / max(1, active.refiner.transport.n_samples)
+            gain = max(map(abs, layers[key].gain))
+            total += (active.refiner.state.remaining_effect() * gain) ** 2 * pixels_per_sample
+        return float(total**0.5)
+
+    def drop(self, key: str) -> None:
+        """A layer's transport is void, at work or under way."""
+        self._stop(key)
+        self.cancel(keep=[each.key for each in self._arriving if each.key != key])
+
+    def clear(self) -> None:
+        """Drop everything."""
+        self.cancel()
+        for key in self.keys:
+            self._stop(key)
+        self._wanted.clear()
+
+    def _at_work(self) -> Iterator[tuple[str, _ActiveTransport]]:
+        """Those for which something is wanted."""
+        return ((key, active) for key, active in self._active.items() if key in self._wanted)
+
+    def _activate(self, arrived: _PendingUpload) -> None:
+        refiner = Refiner(self._memory, self._terms, arrived.upload.target, arrived.upload.norms)
+        curve, wanted = self._wanted.get(arrived.key, ("", None))
+        if wanted is not None and curve == arrived.curve and refiner.fits(wanted):
+            try:
+                refiner.want(wanted)
+            except GraphicsError:
+                refiner.release_spare()
+                raise
+        else:
+            self._wanted.pop(arrived.key, None)
+        for key in [each for each in self._active if each == arrived.key or each not in arrived.beside]:
+            self._stop(key)
+        self._active[arrived.key] = _ActiveTransport(arrived.curve, refiner, arrived.footprint)
+
+    def _give_up(self, arriving: _PendingUpload) -> None:
+        arriving.upload.target.release()
+        self._arriving.remove(arriving)
+
+    def _stop(self, key: str) -> None:
+        if key in self._active:
+            self._active.pop(key).refiner.release()

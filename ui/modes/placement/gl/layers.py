@@ -1,0 +1,308 @@
+"""The layers of a picture: their accumulators, gains, view curves and footprints, and which objects need shading.
+
+A layer keeps the footprint that its picture came with until its next picture, so that the stages of a coarse-to-fine
+picture may arrive layer by layer and what is on screen is always of one piece within a layer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from ui.gl.context import GraphicsError
+from ui.gl.textures import TextureMemory
+from ui.modes.placement.gl.accumulator import Accumulator
+from ui.modes.placement.gl.composite import VIEW_CURVE_SIZE, Compositor, FootprintTextures, MapTexture
+
+
+@dataclass(eq=False)
+class Indirect:
+    """What a layer reflects of light that was reflected before, at samples of its own."""
+
+    accumulator: Accumulator
+    footprint: FootprintTextures
+
+
+@dataclass(eq=False)
+class DrawnLayer:
+    """One layer as it is drawn; `mean` (3,) is its mean radiance before f_q and f_o, of direct light. map_numbers: the
+    texture's strength, and whether the weight is inverted."""
+
+    i_object: int
+    accumulator: Accumulator
+    footprint: FootprintTextures | None
+    indirect: Indirect | None = None
+    gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    view_curve: moderngl.Texture | None = None
+    visible: bool = True
+    maps: MapTexture | None = None
+    map_numbers: tuple[float, bool] = (1.0, False)
+    mean: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedAppearance:
+    """Another look of a layer: f_q, f_o (256,3), visibility, and a radiance (p,3) at every pixel of its object.
+
+    `radiance` None: as in its accumulator. maps: samples of its images (p,4) or None, with their two numbers.
+    """
+
+    gain: tuple[float, float, float]
+    view_curve: NDArray[np.floating]
+    visible: bool
+    radiance: NDArray[np.floating] | None = None
+    maps: tuple[NDArray[np.float16] | None, float, bool] = (None, 1.0, False)
+
+
+class LayerStack:
+    """The layers by key, the footprint of the pictures to come, and the objects to shade again (`dirty`)."""
+
+    def __init__(self, memory: TextureMemory, compositor: Compositor) -> None:
+        self.footprint: FootprintTextures | None = None
+        self.indirect_footprint: FootprintTextures | None = None
+        self.dirty: set[int] = set()
+        self._memory, self._compositor = memory, compositor
+        self._layers: dict[str, DrawnLayer] = {}
+        self._footprints: list[tuple[NDArray[np.integer], FootprintTextures]] = []
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._layers
+
+    def __getitem__(self, key: str) -> DrawnLayer:
+        if key not in self._layers:
+            raise GraphicsError(f"no layer {key}, there are {', '.join(self._layers) or 'none'}")
+        return self._layers[key]
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        return tuple(self._layers)
+
+    def of_object(self, i_object: int) -> list[DrawnLayer]:
+        """The object's layers as they are shaded one by one, each with its indirect light as another."""
+        found = [layer for layer in self._layers.values() if layer.i_object == i_object]
+        parts = [(layer, layer.indirect) for layer in found if layer.indirect is not None]
+        return found + [replace(layer, accumulator=p.accumulator, footprint=p.footprint) for layer, p in parts]
+
+    def put(self, key: str, i_object: int, n_samples: int) -> None:
+        """Add a layer, black; an old one of that key loses its picture and keeps all else."""
+        n_objects = self._compositor.frame.n_objects
+        if not 0 <= i_object < n_objects:
+            raise GraphicsError(f"layer {key}: object {i_object}, expected 0 to {n_objects - 1}")
+        self.check_sample_count(key, i_object, n_samples)
+        layer = DrawnLayer(i_object, Accumulator(self._memory, n_samples), self.footprint)
+        old = self._layers.get(key)
+        if old is not None:
+            layer.gain, layer.view_curve, layer.visible = old.gain, old.view_curve, old.visible
+            layer.maps, layer.map_numbers = old.maps, old.map_numbers
+            self.dirty.add(old.i_object)
+            _release(old)
+        self._layers[key] = layer
+        self.dirty.add(i_object)
+
+    def remove(self, key: str) -> None:
+        """Take a layer away."""
+        layer = self[key]
+        _release(layer)
+        self._memory.release(layer.view_curve)
+        self._compositor.release_maps(layer.maps)
+        del self._layers[key]
+        self.dirty.add(layer.i_object)
+
+    def set_radiance(self, key: str, radiance: NDArray[np.floating]) -> None:
+        """Replace a layer's picture by radiance (p,3) at the samples of the current footprint."""
+        layer = self[key]
+        if radiance.ndim != 2 or radiance.shape[1] != 3:
+            raise GraphicsError(f"layer {key}: radiance of shape {radiance.shape}, expected (p, 3)")
+        self.check_sample_count(key, layer.i_object, len(radiance))
+        if len(radiance) != layer.accumulator.n_samples:
+            replacement = Accumulator(self._memory, len(radiance))
+            layer.accumulator.release()
+            layer.accumulator = replacement
+        layer.accumulator.write(radiance)
+        layer.footprint = self.footprint
+        layer.mean = _finite_mean(radiance)
+        self.dirty.add(layer.i_object)
+
+    def set_indirect(self, key: str, radiance: NDArray[np.floating] | None) -> None:
+        """A layer's indirect radiance (p,3) at the samples of the indirect footprint; None takes it away."""
+        layer = self[key]
+        if radiance is None:
+            if layer.indirect is not None:
+                layer.indirect.accumulator.release()
+                layer.indirect = None
+                self.dirty.add(layer.i_object)
+            return
+        if self.indirect_footprint is None:
+            raise GraphicsError(f"layer {key}: indirect light, but no footprint for it")
+        needed = int(self.indirect_footprint.n_samples_needed[layer.i_object])
+        if radiance.shape != (len(radiance), 3) or len(radiance) < needed:
+            raise GraphicsError(f"layer {key}: indirect radiance {radiance.shape}, expected ({needed} or more, 3)")
+        if layer.indirect is None or layer.indirect.accumulator.n_samples != len(radiance):
+            accumulator = Accumulator(self._memory, len(radiance))
+            if layer.indirect is not None:
+                layer.indirect.accumulator.release()
+            layer.indirect = Indirect(accumulator, self.indirect_footprint)
+        layer.indirect.footprint = self.indirect_footprint
+        layer.indirect.accumulator.write(radiance)
+        self.dirty.add(layer.i_object)
+
+    def exchange(self, key: str, accumulator: Accumulator, footprint: FootprintTextures | None) -> None:
+        """Show another accumulator; the old one belongs to the caller."""
+        layer = self[key]
+        layer.accumulator, layer.footprint = accumulator, footprint
+        self.dirty.add(layer.i_object)
+
+    def set_gain(self, key: str, gain: Sequence[float]) -> None:
+        layer = self[key]
+        red, green, blue = (float(value) for value in gain)
+        if layer.gain != (red, green, blue):
+            layer.gain = (red, green, blue)
+            self.dirty.add(layer.i_object)
+
+    def set_visible(self, key: str, visible: bool) -> None:
+        layer = self[key]
+        if layer.visible != visible:
+            layer.visible = visible
+            self.dirty.add(layer.i_object)
+
+    def set_view_curve(self, key: str, curve: NDArray[np.floating] | None) -> None:
+        layer = self[key]
+        if curve is not None and np.shape(curve) != (VIEW_CURVE_SIZE, 3):
+            raise GraphicsError(f"layer {key}: view curve of shape {np.shape(curve)}, expected ({VIEW_CURVE_SIZE}, 3)")
+        texels = None if curve is None else np.array(curve, dtype=np.float32).reshape(1, VIEW_CURVE_SIZE, 3)
+        if texels is not None and layer.view_curve is not None:
+            layer.view_curve.write(texels, alignment=1)
+        else:
+            made = None if texels is None else self._memory.texture((VIEW_CURVE_SIZE, 1), 3, "f4", texels)
+            self._memory.release(layer.view_curve)
+            layer.view_curve = made
+        self.dirty.add(layer.i_object)
+
+    def set_maps(self, key: str, samples: NDArray[np.float16] | None) -> None:
+        """A layer's images (p,4) at every pixel of its object, texture RGB and weight; None: it has none."""
+        layer = self[key]
+        made = None if samples is None else self._compositor.make_maps(layer.i_object, samples)
+        self._compositor.release_maps(layer.maps)
+        layer.maps = made
+        self.dirty.add(layer.i_object)
+
+    def set_map_numbers(self, key: str, strength: float, inverts: bool) -> None:
+        """How strong a layer's texture is, and whether one minus the weight counts."""
+        layer = self[key]
+        if layer.map_numbers != (strength, inverts):
+            layer.map_numbers = strength, inverts
+            if layer.maps is not None:
+                self.dirty.add(layer.i_object)
+
+    @contextmanager
+    def with_appearances(self, looks: Mapping[str, ComparedAppearance]) -> Iterator[None]:
+        """The layers with other looks for a while; their own come back unharmed, and their objects are to be shaded."""
+        own = {key: self._layers[key] for key in looks if key in self._layers}
+        try:
+            for key, layer in own.items():
+                self._layers[key] = replace(layer, view_curve=None, accumulator=layer.accumulator)
+                self._apply_appearance(key, looks[key], layer)
+            yield
+        finally:
+            for key, layer in own.items():
+                worn = self._layers[key]
+                if worn.accumulator is not layer.accumulator:
+                    worn.accumulator.release()
+                if worn is not layer:
+                    self._memory.release(worn.view_curve)
+                if worn.maps is not layer.maps:
+                    self._compositor.release_maps(worn.maps)
+                self._layers[key] = layer
+                self.dirty.add(layer.i_object)
+
+    def _apply_appearance(self, key: str, look: ComparedAppearance, own: DrawnLayer) -> None:
+        worn = self._layers[key]
+        worn.gain, worn.visible = look.gain, look.visible
+        samples, strength, inverts = look.maps
+        worn.map_numbers = strength, inverts
+        if samples is None:
+            worn.maps = None
+        elif own.maps is None or own.maps.samples is not samples:
+            worn.maps = self._compositor.make_maps(own.i_object, samples)
+        self.set_view_curve(key, look.view_curve)
+        if look.radiance is not None:
+            n_pixels = self._compositor.object_size(own.i_object)
+            if np.shape(look.radiance) != (n_pixels, 3):
+                raise GraphicsError(f"layer {key}: radiance {np.shape(look.radiance)}, expected ({n_pixels}, 3)")
+            worn.accumulator, worn.footprint = Accumulator(self._memory, n_pixels), None
+            worn.accumulator.write(look.radiance)
+
+    def set_footprint(self, rows: NDArray[np.integer] | None, weights: NDArray[np.floating] | None) -> None:
+        """The footprint of the pictures to come; None is one sample a pixel."""
+        if rows is None or weights is None:
+            self.footprint = None
+            return
+        self.footprint = self._made(rows, weights)
+
+    def set_indirect_footprint(self, rows: NDArray[np.integer], weights: NDArray[np.floating]) -> None:
+        """The footprint of the indirect light to come."""
+        self.indirect_footprint = self._made(rows, weights)
+
+    def _made(self, rows: NDArray[np.integer], weights: NDArray[np.floating]) -> FootprintTextures:
+        """A footprint's textures; those there are where it was set before and is still in use."""
+        for made_of, footprint in self._footprints:
+            if made_of is rows:
+                return footprint
+        made = self._compositor.make_footprint(rows, weights)
+        self._footprints.append((rows, made))
+        return made
+
+    def release_unused_footprints(self, also_used: Iterable[FootprintTextures | None] = ()) -> None:
+        """Free the footprints that neither a layer nor `also_used` needs."""
+        used = [self.footprint, self.indirect_footprint, *also_used]
+        for layer in self._layers.values():
+            used += [layer.footprint, None if layer.indirect is None else layer.indirect.footprint]
+        for made in [each for each in self._footprints if not any(each[1] is other for other in used)]:
+            self._compositor.release_footprint(made[1])
+            self._footprints = [each for each in self._footprints if each is not made]
+
+    def check_sample_count(self, key: str, i_object: int, n_samples: int) -> None:
+        """Raises GraphicsError unless the current footprint finds all its samples among so many."""
+        n_pixels = self._compositor.object_size(i_object)
+        if self.footprint is None and n_samples != n_pixels:
+            raise GraphicsError(f"layer {key}: {n_samples} samples without a footprint, expected {n_pixels}")
+        if self.footprint is not None and n_samples < self.footprint.n_samples_needed[i_object]:
+            needed = self.footprint.n_samples_needed[i_object]
+            raise GraphicsError(f"layer {key}: {n_samples} samples, the footprint needs {needed}")
+
+    def mean_radiance(self) -> float:
+        """Mean of the visible layers over the pixels that see a surface and over the channels, without f_o."""
+        total = 0.0
+        for layer in self._layers.values():
+            if layer.visible:
+                size = self._compositor.object_size(layer.i_object)
+                total += size * float(np.mean(np.abs(layer.gain) * layer.mean))
+        return total / max(1, self._compositor.frame.n_points)
+
+    def release(self) -> None:
+        for layer in self._layers.values():
+            _release(layer)
+            self._memory.release(layer.view_curve)
+            self._compositor.release_maps(layer.maps)
+        self._layers.clear()
+        self.footprint = self.indirect_footprint = None
+        self.release_unused_footprints()
+
+
+def _release(layer: DrawnLayer) -> None:
+    layer.accumulator.release()
+    if layer.indirect is not None:
+        layer.indirect.accumulator.release()
+
+
+def _finite_mean(radiance: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Mean of |radiance| (3,) over the samples, 0 for what is no number."""
+    if not len(radiance):
+        return np.zeros(3)
+    finite = np.where(np.isfinite(radiance), np.abs(radiance), 0.0)
+    return finite.mean(axis=0, dtype=np.float64)

@@ -1,0 +1,95 @@
+"""Shaders compiled before a picture needs them: small pictures, drawn in all the ways that one can be.
+
+A driver compiles a shader when it is first drawn with, and anew for each format of what it reads and writes. llvmpipe
+needs 50 to 100 ms for each on the first start of a machine (later ones find most of them in Mesa's cache), and
+compiles once more where the sides of a texture are powers of two. A dozen in the first picture's frame would block the
+window; here each has a step of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from engine.scene.picture_frame import PictureFrame
+from ui.gl.display import DisplayView
+from ui.modes.placement.gl.renderer import PlacementRenderer
+from ui.modes.placement.gl.sample_layout import SAMPLES_PER_ROW
+
+# Width and height of pictures; their samples fill three rows of textures, as no power of two.
+_SIZES = ((60, 60), (64, 64), (64, 60))
+_N_SAMPLES = 3 * SAMPLES_PER_ROW
+_ENVIRONMENT = (8, 16)
+_BASE, _UPPER = "base", "upper"
+_N_BANDS = 2
+
+
+def warm_up(renderer: PlacementRenderer) -> Iterator[None]:
+    """Draw, a step at a time, what pictures are made of; the renderer is empty again after the last step.
+
+    Left unfinished, it is made good by the next `set_frame`.
+    """
+    for width, height in _SIZES:
+        yield from _picture(renderer, width, height)
+    renderer.clear()
+
+
+def _picture(renderer: PlacementRenderer, width: int, height: int) -> Iterator[None]:
+    renderer.set_frame(_frame(width, height))
+    yield
+    renderer.set_environment(np.ones((*_ENVIRONMENT, 3), np.float32))
+    renderer.linear_image()
+    yield
+    renderer.composite(DisplayView())
+    yield
+    renderer.composite(DisplayView(selected=0))
+    yield
+    rows, weights = np.zeros((_N_SAMPLES, 4), np.int32), np.full((_N_SAMPLES, 4), 0.25, np.float32)
+    renderer.set_footprint(rows, weights)
+    yield from _layers(renderer)
+    renderer.set_footprint(None)
+    yield from _layers(renderer)
+    renderer.set_layer_maps(_BASE, np.ones((_N_SAMPLES, 4), np.float16))
+    renderer.composite(DisplayView())
+    yield
+
+
+def _layers(renderer: PlacementRenderer) -> Iterator[None]:
+    """A layer alone and one above it, both with a curve at work and with a view curve."""
+    for key in (_BASE, _UPPER):
+        renderer.set_layer(key, 0, _N_SAMPLES)
+        renderer.set_layer_radiance(key, np.ones((_N_SAMPLES, 3), np.float32))
+        renderer.composite(DisplayView())
+        yield
+    yield from _transport(renderer)
+    for key in (_UPPER, _BASE):
+        renderer.set_view_curve(key, np.ones((256, 3)))
+        renderer.composite(DisplayView())
+        yield
+
+
+def _transport(renderer: PlacementRenderer) -> Iterator[None]:
+    """Increments of a curve: uploaded, begun from another one, drawn."""
+    half = np.ones((_N_BANDS, _N_SAMPLES, 3), np.float16)
+    renderer.begin_transport(_BASE, half, np.ones((_N_BANDS, 3)))
+    while not renderer.upload(0.0):
+        yield
+    renderer.want(_BASE, np.ones((_N_BANDS, 3)))
+    renderer.update()
+    renderer.composite(DisplayView())
+    yield
+
+
+def _frame(width: int, height: int) -> PictureFrame:
+    """A picture of one object, half of a pixel of which shows nothing."""
+    seen = np.arange(width * height).reshape(height, width) < _N_SAMPLES
+    return PictureFrame(
+        pixel=np.arange(_N_SAMPLES, dtype=np.int32),
+        object_ranges=np.array([[0, _N_SAMPLES]], np.int32),
+        object_image=np.where(seen, 0, -1).astype(np.int16),
+        theta_o=np.zeros(_N_SAMPLES, np.float32),
+        emission_image=np.zeros((height, width, 3), np.float32),
+        ray_directions=np.ones((height, width, 3), np.float32),
+        share=np.where(np.arange(_N_SAMPLES) == 0, 0.5, 1.0).astype(np.float32),
+    )

@@ -1,0 +1,152 @@
+"""A layer's transport in GPU memory, and its upload in slices.
+
+One coefficient is one layer of an array texture; its (p,3) numbers lie there as they come from the worker (see
+``sample_layout``), so an upload copies and never rearranges nor converts: halves stay halves. They are numbers h with
+T = scale·h, one scale for each coefficient (see ``engine.precompute.direct.planes``): a scale for each pixel would zero
+the weak bands, none would overflow. The shader decodes every half exactly.
+
+Reading one coefficient at a time leaves the choice of terms free; the packing is what makes it fast on a CPU. One layer
+of 60,000 samples, llvmpipe (Mesa 22.3, LLVM 15) on two cores of an AMD EPYC, best of 25 while others used the machine;
+one core of it reads memory at 20 GB/s, which would be 0.5 ms for 30 halves and 2.3 ms for 128::
+
+    30 terms  128 terms   bytes/term and sample
+     8.2 ms    40.2 ms     6   one sample a fragment, RGB16F array
+     7.6 ms    35.6 ms     8   one sample a fragment, RGBA16F array
+     7.5 ms    46.1 ms    16   one sample a fragment, RGBA32F array
+     5.6 ms    13.8 ms     6   one sample a fragment, 8 consecutive coefficients a texel, three RGBA32UI a group of 8
+     5.8 ms    18.8 ms     6   one sample a fragment, 4 consecutive coefficients a texel, three RGBA16F a group of 4
+     7.6 ms    36.8 ms     6   2 samples a fragment, one RGB32UI texel, two targets
+     4.3 ms    16.3 ms     6   8 samples a fragment, three RGBA32UI texels, eight targets      <- this one
+     4.1 ms    16.2 ms     6   the same in a 2D atlas (too tall for large layers)
+     3.8 ms    14.8 ms     6   the same in a buffer texture (moderngl has none)
+     8.1 ms    31.6 ms    12   4 samples a fragment, three RGBA32F texels, four targets (float precision)
+
+A texel fetch costs about the same whatever its width, so wide texels win. Packing consecutive coefficients is as fast
+for whole curves, but few chosen terms fall into many groups, and the numbers must be rearranged on upload.
+Blending into the accumulator and a second one read and written in turn differ by less than the noise (0.3 ms of 7).
+"""
+
+from __future__ import annotations
+
+import time
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.planner import Precision
+from ui.gl.context import GraphicsError
+from ui.gl.textures import TextureMemory
+from ui.modes.placement.gl.sample_layout import GROUPS_PER_ROW, SAMPLES_PER_ROW, row_count
+
+_TEXELS_PER_GROUP = {"half": 3, "float": 6}
+_PRECISIONS: dict[str, Precision] = {"float16": "half", "float32": "float"}
+_MEAN_SAMPLES = 4096
+
+
+class TransportTexture:
+    """The numbers of J coefficients at p samples; true values are `scale` (J,3) times what is stored."""
+
+    def __init__(self, memory: TextureMemory, n_coefficients: int, n_samples: int, precision: Precision) -> None:
+        self.n_coefficients, self.n_samples, self.precision = n_coefficients, n_samples, precision
+        self.rows = row_count(n_samples)
+        self.scale = np.ones((n_coefficients, 3))
+        self.means = np.zeros((n_coefficients, 3))
+        self._memory = memory
+        self._width = _TEXELS_PER_GROUP[precision] * GROUPS_PER_ROW
+        dtype = "u4" if precision == "half" else "f4"
+        self.texture: moderngl.TextureArray | None = memory.texture_array(
+            (self._width, self.rows, n_coefficients), 4, dtype
+        )
+
+    def write(self, k: int, numbers: NDArray[np.floating]) -> None:
+        """Store coefficient k's (p,3) numbers, float16 or float32 by the precision, C-contiguous."""
+        assert self.texture is not None
+        full = self.n_samples // SAMPLES_PER_ROW
+        if full:
+            self.texture.write(numbers[: full * SAMPLES_PER_ROW], viewport=(0, 0, k, self._width, full, 1))
+        if full < self.rows:
+            last = np.zeros((SAMPLES_PER_ROW, 3), dtype=numbers.dtype)
+            last[: self.n_samples - full * SAMPLES_PER_ROW] = numbers[full * SAMPLES_PER_ROW :]
+            self.texture.write(last, viewport=(0, full, k, self._width, 1, 1))
+
+    def release(self) -> None:
+        self._memory.release(self.texture)
+        self.texture = None
+
+
+class TransportUpload:
+    """Brings a (J,p,3) array into a TransportTexture, coefficient by coefficient, within time slices."""
+
+    def __init__(
+        self,
+        memory: TextureMemory,
+        transport: NDArray[np.floating],
+        norms: NDArray[np.floating],
+        scale: NDArray[np.floating] | None,
+    ) -> None:
+        n_coefficients, n_samples = _checked_shape(transport, norms, scale)
+        self.norms = np.array(norms, dtype=np.float64)
+        self._source = transport
+        self._next = 0
+        self.target = TransportTexture(memory, n_coefficients, n_samples, _PRECISIONS[transport.dtype.name])
+        if scale is not None:
+            self.target.scale[:] = np.asarray(scale, dtype=np.float64).reshape(n_coefficients, -1)
+
+    @property
+    def done(self) -> bool:
+        return self._next == self.target.n_coefficients
+
+    @property
+    def fraction(self) -> float:
+        return self._next / self.target.n_coefficients
+
+    def advance(self, time_budget_s: float) -> bool:
+        """Upload until the time is over, at least one coefficient; True when all are there.
+
+        Raises GraphicsError when a number is not finite; the target is then incomplete and must be released.
+        """
+        end = time.perf_counter() + time_budget_s
+        while not self.done:
+            self._upload_next()
+            if time.perf_counter() >= end:
+                break
+        return self.done
+
+    def _upload_next(self) -> None:
+        k, target = self._next, self.target
+        numbers = np.ascontiguousarray(self._source[k])
+        if not _all_finite(numbers):
+            raise GraphicsError(f"transport coefficient {k} holds a number that is not finite; the old picture stays")
+        target.write(k, numbers)
+        target.means[k] = target.scale[k] * _mean(numbers)
+        self._next += 1
+
+
+def _checked_shape(
+    transport: NDArray[np.floating],
+    norms: NDArray[np.floating],
+    scale: NDArray[np.floating] | None,
+) -> tuple[int, int]:
+    if transport.ndim != 3 or transport.shape[2] != 3 or transport.shape[0] < 1:
+        raise GraphicsError(f"transport of shape {transport.shape}, expected (J, p, 3)")
+    if transport.dtype.name not in _PRECISIONS:
+        raise GraphicsError(f"transport of {transport.dtype.name}, expected {' or '.join(_PRECISIONS)}")
+    n_coefficients, n_samples = transport.shape[:2]
+    if norms.shape != (n_coefficients, 3) or not np.isfinite(norms).all():
+        raise GraphicsError(f"norms of shape {norms.shape}, expected ({n_coefficients}, 3), all finite")
+    if scale is not None and np.shape(scale) not in ((n_coefficients,), (n_coefficients, 1), (n_coefficients, 3)):
+        raise GraphicsError(f"scale of shape {np.shape(scale)}, expected ({n_coefficients},) or ({n_coefficients}, 3)")
+    return n_coefficients, n_samples
+
+
+def _mean(numbers: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Mean (3,) of some thousand of the numbers: as a product, which is ten times as fast as numpy's own of halves."""
+    some = numbers[:: max(1, len(numbers) // _MEAN_SAMPLES)].astype(np.float32)
+    return np.full(len(some), 1.0 / max(1, len(some)), np.float32) @ some
+
+
+def _all_finite(numbers: NDArray[np.floating]) -> bool:
+    if numbers.dtype == np.float16:  # np.isfinite of halves is an order slower than a look at the exponents
+        return numbers.size == 0 or int((numbers.view(np.uint16) & 0x7FFF).max()) < 0x7C00
+    return bool(np.isfinite(numbers).all())

@@ -1,0 +1,353 @@
+"""Placement's picture: the worker's answers to the renderer, the document's curves after them.
+
+    take: picture events ─► renderer (frame, footprint, layers, transport)
+    draw: the document drawn (`app.modes.placement.picture_transition`) ─► gains, view curves, visibility, curve
+    coefficients
+          ─► renderer.update ─► display texture
+          renderer's report ─► PlacementController.rendered
+
+An upload under way takes part of the frame's time, coefficients what is left.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Mapping
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document.commands.light import emission_of
+from app.document.document import RGB, Document, LightState, ObjectState, layer_key
+from app.document.solo import is_layer_visible
+from app.editor.editor import Editor
+from app.messages.picture_events import PictureEvent, SceneFrame, SkyChanged
+from app.modes.placement.placement_controller import PlacementController
+from app.modes.placement.placement_events import (
+    ComparisonRefined,
+    Footprint,
+    IndirectRadiance,
+    LayerAppearance,
+    LayerMapsChanged,
+    LayerRadiance,
+    TransportReady,
+)
+from app.modes.placement.placement_status import RenderReport
+from engine.curve.wavelet import forward
+from engine.material.layer import object_of
+from engine.render.headlight_shading import headlight_colour, headlight_radiance
+from ui.gl.display import DisplayView
+from ui.modes.placement.gl.layers import ComparedAppearance
+from ui.modes.placement.gl.renderer import PlacementRenderer
+from ui.modes.placement.gl.shader_warm_up import warm_up
+from ui.modes.placement.map_feed import MapFeed
+from ui.picture_feed import PictureSource
+from ui.still_saver import ViewportStill
+from ui.tone_view import ToneView
+
+UPLOAD_SHARE = 0.5
+# Of the frame's time, what refinement gets however long the rest takes.
+LEAST_SHARE = 0.25
+LEAST_INTENSITY = 1e-30
+HEADLIGHT_SECONDS = 0.005
+# Behind objects that are lit from the eye, while the sky is not known.
+PLAIN_SKY = 0.18
+
+
+class PlacementFeed(PictureSource):
+    """Feeds one `PlacementRenderer`; renderer: one that is there already."""
+
+    def __init__(self, context: moderngl.Context, renderer: PlacementRenderer | None = None) -> None:
+        self.renderer = renderer or PlacementRenderer(context)
+        self._names: list[str] = []
+        self._view_curves: dict[str, NDArray[np.float64]] = {}
+        self._indirect: dict[str, IndirectRadiance] = {}
+        self._drawn_as: dict[str, tuple[object, ...]] = {}
+        self._holds = False
+        self._emission: dict[str, RGB] = {}
+        self._maps = MapFeed(self.renderer)
+        self._plain: dict[str, ObjectState] = {}
+        self._is_shaded = False  # all objects, plainly at least: others are black
+        self._view = ToneView()
+        self._wanted: dict[str, NDArray[np.float64]] = {}
+        self._compared: object = None
+        self._rotation: float | None = None
+        self._texture: moderngl.Texture | None = None
+        self._exact_before = False
+        self._followed: Document | None = None
+        self._spent_ms = 0.0
+
+    @property
+    def picture(self) -> moderngl.Texture | None:
+        return self._texture if self._is_shaded else None
+
+    def warm_up(self) -> Iterator[None]:
+        return warm_up(self.renderer)
+
+    def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]:
+        return self._maps.thumbnails(key)
+
+    def map_refusal(self, editor: Editor, key: str) -> str | None:
+        return _controller(editor).maps.refusal(key, editor.document.layer(key).maps)
+
+    def still(self, editor: Editor) -> ViewportStill | None:
+        frame = self.renderer.frame
+        if frame is None or self._texture is None:
+            return None
+        return ViewportStill(
+            self.renderer.finished_image(self._display_view(editor)),
+            self.renderer.linear_image() * np.float32(_controller(editor).drawn.light.intensity),
+        )
+
+    def close(self) -> None:
+        self._maps.clear()
+        self._maps.release_retired()
+        self.renderer.release()
+
+    # ------------------------------------------------------------------------------------------ the worker's answers
+
+    def take(self, editor: Editor, event: PictureEvent) -> None:
+        self._maps.release_retired()
+        match event:
+            case SceneFrame():
+                self._take_scene(event)
+            case SkyChanged():
+                self.renderer.set_environment(event.radiance, _controller(editor).drawn.light.rotation)
+            case LayerRadiance():
+                self._take_radiance(event)
+            case IndirectRadiance():
+                self._indirect[event.key] = event
+                self._take_indirect(event.key)
+            case LayerMapsChanged():
+                self._maps.take(event)
+            case ComparisonRefined():
+                if self._compared is not None:
+                    self.renderer.snapshot_compare({key: _appearance(look) for key, look in event.appearances.items()})
+            case TransportReady():
+                numbers, curve = event.coefficients_first, event.factor
+                self.renderer.set_footprint(*_both(event.footprint))
+                self.renderer.begin_transport(
+                    event.key, numbers, event.norms, event.scale, event.beside, curve, event.stage
+                )
+
+    def _take_scene(self, event: SceneFrame) -> None:
+        self.renderer.set_frame(event.frame)
+        self._names = [described.name for described in event.description.objects]
+        self._plain.clear()
+        self._view_curves.clear()
+        self._indirect.clear()
+        self._drawn_as.clear()
+        self._emission.clear()
+        self._maps.clear()
+        self._wanted = {}
+        self._compared = self._rotation = self._followed = None
+        self._is_shaded = False
+        if event.description.environment is not None:  # until the worker sends what it looks like
+            self.renderer.set_environment(np.full((1, 2, 3), PLAIN_SKY, np.float32))
+
+    def _take_radiance(self, event: LayerRadiance) -> None:
+        renderer = self.renderer
+        renderer.set_footprint(*_both(event.footprint))
+        if event.key not in renderer.layer_keys:
+            renderer.set_layer(event.key, self._names.index(object_of(event.key)), len(event.radiance))
+            self._maps.layer_made(event.key)
+        if self._drawn_as.get(event.key) != event.drawn_as:
+            self._drawn_as[event.key] = event.drawn_as
+            self._take_indirect(event.key)  # it may have been the first to come, or be that of the layer before
+        bands = event.coefficients.get(renderer.transport_curve(event.key) or "")
+        shown = None if bands is None else forward(bands)
+        renderer.set_layer_radiance(event.key, event.radiance, shown, event.stage)
+
+    def _take_indirect(self, key: str) -> None:
+        """Show a layer's indirect light, where it is that of the layer whose direct light is shown."""
+        event = self._indirect.get(key)
+        if event is None or key not in self.renderer.layer_keys:
+            return
+        if event.footprint is None or event.drawn_as != self._drawn_as[key]:
+            self.renderer.set_layer_indirect(key, None)
+            return
+        self.renderer.set_indirect_footprint(event.footprint.rows, event.footprint.weights)
+        self.renderer.set_layer_indirect(key, event.radiance)
+
+    def prepare(self, event: SceneFrame) -> bool:
+        return self.renderer.prepare_frame(event.frame)
+
+    # ---------------------------------------------------------------------------------------------------- each frame
+
+    def draw(self, editor: Editor, last_frame_ms: float, all_taken: bool) -> bool:
+        document = _controller(editor).drawn
+        self._end_plain(editor, document)
+        shades_plainly = self._shade_headlight(editor, document)
+        self._is_shaded = self._is_shaded or not shades_plainly
+        if document is editor.document or document is not self._followed:
+            self._follow_environment(document)
+            self._follow_emitters(document)
+            self._follow_layers(editor, document)
+            self._follow_curve(editor)
+            self._followed = document
+        self._follow_visibility(editor, document)
+        self._follow_comparison(editor)
+        allowed = editor.view.frame_budget_ms
+        budget = 1e-3 * max(allowed - (last_frame_ms - self._spent_ms), LEAST_SHARE * allowed)
+        started = time.perf_counter()
+        arriving = self.renderer.upload_fraction is not None
+        uploaded = self.renderer.upload(UPLOAD_SHARE * budget)
+        # The last slice makes the transport ready for work, which is enough for a frame; the work begins in the next.
+        limit = 0 if arriving and uploaded else None
+        report = self.renderer.update(limit, budget if uploaded else (1.0 - UPLOAD_SHARE) * budget)
+        self._spent_ms = 1e3 * (time.perf_counter() - started)
+        self._texture = self.renderer.composite(self._display_view(editor))
+        wanted = max(map(len, self._wanted.values()), default=0)
+        exact = uploaded and report.exact and all_taken
+        _controller(editor).rendered(
+            RenderReport(
+                max(wanted - report.remaining, 0), wanted, report.image_error,
+                exact and not self._holds,
+                self.renderer.transport_precision, self.renderer.memory_bytes / 1e6, self.renderer.mean_radiance,
+            )
+        )  # fmt: skip
+        changed = exact != self._exact_before
+        self._exact_before = exact
+        return not exact or changed or self._view.waits or shades_plainly
+
+    def _shade_headlight(self, editor: Editor, document: Document) -> bool:
+        """Show objects plainly that have no picture yet, for a few milliseconds; whether some may be left."""
+        until = time.perf_counter() + HEADLIGHT_SECONDS
+        keys = set(self.renderer.layer_keys)
+        there = self._plain.keys() | {object_of(key) for key in keys}
+        for state in document.objects:
+            is_new = state.name not in there and not state.is_lamp and state.name in self._names
+            if not is_new and (state.name not in keys or self._plain[state.name] == state):
+                continue
+            if time.perf_counter() > until:
+                return True
+            self._plain[state.name] = state
+            self._shade_object(editor, document, state)
+        return False
+
+    def _end_plain(self, editor: Editor, document: Document) -> None:
+        """Let objects go that are shown plainly and have a picture now: metals only when it has the light between
+        surfaces, without which they are black."""
+        renderer = self.renderer
+        there = {object_of(key) for key in set(renderer.layer_keys) - self._plain.keys()}
+        for name in self._plain.keys() & set(renderer.layer_keys) & there:
+            is_metal = not any(layer.model.is_diffuse for layer in document.object(name).layers)
+            if not (is_metal and _controller(editor).lacks_bounces):
+                renderer.remove_layer(name)
+
+    def _shade_object(self, editor: Editor, document: Document, state: ObjectState) -> None:
+        """As a layer of its own, which has the object's name for a key and goes when the real ones can be shown."""
+        frame, index = self.renderer.frame, self._names.index(state.name)
+        layers = {layer_key(state.name, i): layer for i, layer in enumerate(state.layers)}
+        seen = [layer for key, layer in layers.items() if is_layer_visible(document, editor.view, key)]
+        if frame is None or not seen:
+            return
+        theta_o = frame.theta_o[slice(*frame.object_ranges[index])]
+        self.renderer.set_footprint(None)
+        self.renderer.set_layer(state.name, index, len(theta_o))
+        self.renderer.set_layer_radiance(state.name, headlight_radiance(headlight_colour(seen), theta_o), stage="plain")
+
+    def _follow_environment(self, document: Document) -> None:
+        """Turn the background with the light."""
+        rotation = document.light.rotation
+        if rotation != self._rotation:
+            self.renderer.turn_environment(rotation)
+            self._rotation = rotation
+
+    def _follow_emitters(self, document: Document) -> None:
+        """What is seen of them."""
+        for name, radiance in emission_of(document):
+            if name in self._names and self._emission.get(name) != radiance:
+                self._emission[name] = radiance
+                self.renderer.set_emission(self._names.index(name), radiance)
+
+    def _follow_layers(self, editor: Editor, document: Document) -> None:
+        """Gains and view curves; each setter of the renderer is free where nothing changed."""
+        there = set(self.renderer.layer_keys)
+        for key, layer in document.layers():
+            if key not in there or not self._is_drawn(editor, key):
+                continue
+            self.renderer.set_layer_gain(key, _controller(editor).layer_gain(key).tolist())
+            self._maps.follow(key, layer.maps)
+            curve = _controller(editor).view_curve(key)
+            if self._view_curves.get(key) is not curve:
+                self._view_curves[key] = curve
+                self.renderer.set_view_curve(key, curve)
+
+    def _follow_visibility(self, editor: Editor, document: Document) -> None:
+        """Which layers are seen; one that is gone may come back, by undo, before the worker has heard of it."""
+        seen = {key for key, _ in document.layers() if is_layer_visible(document, editor.view, key)}
+        keys = set(self.renderer.layer_keys)
+        plain = self._plain.keys() & keys
+        for key in keys - plain:
+            self.renderer.set_layer_visible(key, key in seen and object_of(key) not in plain)
+        for name in plain:
+            self.renderer.set_layer_visible(name, any(object_of(key) == name for key in seen))
+
+    def _is_drawn(self, editor: Editor, key: str) -> bool:
+        """Whether the picture of a layer is its own, and not that of the one that it took the place of."""
+        return self._drawn_as.get(key) == _controller(editor).picture_identity(key)
+
+    def _follow_curve(self, editor: Editor) -> None:
+        """The selected curve, in all layers that follow it and have a picture of their own."""
+        self._holds = False
+        factor = (editor.view.selected and editor.view.selected.factor) or ""
+        found: dict[str, NDArray[np.float64]] = {}
+        for key in _controller(editor).edited_layers:
+            coefficients = _controller(editor).drawn_coefficients(key).get(factor)
+            if coefficients is not None and key in self.renderer.layer_keys:
+                if not self._is_drawn(editor, key):
+                    self._holds = True
+                    continue
+                found[key] = coefficients
+                if self._wanted.get(key) is not coefficients:
+                    self.renderer.want(key, forward(coefficients), factor)
+        self._wanted = found
+
+    def _follow_comparison(self, editor: Editor) -> None:
+        compared = editor.view.compare
+        if compared is self._compared:
+            return
+        if compared is None:
+            self.renderer.drop_compare()
+        else:
+            self.renderer.snapshot_compare()
+        self._compared = compared
+
+    def _display_view(self, editor: Editor) -> DisplayView:
+        """Exposure takes the light's intensity along: it multiplies the finished picture."""
+        view, compared = editor.view, editor.view.compare
+        return DisplayView(
+            exposure=view.exposure + stops(_controller(editor).drawn.light),
+            compare_exposure=None if compared is None else view.exposure + stops(compared.light),
+            tone_mapping=self._view.follow(view.tone_mapping),
+            selected=self._index(view.selected.object if view.selected else None),
+            hovered=self._index(view.hovered),
+            compare_divider=view.compare_divider if view.compare is not None else None,
+        )
+
+    def _index(self, name: str | None) -> int | None:
+        return self._names.index(name) if name in self._names else None
+
+
+def _controller(editor: Editor) -> PlacementController:
+    """Whose picture it is: the mode's own talk, or the part of it that is Placement's."""
+    controller = getattr(editor.controller, "placement", editor.controller)
+    assert isinstance(controller, PlacementController)
+    return controller
+
+
+def _both(footprint: Footprint | None) -> tuple[NDArray[np.integer] | None, NDArray[np.floating] | None]:
+    return (None, None) if footprint is None else (footprint.rows, footprint.weights)
+
+
+def stops(light: LightState) -> float:
+    """The light's intensity as exposure."""
+    return math.log2(max(light.intensity, LEAST_INTENSITY))
+
+
+def _appearance(look: LayerAppearance) -> ComparedAppearance:
+    red, green, blue = (float(value) for value in look.gain)
+    return ComparedAppearance((red, green, blue), look.view_curve, look.visible, look.radiance, look.maps)
