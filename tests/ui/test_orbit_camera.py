@@ -226,7 +226,7 @@ def test_the_panel_of_lens_horizon_size_and_kept_views(window: HeadlessWindow) -
     assert [each.name for each in editor.view.bookmarks] == ["View 1", "Front"]
     window.click_handle("camera.view.View 1")
     assert editor.camera_history.camera.fov_y < 25.0 and label(window) == "View 1"
-    window.click_handle("button.camera.update.ParetoFront")
+    window.click_handle("button.camera.update.Front")
     assert editor.view.bookmarks[1].viewpoint.camera == editor.camera_history.camera
     window.click_handle("button.camera.delete.View 1")
     assert [each.name for each in editor.view.bookmarks] == ["Front"]

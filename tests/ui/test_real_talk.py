@@ -104,9 +104,9 @@ def test_exact_is_said_of_nothing_that_is_not(small: RealWindow) -> None:
         0.0 < small.ask("editor.controller._noise") < small.ask("editor.status.indirect_noise")
     )  # part of it is direct
     small.wait_until("editor.status.estimate is not None")
-    assert small.ask("editor.status.image_error == editor.status.estimate.total")
+    assert small.ask("editor.status.image_error == editor.status.estimate.overall")
     # Neither the sum of the parts' errors nor less than half of one of them: they may make up for each other a little.
-    assert small.ask("editor.status.estimate.total > 0.5 * editor.status.estimate.indirect > 0")
+    assert small.ask("editor.status.estimate.overall > 0.5 * editor.status.estimate.indirect > 0")
 
 
 def test_a_measured_import_flashes_in_no_frame(small: RealWindow, merl_file: Path) -> None:

@@ -50,14 +50,14 @@ def dropped(open_window, names):
 
 def on_frame(open_window):
     editor = open_window.editor
-    if open_window.shell.state.leaving is not None:
+    if open_window.shell.state.pending_action is not None:
         open_window.shell.request(AnswerUnsaved(saves=False))
         return False
     if editor.status.picture != "exact":
         return False
     if on_frame.said is not None:
         light = editor.document.light
-        said = open_window.shell.state.notice
+        said = open_window.shell.state.message
         opened = [request.source for request in client.requests if hasattr(request, "source")]
         print(json.dumps([said.text, said.is_error, light.environment, light.mapping, opened[-1]]))
     if not pending:

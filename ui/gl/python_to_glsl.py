@@ -120,11 +120,11 @@ class _Function:
 
     def _parameter(self, argument: ast.arg) -> str:
         kind = argument.annotation.id if isinstance(argument.annotation, ast.Name) else None
-        if kind == "Array":
+        if kind == "Float64Array":
             self._arrays.add(argument.arg)
             return f"mat2x4 v_{argument.arg}"
         if kind != "float":
-            raise self._refused(argument, f"the argument {argument.arg}, expected a float or the parameters (Array)")
+            raise self._refused(argument, f"the argument {argument.arg}, expected a float or the parameters (Float64Array)")
         return f"float v_{argument.arg}"
 
     # ------------------------------------------------------------------------------------------------------ statements

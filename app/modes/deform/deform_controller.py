@@ -111,7 +111,7 @@ class DeformController(OrbitController):
         if told.shown_by != self.title:
             return told
         own: dict[str, object] = {"lost": self._lost, "deform_only": self._deform_only, "carried": self._carried}
-        own["unjudged"] = self._no_estimate_reason
+        own["no_estimate_reason"] = self._no_estimate_reason
         if self._picture == "refining" and self._split is not None:
             n, of = (self._traced.n_passes, self._traced.of) if self._traced.id == self._prepare_id else (0, 1)
             own["missing_note"] = f"The part by paths becomes smoother: {n / of:.0%} of them are in it."

@@ -364,7 +364,7 @@ def test_compiling_is_told_by_the_files_that_are_there(tmp_path: Path, monkeypat
 def test_as_many_files_are_compiled_as_are_counted(tmp_path: Path) -> None:
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     for part in PARTS:
-        code = f"import app.worker.kernels as k; k.load_compiler(); k.rehearse({part!r})"
+        code = f"import app.worker.kernels as k; k.load_compiler(); k.warm_up({part!r})"
         assert subprocess.run([sys.executable, "-c", code], env=environment).returncode == 0
     assert 0.9 * kernels.N_FILES <= sum(1 for _ in tmp_path.rglob("*.nbc")) <= 1.1 * kernels.N_FILES
 
