@@ -124,7 +124,8 @@ class _Function:
             self._arrays.add(argument.arg)
             return f"mat2x4 v_{argument.arg}"
         if kind != "float":
-            raise self._refused(argument, f"the argument {argument.arg}, expected a float or the parameters (Float64Array)")
+            expected = "a float or the parameters (Float64Array)"
+            raise self._refused(argument, f"the argument {argument.arg}, expected {expected}")
         return f"float v_{argument.arg}"
 
     # ------------------------------------------------------------------------------------------------------ statements
