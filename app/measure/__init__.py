@@ -1,4 +1,4 @@
-"""`insitu measure`: speed against accuracy, measured and never assumed [DESIGN.md, 11].
+"""`insitu measure`: speed against accuracy, measured and never assumed [docs/accuracy.md].
 
     subject ─► speed (against brute force) ─┐
             ─► sweep (against the oracle) ──┼─► figures.json, sweep.csv, plots

@@ -39,7 +39,7 @@ class Errors:
 
 
 def errors(ours: NDArray[np.floating], truth: NDArray[np.floating]) -> Errors:
-    """relRMSE = sqrt(mean((a-b)²)) / mean(b), both clamped at the truth's 99.9 percentile [DESIGN.md, 11].
+    """relRMSE = sqrt(mean((a-b)²)) / mean(b), both clamped at the truth's 99.9 percentile [docs/conventions.md].
 
     Any equal shapes, linear RGB. A black truth counts differences as they are.
     """

@@ -1,4 +1,4 @@
-"""Speed against accuracy, knob by knob and mode by mode: one loop over settings, one table [DESIGN.md, 11].
+"""Speed against accuracy, knob by knob and mode by mode: one loop over settings, one table [docs/accuracy.md].
 
 A knob is a name, its settings, and how to compute the picture of one: `make(setting)` prepares what the setting does
 not cost and gives a function, which is timed and gives radiance at the points where the knob's truth is known. Truths

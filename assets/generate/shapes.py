@@ -1,4 +1,4 @@
-"""Shapes, after [BenArtzi07, fig. 8.2]: torus, cone, sphere, cylinder and cube on a ground, metres the size of toys."""
+"""Shapes, after [BenArtzi07, fig. 8.7]: torus, cone, sphere, cylinder and cube on a ground, metres the size of toys."""
 
 import numpy as np
 

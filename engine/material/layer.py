@@ -1,7 +1,7 @@
 """A layer of a material: a model, its parameters, and the operators a person put on top of the generated curves.
 
-Edits sit on the generated curve and not in it, so moving a parameter afterwards keeps them [DESIGN.md, 4]. A layer is a
-value: every edit returns a new one, and undo is keeping the old.
+Edits sit on the generated curve and not in it, so moving a parameter afterwards keeps them [docs/guides/materials.md].
+A layer is a value: every edit returns a new one, and undo is keeping the old.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ Both multiply the layer's radiance pixel by pixel, as f_q and f_o do, by
     factor(u, v) = (1 - s + s t(s_u u, s_v v)) w(u, v),     w = 1 - map where it is inverted,
 
 with t the texture's linear RGB, s its strength and (s_u, s_v) its repeats, after which it may be turned and moved and,
-beyond its edges, repeat, be mirrored, or go on as its edge [DESIGN.md, 6]. The map is an image, or even,
+beyond its edges, repeat, be mirrored, or go on as its edge [docs/guides/materials.md]. The map is an image, or even,
 and on it are the strokes that a person painted (`engine.material.strokes`). No transport depends on it:
 the images are sampled once for each pixel and only the few numbers here follow the hand. For further bounces the
 factor's mean over the surface multiplies the layer's albedo, and its mean over a cell that of the cell.

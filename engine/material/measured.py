@@ -1,4 +1,4 @@
-"""The specular part of a measured surface, with curves over half and difference angle [BenArtzi07, 3.6]."""
+"""The specular part of a measured surface, with curves over half and difference angle [BenArtzi07, 3.5]."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The diffuse part of a measured surface, with curves over the light's and the view's angle [BenArtzi07, 3.6]."""
+"""The diffuse part of a measured surface, with curves over the light's and the view's angle [BenArtzi07, 3.5]."""
 
 from __future__ import annotations
 

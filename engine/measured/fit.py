@@ -1,4 +1,4 @@
-"""Factors of a measurement: diffuse apart from specular, each a product of two curves per colour [BenArtzi07, 3.6].
+"""Factors of a measurement: diffuse apart from specular, each a product of two curves per colour [BenArtzi07, 3.5].
 
     rho ~ d G_d(theta_i) H_d(theta_o)  +  s G_s(theta_d) H_s(theta_h),     everything at least 0
 

@@ -44,7 +44,7 @@ class FitReport:
 @dataclass(frozen=True)
 class Measurement:
     """file: its name; number: names the table, 0 while nothing was read; strengths (1/sr per channel) and curves of the
-    factors [BenArtzi07, 3.6]: rho_d = diffuse G(theta_i) H(theta_o), rho_s = specular G(theta_d) H(theta_h), or of all
+    factors [BenArtzi07, 3.5]: rho_d = diffuse G(theta_i) H(theta_o), rho_s = specular G(theta_d) H(theta_h), or of all
     of it whole P(theta_i) Q(theta_h) P(theta_o). Each curve is float32 (91, 3) as bytes, in the order of `CURVES`,
     positive, with a maximum of 1."""
 

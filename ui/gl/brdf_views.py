@@ -40,7 +40,7 @@ class BrdfSlice:
 
 @dataclass(frozen=True)
 class Albedo:
-    """Directional albedo (N, 3) by the angle of the light (N,), and the equivalent albedo (3,) [BenArtzi07, 5.3]."""
+    """Directional albedo (N, 3) by the angle of the light (N,), and the equivalent albedo (3,) [BenArtzi07, 5.2.4]."""
 
     angles: Float64Array
     values: Float64Array

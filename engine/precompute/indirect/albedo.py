@@ -1,4 +1,4 @@
-"""Equivalent albedo: of a reflection the matt one that sends as much light on [BenArtzi07, sect. 5.3].
+"""Equivalent albedo: of a reflection the matt one that sends as much light on [BenArtzi07, 5.2.4].
 
     d = (1/π) ∫∫ ρ(ωi, ωo) cos θ_i cos θ_o dωi dωo
 

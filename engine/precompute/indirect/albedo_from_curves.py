@@ -1,6 +1,6 @@
 """Equivalent albedos from curves, each frame: light enough for the window.
 
-d = f_q Σ_o f_o(θ_o) Σ_jk c_j c_k e_ojk        with e from `albedo.albedo_bands` [BenArtzi07, sect. 5.3]
+d = f_q Σ_o f_o(θ_o) Σ_jk c_j c_k e_ojk        with e from `albedo.albedo_bands` [BenArtzi07, 5.2.4]
 """
 
 from collections.abc import Sequence

@@ -5,7 +5,7 @@ With E_0 the irradiance of the cells from the lights, G the mean over what a cel
     E_n = G d E_(n-1),      radiosity = d (E_0 + E_1 + ... + E_(N-2))      for N bounces in all,
 
 and of an object that is being edited d stays a variable: every product with it raises a power instead, so that what
-is left of a cell is N numbers, whatever the number of objects [BenArtzi07, sect. 6.2]. Nothing is divided by d, which
+is left of a cell is N numbers, whatever the number of objects [BenArtzi07, 6.1.2]. Nothing is divided by d, which
 may be 0.
 """
 

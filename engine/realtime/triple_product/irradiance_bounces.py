@@ -5,7 +5,7 @@ Some thousand of the shading points gather: each sends cosine-distributed rays, 
 
     E_(b+1)(p) = mean over p's rays of  d(q) E_b(q),       indirect irradiance = E_2 + ... + E_N,
 
-with E_1 the irradiance of the points and d the equivalent albedo of what the ray meets [BenArtzi07, sect. 5.3]. Between
+with E_1 the irradiance of the points and d the equivalent albedo of what the ray meets [BenArtzi07, 5.2.4]. Between
 gathering points it is interpolated as in an irradiance cache [Ward88]: with weights that fall with the distance over
 the mean distance of what they meet, and with the angle between normals, and never from one that stands behind a wall,
 where it may be a hundred times as bright. Points that none is close to gather as well. It costs some milliseconds, so

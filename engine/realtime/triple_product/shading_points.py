@@ -2,7 +2,7 @@
 
 A triangle that is large beside its distance to what may shade it is cut in four, again and again. So a floor of two
 triangles gets its texels, most of them where shadows are sharp: what visibility textures over an atlas are for
-[Ma06, 3.4], without an atlas. Nothing is stretched, and there are neither seams nor meshes that cannot be unwrapped.
+[Ma06, 3.3], without an atlas. Nothing is stretched, and there are neither seams nor meshes that cannot be unwrapped.
 """
 
 from __future__ import annotations

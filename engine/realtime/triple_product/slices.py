@@ -1,6 +1,6 @@
 """The reflection of a layer as Orbit reads it: BRDF times cosine for a grid of outgoing directions.
 
-Slices stand over the angle of ωo to the normal and its azimuth [Ma06, 3.2 and 3.4]. An isotropic BRDF is the same
+Slices stand over the angle of ωo to the normal and its azimuth [Ma06, 3.2 and 3.3]. An isotropic BRDF is the same
 function turned about the normal, and the sphere has ten symmetries about it, so that slices over 36 degrees of azimuth,
 4.5 apart, serve all of them; one with a grain is the same mirrored across it, and has slices over half a turn.
 
@@ -104,7 +104,7 @@ class Slices:
 
     @cached_property
     def albedo(self) -> NDArray[np.float64]:
-        """Of the matt reflection that sends as much light on [BenArtzi07, sect. 5.3], (3,): 1/π ∫∫ ρ cos cos."""
+        """Of the matt reflection that sends as much light on [BenArtzi07, 5.2.4], (3,): 1/π ∫∫ ρ cos cos."""
         solid_angles = geodesic(self.level).solid_angles[_above(self.level)].astype(np.float32)
         sent = np.einsum("k,paki->pai", solid_angles, self.values).astype(np.float64)
         sent = np.trapezoid(sent, axis=1) / (self.n_columns - 1)
