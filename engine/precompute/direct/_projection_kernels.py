@@ -1,11 +1,11 @@
 """Compiled projection of light onto the bands of one or two curves, point by point.
 
-The loop runs over lights, not over bands: cost O(M) a point [BenArtzi07, code 1]. A light is a triangle; its share of
-a band follows from γ at its centre of brightness and its corners (`_share_kernels`). Near a pole γ is not linear, and
-the triangle is split in four until it is.
+The loop runs over lights, not over bands: a point costs O(M) for M lights [BenArtzi07, code 1]. A light is a triangle.
+Its share of a band follows from γ at its centre of brightness and at its corners (`_share_kernels`). Near the axis of a
+cone γ is not linear, and the triangle is split in four until it is.
 
-Arguments come in groups (the named tuples below), which cost nothing in compiled code. Directions are stored axis by
-axis, (3, N), so that loops over them are vector loops.
+Arguments come in named tuples, which cost nothing in compiled code. Directions are stored axis by axis, (3, N), so that
+the compiler vectorises the loops over them.
 """
 
 from typing import NamedTuple
@@ -20,16 +20,17 @@ from engine.precompute.direct._share_kernels import Spots, make_spots, mean_and_
 from engine.precompute.direct._split_kernels import LEAVES, MAX_DEPTH, SPREAD, is_curved, split
 from engine.precompute.direct._visible_kernels import gather_local, list_visible, set_frame, to_local
 
-# Leaves of split lights, and pieces of wide ones, that are listed at a time.
+# Capacity for leaves of split lights, and for pieces of wide ones.
 _ROOM = 4096
-# Lamps have edges, which a highlight shows: there they are split at a smaller bend of γ than the sky.
+# Emitters have edges, which a highlight shows: they are split at a smaller bend of γ than the sky.
 LAMP_SHARPNESS = np.float32(0.2)
 
 
 class SkyLights(NamedTuple):
-    """M triangle lights over N corner directions: directions (3, N), corners (M, 3), sizes (M,) longest edge, radians,
-    centres (3, M), colours (M, 3) radiance times solid angle; first, n_bits, fine (M,): see `list_visible`; rows (M,)
-    in the tree (N, 6) that they were cut from: colour and centre of each triangle, 4 r + 20 to 4 r + 23 in row r."""
+    """M triangle lights over N corner directions: directions (3, N), corners (M, 3), sizes (M,) longest edge in
+    radians, centres (3, M), colours (M, 3) radiance times solid angle; first, n_bits, fine (M,): see `list_visible`;
+    rows (M,) of the tree (N, 6) that they were cut from: colour and centre of each triangle, its children in rows 4 r +
+    20 to 4 r + 23."""
 
     directions: np.ndarray
     corners: np.ndarray
@@ -44,9 +45,9 @@ class SkyLights(NamedTuple):
 
 
 class Bits(NamedTuple):
-    """Packed visibility (P, words) of the sphere, of sky lights with bits of their own, and of emitters' leaves; of
-    which the seen share of some is known better: start (P + 1,), node and delta (K,), see
-    `engine.precompute.direct.near_leaves`."""
+    """Packed visibility (P, words) of the sphere, of sky lights with bits of their own, and of emitters' leaves. start
+    (P + 1,), node and delta (K,) refine the visible share of some leaves, see `engine.precompute.direct.near_leaves`.
+    """
 
     sphere: np.ndarray
     fine: np.ndarray
@@ -57,7 +58,7 @@ class Bits(NamedTuple):
 
 
 class ViewedPoints(NamedTuple):
-    """Shading points (P, 3): position, tangent, normal and the direction to the eye."""
+    """Shading points (P, 3): position, tangent, normal and the direction wo to the camera."""
 
     position: np.ndarray
     tangent: np.ndarray
@@ -66,8 +67,9 @@ class ViewedPoints(NamedTuple):
 
 
 class Optics(NamedTuple):
-    """A layer: model and angle numbers, quotient parameters q (8,), bands (J, K), how many bands γ may bend over a
-    light before it is split; where the quotients of each colour are looked up, 0 for a model that has one for all."""
+    """A layer's reflection: model and angle numbers, quotient parameters q (8,), bands (J, K); tolerance: how many
+    bands γ may bend over a light before it is split; tints: number of the look-up of quotients per colour channel, 0
+    for a model with one quotient for all."""
 
     model: int
     q: np.ndarray
@@ -80,7 +82,7 @@ class Optics(NamedTuple):
 
 
 class EncodedTile(NamedTuple):
-    """Where a tile's bands are written: see `bandstore`."""
+    """Output arrays for a tile's bands, see `bandstore`."""
 
     scale: np.ndarray
     first: np.ndarray
@@ -90,9 +92,9 @@ class EncodedTile(NamedTuple):
 
 
 class _Scratch(NamedTuple):
-    """Room for one point: corner directions x, y, z; centres cx, cy, cz and sizes of what is listed in `spots`; which
-    row of the tree a leaf has its colour of and what share; colours of lights and, behind them, of leaves, also times
-    those of the quotient."""
+    """Working memory for one point: corner directions x, y, z; centres cx, cy, cz and sizes of the lights listed in
+    `spots`; row and above: the tree row of a leaf's colour and the leaf's share of it; colours of lights and, behind
+    them, of leaves; tinted: those colours times the quotient."""
 
     x: np.ndarray
     y: np.ndarray
@@ -117,7 +119,7 @@ class _Scratch(NamedTuple):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _mark_curved(kind, scale, tolerance, sizes, mean, curved):
-    """Mark the lights over which a cone is curved."""
+    """Marks the lights over which a cone angle is curved."""
     rate = slope(kind)
     for i in range(mean.shape[0]):
         curved[i] |= np.int32(is_curved(sizes[i] * rate, mean[i], scale, tolerance))
@@ -125,10 +127,10 @@ def _mark_curved(kind, scale, tolerance, sizes, mean, curved):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _mean_and_spread(kind, sizes, gammas, corners, lights, n_whole, mean, spread):
-    """Mean and spread of γ over each spot, in radians; mean: γ at its centre before.
+    """Mean and spread of γ over each spot, in radians; mean holds γ at the spot's centre on entry.
 
-    For a cone both follow from the spot's size, see `_split_kernels`, and so they do for leaves, which begin at
-    n_whole: there γ is all but a cone; else the spread from the corners of the light.
+    For a cone angle both follow from the spot's size, see `_split_kernels`. The same holds for leaves, which begin at
+    n_whole: over a leaf every γ is nearly a cone. Otherwise the spread follows from the corners of the light.
     """
     rate, first = slope(kind), 0 if is_cone(kind) else n_whole
     for i in range(first, mean.shape[0]):
@@ -141,10 +143,11 @@ def _mean_and_spread(kind, sizes, gammas, corners, lights, n_whole, mean, spread
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _split_curved(corners, rows, tree, n_lights, scale_a, scale_b, optics, frame, ox, oy, oz, scratch):
-    """List the leaves of curved lights behind the others, n_lights, and take the lights themselves out; the new number.
+    """Appends the leaves of curved lights behind the first n_lights, and gives the lights themselves weight 0; returns
+    the new number.
 
-    Each leaf has its own colour, behind those of the lights, and its own centre of brightness, as far down as the tree
-    goes; pieces of suns (row -1) are even. Where the list is full the rest stays whole.
+    Each leaf has its own colour, stored behind those of the lights, and its own centre of brightness, as deep as the
+    tree goes. Pieces of sun lights (row -1) are uniform. Lights stay whole once the list is full.
     """
     stack, lights, weights, sizes, curved = (
         scratch.stack, scratch.spots.light, scratch.spots.weight, scratch.sizes, scratch.curved
@@ -153,10 +156,12 @@ def _split_curved(corners, rows, tree, n_lights, scale_a, scale_b, optics, frame
     leaves = (scratch.cx, scratch.cy, scratch.cz, sizes, scratch.row, scratch.above)
     colours, n_rows, n_colours = scratch.colours, tree.shape[0], rows.shape[0]
     for i in range(n_lights):
+        # Skip lights that are not curved or lie below the horizon.
         if curved[i] == 0 or scratch.cz[i] <= -sizes[i] or n > most:
             continue
         m, first, weight, size = lights[i], n, weights[i], sizes[i]
         has_tree = n_rows > 0 and rows[m] >= 0
+        # Split the triangle until γ is linear over each leaf.
         for corner in range(3):
             v = corners[m, corner]
             stack[0, corner, 0], stack[0, corner, 1], stack[0, corner, 2] = x[v], y[v], z[v]
@@ -164,6 +169,7 @@ def _split_curved(corners, rows, tree, n_lights, scale_a, scale_b, optics, frame
             stack, scratch.depths, scratch.below, rows[m], size, scale_a, scale_b, optics,
             n_rows if has_tree else np.int64(0), ox, oy, oz, leaves, n,
         )  # fmt: skip
+        # Colour and centre of a leaf: those of its own node, or a share of the deepest node above it.
         for leaf in range(first, n):
             row, share, own = scratch.row[leaf], scratch.above[leaf] * scratch.above[leaf], n_colours + leaf - n_lights
             for channel in range(3):
@@ -180,11 +186,12 @@ def _split_curved(corners, rows, tree, n_lights, scale_a, scale_b, optics, frame
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _project_lights(bands, corners, sizes, rows, tree, n_directions, n_lights, optics, frame, ox, oy, oz, scratch):
-    """Add the listed lights to bands (J, K, 3): T_jk += V L ρ_q cosθ ΔΩ Δ_mj Δ_mk [BenArtzi07, eq. 4.15].
+    """Adds the listed lights to bands (J, K, 3): U_jk += V L ρ_q cosθ ΔΩ Δ_mj Δ_mk [BenArtzi07, eq. 4.15].
 
-    scratch holds the local corner directions (x, y, z), the lights listed, their colours, weights (visible share) and
-    centre directions (cx, cy, cz); (ox, oy, oz) is the local eye direction. The mean of γ over a light is taken as γ at
-    its centre of brightness: that takes out the first-order error of a light that is brighter on one side.
+    scratch holds the local corner directions (x, y, z), the listed lights, their colours, weights (visible share) and
+    centre directions (cx, cy, cz). (ox, oy, oz) is the local direction to the camera. γ at a light's centre of
+    brightness serves as its mean over the light, which removes the first-order error of a light that is brighter on one
+    side.
     """
     spots, q, two, n, colours = scratch.spots, optics.q, optics.n_b > 1, n_lights, scratch.colours
     x, y, z = scratch.x[:n_directions], scratch.y[:n_directions], scratch.z[:n_directions]
@@ -193,6 +200,7 @@ def _project_lights(bands, corners, sizes, rows, tree, n_directions, n_lights, o
     listed, lights, curved = scratch.sizes, spots.light, scratch.curved[:n]
     for i in range(n):
         listed[i], curved[i] = sizes[lights[i]], np.int32(0)
+    # γ_A and γ_B at the lights' centres and, unless they are cones, at the corners; mark lights to split.
     fill_gammas(optics.kind_a, q, cx[:n], cy[:n], cz[:n], ox, oy, oz, mean_a)
     _mark_curved(optics.kind_a, scale_a, optics.tolerance, listed, mean_a[:n], curved)
     if not is_cone(optics.kind_a):
@@ -202,7 +210,9 @@ def _project_lights(bands, corners, sizes, rows, tree, n_directions, n_lights, o
         _mark_curved(optics.kind_b, scale_b, optics.tolerance, listed, mean_b[:n], curved)
         if not is_cone(optics.kind_b):
             fill_gammas(optics.kind_b, q, x, y, z, ox, oy, oz, scratch.gammas_b)
+    # Split curved lights into leaves.
     n = _split_curved(corners, rows, tree, n_lights, scale_a, scale_b, optics, frame, ox, oy, oz, scratch)
+    # Weights: visible share times ρ_q cosθ, or per channel where the quotient is coloured.
     if optics.tints != 0:
         tint(
             optics.tints, q, lights, cx[:n], cy[:n], cz[:n], ox, oy, oz, spots.weight, colours, scratch.quotients,
@@ -211,18 +221,20 @@ def _project_lights(bands, corners, sizes, rows, tree, n_directions, n_lights, o
         colours = scratch.tinted
     else:
         weigh(optics.model, q, cx[:n], cy[:n], cz[:n], ox, oy, oz, spots.weight)
+    # γ at the leaves' centres, then mean and spread of γ over every spot.
     lx, ly, lz = cx[n_lights:n], cy[n_lights:n], cz[n_lights:n]
     fill_gammas(optics.kind_a, q, lx, ly, lz, ox, oy, oz, mean_a[n_lights:n])
     _mean_and_spread(optics.kind_a, listed, scratch.gammas_a, corners, lights, n_lights, mean_a[:n], spots.spread_a)
     if two:
         fill_gammas(optics.kind_b, q, lx, ly, lz, ox, oy, oz, mean_b[n_lights:n])
         _mean_and_spread(optics.kind_b, listed, scratch.gammas_b, corners, lights, n_lights, mean_b[:n], spots.spread_b)
+    # The shares Δ_mj Δ_mk of the bands, with the weighted colours [BenArtzi07, eq. 4.12 and 4.15].
     share_out(bands, colours, n, spots, scale_a, scale_b)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _with_lamp_sharpness(optics):
-    """As a layer takes lamps: their edges show in a highlight, where the sky's cut is even."""
+    """The optics for emitters: their edges show in a highlight, whereas the sky is cut evenly."""
     tolerance = optics.tolerance * LAMP_SHARPNESS if is_highlight(optics.kind_a) else optics.tolerance
     return Optics(
         optics.model, optics.q, optics.kind_a, optics.kind_b, optics.n_a, optics.n_b, tolerance, optics.tints
@@ -231,8 +243,8 @@ def _with_lamp_sharpness(optics):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _copy_colours(colours, out):
-    """Into the first rows. One by one: for whole arrays the compiler makes the words of an error that they may raise,
-    which takes as long as the rest of a kernel."""
+    """Copies colours into the first rows, element by element: for whole-array assignment the compiler generates error
+    messages, which takes as long to compile as the rest of a kernel."""
     for m in range(colours.shape[0]):
         for channel in range(3):
             out[m, channel] = colours[m, channel]
@@ -255,7 +267,8 @@ def _make_scratch(n_directions, n_lights):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def project_tile(rows, surface, sky, emitters, bits, optics, trim, encoded):
-    """Project all lights for one layer at the points `rows` and encode them; returns the number of values written."""
+    """Projects all lights onto the bands of one layer at the points `rows` and encodes them; returns the number of
+    values written."""
     n_sky, n_sky_corners = sky.corners.shape[0], sky.directions.shape[1]
     cut, no_tree = make_cut(emitters.child.shape[0], emitters.n_roots), np.empty((0, 6), np.float32)
     n_most = cut.sizes.shape[0]
@@ -265,15 +278,17 @@ def project_tile(rows, surface, sky, emitters, bits, optics, trim, encoded):
     bands = np.empty((optics.n_a + 2, optics.n_b + 2 if optics.n_b > 1 else 1, 3), np.float32)
     frame = np.empty((3, 3), np.float32)
     cells, maxima = np.empty((optics.n_a, optics.n_b), np.float32), np.empty(optics.n_a, np.float32)
-    written = np.int64(0)  # a literal would be a type of its own, and have `encode_bands` compiled twice
+    written = np.int64(0)  # a literal would have its own type, and `encode_bands` would be compiled twice
     for i in range(rows.shape[0]):
         r = rows[i]
+        # Local frame, and the direction to the camera in it.
         set_frame(surface.tangent[r], surface.normal[r], frame)
         wo = surface.wo[r]
         ox = frame[0, 0] * wo[0] + frame[0, 1] * wo[1] + frame[0, 2] * wo[2]
         oy = frame[1, 0] * wo[0] + frame[1, 1] * wo[1] + frame[1, 2] * wo[2]
         oz = frame[2, 0] * wo[0] + frame[2, 1] * wo[1] + frame[2, 2] * wo[2]
         bands[:] = np.float32(0.0)
+        # Sky: list the visible lights with their visible shares, then project them.
         if n_sky > 0:
             n = list_visible(bits.sphere[r], bits.fine[r], sky.first, sky.n_bits, sky.fine, lights, weights)
             to_local(sky.directions, frame, s.x, s.y, s.z)
@@ -283,6 +298,7 @@ def project_tile(rows, surface, sky, emitters, bits, optics, trim, encoded):
             _project_lights(
                 bands, sky.corners, sky.sizes, sky.rows, sky.tree, n_sky_corners, n, optics, frame, ox, oy, oz, s
             )
+        # Emitters: cut the tree for this point, then project the nodes of the cut.
         if n_most > 0:
             near = (bits.node, bits.delta, bits.start[r], bits.start[r + 1])
             n = cut_emitters(
@@ -292,6 +308,7 @@ def project_tile(rows, surface, sky, emitters, bits, optics, trim, encoded):
             for k in range(n):
                 lights[k] = cut.rows[k]
             _project_lights(bands, cut.corners, cut.sizes, cut.rows, no_tree, 3 * n, n, sharp, frame, ox, oy, oz, s)
+        # Trim and encode the bands of the point.
         encoded.start[i] = written
         written = encode_bands(bands[: optics.n_a, : optics.n_b], trim, cells, maxima, encoded, i, written)
     return written

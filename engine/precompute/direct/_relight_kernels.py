@@ -1,6 +1,8 @@
-"""Compiled rows of reflection over a lighting basis: made once for a material, multiplied by the light in every frame.
+"""Compiled rows of reflection over a lighting basis, computed once per material and multiplied by the light in every
+frame.
 
-A row holds what a point reflects of each spherical Haar wavelet of light [Ma06, 3.1], as far as it matters.
+A row holds the reflection at a point of each spherical Haar wavelet of the light [Ma06, 3.1], for the terms that
+matter.
 """
 
 from typing import NamedTuple
@@ -12,13 +14,13 @@ from engine.precompute.direct._angle_kernels import HALF_PI, fill_gammas, tint, 
 from engine.precompute.direct._visible_kernels import gather_local, set_frame
 from engine.sphere.haar import N_ROOTS
 
-# Values of a row are fractions of its largest.
+# Values of a row are stored as fractions of its largest, in so many steps.
 STEPS = np.float32(32767.0)
 
 
 class TriangleParts(NamedTuple):
-    """The sphere's T triangles whole, and behind them in n parts each: centres (3, T (1 + n)), shares of their
-    triangle's solid angle and which triangle that is, (T (1 + n),)."""
+    """The T triangles of the sphere, followed by their n children each: centres (3, T (1 + n)); shares of the parent's
+    solid angle and index of the parent, (T (1 + n),)."""
 
     centres: np.ndarray
     shares: np.ndarray
@@ -26,9 +28,10 @@ class TriangleParts(NamedTuple):
 
 
 class Reflection(NamedTuple):
-    """A layer under its curves: model and angle numbers, quotient parameters q (8,), where the quotients of each colour
-    are looked up or 0; both curves at even steps from 0 to π/2, (S + 1, C), C = 1 where all colours are alike, the
-    second at one where there is none; and at which steps they bend within a triangle, (S + 1,)."""
+    """A layer's reflection with its curves: model and angle numbers, quotient parameters q (8,); tints: number of the
+    look-up of quotients per colour channel, or 0; both curves at even steps from 0 to π/2, (S + 1, C), C = 1 where all
+    channels are equal, the second of one step where there is none; bends_a, bends_b (S + 1,): the steps at which a
+    curve varies within a triangle."""
 
     model: int
     q: np.ndarray
@@ -42,7 +45,7 @@ class Reflection(NamedTuple):
 
 
 class _Scratch(NamedTuple):
-    """Room for the parts that one point sees, and for its row."""
+    """Working memory for the triangle parts that one point sees, and for its row."""
 
     listed: np.ndarray
     order: np.ndarray
@@ -61,8 +64,8 @@ class _Scratch(NamedTuple):
 
 
 class LightRowArrays(NamedTuple):
-    """Rows of P points with N terms in all: where each begins (P + 1,), scales (P,); of each term the wavelet's number
-    and its coefficients (N, C), scale · value / 32767."""
+    """Rows of P points with N terms in all: start (P + 1,) of each row, scale (P,); the wavelet number of each term
+    (N,) and its coefficients (N, C) as scale · value / 32767."""
 
     start: np.ndarray
     scale: np.ndarray
@@ -72,7 +75,7 @@ class LightRowArrays(NamedTuple):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _times_curve(curve, gamma, reflected):
-    """reflected (n, C) *= the curve at γ (n,)."""
+    """Multiplies reflected (n, C) by the curve at γ (n,), linearly interpolated."""
     n_steps = curve.shape[0] - 1
     scale = np.float32(n_steps) / HALF_PI
     for i in range(gamma.shape[0]):
@@ -85,10 +88,11 @@ def _times_curve(curve, gamma, reflected):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _to_wavelets(values, coefficients):
-    """`haar.forward` of values (T, C) of one level, which are used up."""
+    """`haar.forward` of values (T, C) of one level; overwrites the values."""
     n = values.shape[0]
     while n > N_ROOTS:
         n //= 4
+        # One level: three wavelet coefficients of each four siblings, and their mean as the parent's value.
         for t in range(n):
             for c in range(values.shape[1]):
                 p, q, r, s = values[4 * t, c], values[4 * t + 1, c], values[4 * t + 2, c], values[4 * t + 3, c]
@@ -114,7 +118,7 @@ def _make_scratch(n_triangles, n_all, n_channels):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _list_visible(words, n_triangles, listed):
-    """The triangles that a point sees; their number."""
+    """Lists the triangles that a point sees; returns their number."""
     n = 0
     for t in range(n_triangles):
         listed[n] = t
@@ -124,7 +128,8 @@ def _list_visible(words, n_triangles, listed):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _part_bending(kind, bends, q, ox, oy, oz, n_triangles, n_seen, n, s):
-    """Put the parts in the place of those of the n_seen triangles over which the curve bends, behind the n listed."""
+    """Replaces those of the n_seen triangles over which the curve bends by their parts, appended behind the n listed;
+    returns the new number."""
     n_parts = s.listed.shape[0] // n_triangles - 1
     fill_gammas(kind, q, s.x[:n_seen], s.y[:n_seen], s.z[:n_seen], ox, oy, oz, s.gamma)
     scale = np.float32(bends.shape[0] - 1) / HALF_PI
@@ -140,7 +145,7 @@ def _part_bending(kind, bends, q, ox, oy, oz, n_triangles, n_seen, n, s):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _compact_listed(n, listed):
-    """Close the gaps; how many there are."""
+    """Removes the gaps; returns the remaining number."""
     kept = 0
     for k in range(n):
         listed[kept] = listed[k]
@@ -150,15 +155,17 @@ def _compact_listed(n, listed):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _reflect(words, wo, parts, reflection, s):
-    """Fill s.values (T, C): ρ cosθ, its mean over each triangle of the sphere that the point sees.
+    """Fills s.values (T, C) with ρ V cosθ, averaged over each triangle of the sphere.
 
     Triangles over which a curve bends are averaged over their parts.
     """
     q, frame, n_triangles, n_channels = reflection.q, s.frame, s.values.shape[0], s.values.shape[1]
+    # Direction to the camera in the local frame.
     ox = frame[0, 0] * wo[0] + frame[0, 1] * wo[1] + frame[0, 2] * wo[2]
     oy = frame[1, 0] * wo[0] + frame[1, 1] * wo[1] + frame[1, 2] * wo[2]
     oz = frame[2, 0] * wo[0] + frame[2, 1] * wo[1] + frame[2, 2] * wo[2]
     two = reflection.curve_b.shape[0] > 1
+    # List visible triangles; replace those over which a curve bends by their parts.
     n_seen = _list_visible(words, n_triangles, s.listed)
     gather_local(parts.centres, s.listed, n_seen, frame, s.x, s.y, s.z)
     n = _part_bending(reflection.kind_a, reflection.bends_a, q, ox, oy, oz, n_triangles, n_seen, n_seen, s)
@@ -168,6 +175,7 @@ def _reflect(words, wo, parts, reflection, s):
         n = _compact_listed(n, s.listed)
         gather_local(parts.centres, s.listed, n, frame, s.x, s.y, s.z)
     x, y, z, weights, gamma, reflected = s.x[:n], s.y[:n], s.z[:n], s.weights[:n], s.gamma[:n], s.reflected[:n]
+    # ρ_q cosθ times each part's share of its triangle.
     for k in range(n):
         weights[k] = parts.shares[s.listed[k]]
     if reflection.tints != 0:
@@ -177,11 +185,13 @@ def _reflect(words, wo, parts, reflection, s):
     for k in range(n):
         for c in range(n_channels):
             reflected[k, c] = weights[k] * s.tinted[k, c] if reflection.tints != 0 else weights[k]
+    # Times the curves f_A(γ_A) and f_B(γ_B) [BenArtzi07, eq. 3.1].
     fill_gammas(reflection.kind_a, q, x, y, z, ox, oy, oz, gamma)
     _times_curve(reflection.curve_a, gamma, reflected)
     if two:
         fill_gammas(reflection.kind_b, q, x, y, z, ox, oy, oz, gamma)
         _times_curve(reflection.curve_b, gamma, reflected)
+    # Sum the parts of each triangle.
     s.values[:] = np.float32(0.0)
     for k in range(n):
         if z[k] > np.float32(0.0):
@@ -191,7 +201,7 @@ def _reflect(words, wo, parts, reflection, s):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _append_terms(coefficients, effects, least, number, value, written):
-    """Append the terms of a row that come to more than `least`; how many there are in all, and the row's scale."""
+    """Appends the terms of a row whose effect exceeds `least`; returns the total number of terms and the row's scale."""
     first, largest = written, np.float32(0.0)
     for t in range(effects.shape[0]):
         size = np.float32(0.0)
@@ -201,6 +211,7 @@ def _append_terms(coefficients, effects, least, number, value, written):
             number[written] = t
             largest = max(largest, size)
             written += 1
+    # Quantise relative to the largest coefficient.
     per = STEPS / largest if largest > np.float32(0.0) else np.float32(0.0)
     for k in range(first, written):
         for c in range(value.shape[1]):
@@ -210,10 +221,10 @@ def _append_terms(coefficients, effects, least, number, value, written):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def fill_rows(points, surface, bits, parts, reflection, effects, least, rows):
-    """Write the rows of `points`, of which `rows` has room for all terms; how many there are.
+    """Writes the rows of `points` into `rows`, which has room for all terms; returns the number of terms.
 
-    bits (P, words): which triangles a point sees. effects (T,): what a coefficient of 1 in this wavelet comes to in the
-    picture; terms that come to less than `least` are left out.
+    bits (P, words): the triangles that each point sees. effects (T,): the effect on the picture of a coefficient of 1
+    in each wavelet; terms with less effect than `least` are dropped.
     """
     s = _make_scratch(effects.shape[0], parts.shares.shape[0], rows.value.shape[1])
     written = np.int64(0)

@@ -1,16 +1,16 @@
-"""Band transport of one layer, kept small: rows of U_jk as shared-exponent colours.
+"""Stores the band transport of one layer compactly: rows of U_jk as shared-exponent colours.
 
-For P points, J bands of factor A and K bands of factor B (K = 1 when the layer has one curve):
+For P points, J bands of factor A and K bands of factor B (K = 1 for a layer with one curve):
 
-- `scale` (P,) float32: the largest entry of the point; all others are stored relative to it, so that bright and dark
-  points, suns and shadows, keep the same precision whatever the light's unit.
-- `first`, `count` (P, J) uint8: which k a row holds. A light spans few bands, so a row is one short run.
-- `start` (P,) int64: where the point's run begins in `values`; `values` (N,) uint32, nine bits a channel and a shared
+- `scale` (P,) float32: the largest entry of the point. All others are stored relative to it, so that bright and dark
+  points, sunlit and in shadow, have the same precision whatever the light's unit.
+- `first`, `count` (P, J) uint8: the range of k that a row holds. A light spans few bands, so a row is one short run.
+- `start` (P,) int64: where the point's run begins in `values`. `values` (N,) uint32: nine bits per channel and a shared
   five-bit exponent (error ≤ 2⁻⁹ of the entry's largest channel, random in sign).
 
 Compared on a 512×512 teapot on a tray: float32 matrices need 12 bytes an entry and every entry, half floats with a
-16-bit column index 8 bytes an entry; this needs 4 and two bytes a row. Entries are never negative (light, visibility
-and BRDF are not), which is why they are kept as bands and transformed to wavelets on the way out.
+16-bit column index 8 bytes an entry; this needs 4 and two bytes a row. Entries are never negative (nor are light,
+visibility and BRDF), which is why they are stored as bands and transformed to wavelets on export.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -27,7 +27,7 @@ from engine.precompute.direct import _plane_kernels as plane_kernels
 
 @dataclass(frozen=True)
 class BandTile:
-    """Encoded transport of consecutive points; the fields are described above. `begin` is the first point's index."""
+    """Encoded transport of consecutive points, see the module's docstring. `begin` is the first point's index."""
 
     begin: int
     scale: np.ndarray
@@ -56,8 +56,8 @@ class BandTile:
 
 @dataclass(frozen=True, eq=False)
 class Planes:
-    """Transport along one curve: numbers (J, P, 3), the largest |number| (J,) and the sums of squares (J, 3) of each
-    plane before rounding, and the picture, radiance (P, 3)."""
+    """Transport along one curve: numbers (J, P, 3); the largest |number| (J,) and the sums of squares (J, 3) of each
+    plane before rounding; and the picture, radiance (P, 3)."""
 
     numbers: np.ndarray
     radiance: np.ndarray
@@ -85,11 +85,12 @@ class BandStore:
         self, factor: int, coefficients: tuple[np.ndarray, np.ndarray], inverse: np.ndarray,
         dtype: type[np.floating], wavelet: bool = True,
     ) -> Planes:  # fmt: skip
-        """Transport of one factor with the other at rest, T = c_Bᵀ U or U c_A [BenArtzi07, eq. 4.16], with all else
-        that one pass can give; coefficients are those of both factors, (J, 3) and (K, 3).
+        """Transport of one factor with the other curve fixed, T = c_Bᵀ U or U c_A [BenArtzi07, eq. 4.16], with what
+        else one pass can compute. coefficients: those of both factors, (J, 3) and (K, 3).
 
-        factor 0 keeps A, 1 keeps B. `numbers` come coefficients first: Daubechies-4 when `wavelet`, else bands.
-        inverse (J or K,): what each plane is multiplied by; dtype: float16 or float32.
+        factor: 0 for the planes of A, 1 for those of B. `numbers` are ordered coefficient first: Daubechies-4 wavelets
+        if `wavelet`, else bands. inverse (J or K,): the factor that each plane is multiplied by; dtype: float16 or
+        float32. Raises ValueError for coefficients of other shapes.
         """
         found, expected = [c.shape for c in coefficients], [(n, 3) for n in self.bands]
         if found != expected:
@@ -114,10 +115,10 @@ class BandStore:
         return Planes(numbers, radiance, maxima.max(axis=0, initial=0.0).astype(np.float64), squares.sum(axis=0))
 
     def thin(self, n_points: int) -> "BandStore":
-        """About `n_points` of the points, evenly, or all where there are fewer; for a look at what is in the store.
+        """About `n_points` of the points, evenly spaced, or all where there are fewer; for statistics of the store.
 
-        They are packed anew, in a tile for each of two threads: three points from each of 300 tiles, left where they
-        are, took as long as a fifth of the whole store.
+        They are packed anew, in a tile for each of two threads: reading three points from each of 300 tiles in place
+        took as long as a fifth of the whole store.
         """
         step = self.n_points // n_points
         if step < 2:
@@ -140,7 +141,7 @@ class BandStore:
         return store_from_arrays(self.bands, arrays, -(-len(ends) // 2))
 
     def radiance(self, coefficients_a: np.ndarray, coefficients_b: np.ndarray) -> np.ndarray:
-        """The layer's picture Σ_jk c_j c_k U_jk, (P, 3) float32."""
+        """The layer's picture Σ_jk c_j c_k U_jk, (P, 3) float32 [BenArtzi07, eq. 4.13]."""
         out = np.empty((self.n_points, 3), np.float32)
         c_a, c_b = np.ascontiguousarray(coefficients_a, np.float32), np.ascontiguousarray(coefficients_b, np.float32)
         on_threads(
@@ -156,9 +157,10 @@ class BandStore:
 def arrays_in_pieces(
     bands: tuple[int, int], n_points: int, n_values: Sequence[int], part: Callable[[int], Arrays]
 ) -> dict[str, ArrayInPieces]:
-    """A whole layer as five arrays, for a file that `arrays_of_file` reads; none of them is whole in memory.
+    """A whole layer as five arrays, for a file that `arrays_of_file` reads; they are written piece by piece and never
+    whole in memory.
 
-    part: the arrays of its tiles by number, `BandTile.arrays`; n_values: how many values each of them has.
+    part: the arrays of a tile by its number, `BandTile.arrays`; n_values: the number of values of each tile.
     """
     offsets = np.cumsum([0, *n_values])
 
@@ -181,9 +183,9 @@ def arrays_in_pieces(
 
 
 def arrays_of_file(bands: tuple[int, int], n_points: int, arrays: Arrays) -> dict[str, np.ndarray]:
-    """Copies of the five arrays of P points, of a store or a tile, as they come from a file.
+    """Copies of the five arrays of P points, of a store or a tile, from a file.
 
-    Raises UnsoundArrays where a row would be read from beyond the values.
+    Raises UnsoundArrays where a row would read beyond the values.
     """
     reader = ArrayReader(arrays, P=n_points, J=bands[0] if bands[1] > 1 else 0)
     scale, values = reader.take("scale", np.float32, "P"), reader.take("values", np.uint32, "N")

@@ -1,12 +1,12 @@
-"""Light as the projection wants it: a cut of sky triangles and a tree of emitters, with what visibility asks of each.
+"""Prepares light for the projection: a cut of sky triangles, a tree of emitters, and their visibility targets.
 
-Sky lights coarser than the visibility level see the fraction of their visible descendants (softer, truer than one
-ray); lights finer than it get directions of their own, traced once for this cut. Measured on the reference tea tray
-with 4,000 lights: 2.5 % error with the level-4 bits alone, 0.9 % with own rays for the 800 finest lights, 1.1 % with
-the whole sphere at level 5, which costs four times the rays.
+A sky light coarser than the visibility level sees the visible fraction of its descendants (softer and more accurate
+than one ray). A finer light has its own direction, traced once for this cut. Measured on the reference tea tray with
+4,000 lights: 2.5 % error with the level-4 bits alone, 0.9 % with own rays for the 800 finest lights, 1.1 % with the
+whole sphere at level 5, which costs four times the rays.
 
 Radiance is divided by `unit`, the light's mean radiance, so that transport has the same range whatever the light's
-unit; the picture is multiplied back.
+unit. The picture is multiplied by it at the end.
 """
 
 import math
@@ -22,23 +22,24 @@ from engine.precompute.direct._projection_kernels import SkyLights
 from engine.visibility.targets import VISIBILITY_LEVEL, Targets
 
 FLOOD_NEIGHBOURS = 6
-# Those among which a leaf is held to lie at the edge of what is seen: six miss most of what bars leave.
+# Neighbours among which a leaf counts as lying at the edge of the visible part: six miss most of what bars leave.
 BESIDE = 12
 LEAF_SENTINELS = 16
-# Where fewer than four inform a point, at the picture's border and at silhouettes, one leaf of so many is looked at. By
-# one of 16, five points of a room lit through a gap lost a quarter of its light, and were half of the picture's error.
+# Where fewer than four samples inform a point, at the picture's border and at silhouettes, one leaf in so many is
+# traced. With one in 16, five points of a room lit through a gap lost a quarter of its light and made up half of the
+# picture's error.
 WEAK_SENTINELS = 4
-# Leaves may stand beside one another that face as nearly the same way as this.
+# The least cosine between the normals of leaves that count as neighbours.
 BESIDE_COSINE = 0.9
 FINE_SENTINELS = 4
-# Above so many points a tree finds neighbours sooner than all pairs do, the import of its library (0.3 s) included.
+# Above so many points a k-d tree finds neighbours faster than all pairs do, the import of its library (0.3 s) included.
 TREE_PAYS_FROM = 2048
 _PAIRS_AT_ONCE = 1 << 22
 
 
 @dataclass(frozen=True)
 class Lighting:
-    """All light of a scene in units of `unit` (radiance), and the targets whose visibility it needs.
+    """All light of a scene in units of `unit` (radiance), and the targets whose visibility it requires.
 
     tolerance: how many bands γ may bend over a light before the light is split.
     """
@@ -55,9 +56,9 @@ def prepare_lighting(
     sky: TriangleLights | None, emitters: EmitterTree | None, tolerance: float, own_rays: bool = False,
     scale: float = 1.0,
 ) -> Lighting:  # fmt: skip
-    """Gather sky, `scale` times as bright as it is, and emitters; either may be missing, both missing is a dark scene.
+    """Combines the sky, scaled by `scale`, and the emitters. Either may be missing; without both the scene is dark.
 
-    own_rays: trace every sky light by its centre, so that the sphere's visibility is not needed.
+    own_rays: trace every sky light through its centre, so that the sphere's visibility is not required.
     """
     unit = mean_radiance(sky, None if emitters is None else emitters.leaves, scale)
     sky_lights, fine_targets = _sky(sky, unit / scale if scale > 0.0 else math.inf, own_rays)
@@ -66,7 +67,7 @@ def prepare_lighting(
 
 
 def mean_radiance(sky: TriangleLights | None, patches: EmitterPatches | None, scale: float = 1.0) -> float:
-    """Of a sky that is `scale` times as bright, over the sphere, and of patches; 1 where nothing shines."""
+    """Mean radiance of a sky scaled by `scale`, over the sphere, plus that of patches; 1 where nothing emits."""
     total = 0.0
     if sky is not None:
         total += scale * float(np.mean(np.sum(sky.power, axis=0, dtype=np.float64))) / (4 * np.pi)
@@ -84,7 +85,7 @@ def _sky(sky: TriangleLights | None, unit: float, own_rays: bool) -> tuple[SkyLi
     else:
         sky_power, sky_centre, corners, vertices = sky.power, sky.centre, sky.corners, sky.vertices
         light_level, index = sky.level.astype(np.int64), sky.index.astype(np.int64)
-        # Side by side: they are looked up together, here and there, and a look costs as much as what is done with it.
+        # Side by side, because both are read together at random rows, and a read costs as much as the arithmetic.
         tree = np.concatenate([np.asarray(sky.tree.power / np.float64(unit), np.float32), sky.tree.centre], axis=1)
         rows = sky.rows.astype(np.int64)
     coarse = np.maximum(VISIBILITY_LEVEL - light_level, 0)
@@ -117,7 +118,7 @@ def _sky(sky: TriangleLights | None, unit: float, own_rays: bool) -> tuple[SkyLi
 
 
 def _emitters(tree: EmitterTree | None, unit: float) -> tuple[Emitters, Targets]:
-    """The tree, and one sample of each of its leaves as what visibility asks."""
+    """The emitter tree, and one sample of each of its leaves as visibility target."""
     if tree is None:
         none, nobody = np.zeros((0, 3), np.float32), np.zeros(0, np.int64)
         halves, alone = nobody.astype(np.int32), nearest_neighbours(none)
@@ -162,14 +163,14 @@ def _leaves(tree: EmitterTree, neighbours: np.ndarray) -> Leaves:
 
 
 def _block(middles: np.ndarray, squares: np.ndarray) -> tuple[float, ...]:
-    """Middle, radius with room for rounding, and longest edge, squared, of leaves with middles (K, 3)."""
+    """Centre, radius with room for rounding, and squared longest edge, of leaves with centres (K, 3)."""
     middle = middles.mean(axis=0, dtype=np.float64)
     radius = float(np.linalg.norm(middles - middle, axis=1).max())
     return *middle, 1.0001 * radius + 1e-6, float(squares.max())
 
 
 def _around(leaves: np.ndarray, n_rows: int) -> Around:
-    """Those leaves that stand in each n_rows rows of leaves (M, K), in which -1 is none."""
+    """The neighbouring leaves of each group of n_rows rows of leaves (M, K), as bit masks; -1 marks none."""
     n_things, n_words = -(-len(leaves) // n_rows), -(-len(leaves) // 64)
     row, column = np.nonzero(leaves >= 0)
     leaf = leaves[row, column].astype(np.int64)
@@ -187,7 +188,7 @@ def longest_edges(triangles: np.ndarray) -> np.ndarray:
 
 
 def nearest_neighbours(points: np.ndarray, n: int = FLOOD_NEIGHBOURS) -> np.ndarray:
-    """(D, n) int32 indices of the nearest other points, the nearest first, -1 where there are fewer."""
+    """(D, n) int32 indices of the nearest other points, nearest first, -1 where there are fewer."""
     n_points = len(points)
     neighbours = np.full((n_points, n), -1, np.int32)
     k = min(n, n_points - 1)
@@ -204,7 +205,7 @@ def _by_tree(points: np.ndarray, k: int) -> np.ndarray:
 
 
 def _by_pairs(points: np.ndarray, k: int) -> np.ndarray:
-    """Indices (D, k) of the nearest others, ascending; k at most D - 1."""
+    """Indices (D, k) of the nearest other points, nearest first; k at most D - 1."""
     n_points = len(points)
     found = np.empty((n_points, k), np.int64)
     step = max(1, _PAIRS_AT_ONCE // n_points)

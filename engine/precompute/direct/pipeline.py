@@ -1,7 +1,7 @@
-"""The precomputation of one picture: hits, visibility, light, transport, coarse to fine.
+"""The precomputation of one picture, coarse to fine: primary hits, visibility, light, transport.
 
-`Placement` holds what outlives every edit (rays, hits, the sphere's visibility). Its long methods are generators that
-yield the fraction done, so that whoever drives them can show progress, answer other questions, or stop.
+`Placement` holds what no edit invalidates (rays, hits, the sphere's visibility). Its long methods are generators that
+yield the fraction done, so that the caller can show progress, answer other requests, or stop.
 """
 
 from collections.abc import Generator, Iterator, Mapping
@@ -31,10 +31,11 @@ from engine.visibility.targets import VISIBILITY_LEVEL, sphere_targets
 class Quality:
     """How finely a stage computes.
 
-    Every `stride`-th pixel; sky lights; leaves of the tree of emitters; deepest sky triangle; how many bands γ may bend
-    over a light. own_rays: trace the lights of the cut alone, without the sphere's visibility; where that is known all
-    the same, a stage on the way takes it. stays: this picture is the last, which is the same whatever is known by then.
-    sun_level: the level that suns are split to, see `engine.light.triangle_lights`.
+    stride: the stage computes every stride-th pixel; n_lights: sky lights; n_patches: leaves of the emitter tree;
+    max_level: deepest sky triangle; tolerance: how many bands γ may bend over a light. own_rays: trace the lights of
+    the cut alone, without the sphere's visibility; an intermediate stage uses that visibility where it is already
+    known. stays: this picture is the final one, which must not depend on what is already known. sun_level: the level
+    that sun lights are split to, see `engine.light.triangle_lights`.
     """
 
     name: str
@@ -48,36 +49,36 @@ class Quality:
     sun_level: int = 0
 
 
-# One level less takes a tenth of a second from the first picture; its samples are four pixels apart anyway.
+# One level less saves a tenth of a second of the first picture; its samples are four pixels apart anyway.
 COARSE = Quality("coarse", 4, 400, 32, max_level=5)
 PREVIEW = Quality("preview", 1, 400, 32)
-# The sky is summed one level deeper than its lights mostly go: so the centres of brightness of the finest are true, and
-# the built-in tea tray is 0.46 % off the brute-force oracle where it was 0.54 %.
+# The sky is summed one level deeper than most of its lights go, so that the centres of brightness of the finest lights
+# are exact: the error of the built-in tea tray against the brute-force oracle is 0.46 % instead of 0.54 %.
 FINAL = Quality("final", 1, 4000, 768, max_level=7, tolerance=0.5, own_rays=False, stays=True, sun_level=10)
-# While a light is dragged nothing new is traced: the brightest regions make do with the sphere's own bits.
+# While the user drags a light nothing new is traced: the brightest regions use the sphere's own bits.
 DRAG = Quality("drag", 8, 400, 16, VISIBILITY_LEVEL, own_rays=False)
 
 
 def final_quality(settings: RenderSettings) -> Quality:
-    """The last stage of a picture for which this was decided."""
+    """The last stage of a picture with these settings."""
     return replace(FINAL, n_lights=settings.n_lights, n_patches=settings.n_patches, own_rays=not settings.keeps_sphere)
 
 
 @dataclass(frozen=True)
 class SkyState:
-    """The distant light: an environment (or none), turned by `rotation` degrees, times `scale`."""
+    """The distant light: an environment (or none), rotated by `rotation` degrees, times `scale`."""
 
     environment: Environment | None
     rotation: float = 0.0
     scale: float = 1.0
 
 
-# How much of seeing the light is done once the sphere is seen, the sky's brightest parts, and the emitters' leaves.
+# Fractions of the visibility phase done after the sphere, the sky's brightest parts, and the emitters' leaves.
 SPHERE_DONE, FINE_DONE, LEAVES_DONE = 0.6, 0.8, 0.95
 
 
 def _rescale_progress(steps: Iterator[float], begin: float, end: float) -> Iterator[float]:
-    """Fractions of a part as those of the whole."""
+    """Maps the fractions of a part to those of the whole."""
     for fraction in steps:
         yield begin + (end - begin) * fraction
 
@@ -88,8 +89,8 @@ class Placement:
     def __init__(
         self, scene: Scene, caster: RayCaster | None = None, n_edge_rays: int = 0, hits: PrimaryHits | None = None
     ) -> None:
-        """caster: that of the scene's triangles, where there is one already; n_edge_rays: see `trace_primary`; hits:
-        what the camera sees, where it was traced already."""
+        """caster: that of the scene's triangles, if it exists already; n_edge_rays: see `trace_primary`; hits: the
+        primary hits, if traced already."""
         self.scene = scene
         self.caster = caster or RayCaster(scene.vertices, scene.triangles)
         self.hits = trace_primary(scene, self.caster, n_edge_rays=n_edge_rays) if hits is None else hits
@@ -99,11 +100,12 @@ class Placement:
         self._emitters: dict[int, EmitterTree | None] = {}
 
     def at_rows(self, rows: np.ndarray) -> "Placement":
-        """The same with some of its points alone, by ascending rows, and nothing seen."""
+        """The same for some of its points, by ascending rows, with no visibility known."""
         part = copy(self)
         part.hits = self.hits.at(rows)
         part.sphere = empty_visibility(part.hits, self.sphere.targets)
-        # Its lamps are cut for its own points: had it the whole's, these would depend on who came first.
+        # The emitters are cut for its own points: sharing the whole's would make the result depend on the order of
+        # calls.
         part._rows, part._footprints, part._emitters = {}, {}, {}
         return part
 
@@ -120,13 +122,13 @@ class Placement:
         return self._rows[stride]
 
     def footprint(self, stride: int) -> tuple[np.ndarray, np.ndarray]:
-        """Which samples of a lattice stand for each point, see `footprint`."""
+        """The lattice samples that each point interpolates, with weights, see `footprint`."""
         if stride not in self._footprints:
             self._footprints[stride] = footprint(self.hits, self.rows(stride), stride)
         return self._footprints[stride]
 
     def light(self, sky: SkyState, quality: Quality) -> Generator[float, None, VisibleLight]:
-        """Cut the light of a stage and see everything in it; yields how much of that is done."""
+        """Cuts the light of a stage and traces its visibility; yields the fraction done."""
         rows = self.rows(quality.stride)
         own_rays = quality.own_rays and (quality.stays or not self.sphere.done[rows].all())
         cut = None
@@ -155,16 +157,16 @@ class Placement:
         return VisibleLight(lighting, self.sphere, fine, emitters, near.leaves())
 
     def set_emission(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
-        """Give emitters, by name, this radiance from now on, see `Scene.with_emission`."""
+        """Sets the radiance of emitters, by name, see `Scene.with_emission`."""
         self.scene = self.scene.with_emission(emission)
         self._emitters.clear()
 
     def patches(self, n_patches: int) -> EmitterPatches | None:
-        """The scene's emitters cut into about n_patches, or None where nothing shines."""
+        """The scene's emitters cut into about n_patches, or None where nothing emits."""
         return patches_of(self.scene, n_patches)
 
     def emitters(self, n_patches: int) -> EmitterTree | None:
-        """The tree of emitters with about n_patches leaves, for the picture's points; None where nothing shines."""
+        """The emitter tree with about n_patches leaves, for the picture's points; None where nothing emits."""
         if n_patches not in self._emitters:
             self._emitters[n_patches] = emitters_for(self.scene, self.caster, self.hits, n_patches)
         return self._emitters[n_patches]
@@ -177,7 +179,7 @@ class Placement:
 
 
 def patches_of(scene: Scene, n_patches: int) -> EmitterPatches | None:
-    """A scene's emitters cut into about n_patches, or None where nothing shines."""
+    """A scene's emitters cut into about n_patches, or None where nothing emits."""
     shining = (scene.emitters & scene.emission.any(axis=1))[scene.object_of_triangle]
     if not shining.any():
         return None

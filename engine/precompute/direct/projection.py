@@ -1,4 +1,4 @@
-"""From light and visibility to the band transport of a layer, tile by tile [BenArtzi07, ch. 4]."""
+"""Projects light and visibility onto the bands of a layer's curves, tile by tile [BenArtzi07, ch. 4]."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,7 +20,8 @@ TRIM = 4e-3
 
 @dataclass(frozen=True)
 class LayerShape:
-    """What the transport of a layer depends on: model, parameters of the fixed part, bands (J, K); K = 1: one curve."""
+    """What the transport of a layer depends on: model, parameters of the quotient, bands (J, K); K = 1 for a single
+    curve."""
 
     model: str
     quotient_parameters: tuple[float, ...]
@@ -29,7 +30,7 @@ class LayerShape:
 
 @dataclass(frozen=True)
 class VisibleLight:
-    """A lighting with the visibility of everything in it: sphere bits, fine sky lights, emitters' leaves."""
+    """A lighting with the visibility of its lights: sphere bits, fine sky lights, emitters' leaves."""
 
     lighting: Lighting
     sphere: Visibility
@@ -41,9 +42,10 @@ class VisibleLight:
 def project_layer(
     hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, layer: LayerShape, skip: frozenset[int] = frozenset()
 ) -> Iterator[BandTile]:
-    """Transport of one layer at the given rows of `hits`; yields tiles of 256 points in order, one a thread at a time.
+    """Transport of one layer at the given rows of `hits`. Yields tiles of 256 points in order; threads compute one tile
+    each at a time.
 
-    skip: indices of tiles that the caller has already.
+    skip: indices of tiles that the caller already has.
     """
     tiles = [(begin, rows[begin : begin + TILE]) for i, begin in enumerate(range(0, len(rows), TILE)) if i not in skip]
     with pool() as threads:
@@ -52,9 +54,9 @@ def project_layer(
 
 
 def project_points(hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, layer: LayerShape, begin: int) -> BandTile:
-    """One tile; `begin` is the index of its first point among the layer's points."""
+    """Transport of one tile; `begin` is the index of its first point among the layer's points."""
     n_a, n_b = layer.bands
-    rows = np.asarray(rows, np.int32)  # the kernel is compiled for these
+    rows = np.asarray(rows, np.int32)  # the kernel is compiled for int32
     n_points = len(rows)
     model = MODELS[layer.model]
     kind_a = model.factors[0].gamma

@@ -1,14 +1,15 @@
-"""A picture under another distant light, materials and camera as they are: rows over a lighting basis.
+"""Relights a picture by another distant light, with fixed materials and camera: rows over a lighting basis.
 
     B(r) = B(r₀) + K (l(r) − l(r₀))
 
-l are the spherical Haar coefficients of the environment's power over the 5,120 triangles that visibility knows, turned
-by r; K what each point reflects of them, its shadows in it. r₀ is the light that the exact picture was made under
-[BenArtzi07, eq. 7.4]: what turning does not change stays exact, emitters as well, and a turn begins with no jump.
+l holds the spherical Haar coefficients of the environment's power over the 5,120 triangles of the visibility sphere,
+rotated by r. K holds the reflection of each point, including shadows. r₀ is the rotation for which the exact picture
+was computed [BenArtzi07, eq. 7.4]. What does not change with rotation, emitters among it, therefore stays exact, and a
+rotation begins without a jump.
 
-Every point has a row of its own. What is left out of K is chosen by its effect on the picture, |K_xk| times how large
-l_k is while the environment goes round once: so most of a row's terms are where the light is. What that gains, and what
-was measured beside it, stands in docs/relighting.md.
+Every point has its own row. Terms of K are dropped by their effect on the picture: |K_xk| times the RMS of l_k over a
+full rotation of the environment. Most terms of a row therefore lie where the light is. docs/relighting.md compares this
+with the alternatives that were measured.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ Float32Array = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class LightRows:
-    """Rows of the P points of a layer, in tiles."""
+    """The rows of the P points of a layer, in tiles."""
 
     tiles: tuple[kernels.LightRowArrays, ...]
 
@@ -67,7 +68,7 @@ class LightRows:
         return sum(array.nbytes for tile in self.tiles for array in tile)
 
     def lit(self, light: Float32Array) -> Float32Array:
-        """The layer's radiance (P, 3), without f_q and f_o, under a light's coefficients (T, 3)."""
+        """The layer's radiance (P, 3), without f_q and f_o, under a light with coefficients (T, 3)."""
         out = np.zeros((self.n_points, 3), np.float32)
         ends = np.cumsum([len(tile.scale) for tile in self.tiles]).tolist()
         on_threads(
@@ -77,16 +78,18 @@ class LightRows:
 
 
 def light_coefficients(environment: Environment, rotation: float, scale: float = 1.0) -> Float32Array:
-    """l (T, 3): the environment, turned by `rotation` degrees and so many times as bright, in the basis of the rows.
+    """l (T, 3): coefficients of the environment, rotated by `rotation` degrees and scaled by `scale`, in the basis of
+    the rows.
 
-    A wavelet's coefficient is that of the triangles' power, times what its product with a row's sums to.
+    Each is the wavelet coefficient of the triangles' power times the wavelet's measure, so that the product with a row
+    is a plain sum.
     """
     power = triangle_integrals(downsample(environment, SKY_HEIGHT), rotation, VISIBILITY_LEVEL)
     return np.ascontiguousarray(forward(scale * power) * _measures()[:, None], np.float32)
 
 
 def turning_effects(environment: Environment, scale: float = 1.0) -> Generator[None, None, Float32Array]:
-    """How large l_k is, RMS over a whole turn and colours (T,): what a row's coefficient of 1 comes to."""
+    """RMS of l_k over a full rotation and the colour channels, (T,): the effect of a row coefficient of 1."""
     squares = np.zeros(geodesic(VISIBILITY_LEVEL).n_triangles)
     for turn in range(N_TURNS):
         squares += np.mean(light_coefficients(environment, 360.0 * turn / N_TURNS, scale) ** 2, axis=1, dtype=float)
@@ -96,7 +99,7 @@ def turning_effects(environment: Environment, scale: float = 1.0) -> Generator[N
 
 @dataclass(frozen=True, eq=False)
 class RowMaker:
-    """What the rows of all layers are made with. least: the effect below which a term is left out, before f_q."""
+    """Computes the rows of all layers. least: the effect below which a term is dropped, before f_q."""
 
     hits: PrimaryHits
     sphere: Visibility
@@ -104,7 +107,7 @@ class RowMaker:
     least: float = 0.0
 
     def rows(self, layer: Layer, points: NDArray[np.integer]) -> Iterator[kernels.LightRowArrays]:
-        """Rows of a layer at some points, all of them seen, a tile at a time."""
+        """Rows of a layer at the given points, all of them visible to the camera, one tile at a time."""
         reflection, parts = _reflection(layer), _parts()
         least = np.float32(self.least / max(float(layer.scale().max()), 1e-6))
         surface = ViewedPoints(self.hits.position, self.hits.tangent, self.hits.normal, self.hits.wo)
@@ -124,12 +127,13 @@ class RowMaker:
                 yield from threads.map(make, tiles[i : i + n_threads()])
 
     def rows_within(self, layers: Iterable[tuple[Layer, NDArray[np.integer]]], most_bytes: float) -> RowMaker:
-        """The same, leaving out so much that rows of these layers at these points have about 96 terms at most on
-        average, and take no more than so many bytes. Judged by a few hundred of the points."""
+        """A RowMaker that drops so many terms that the rows of these layers at these points have at most about 96 terms
+        on average and take at most `most_bytes` bytes. Estimated from a few hundred of the points."""
         layers = list(layers)
         n_points = sum(len(points) for _, points in layers)
         every = max(1, n_points // N_PILOTS)
         effects, n_bytes, n_pilots = [], [], 0
+        # Effect and size in bytes of every term of the pilot points.
         for layer, points in layers:
             chosen = points[every // 2 :: every]
             for tile in self.rows(layer, chosen):
@@ -140,6 +144,7 @@ class RowMaker:
         if not n_pilots:
             return self
         effect, cost = np.concatenate(effects), np.concatenate(n_bytes)
+        # Keep the largest effects that fit both limits.
         order = np.argsort(-effect, kind="stable")
         room = most_bytes * n_pilots / n_points
         n_kept = min(int(np.searchsorted(np.cumsum(cost[order]), room)), MEAN_TERMS * n_pilots, len(order) - 1)
@@ -152,13 +157,14 @@ def joined_rows(tiles: Iterable[kernels.LightRowArrays]) -> LightRows:
 
 @lru_cache(maxsize=1)
 def _measures() -> NDArray[np.float64]:
-    """4^(L − level) of each wavelet: with it the sum of products of coefficients is that of the triangles' values."""
+    """4^(L − level) of each wavelet: with it a sum of products of coefficients equals the sum of products of the
+    triangles' values."""
     return np.asarray(4.0 ** (VISIBILITY_LEVEL - levels_of_coefficients(VISIBILITY_LEVEL)))
 
 
 @lru_cache(maxsize=1)
 def _parts() -> kernels.TriangleParts:
-    """The sphere's triangles, and their parts of one level deeper."""
+    """The triangles of the sphere, and their children on the next level."""
     sphere, fine = geodesic(VISIBILITY_LEVEL), geodesic(VISIBILITY_LEVEL + PART_LEVELS)
     n = sphere.n_triangles
     shares = np.concatenate([np.ones(n), fine.solid_angles / np.repeat(sphere.solid_angles, 4**PART_LEVELS)])
@@ -170,7 +176,7 @@ def _parts() -> kernels.TriangleParts:
 
 
 def _bends(curve: Float32Array, kind: int) -> NDArray[np.bool_]:
-    """At which angles a curve (S + 1, C) changes within a triangle by more than a tenth of its largest value."""
+    """Marks the angles at which a curve (S + 1, C) varies within a triangle by more than a tenth of its maximum."""
     rate = slope(kind) or 1.0
     reach = math.ceil(rate * TRIANGLE_RADIUS * CURVE_STEPS / HALF_PI)
     largest = maximum_filter1d(curve, 2 * reach + 1, axis=0, mode="nearest")

@@ -1,10 +1,10 @@
-"""Cells of surface: where rays land, and how much light falls there.
+"""The irradiance cache: surface records where rays end, and the irradiance there.
 
-A cell is the part of one object in one cube of a grid that faces one of six ways, lies in about one plane, and sees one
-place of its cube: nothing is shared by both sides of a thin wall, by the boards of a shelf, or by what surrounds a box.
-It exists once a ray has hit it, so that only surfaces that light can take a way over cost anything, and its irradiance
-is the mean over places chosen evenly among the rays that hit it: what those rays need to know on average is what it
-keeps.
+A record covers the part of one object in one cube of a grid that faces one of six directions, lies in about one plane,
+and sees one probe position of its cube. Both sides of a thin wall, the boards of a shelf, and the inside and outside of
+a box therefore never share a record. A record exists once a ray has hit it, so that only surfaces on light paths cost
+anything. Its irradiance is the mean over positions drawn evenly from the rays that hit it, which is the average those
+rays require.
 """
 
 from contextlib import AbstractContextManager, nullcontext
@@ -26,18 +26,18 @@ from engine.scene.scene_loader import Scene
 
 MAX_RECORDS = kernels.MAX_RECORDS
 N_SLOTS = 1 << 18
-# Rays a chunk: what the caster takes at once without splitting it over threads of its own.
+# Rays per chunk: as many as the ray caster takes without splitting them over threads of its own.
 CHUNK = 32768
 NO_ORDER = nullcontext()
 
 
 class CacheFull(Exception):
-    """The grid is too fine for 65,534 cells."""
+    """The grid is too fine for 65,534 records."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """R rays, origins and directions (R, 3) float32; there (R,): which of them exist."""
+    """R rays: origins and directions (R, 3) float32; there (R,): which of them exist."""
 
     origins: NDArray[np.float32]
     directions: NDArray[np.float32]
@@ -49,7 +49,7 @@ def room_for_rays(n: int) -> Rays:
 
 
 class IrradianceCache:
-    """The cells of one scene on a grid of cubes of `size` metres. Safe to use from several threads."""
+    """The records of one scene on a grid of cubes of `size` metres. Several threads may use it at once."""
 
     def __init__(self, scene: Scene, caster: RayCaster, size: float) -> None:
         self.size = size
@@ -76,22 +76,22 @@ class IrradianceCache:
 
     @property
     def n_bytes(self) -> int:
-        """Memory of what rays have found; the mesh is the scene's."""
+        """Memory of the records; the mesh belongs to the scene."""
         return sum(array.nbytes for array in self._table)
 
     def table(self) -> kernels.CacheTable:
-        """All that is known of them, to be stored: no longer than there are cells."""
+        """The table of all records, for storing, cut to the number of records."""
         n = len(self)
         return kernels.CacheTable(*self._table[:3], *(array[:n] for array in self._table[3:]))
 
     def restore(self, table: kernels.CacheTable) -> None:
-        """Become what `table` gave."""
+        """Restores the state that `table` returned."""
         for mine, stored in zip(self._table, table, strict=True):
             mine[: len(stored)] = stored
 
     @property
     def maps(self) -> RecordMaps:
-        """What images do at the cells that there are now; kept until there are others, or others of their places."""
+        """Texture and weight maps at the current records; cached until records or their sample positions change."""
         state = len(self), int(self._table.n_places.sum())
         if self._maps is None or self._maps[0] != state:
             self._maps = state, RecordMaps(self._scene, self.table())
@@ -99,16 +99,17 @@ class IrradianceCache:
 
     @property
     def objects(self) -> NDArray[np.int32]:
-        """Which object each cell belongs to, (C,)."""
+        """The object (C,) that each record belongs to."""
         return self._table.objects[: len(self)]
 
     def records_hit(
         self, rays: Rays, first_open: int = 0, turn: AbstractContextManager[None] = NO_ORDER
     ) -> NDArray[np.uint16]:
-        """The cell each ray hits, (R,), NO_CELL where it leaves the scene or hits what does not reflect.
+        """The record (R,) that each ray hits, NO_RECORD where it leaves the scene or hits a surface that does not
+        reflect.
 
-        Cells from `first_open` on take the hits for their places. turn: entered while they are numbered.
-        Raises CacheFull.
+        Records from `first_open` on may take a hit as a sample position. turn: context entered while records are
+        numbered. Raises CacheFull.
         """
         return self.records_and_hits(rays, first_open, turn=turn)[0]
 
@@ -116,8 +117,8 @@ class IrradianceCache:
         self, rays: Rays, first_open: int = 0, mirrored: NDArray[np.uint8] | None = None,
         turn: AbstractContextManager[None] = NO_ORDER,
     ) -> tuple[NDArray[np.uint16], Intersections]:  # fmt: skip
-        """As `records_hit`, with where the rays end; mirrored (R,): MATT, GLOSSY or SHARP for those of
-        gather points, that find smaller cells near by."""
+        """As `records_hit`, with the intersections. mirrored (R,): MATT, GLOSSY or SHARP for rays of gather points,
+        which use smaller cells near by."""
         found = self.caster.intersect(rays.origins, rays.directions)
         hits = kernels.Hits(found.triangle, found.u, found.v, found.distance)
         n = len(rays.there)
@@ -137,7 +138,7 @@ class IrradianceCache:
     def _split_by_probe(
         self, hits: kernels.Hits, keys: NDArray[np.uint64], sides: NDArray[np.uint8], levels: NDArray[np.uint8]
     ) -> None:
-        """Tell keys apart by which of the lookouts is the first that is seen; not at all of those that see none."""
+        """Distinguishes keys by the first visible probe of their cube; keys that see none share one."""
         hidden = np.flatnonzero(keys)
         for probe in range(kernels.N_VISIBILITY_PROBES):
             origins, directions = np.empty((2, len(hidden), 3), np.float32)
@@ -149,7 +150,8 @@ class IrradianceCache:
             keys[hidden] += np.uint64(1)
 
     def rays(self, begin: int, end: int, tables: NDArray[np.float32]) -> Rays:
-        """Cosine-distributed rays from the places of cells [begin, end), ((end - begin) · R), tables (64, R, 3)."""
+        """Cosine-distributed rays from the sample positions of records [begin, end), (end - begin) · R of them; tables
+        (64, R, 3)."""
         rays = room_for_rays((end - begin) * tables.shape[1])
         kernels.record_rays(
             self._table, self.mesh, begin, end, np.float32(self.caster.offset), tables, rays.origins, rays.directions,
@@ -160,8 +162,8 @@ class IrradianceCache:
     def irradiance(
         self, lights: kernels.Lights, n_samples: int, seed: int = 0, begin: int = 0, end: int | None = None
     ) -> NDArray[np.float32]:
-        """Irradiance (end - begin, N_SLANTS, 3) of the cells from `begin` on, from the lights directly, by S samples a
-        cell, shared out by its angle of incidence; end: None for all."""
+        """Direct irradiance (end - begin, N_SLANTS, 3) of the records [begin, end) by S light samples each, divided
+        among bins of the angle of incidence; end: None for all."""
         n = (len(self) if end is None else min(end, len(self))) - begin
         irradiance = np.zeros((n, N_SLANTS, 3), np.float32)
         if len(lights.cumulative):
@@ -184,6 +186,7 @@ class IrradianceCache:
             self._table, self.mesh, first + begin, first + end, np.float32(self.caster.offset), lights, n_samples, seed,
             rays.origins, rays.directions, distances, cosines, powers,
         )  # fmt: skip
+        # Shadow rays, only where a sample carries power.
         blocked = powers.max(axis=1) <= 0.0
         asked = np.flatnonzero(~blocked)
         limits = None if lights.is_sky else distances[asked]
@@ -192,12 +195,12 @@ class IrradianceCache:
 
 
 def sky_lights(cut: TriangleLights) -> kernels.Lights:
-    """A cut of the sky, to be sampled by power."""
+    """The triangle lights of a sky, sampled by power."""
     return _lights(cut.vertices[cut.corners], cut.power, np.zeros((len(cut), 3), np.float32), True)
 
 
 def patch_lights(patches: EmitterPatches) -> kernels.Lights:
-    """Patches of emitters, to be sampled by power."""
+    """Patches of emitters, sampled by power."""
     return _lights(patches.corners, patches.radiance * patches.area[:, None], patches.normal, False)
 
 

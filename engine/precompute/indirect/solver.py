@@ -1,8 +1,9 @@
-"""Indirect light of one scene from one camera: all that does not depend on a material, and pictures from it.
+"""Computes the indirect light of one scene from one camera, independently of the materials.
 
-What is traced (fans of the gather points, rays between the cells) depends on the scene and the camera alone, what falls
-on the cells on the light as well; curves, albedos and which object is edited come in at the end. So a light that turns
-asks for the cells' irradiance anew, a material for nothing but sums.
+The traced rays (hemisphere samples of the gather points and of the irradiance cache records) depend on the scene and
+the camera alone. The direct irradiance of the records depends on the light as well. Curves, albedos and the choice of
+the edited object enter last. A rotated light therefore requires new direct irradiance only, and an edited material
+requires sums only.
 """
 
 import itertools
@@ -58,23 +59,25 @@ from engine.precompute.indirect.stored_light import (
 from engine.scene.local_frames import object_axes
 from engine.scene.primary_hits import PrimaryHits
 
-# What a first look at the scene takes.
+# Gather points, and rays for each, of the pilot pass that chooses the cell size.
 _PILOT_POINTS, _PILOT_RAYS = 1024, 64
-# How much larger cells are where there were too many, at least; with what power of the fans there are more of them.
+# The least factor by which cells grow after a `CacheFull`; the number of records grows with this power of the number of
+# sample sets.
 _GROWTH, RECORDS_BY_SETS = 1.26, 0.4
 _MOST_GROWTH, _LEAST_POWER, _MOST_POWER = 4.0, 0.5, 2.0
-# Of the cells that there may be, those that are aimed at then.
+# The fraction of `MAX_RECORDS` that a larger cell size aims at.
 FULL = 0.85
-# Gather points, by those that silhouettes and creases alone call for.
+# Expected gather points, relative to those that silhouettes and creases alone require.
 _BY_LIGHT = 1.25
-# Gather points a part that is kept: a second or two of work, so that keeping it costs little.
+# Gather points per checkpoint: one or two seconds of work, so that storing it costs little.
 PART_POINTS = 4096
 _PHOTONS_SHARE = np.float32(0.3)
 
 Progress = tuple[float, str]
-# Where in the whole its phases end, by processor time: a first look, light between what it saw (only where more looks
-# follow), these looks, light between all, and light on it; what is left is the filter's. Further fans, where they are
-# asked for, share with the latter; as many as there were first ones take as long as all looks did.
+# Where the phases end, as fractions of the processor time of the whole: first pass, rough light between the records it
+# found (only where refinement follows), refinement passes, final light between all records, caustics. The filter takes
+# the rest. Extra sample sets share the span up to `_LIGHT_DONE`; as many extra sets as first sets take as long as all
+# passes together.
 _FIRST_PASS_DONE, _ROUGH_LIGHT_DONE, _REFINED_DONE, _LIGHT_DONE, _PHOTONS_DONE = (
     0.1,
     0.35,
@@ -86,18 +89,18 @@ _ALL_PASSES = _FIRST_PASS_DONE + _REFINED_DONE[-1] - _ROUGH_LIGHT_DONE
 
 
 class CellSizeTry(NamedTuple):
-    """Cells of so many metres were too many after so many fans."""
+    """Cells of `size` metres gave too many records after `n_sets` sample sets."""
 
     size: float
     n_sets: int
 
 
 def growth(tries: Sequence[CellSizeTry], expected: float) -> float:
-    """By how much cells are to be larger than in the last try, so that there are not too many after as many fans as are
-    expected: to begin anew once costs less than to do so at every step.
+    """The factor by which cells grow after the last try, so that the `expected` number of sample sets fits. One large
+    step costs less than several restarts.
 
-    There are C n^0.4 s^-p cells of size s after n fans. On a plain surface p = 2; beside polished metal, which shows
-    small ones of all the scene, they hardly become fewer: two tries tell p.
+    n sample sets find C n^0.4 s^-p records in cells of size s. On a plain surface p = 2. Beside polished metal, which
+    shows small cells of the whole scene, the number hardly falls with s. Two tries determine p.
     """
     last, power = tries[-1], _MOST_POWER
     if len(tries) > 1:
@@ -109,7 +112,7 @@ def growth(tries: Sequence[CellSizeTry], expected: float) -> float:
 
 
 class Solver:
-    """Finds the indirect light of a scene; its steps are generators that yield (fraction of the whole, text)."""
+    """Solves for the indirect light of a scene. Its steps are generators that yield (fraction of the whole, text)."""
 
     def __init__(
         self, placement: Placement, models: Mapping[int, Sequence[str]], sky: SkyState, n_bounces: int,
@@ -117,9 +120,9 @@ class Solver:
     ) -> None:  # fmt: skip
         """models: names of the models of every object's layers, by the object's index; n_bounces ≥ 2.
 
-        glossy: whether the second bounce off glossy surfaces has a direction, else it goes by albedo as all others do;
-        other_light: the mean radiance of what else the picture shows, by which noise is seen or not: with it no more
-        rays are taken than are needed, None for all.
+        glossy: whether the second bounce off glossy surfaces depends on direction; otherwise it uses the equivalent
+        albedo, as all further bounces do. other_light: mean radiance of the rest of the picture, relative to which
+        noise is visible. With it the solver takes no more rays than required; with None it takes all.
         """
         self._placement, self._most, self._n_bounces = placement, settings, n_bounces
         self._settings, self._ray_budget, self._other_light = (
@@ -141,13 +144,13 @@ class Solver:
     def solve(
         self, layers: Sequence[IndirectLayer], keeper: CheckpointStore | None = None
     ) -> Generator[Progress, None, IndirectLight]:
-        """The indirect light; the layers only say where the picture of it is not smooth.
+        """The indirect light. The layers only determine where the picture of it is not smooth.
 
-        keeper: where parts are kept that this run has finished, and found that another has.
+        keeper: stores finished parts and finds those that another run stored.
         """
         size, parts, tries = self._cell_size(), Checkpoints(keeper), list[CellSizeTry]()
         while True:
-            self._n_traced = PART_POINTS // 2  # of the part that is given up
+            self._n_traced = PART_POINTS // 2  # an estimate for the part that is abandoned
             cells = IrradianceCache(self._placement.scene, self._placement.caster, size)
             if self._needs_ray_budget:
                 self._settings = self._most.with_rays(self._most.n_rays // LEVELS[0])
@@ -159,7 +162,8 @@ class Solver:
                 size *= growth(tries, self._expected)
 
     def restored(self, arrays: Arrays) -> IndirectLight:
-        """What `solve` gave and `stored_light.arrays_of` made arrays of. Raises UnsoundArrays for anything else."""
+        """Restores the result of `solve` from the arrays of `stored_light.arrays_of`. Raises UnsoundArrays for anything
+        else."""
         self._settings, self._ray_budget = self._restored_ray_budget(arrays)
         reader = self._reader(arrays)
         cells = IrradianceCache(self._placement.scene, self._placement.caster, read_cell_size(reader))
@@ -174,16 +178,18 @@ class Solver:
         return self._most.with_rays(need.n_rays), need
 
     def _reader(self, arrays: Arrays) -> ArrayReader:
-        """Of arrays that belong to this scene, light and fineness."""
+        """A reader of arrays that belong to this scene, light and sampling settings."""
         scene, n_lights = self._placement.scene, len(self._emission.lamps.cumulative)
         sizes = {"P": len(self._placement.hits.pixel), "M": len(self._lobe_axes), "T": len(scene.triangles)}
         return ArrayReader(arrays, **sizes, R=self._settings.n_rays, L=n_lights)
 
     def _cell_size(self) -> float:
-        """Metres, so that what a first look hits falls into about as many cells as wanted."""
+        """The cell size in metres at which the hits of a pilot pass fall into about as many records as the settings
+        allow."""
         hits, scene = self._placement.hits, self._placement.scene
         rows = np.arange(0, len(hits.pixel), max(1, -(-len(hits.pixel) // _PILOT_POINTS)), dtype=np.int32)
         extent = float(np.linalg.norm(np.ptp(scene.vertices[np.unique(scene.triangles)], axis=0)))
+        # Bisect the logarithm of the size.
         low, high = extent / 4096.0, extent
         while high / low > 1.1:
             size = (low * high) ** 0.5
@@ -226,7 +232,7 @@ class Solver:
         return IndirectLight(points, found, cells, light, lamps, self._n_bounces, unit, self._ray_budget)
 
     def _photons(self, cells: IrradianceCache) -> PhotonMap:
-        """What glossy surfaces throw."""
+        """Photons that glossy surfaces reflect: caustics."""
         if self._second is None:
             return PhotonMap(no_photons(len(self._lobe_axes)))
         source = PhotonSource(
@@ -237,7 +243,7 @@ class Solver:
     def _trace_even_grid(
         self, cells: IrradianceCache, photons: PhotonMap, parts: Checkpoints
     ) -> Generator[Progress, None, tuple[GatherPoints, Footprint, float]]:
-        """Every eighth pixel; and how much of the whole is done."""
+        """Gather points at every eighth pixel, their footprint, and the fraction done."""
         hits = self._placement.hits
         rows = lattice_rows(hits, COARSEST)
         gathered = yield from self._gather(
@@ -248,15 +254,15 @@ class Solver:
         return points, (_among_all(hits, rows, numbers), weights), _FIRST_PASS_DONE
 
     def _no_samples(self) -> GatherSamples:
-        """No fans yet."""
+        """No sample sets."""
         rows, seen = np.zeros(0, np.int32), np.zeros((0, self._settings.n_rays), np.uint16)
         return GatherSamples(rows, _first_sets(rows), seen, no_glossy_hits(0), np.zeros(0, np.float32))
 
     def _refine(
         self, cells: IrradianceCache, layers: Sequence[IndirectLayer], photons: PhotonMap, parts: Checkpoints
     ) -> Generator[Progress, None, tuple[GatherPoints, Footprint, float]]:
-        """As many points as the picture of these layers needs, by a quarter of the light between cells; and how much of
-        the whole is done."""
+        """As many gather points as the picture of these layers requires, judged by rough light between the records (a
+        quarter of the rays); their footprint; and the fraction done."""
         lattice, gathered = self._lattice(), self._no_samples()
         values, noise = np.zeros((2, len(self._placement.hits.pixel), 3), np.float32)
         clearance = np.zeros(len(self._placement.hits.pixel), np.float32)
@@ -264,6 +270,7 @@ class Solver:
         looks = iter(itertools.pairwise((_ROUGH_LIGHT_DONE, *_REFINED_DONE)))
         span = 0.0, _FIRST_PASS_DONE
         while True:
+            # Trace the lattice points that refinement added.
             rows = lattice.missing_rows()
             gathered = yield from self._gather(cells, gathered, rows, _first_sets(rows), parts, span)
             span = next(looks, (_REFINED_DONE[-1],) * 2)
@@ -276,6 +283,8 @@ class Solver:
                     cells.maps.reflectance(layers, len(self._lobe_axes)),
                 )
                 bright, _ = radiosity(light, albedos, self._n_bounces, mapped)
+                # The ray budget follows from the noise of the first pass. If it calls for more rays, the pass is traced
+                # anew.
                 if self._needs_ray_budget:
                     halves = self._halves_of_samples(self._points(gathered, photons), layers, cells, light)
                     if self._is_noisy(
@@ -285,6 +294,7 @@ class Solver:
                         gathered = yield from self._gather(cells, none, rows, _first_sets(rows), parts, at)
                 self._forecast(cells, len(rows))
             points = self._points(gathered, photons)
+            # Compare two independent halves of the rays: their mean is the value, their difference the noise.
             halves = self._halves(points, layers, bright, len(cells))
             first, second = yield from _with_overall_progress(halves, span[0], "looking around")
             values[gathered.rows], noise[gathered.rows] = 0.5 * (first + second), 0.5 * abs(first - second)
@@ -295,29 +305,31 @@ class Solver:
                 if not len(rows):
                     return points, found, _REFINED_DONE[-1]
                 done = _extra_sets_done(len(rows) / len(gathered.rows))
-                # Cells keep their places: these rays come from where it is noisy, and so find the bright ones.
+                # Records keep their sample positions: the extra rays come from noisy points, and would bias them
+                # towards bright ones.
                 gathered = yield from self._gather(
                     cells, gathered, rows, nth, parts, (_REFINED_DONE[-1], done), len(cells)
                 )
                 return self._points(gathered, photons), found, done
 
     def _forecast(self, cells: IrradianceCache, n_sets: int) -> None:
-        """Raises CacheFull where so many fans have found so many cells that all of them will find too many: that
-        would be known when nearly all are traced."""
+        """Raises CacheFull if the records found by these sample sets predict more than `MAX_RECORDS` for all of them.
+        Otherwise this would only become known when nearly all rays are traced."""
         wanted = len(cells) * (max(self._expected, n_sets) / max(n_sets, 1)) ** RECORDS_BY_SETS
         if wanted > MAX_RECORDS:
             self._n_traced = round(n_sets * (MAX_RECORDS / len(cells)) ** (1.0 / RECORDS_BY_SETS))
             raise CacheFull(f"{wanted:.0f} to come")
 
     def _rough_settings(self) -> SamplingSettings:
-        """How finely light between cells is found to tell where to look closer."""
+        """Settings for the rough light between records that steers refinement."""
         return replace(self._most, n_record_rays=self._most.n_record_rays // 4, n_samples=self._most.n_samples // 4)
 
     def _halves(
         self, points: GatherPoints, layers: Sequence[IndirectLayer], bright: NDArray[np.float32], n_cells: int
     ) -> Generator[None, None, NDArray[np.float32]]:
-        """What each half of the rays brings, (2, p, 3), of radiosities `bright` (C, D, 3) of the first C cells: by
-        albedo and a share of the photons, as what glossy surfaces send is noisier."""
+        """The radiance (2, p, 3) that each half of the rays gathers from radiosities `bright` (C, D, 3) of the first C
+        records. Glossy surfaces reflect by albedo, with a share of the photons, because their directional reflection is
+        noisier."""
         new_cells = np.zeros((n_cells - len(bright), *bright.shape[1:]), np.float32)  # not known yet: dark
         thrown = points.caustic_flux(layers)
         thrown = thrown._replace(light=_PHOTONS_SHARE * thrown.light)
@@ -327,18 +339,20 @@ class Solver:
     def _halves_of_samples(
         self, points: GatherPoints, layers: Sequence[IndirectLayer], cells: IrradianceCache, light: CacheLight
     ) -> Generator[None, None, NDArray[np.float32]]:
-        """The same of all that hangs on how many rays there are: what glossy surfaces send included, photons not."""
+        """The same for everything that depends on the number of rays: with the directional reflection of glossy
+        surfaces, without photons."""
         nowhere = np.zeros((0, 4), np.int32), np.zeros((0, 4), np.float32)
         sent = self._assemble(points, nowhere, cells, light).outgoing_radiance(layers)
         return (yield from points.halves(layers, replace(sent, caustics=None)))
 
     @property
     def _needs_ray_budget(self) -> bool:
-        """Whether it is not known yet how many rays are needed."""
+        """Whether the required number of rays is still unknown."""
         return self._other_light is not None and self._most.adaptive and self._ray_budget.noise is None
 
     def _is_noisy(self, layers: Sequence[IndirectLayer], rows: NDArray[np.int32], halves: NDArray[np.float32]) -> bool:
-        """Whether a first look with the fewest rays, by what its halves bring (2, p, 3), calls for more of them."""
+        """Whether the first pass, traced with the fewest rays, requires more of them. halves (2, p, 3): radiance of
+        each half."""
         other = (self._other_light or 0.0) / self._emission.unit
         diffuse = diffuse_share(layers, len(self._lobe_axes)).mean(axis=1) > 0.5
         left = np.where(diffuse, LEFT_OF_DIFFUSE, LEFT_OF_GLOSSY)[object_of_rows(self._placement.hits, rows)]
@@ -349,11 +363,11 @@ class Solver:
 
     @property
     def _expected(self) -> float:
-        """How many fans there will be."""
+        """The expected number of sample sets."""
         return _BY_LIGHT * count_by_shape(self._whole_lattice()) if self._settings.adaptive else 0.0
 
     def _lattice(self) -> Lattice:
-        """What is refined."""
+        """The lattice that is refined."""
         return self._whole_lattice()
 
     def _whole_lattice(self) -> Lattice:
@@ -362,9 +376,10 @@ class Solver:
     def _extra_sets(
         self, rows: NDArray[np.int32], values: NDArray[np.float32], noise: NDArray[np.float32], found: Footprint
     ) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
-        """The further fans (q,) that gather points at `rows` (p,) ask for by values and noise (P, 3): of which row each
-        is, and nth."""
+        """The extra sample sets (q,) of the gather points at `rows` (p,), chosen by values and noise (P, 3): the row of
+        each, and its number at that row."""
         numbers, weights = found
+        # The squared weight with which each gather point contributes to the picture: its share of the variance.
         shown = np.bincount(numbers.ravel(), weights.ravel() ** 2, len(rows)).astype(np.float64)
         alike = least_alike(self._lobe_axes != NORMAL)
         n = extra_sample_sets(
@@ -382,7 +397,7 @@ class Solver:
         return points.with_photons(photons, self._placement.scene, self._placement.caster)
 
     def _sample_counts(self) -> tuple[SampleCounts, ...]:
-        """What each object's fans are."""
+        """The sample counts of each object."""
         return tuple(_sample_counts_of(self._settings.n_rays, int(lobe_axis)) for lobe_axis in self._lobe_axes)
 
     def _gather(
@@ -390,8 +405,8 @@ class Solver:
         parts: Checkpoints,
         span: tuple[float, float], first_open: int = 0,
     ) -> Generator[Progress, None, GatherSamples]:  # fmt: skip
-        """The fans with some more, the nth (q,) of rows (q,); span: from where to where in the whole this is;
-        first_open: see `gather`."""
+        """The given sample sets and more: the nth (q,) of rows (q,). span: the fractions of the whole where this begins
+        and ends; first_open: see `gather`."""
         found = [before]
         n_lobe = np.array([size.n_lobe for size in self._sample_counts()])[object_of_rows(self._placement.hits, rows)]
         done = 0
@@ -410,7 +425,7 @@ class Solver:
         parts: Checkpoints,
         first_open: int,
     ) -> Iterator[GatherSamples]:  # fmt: skip
-        """One part of the fans: what was kept of it, or what is traced."""
+        """One part of the sample sets: restored from a checkpoint, or traced and stored."""
         kept = parts.begin(
             self._checkpointed_samples, b"fans", rows.tobytes(), nth.tobytes(), repr((size, cells.size)).encode()
         )
@@ -458,9 +473,9 @@ class Solver:
 def relit(
     found: IndirectLight, placement: Placement, sky: SkyState, settings: SamplingSettings, n_bounces: int
 ) -> IndirectLight:
-    """The same rays under another light; n_bounces: at most as many as they were found for.
+    """The same rays under another light. n_bounces: at most the number they were traced for.
 
-    What was recorded of glossy surfaces belongs to the old light: they go by albedo, until the rays are traced anew.
+    Glossy hits store the old light, so glossy surfaces reflect by albedo until the rays are traced anew.
     """
     shining = scene_emission(placement, sky)
     light = replace(found.light, direct=run_to_end(direct_irradiance(found.cells, shining.lights, settings.n_samples)))
@@ -470,29 +485,29 @@ def relit(
 def _with_overall_progress(
     steps: Generator[object, None, Result], fraction: float, text: str
 ) -> Generator[Progress, None, Result]:
-    """The same steps, of which each says how far the whole is."""
+    """The same steps, each of which yields the fraction of the whole."""
     return map_steps(steps, lambda step: (fraction, text))
 
 
 def _first_sets(rows: NDArray[np.int32]) -> NDArray[np.uint8]:
-    """That a fan is the first of its point."""
+    """Number 0 for each row: the first sample set of its point."""
     return np.zeros(len(rows), np.uint8)
 
 
 def _extra_sets_done(times: float) -> float:
-    """How much of the whole is done after further fans, so many times as many as there were first ones."""
+    """The fraction done after extra sample sets, `times` as many as first sets."""
     work, left = times * _ALL_PASSES, _LIGHT_DONE - _REFINED_DONE[-1]
     return _REFINED_DONE[-1] + left * work / (work + left)
 
 
 def _sample_counts_of(n_rays: int, lobe_axis: int) -> SampleCounts:
-    """A matt surface is seen by the cosine alone, half of the others' rays go towards the highlight."""
+    """A diffuse surface samples by the cosine alone; any other sends half of its rays about the lobe axis."""
     n_lobe = 0 if lobe_axis == NORMAL else n_rays // 2
     return SampleCounts(n_rays - n_lobe, n_lobe)
 
 
 def _among_all(hits: PrimaryHits, rows: NDArray[np.int32], within: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Numbers (P, 4) among all gather points `rows` of numbers that count within each point's own object."""
+    """Converts indices (P, 4) that count within each point's own object to indices among all gather points `rows`."""
     firsts = np.searchsorted(rows, hits.object_ranges[:, 0])
     counts = hits.object_ranges[:, 1] - hits.object_ranges[:, 0]
     return np.asarray(within + np.repeat(firsts, counts)[:, None], np.int32)
