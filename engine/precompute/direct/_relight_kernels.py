@@ -201,7 +201,8 @@ def _reflect(words, wo, parts, reflection, s):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _append_terms(coefficients, effects, least, number, value, written):
-    """Appends the terms of a row whose effect exceeds `least`; returns the total number of terms and the row's scale."""
+    """Appends the terms of a row whose effect exceeds `least`; returns the total number of terms and the scale of the
+    row."""
     first, largest = written, np.float32(0.0)
     for t in range(effects.shape[0]):
         size = np.float32(0.0)
