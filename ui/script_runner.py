@@ -141,7 +141,7 @@ def wait_for_picture(
 
     def there() -> bool:
         status = editor.status
-        if picture == "judged":
+        if picture == "error":
             return status.estimate is not None
         if picture == "orbit":
             return status.is_whole

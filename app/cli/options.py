@@ -65,7 +65,7 @@ Edges = Annotated[
 ]
 Override = Annotated[
     list[str] | None,
-    typer.Option("--overrule", metavar="LINE=VALUE", help="A line of `insitu plan`, such as teapot.1.theta_h=64."),
+    typer.Option("--override", metavar="LINE=VALUE", help="A line of `insitu plan`, such as teapot.1.theta_h=64."),
 ]
 Accuracy = Annotated[
     float | None,

@@ -110,11 +110,11 @@ def render(
             raise InsituError(f"--bounces {bounces} --series {series}: expected as many bounces in both")
         chosen = chosen or BounceSeries(bounces)
     planned = lines(overrides)
-    if n_fan_rays := knobs.pop("n_fan_rays", 0):
-        planned = {"rays": n_fan_rays, **planned}
+    if n_hemisphere_rays := knobs.pop("n_hemisphere_rays", 0):
+        planned = {"rays": n_hemisphere_rays, **planned}
     _check_lines(planned, mode, reference)
     if "precision" in planned:
-        raise InsituError("--overrule precision: a still is made in single floats, expected another line of the plan")
+        raise InsituError("--override precision: a still is made in single floats, expected another line of the plan")
     if samples is not None and not reference:
         raise InsituError(f"--samples {samples}: transport takes no samples, expected --reference as well")
     values = assignments(set_, rotation, time_)
@@ -186,14 +186,14 @@ def _knobs(accuracy: float | None, mode: StillMode, reference: bool, lights: int
 def _check_lines(planned: Mapping[str, Any], mode: StillMode, reference: bool) -> None:
     """Refuses lines of the plan that the picture does not go by."""
     if planned and reference:
-        raise InsituError(f"--overrule {next(iter(planned))} --reference: expected one of them")
+        raise InsituError(f"--override {next(iter(planned))} --reference: expected one of them")
     for line in planned:
         own = MODE_LINES.get(mode.value)
         if own is not None and line not in ("bounces", *own):
             expected = ", ".join(("bounces", *own))
-            raise InsituError(f"--overrule {line} --mode {mode.value}: expected a line that it goes by: {expected}")
+            raise InsituError(f"--override {line} --mode {mode.value}: expected a line that it goes by: {expected}")
         if own is None and any(line in lines for lines in MODE_LINES.values()):
-            raise InsituError(f"--overrule {line}: expected --mode {_mode_of(line)} as well")
+            raise InsituError(f"--override {line}: expected --mode {_mode_of(line)} as well")
 
 
 def _mode_of(line: str) -> str:

@@ -16,6 +16,7 @@ from app.cli.options import LIGHTS, Lights, Override, Resolution, Scene, Schedul
 from app.cli.output import describe_check, describe_plan, memory_note, print_project_notes, progress
 from app.cli.pictures import render, screenshot
 from app.document.sources import find_source
+from app.files.old_names import upgrade_arguments
 from app.project.project import ProjectSpec
 from app.system.memory import available_memory
 from engine.planner import N_LIGHTS
@@ -143,7 +144,7 @@ cli.command()(doctor)
 
 def run(arguments: Sequence[str], frontend: Frontend) -> int:
     """Carry out a command line; the exit status. Errors of the work itself are raised, see `console.run_guarded`."""
-    arguments = list(arguments)
+    arguments = upgrade_arguments(arguments)
     command = typer.main.get_command(cli)
     first = next((word for word in arguments if not word.startswith("-")), None)
     if first is not None and first not in command.commands:  # type: ignore[attr-defined]

@@ -20,7 +20,7 @@ KNOBS = {
     "lights": "n_lights",
     "patches": "n_patches",
     "bounces": "n_bounces",
-    "rays": "n_fan_rays",
+    "rays": "n_hemisphere_rays",
     "edges": "n_edge_rays",
     "precision": "precision",
     "points": "n_points",
@@ -46,8 +46,10 @@ def mode_knobs(mode: str, lines: Mapping[str, LineValue]) -> dict[str, int]:
 def effective_settings(view: ViewState, document: Document) -> RenderSettings:
     """What transport is asked for with; view: as `effective_view` has it."""
     lines = dict(document.overrides)
-    keeps_sphere, overruled = bool(lines.get("sphere", True)), NEEDED_LINES & lines.keys()
-    return RenderSettings(view.n_lights, view.n_patches, view.n_bounces, keeps_sphere, overruled, view.n_fan_rays)
+    keeps_sphere, overridden = bool(lines.get("sphere", True)), NEEDED_LINES & lines.keys()
+    return RenderSettings(
+        view.n_lights, view.n_patches, view.n_bounces, keeps_sphere, overridden, view.n_hemisphere_rays
+    )
 
 
 def override_lines_of(command: SetView, document: Document) -> tuple[OverrideLine | SetView, ...]:

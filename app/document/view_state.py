@@ -75,8 +75,8 @@ class ViewState:
     ``n_lights`` cut the environment in the finished picture, ``n_patches`` what shines in the scene; ``n_bounces`` are
     the reflections between light and eye (``AS_PLANNED`` until the worker has found how many the scene requires),
     the second of at most ``second_bands`` bands a curve (1: by albedo; None: as many as it has), ``precision`` is that
-    of transport on the GPU; ``n_fan_rays`` of `engine.plan_lines.HEMISPHERE_RAYS` has a fan of indirect light (0: as
-    many as are needed); ``n_edge_rays`` of `engine.planner.EDGE_RAYS` go through a pixel at an edge (None: as many as
+    of transport on the GPU; ``n_hemisphere_rays`` of `engine.plan_lines.HEMISPHERE_RAYS` has a fan of indirect light (0:
+    as many as are needed); ``n_edge_rays`` of `engine.planner.EDGE_RAYS` go through a pixel at an edge (None: as many as
     the scene requires). Orbit has ``n_points`` beside the meshes' own, and
     keeps ``n_coefficients`` of light at each; Deform sends ``n_rays`` from each
     and keeps ``n_lobes``.
@@ -127,7 +127,7 @@ class ViewState:
     n_bounces: int = 1
     second_bands: int | None = None
     n_edge_rays: int | None = None
-    n_fan_rays: int = 0
+    n_hemisphere_rays: int = 0
     n_points: int = 40_000
     n_coefficients: int = 320
     n_rays: int = 1000
@@ -187,7 +187,7 @@ LIMITS: dict[str, tuple[float, float]] = {
     "n_lights": (20, 20000),
     "n_patches": (20, 20000),
     "n_bounces": (1, 8),
-    "n_fan_rays": (0, 1024),
+    "n_hemisphere_rays": (0, 1024),
     "n_points": (0, 200_000),
     "n_coefficients": (20, 1280),
     "n_rays": (32, 20000),

@@ -22,6 +22,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, StrictInt, StrictStr, ValidationError, model_validator
 
 from app.files.bookmarks import MAX_NAME, is_name
+from app.files.old_names import upgrade_script
 from engine.core.colour import ToneMapping, find_view
 from engine.core.errors import LoadError
 from engine.core.safe_files import resolved
@@ -38,7 +39,7 @@ MAX_PIXELS = 100_000.0
 
 Point = tuple[float, float]
 Turn = Annotated[Number, Field(ge=-1e6, le=1e6)]
-AwaitedPicture = Literal["first", "orbit", "exact", "judged"]
+AwaitedPicture = Literal["first", "orbit", "exact", "error"]
 
 
 @dataclass(frozen=True)
@@ -343,7 +344,7 @@ class StepRecord(_Record):
     deform: DeformRecord | None = None
     show: Text | None = None
     view: Text | None = None
-    keep: Text | None = None
+    save_view: Text | None = None
     camera: MoveCamera | None = None
     undo_view: Count | None = None
     mode: Text | None = None
@@ -354,7 +355,7 @@ class StepRecord(_Record):
     undo: Count | None = None
     redo: Count | None = None
     accuracy: Share | None = None
-    overrule: Annotated[dict[Text, StrictInt | StrictStr], Field(min_length=1)] | None = None
+    override: Annotated[dict[Text, StrictInt | StrictStr], Field(min_length=1)] | None = None
     wait: AwaitedPicture | None = None
     capture: Text | None = None
     assert_error_below: Annotated[Number, Field(gt=0.0)] | None = None
@@ -378,7 +379,7 @@ _STEPS: dict[str, Callable[[Any, Path], Step]] = {
     "drag": lambda drag, folder: drag.step(),
     "show": lambda panel, folder: ShowPanelStep(panel),
     "view": lambda name, folder: _view(name),
-    "keep": lambda name, folder: SaveViewStep(name),
+    "save_view": lambda name, folder: SaveViewStep(name),
     "camera": lambda move, folder: move,
     "undo_view": lambda count, folder: UndoViews(count),
     "mode": lambda name, folder: ChooseMode(name),
@@ -389,7 +390,7 @@ _STEPS: dict[str, Callable[[Any, Path], Step]] = {
     "undo": lambda count, folder: UndoSteps(count),
     "redo": lambda count, folder: RedoSteps(count),
     "accuracy": lambda share, folder: SetAccuracy(share),
-    "overrule": lambda lines, folder: OverrideLines(tuple(lines.items())),
+    "override": lambda lines, folder: OverrideLines(tuple(lines.items())),
     "wait": lambda picture, folder: WaitFor(picture),
     "capture": lambda name, folder: CaptureWindow(Path(os.path.abspath(folder / name))),
     "assert_error_below": lambda bound, folder: AssertErrorBelow(bound),
@@ -421,6 +422,7 @@ def load_script(path: Path, folder: Path | None = None) -> tuple[Step, ...]:
 
 def parse_script(tree: dict[str, Any], file: Path, folder: Path) -> tuple[Step, ...]:
     """The steps of a script's tree."""
+    tree = upgrade_script(tree)
     try:
         record = ScriptRecord.model_validate(tree)
     except ValidationError as error:
@@ -430,6 +432,6 @@ def parse_script(tree: dict[str, Any], file: Path, folder: Path) -> tuple[Step, 
             raise LoadError(file, f"step {number}: capture", step.capture, "a file name that ends in .png")
         if step.capture is not None and "\0" in step.capture:
             raise LoadError(file, f"step {number}: capture", step.capture, "the name of a file, without NUL")
-        if step.keep is not None and not is_name(step.keep):
-            raise LoadError(file, f"step {number}: keep", step.keep, f"a name of 1 to {MAX_NAME} characters")
+        if step.save_view is not None and not is_name(step.save_view):
+            raise LoadError(file, f"step {number}: save_view", step.save_view, f"a name of 1 to {MAX_NAME} characters")
     return tuple(step.step(folder) for step in record.steps)

@@ -27,6 +27,7 @@ from app.document.sources import SESSION_ENDING
 from app.document.view_state import AS_PLANNED, Bookmark, SetView, Viewpoint, ViewState
 from app.files.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, check_thumbnail, is_name
 from app.files.layer_records import MAX_LAYERS, Flag, LayerRecord, StrictModel, layer_lines, layers_of
+from app.files.old_names import upgrade_session
 from app.system.atomic import save_file
 from app.system.paths import full_path, written_path
 from engine.core.colour import ToneMapping
@@ -44,7 +45,7 @@ from engine.scene.toml_text import check_version, parse_toml_bytes, toml_lines, 
 from engine.scene.validation_errors import first_validation_error
 
 SUFFIX = SESSION_ENDING
-SESSION_VERSION = 1
+SESSION_VERSION = 2
 MAX_SESSION_BYTES = 64 * 2**20
 MAX_OVERRIDES = 4096
 CHANGED = "it has been written elsewhere since it was opened here; save under another name, or replace it"
@@ -126,7 +127,7 @@ class ViewRecord(StrictModel):
     n_bounces: Annotated[int, Field(ge=AS_PLANNED, le=MAX_BOUNCES, strict=True)] = 1
     second_bands: Literal[1, 8, 16] | None = None
     n_edge_rays: Literal[0, 4, 8, 16] | None = None
-    n_fan_rays: Literal[0, 128, 256, 512, 1024] = 0
+    n_hemisphere_rays: Literal[0, 128, 256, 512, 1024] = 0
     n_points: Annotated[int, Field(ge=0, le=200_000, strict=True)] = 40_000
     n_coefficients: Annotated[int, Field(ge=20, le=1280, strict=True)] = 320
     n_rays: Annotated[int, Field(ge=32, le=20000, strict=True)] = 1000
@@ -192,7 +193,7 @@ class SessionRecord(StrictModel):
     scene: PathText
     light: LightRecord
     first_bands: FirstBands | None = None
-    overrule: Annotated[dict[Text, StrictInt | StrictStr], Field(max_length=MAX_OVERRIDES)] = {}
+    overrides: Annotated[dict[Text, StrictInt | StrictStr], Field(max_length=MAX_OVERRIDES)] = {}
     view: ViewRecord = ViewRecord()
     journal: JournalRecord | None = None
     objects: tuple[ObjectRecord, ...] = Field(alias="object", min_length=1, max_length=MAX_OBJECTS)
@@ -205,7 +206,7 @@ class SessionRecord(StrictModel):
             raise ValueError("end: the file's last line; it was cut short")
         return self
 
-    @field_validator("overrule")
+    @field_validator("overrides")
     @classmethod
     def _are_lines(cls, lines: dict[str, LineValue]) -> dict[str, LineValue]:
         try:
@@ -319,7 +320,7 @@ def parse_session(data: bytes, path: Path, folder: Path | None) -> Session:
     """The session that a file at ``path`` with this data is; files are named from ``folder``. Raises LoadError."""
     if len(data) > MAX_SESSION_BYTES:
         raise LoadError(path, "size", f"{len(data)} bytes", f"at most {MAX_SESSION_BYTES} bytes")
-    tree = parse_toml_bytes(data, path)
+    tree = upgrade_session(parse_toml_bytes(data, path))
     check_version(tree, path, SESSION_VERSION)
     try:
         record = SessionRecord.model_validate(tree)
@@ -328,7 +329,7 @@ def parse_session(data: bytes, path: Path, folder: Path | None) -> Session:
     objects = tuple(_object(str(path), folder, each) for each in record.objects)
     light = LightState(**{**record.light.model_dump(), "environment": full_path(record.light.environment, folder)})
     document = Document(full_path(record.scene, folder), objects, check_light(light, str(path)), record.first_bands)
-    document = replace(document, overrides=tuple(sorted(record.overrule.items())))
+    document = replace(document, overrides=tuple(sorted(record.overrides.items())))
     view = replace(_view(record.view, document), bookmarks=tuple(each.bookmark for each in record.bookmarks))
     return Session(document, view, record.journal)
 
@@ -385,7 +386,7 @@ def dump_session(
     ]
     if journal is not None:
         lines += ["[journal]", *toml_lines(journal.model_dump())]
-    lines += ["[light]", *toml_lines(light), "[overrule]", *toml_lines(dict(document.overrides))]
+    lines += ["[light]", *toml_lines(light), "[overrides]", *toml_lines(dict(document.overrides))]
     lines += ["[view]", *toml_lines(_view_values(view))]
     for state in document.objects:
         lines += _object_lines(state, folder)

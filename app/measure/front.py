@@ -102,7 +102,7 @@ def _placement(project: Project, effort: FrontEffort) -> Iterator[FrontPoint]:
         radiance, indirect = _placement_picture(project, layers, wanted, series, n_fan_rays)
         seconds = time.process_time() - began
         judged = run_to_end(estimate_point_errors(judging, layers, project.sky, quality, n_bounces, radiance, indirect))
-        knobs = _knobs(n_lights=n_lights, n_patches=n_patches, n_fan_rays=n_fan_rays)
+        knobs = _knobs(n_lights=n_lights, n_patches=n_patches, n_hemisphere_rays=n_fan_rays)
         yield FrontPoint(knobs, judged.estimate.overall, seconds)
 
 

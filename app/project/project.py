@@ -42,8 +42,8 @@ class Project:
     document says.
 
     n_bounces: as many as its session has, None for as many as the scene says or requires; n_lights, n_patches: as its
-    session has, None where there is none; n_edge_rays: None for as many as the scene requires, n_fan_rays: 0 for as
-    many. at_rest: the scene where no object is deformed, None where that is it.
+    session has, None where there is none; n_edge_rays: None for as many as the scene requires, n_hemisphere_rays: 0 for
+    as many. at_rest: the scene where no object is deformed, None where that is it.
     """
 
     scene: Scene
@@ -53,7 +53,7 @@ class Project:
     n_lights: int | None = None
     n_patches: int | None = None
     n_edge_rays: int | None = None
-    n_fan_rays: int = 0
+    n_hemisphere_rays: int = 0
     at_rest: Scene | None = None
 
     @property
@@ -88,7 +88,7 @@ class Project:
     def overrides(self) -> dict[str, LineValue]:
         """Lines of the plan that its session, or a person, has set."""
         edges: dict[str, LineValue] = {} if self.n_edge_rays is None else {"edges": self.n_edge_rays}
-        rays: dict[str, LineValue] = {"rays": self.n_fan_rays} if self.n_fan_rays else {}
+        rays: dict[str, LineValue] = {"rays": self.n_hemisphere_rays} if self.n_hemisphere_rays else {}
         return edges | rays | active_overrides(self.document)
 
     @property
@@ -103,7 +103,7 @@ class Project:
         n_bounces = self.n_bounces or self.scene.description.bounces or AS_PLANNED
         view = ViewState(
             n_lights=self.n_lights or N_LIGHTS, n_patches=self.n_patches or N_PATCHES, n_bounces=n_bounces,
-            n_edge_rays=self.n_edge_rays, n_fan_rays=self.n_fan_rays,
+            n_edge_rays=self.n_edge_rays, n_hemisphere_rays=self.n_hemisphere_rays,
         )  # fmt: skip
         return effective_view(view, self.document)
 
@@ -201,7 +201,7 @@ def open_project(
         session.view.n_lights,
         session.view.n_patches,
         session.view.n_edge_rays,
-        session.view.n_fan_rays,
+        session.view.n_hemisphere_rays,
         at_rest,
     )
 

@@ -72,7 +72,7 @@ def test_rooms_at_rest_are_as_bright_as_in_placement(name: str, tmp_path: Path) 
     room = str(ROOMS[name](tmp_path)) if name in ROOMS else name
     finest = dict(load_front().nearest_point("placement", 1.0).knobs)
     project = open_project(room, (64, 48))
-    fine = with_overrides(project, {"rays": finest.pop("n_fan_rays")})
+    fine = with_overrides(project, {"rays": finest.pop("n_hemisphere_rays")})
     truth = render_project(fine, lambda _: None, series=BounceSeries(4), **finest).picture
     found = render_project(project, lambda _: None, series=BounceSeries(4), mode="orbit").picture
     where = inner(Placement(project.scene))

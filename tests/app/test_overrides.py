@@ -80,8 +80,8 @@ def test_a_session_has_them(document: Document, tmp_path: Path) -> None:
 @pytest.mark.parametrize("line", ["lights = 3", "bounces = true", "'pot.1.theta_h' = 7", "precision = 'double'"])
 def test_a_damaged_line_of_a_session_is_named(document: Document, tmp_path: Path, line: str) -> None:
     path = save_session(tmp_path / "mine", document, ViewState())
-    path.write_text(path.read_text().replace("[overrule]", f"[overrule]\n{line}"))
-    with pytest.raises(LoadError, match="overrule"):
+    path.write_text(path.read_text().replace("[overrides]", f"[overrides]\n{line}"))
+    with pytest.raises(LoadError, match="overrides"):
         load_session(path)
 
 

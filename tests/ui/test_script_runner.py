@@ -86,7 +86,7 @@ def test_a_script_waits_until_the_picture_is_judged(
     monkeypatch.setattr(StandInClient, "_answers", judged)
     status = window.shell.editor.status
     assert status.is_finished and status.estimate is None
-    run(window, tmp_path, "[[step]]\nwait = 'judged'\n")
+    run(window, tmp_path, "[[step]]\nwait = 'error'\n")
     assert window.shell.editor.status.estimate == ErrorEstimate(0.02)
 
 
@@ -106,10 +106,10 @@ def test_a_script_chooses_the_series(window: HeadlessWindow, tmp_path: Path) -> 
 def test_a_script_overrules_the_plan(window: HeadlessWindow, tmp_path: Path) -> None:
     editor = window.shell.editor
     lines = 'lights = 600, edges = "off", rays = 256, "teapot.coat.theta_h" = 32'
-    run(window, tmp_path, f"[[step]]\noverrule = {{ {lines} }}\n")
+    run(window, tmp_path, f"[[step]]\noverride = {{ {lines} }}\n")
     assert dict(editor.document.overrides) == {"lights": 600, "edges": 0, "rays": 256, "teapot.1.theta_h": 32}
     assert len(editor.controller.wanted_coefficients("teapot.1")["theta_h"]) == 32
-    run(window, tmp_path, '[[step]]\nundo = 1\n[[step]]\noverrule = { lights = "auto" }\n')
+    run(window, tmp_path, '[[step]]\nundo = 1\n[[step]]\noverride = { lights = "auto" }\n')
     assert dict(editor.document.overrides) == {"edges": 0, "rays": 256}
 
 
@@ -118,7 +118,7 @@ def test_a_script_overrules_the_plan(window: HeadlessWindow, tmp_path: Path) -> 
     [
         ('[[step]]\ndrag = { item = "curve.nose", by = [1, 1] }', "step 1: no handle 'curve.nose'"),
         ('[[step]]\nselect = "teapot.1.theta_x"', "step 1: there is no"),
-        ("[[step]]\noverrule = { lamps = 3 }", "step 1: the plan has no line 'lamps'"),
+        ("[[step]]\noverride = { lamps = 3 }", "step 1: the plan has no line 'lamps'"),
         ('[[step]]\nset = { "teapot.1.alpha" = 7.0 }', "alpha"),
         ('[[step]]\nset = { "series.first" = 48 }', "one of 1, 2, 4"),
         ('[[step]]\nset = { "series.second" = 2 }', "1, 8, 16 or all"),
@@ -185,7 +185,7 @@ CAMERA = """
 [[step]]
 camera = { side = "front", orbit = [90, 30], dolly = 0.5, focal = 12 }
 [[step]]
-keep = "Aside"
+save_view = "Aside"
 [[step]]
 camera = { frame = "teapot", pan = [0.5, 0.0] }
 [[step]]
@@ -197,7 +197,7 @@ view = "Aside"
 [[step]]
 view = "AgX"
 [[step]]
-keep = "Aside"
+save_view = "Aside"
 """
 
 

@@ -100,8 +100,8 @@ def _light_lines(document: Document, view: ViewState, status: PlacementStatus) -
         n_patches = status.needed_patches or view.n_patches
         yield _line(document, "patches", "Lamp patches", n_patches, reason, _numbers(PATCH_CHOICES))
     if dict(document.overrides).get("bounces", view.n_bounces) != 1:
-        n_rays = view.n_fan_rays or status.found_rays or "as needed"
-        reason = KNOB if view.n_fan_rays else why.get("rays") or RAYS_REASON
+        n_rays = view.n_hemisphere_rays or status.found_rays or "as needed"
+        reason = KNOB if view.n_hemisphere_rays else why.get("rays") or RAYS_REASON
         yield _line(document, "rays", "Rays a fan", n_rays, reason, _numbers(HEMISPHERE_RAYS))
     yield _line(document, "precision", "Transport", view.precision, PRECISION_REASON, _named(HALVES))
 

@@ -86,7 +86,7 @@ def test_wrong_usage_is_status_2_and_one_line(words: list[str], said: str, capsy
         (["render", "SCENE", "-o", "OUT/a.exr", "--rotation", "nan"], "rotation"),
         (["render", "SCENE", "-o", "SCENE/a.exr"], "folder"),
         (["render", "SCENE", "-o", "OUT/a.exr", "--resolution", "16384", "16384"], "smaller --resolution"),
-        (["plan", "SCENE", "--overrule", "ball.0.theta_i=3"], "power of two"),
+        (["plan", "SCENE", "--override", "ball.0.theta_i=3"], "power of two"),
         (["screenshot", "SCENE", "-o", "OUT/a.exr"], "ends in .png"),
         (["screenshot", "SCENE", "-o", "OUT/a.png", "--script", "nowhere.toml"], "nowhere.toml"),
         (["precompute", "nowhere"], "no such file"),

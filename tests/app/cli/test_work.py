@@ -20,7 +20,7 @@ Captured = pytest.CaptureFixture[str]
 
 
 def test_plan_says_what_and_why_and_what_it_costs(scene: Path, capsys: Captured) -> None:
-    assert run("plan", scene, "--overrule", "ball.0.theta_i=4") == 0
+    assert run("plan", scene, "--override", "ball.0.theta_i=4") == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split() == ["ball.0.theta_i", "4", "bands", "overruled"]
     assert any(line.startswith("sphere") and "5,120 directions" in line for line in lines)
@@ -35,7 +35,7 @@ def test_an_overruled_line_is_what_its_option_is(
     scene: Path, tmp_path: Path, line: str, same: tuple[object, ...]
 ) -> None:
     small = ("--resolution", 12, 9)
-    assert run("render", scene, "-o", tmp_path / "a.exr", *small, "--overrule", line) == 0
+    assert run("render", scene, "-o", tmp_path / "a.exr", *small, "--override", line) == 0
     assert run("render", scene, "-o", tmp_path / "b.exr", *small, *same) == 0
     one, other = (read_radiance_image(tmp_path / name) for name in ("a.exr", "b.exr"))
     np.testing.assert_array_equal(one, other)
@@ -44,7 +44,7 @@ def test_an_overruled_line_is_what_its_option_is(
 def test_overruled_bands_are_those_of_the_picture(scene: Path, tmp_path: Path) -> None:
     for name, n_bands in (("a.exr", 1), ("b.exr", 32)):
         small = ("--resolution", 12, 9, "--lights", 40)
-        assert run("render", scene, "-o", tmp_path / name, *small, "--overrule", f"ball.0.theta_i={n_bands}") == 0
+        assert run("render", scene, "-o", tmp_path / name, *small, "--override", f"ball.0.theta_i={n_bands}") == 0
     one, other = (read_radiance_image(tmp_path / name) for name in ("a.exr", "b.exr"))
     assert not np.array_equal(one, other) and one.mean() == pytest.approx(other.mean(), rel=0.2)
 
@@ -52,19 +52,19 @@ def test_overruled_bands_are_those_of_the_picture(scene: Path, tmp_path: Path) -
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("render", "-o", "OUT", "--overrule", "ball.9.theta_i=4"), "the plan has no line 'ball.9.theta_i'"),
-        (("render", "-o", "OUT", "--overrule", "precision=float"), "a still is made in single floats"),
+        (("render", "-o", "OUT", "--override", "ball.9.theta_i=4"), "the plan has no line 'ball.9.theta_i'"),
+        (("render", "-o", "OUT", "--override", "precision=float"), "a still is made in single floats"),
         (
-            ("render", "-o", "OUT", "--mode", "orbit", "--overrule", "lights=40"),
+            ("render", "-o", "OUT", "--mode", "orbit", "--override", "lights=40"),
             "bounces, points, coefficients",
         ),
         (
-            ("render", "-o", "OUT", "--mode", "deform", "--overrule", "points=40"),
+            ("render", "-o", "OUT", "--mode", "deform", "--override", "points=40"),
             "bounces, transfer_rays, lobes",
         ),
-        (("render", "-o", "OUT", "--overrule", "points=40"), "expected --mode orbit as well"),
-        (("render", "-o", "OUT", "--reference", "--overrule", "lights=40"), "--reference: expected one of them"),
-        (("precompute", "--overrule", "lights=3"), "20 to 80,000"),
+        (("render", "-o", "OUT", "--override", "points=40"), "expected --mode orbit as well"),
+        (("render", "-o", "OUT", "--reference", "--override", "lights=40"), "--reference: expected one of them"),
+        (("precompute", "--override", "lights=3"), "20 to 80,000"),
     ],
 )
 def test_lines_that_cannot_be_overruled_are_told(

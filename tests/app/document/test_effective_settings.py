@@ -8,7 +8,7 @@ from app.document.effective_settings import effective_settings, effective_view, 
 from app.document.view_state import SetView, ViewState
 
 DOCUMENT = Document("scene")
-STOP = SetView.of(n_lights=400, n_patches=256, n_fan_rays=0)
+STOP = SetView.of(n_lights=400, n_patches=256, n_hemisphere_rays=0)
 
 
 def test_without_lines_the_knobs_are_set() -> None:

@@ -67,7 +67,7 @@ def test_a_front_is_measured() -> None:
     effort = FrontEffort(("cornell",), (), (24, 18), rays=(), lights=((20, 20, 128), (2000, 768, 0)))
     told: list[str] = []
     stops = measure_front(effort, told.append)["placement"]
-    assert len(told) == 2 and stops[-1].knobs == (("n_lights", 2000), ("n_patches", 768), ("n_fan_rays", 0))
+    assert len(told) == 2 and stops[-1].knobs == (("n_lights", 2000), ("n_patches", 768), ("n_hemisphere_rays", 0))
     assert stops[-1].error < 0.2 and all(each.seconds > 0.0 for each in stops)
 
 
@@ -81,7 +81,7 @@ def test_a_script_moves_the_slider(tmp_path: Path) -> None:
 def test_the_command_line_takes_accuracy_in_place_of_knobs(tmp_path: Path, capsys: Captured) -> None:
     said, first = [], dict(load_front().points["placement"][0].knobs)
     by_hand = [f"--lights={first['n_lights']}", f"--patches={first['n_patches']}"]
-    by_hand += [f"--overrule=rays={first['n_fan_rays']}"] if first.get("n_fan_rays") else []
+    by_hand += [f"--override=rays={first['n_hemisphere_rays']}"] if first.get("n_hemisphere_rays") else []
     for name, knobs in {"accuracy": ["--accuracy", "0"], "knobs": by_hand}.items():
         out = tmp_path / f"{name}.exr"
         words = ["render", "cornell", "-o", str(out), "--resolution", "16", "12", "--bounces", "2", *knobs]

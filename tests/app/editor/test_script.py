@@ -97,7 +97,7 @@ def test_captures_go_where_they_are_told(tmp_path: Path) -> None:
         ("[[step]]\nrotate = nan", "step 0: rotate = nan"),
         ("[[step]]\nrotate = 'left'", "step 0: rotate = left"),
         ("[[step]]\nset = {}", "step 0: set"),
-        ("[[step]]\nkeep = ' a'", "s.toml: step 0: keep = a, expected a name of 1 to 64 characters"),
+        ("[[step]]\nsave_view = ' a'", "s.toml: step 0: save_view = a, expected a name of 1 to 64 characters"),
         ("[[step]]\ncamera = {}", "at least one of own, side, focal, frame, orbit"),
         ("[[step]]\ncamera = {orbit = [1]}", "step 0: camera: orbit 1 = nothing"),
         ("[[step]]\ncamera = {dolly = 0}", "step 0: camera: dolly = 0"),

@@ -146,7 +146,7 @@ def test_a_scene_file_is_never_overwritten(document: Document, tmp_path: Path) -
 
 
 BASE = """
-version = 1
+version = 2
 scene = "teatray"
 [light]
 environment = "scene"
@@ -172,11 +172,11 @@ def test_the_base_of_the_bad_files_is_good(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("version = 1", "version = 2", "version = 2 (made by a newer version)"),
-        ("version = 1", "version = '1'", "version = 1, expected 1"),
-        ("version = 1", "version = true", "version = True"),
-        ("version = 1", "", "version = nothing"),
-        ("version = 1", "version = = 1", "TOML"),
+        ("version = 2", "version = 3", "version = 3 (made by a newer version)"),
+        ("version = 2", "version = '1'", "version = 1, expected 2"),
+        ("version = 2", "version = true", "version = True"),
+        ("version = 2", "", "version = nothing"),
+        ("version = 2", "version = = 2", "TOML"),
         ('scene = "teatray"', "scene = 3", "scene = 3"),
         ('scene = "teatray"', "", "scene = nothing"),
         ("[light]", "colour = 1\n[light]", "colour = 1, expected one of version, ends, scene"),
