@@ -75,11 +75,10 @@ class ViewState:
     ``n_lights`` cut the environment in the finished picture, ``n_patches`` what shines in the scene; ``n_bounces`` are
     the reflections between light and eye (``AS_PLANNED`` until the worker has found how many the scene requires),
     the second of at most ``second_bands`` bands a curve (1: by albedo; None: as many as it has), ``precision`` is that
-    of transport on the GPU; ``n_hemisphere_rays`` of `engine.plan_lines.HEMISPHERE_RAYS` has a fan of indirect light (0:
-    as many as are needed); ``n_edge_rays`` of `engine.planner.EDGE_RAYS` go through a pixel at an edge (None: as many as
-    the scene requires). Orbit has ``n_points`` beside the meshes' own, and
-    keeps ``n_coefficients`` of light at each; Deform sends ``n_rays`` from each
-    and keeps ``n_lobes``.
+    of transport on the GPU; ``n_hemisphere_rays``, of `engine.plan_lines.HEMISPHERE_RAYS`, leave each gather point of
+    indirect light (0: as many as are needed); ``n_edge_rays`` of `engine.planner.EDGE_RAYS` go through a pixel at an
+    edge (None: as many as the scene requires). Orbit has ``n_points`` beside the meshes' own, and keeps
+    ``n_coefficients`` of light at each; Deform sends ``n_rays`` from each and keeps ``n_lobes``.
     ``compare`` is the document that A/B shows left of ``compare_divider`` (0 the left edge, 1 the right).
     Unless it is shown to ``fit``, the picture has ``zoom`` screen pixels for each of its own, and the point at the
     shares ``centre`` (across, down) of it stands in the panel's middle.
