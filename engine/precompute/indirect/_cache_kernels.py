@@ -1,4 +1,4 @@
-"""Compiled: cells found and looked up, places within them, and the light that falls on those places."""
+"""Compiled: finds and looks up irradiance cache records, and samples the light that falls on them."""
 
 import math
 from typing import NamedTuple
@@ -14,22 +14,22 @@ NO_KEY = np.uint64(0)
 N_PLACES = 32
 _GRID_BITS, _LEVEL_BITS, _SHEET_BITS, _PROBE_BITS = 16, 3, 3, 3
 _PLACE_BITS = 20
-# By how rays look at cells (`_ray_kernels`: matt, glossy, sharp, even): such a share of the ray, inverted, is the most
-# that a cell takes. What a gloss shows is in focus; and where surfaces all but touch, light changes within their
+# Per kind of ray (`_ray_kernels`: DIFFUSE, GLOSSY, SHARP, EVEN): a cell is smaller than the ray's length divided by
+# this. A glossy surface shows what it reflects in focus; and where surfaces nearly touch, light varies within their
 # distance.
 _FOCUS = (np.float32(2.0), np.float32(8.0), np.float32(8.0), np.float32(0.0))
-# The sizes of cells, from four times the grid's on, each half the one before.
+# Levels of cell size, from four times the grid's size on, each half of the one before.
 _GRID = 2
 _COARSEST, _FINEST = (_GRID, 0, 0, _GRID), (5, 3, 5, _GRID)
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
-# Where a cube's lookouts stand over a surface in it: above its middle, and aside towards its corners.
+# Visibility probes of a cube above a surface in it: above its centre, and offset towards its corners.
 _VISIBILITY_PROBES = ((0, 0), (1, 1), (-1, 1), (1, -1), (-1, -1))
 N_VISIBILITY_PROBES = len(_VISIBILITY_PROBES)
-# Of a cube's size: how far aside; how high at least, so that what shines through below a door is not taken for a sight
-# of what is behind it, and at most, since hollow surfaces see one another from higher; how high above a hit its ray to
-# them starts.
+# As fractions of a cube's size: the probes' lateral offset; their least height, so that light passing under a door does
+# not make the room behind it visible, and their greatest, since concave surfaces see one another from higher up; and
+# the offset of a hit along its normal.
 _ASIDE, _LOW, _HIGH, _LIFT = np.float32(0.3), np.float32(1 / 8), np.float32(1 / 4), np.float32(1 / 16)
-# Planes that are so far apart are two: the boards of a shelf are lit one by one.
+# Parallel planes this far apart (as a fraction of the size) are distinct: the boards of a shelf are lit separately.
 _SHEET = np.float32(1 / 4)
 
 
@@ -55,11 +55,13 @@ class Hits(NamedTuple):
 
 
 class CacheTable(NamedTuple):
-    """Cells by key, open addressing: keys (S,) uint64, 0 where free; cells (S,) int32. n_cells (1,): how many.
+    """Records by key, with open addressing: keys (S,) uint64, 0 where free; cells (S,) int32, the record of each key.
+    n_cells (1,): the number of records.
 
-    Of each cell: objects (C,) int32, seeds (C,) uint64, n_places (C,) int64, and up to 32 places: triangle (C, 32)
-    int32, u, v (C, 32), side (C, 32) bits: 1 the face, 2 the shading normal turned. They are the hits of the least
-    hashes (C, 32), by hash, so that neither threads nor the order of the rays decide what a cell is.
+    Per record: objects (C,) int32, seeds (C,) uint64, n_places (C,) int64, and up to 32 sample positions: triangle (C,
+    32) int32, u, v (C, 32), side (C, 32) bits: 1 the face normal is flipped, 2 the shading normal is flipped. The
+    positions are the hits with the least hashes (C, 32), sorted by hash, so that a record depends neither on threads
+    nor on the order of the rays.
     """
 
     keys: np.ndarray
@@ -88,7 +90,7 @@ def _position(mesh, triangle, u, v):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _shading_normal(mesh, triangle, u, v):
-    """Interpolated where the object is smooth, else the face's; not turned."""
+    """Interpolated where the object is smooth, else the face normal; not flipped towards the ray."""
     face = mesh.face_normals[triangle]
     if not mesh.smooth[mesh.objects[triangle]]:
         return face[0], face[1], face[2]
@@ -105,12 +107,13 @@ def _shading_normal(mesh, triangle, u, v):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def find_keys(mesh, low, inverse_size, hits, there, directions, mirrored, keys, sides, levels):
-    """Key (R,) of what each ray hits, 0 for none, which of its normals face away and how fine its cube is (R,).
+    """Writes the key (R,) of each ray's hit, 0 for none; which of its normals face away; and the level of its cube
+    (R,).
 
-    That is what one object has in one cube of the grid (low (3,), 1 / its size) in about one plane, facing one of six
-    ways; the least bits are left for which of the lookouts sees it. The cubes are by the distance and how rays look,
-    `mirrored` (R,): from four times as large to half as large (GLOSSY) or to an eighth (SHARP), from as large to an
-    eighth (MATT), or all alike (EVEN).
+    A key identifies one object in one cube of the grid (low (3,), 1 / size), in about one plane, facing one of six
+    directions. Its lowest bits are reserved for the visible probe. Cubes depend on the ray's length and its kind,
+    `mirrored` (R,): from four times the grid's size to half of it (GLOSSY) or an eighth (SHARP), from the same size to
+    an eighth (DIFFUSE), or all alike (EVEN).
     """
     for r in range(keys.shape[0]):
         triangle = hits.triangle[r]
@@ -121,20 +124,25 @@ def find_keys(mesh, low, inverse_size, hits, there, directions, mirrored, keys, 
         face = mesh.face_normals[triangle]
         side = np.uint8(face[0] * dx + face[1] * dy + face[2] * dz > ZERO)
         nx, ny, nz = _shading_normal(mesh, triangle, hits.u[r], hits.v[r])
-        if (nx * face[0] + ny * face[1] + nz * face[2] > ZERO) == (side == 1):  # to the side of the face that was seen
+        # flip towards the visible side of the face
+        if (nx * face[0] + ny * face[1] + nz * face[2] > ZERO) == (side == 1):
             side |= np.uint8(2)
             nx, ny, nz = -nx, -ny, -nz
+        # Which of the six axis directions the shading normal is closest to.
         axis = _main_axis(nx, ny, nz)
         facing = 2 * axis + (0 if (nx, ny, nz)[axis] > ZERO else 1)
         x, y, z = _position(mesh, triangle, hits.u[r], hits.v[r])
+        # Halve the cube until it is small relative to the length of the ray.
         look = mirrored[r]
         level = _COARSEST[look]
         scale = _scale_of(inverse_size, level)
         while level < _FINEST[look] and hits.distance[r] * scale < _FOCUS[look]:
             level, scale = level + 1, np.float32(2.0) * scale
+        # Index of the plane: the signed height of the cube's centre over the surface.
         i, j, k, mx, my, mz = _cube(low, scale, x, y, z)
         height = (face[0] * mx + face[1] * my + face[2] * mz) * scale
         sheet = np.int64(math.floor((-height if side & 1 else height) / _SHEET)) + (1 << _SHEET_BITS - 1)
+        # Hash object, direction, level, plane and cube into one key.
         surface = (np.int64(mesh.objects[triangle]) * 6 + facing << _LEVEL_BITS | level) << _SHEET_BITS | sheet
         cube = (i << _GRID_BITS | j) << _GRID_BITS | k
         key = hash64(np.uint64(cube) ^ hash64(np.uint64(surface))) | np.uint64(1)
@@ -144,15 +152,17 @@ def find_keys(mesh, low, inverse_size, hits, there, directions, mirrored, keys, 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def probe_rays(mesh, low, inverse_size, hits, which, sides, levels, probe, origins, directions):
-    """From hits `which` (n,) to one of their cubes' lookouts, rays of the length of their directions (n, 3).
+    """Writes rays from the hits `which` (n,) to one of the probes of their cubes; a direction (n, 3) has the length of
+    its ray.
 
-    What sees the same lookout is not divided by a wall, be it thin.
+    Two hits that see the same probe are not separated by a wall, however thin.
     """
     aside_a, aside_b = _VISIBILITY_PROBES[probe]
     for n in range(which.shape[0]):
         r = which[n]
         triangle, face, sign = hits.triangle[r], mesh.face_normals[hits.triangle[r]], -ONE if sides[r] & 1 else ONE
         gx, gy, gz = sign * face[0], sign * face[1], sign * face[2]
+        # Centre of the cube relative to the hit, offset laterally in the two axes other than the main one.
         x, y, z = _position(mesh, triangle, hits.u[r], hits.v[r])
         scale = _scale_of(inverse_size, levels[r])
         size = ONE / scale
@@ -163,6 +173,7 @@ def probe_rays(mesh, low, inverse_size, hits, which, sides, levels, probe, origi
             mx + (a if axis != 0 else ZERO), my + (b if axis == 2 else a if axis == 0 else ZERO),
             mz + (b if axis != 2 else ZERO),
         )  # fmt: skip
+        # Move the probe along the normal, to a height within its limits.
         wanted = min(max(height, _LOW * size), _HIGH * size)
         rise, lift = wanted - (gx * mx + gy * my + gz * mz), _LIFT * size
         origins[n, 0], origins[n, 1], origins[n, 2] = x + lift * gx, y + lift * gy, z + lift * gz
@@ -184,7 +195,7 @@ def _scale_of(inverse_size, level):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _cube(low, scale, x, y, z):
-    """Numbers of the cube that a place lies in, and the way from there to its middle."""
+    """Indices of the cube that contains a position, and the vector from the position to its centre."""
     most = np.int64((1 << _GRID_BITS) - 1)
     i = min(max(np.int64((x - low[0]) * scale), 0), most)
     j = min(max(np.int64((y - low[1]) * scale), 0), most)
@@ -198,9 +209,10 @@ def _cube(low, scale, x, y, z):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def insert_hits(table, mesh, hits, keys, sides, first_open, found):
-    """Look keys (R,) up, adding cells for new ones: their numbers into found (R,) uint16. False when there is no room.
+    """Looks up keys (R,), adding records for new ones; writes their indices to found (R,) uint16. Returns False when
+    the table is full.
 
-    Cells from `first_open` on may take a hit for one of their places.
+    Records from `first_open` on may take a hit as a sample position.
     """
     mask = np.uint64(table.keys.shape[0] - 1)
     most = table.objects.shape[0]
@@ -209,6 +221,7 @@ def insert_hits(table, mesh, hits, keys, sides, first_open, found):
         found[r] = NO_RECORD
         if key == NO_KEY:
             continue
+        # Linear probing.
         hashed = hash64(key)
         slot = hashed & mask
         while table.keys[slot] != key and table.keys[slot] != NO_KEY:
@@ -229,13 +242,14 @@ def insert_hits(table, mesh, hits, keys, sides, first_open, found):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _insert_place(table, cell, triangle, u, v, side):
-    """Make a hit one of a cell's places if its hash is among the least."""
+    """Inserts a hit into a record's sample positions if its hash is among the least."""
     grid = np.float32(1 << _PLACE_BITS)
     number = np.uint64(max(u, ZERO) * grid) << np.uint64(_PLACE_BITS) | np.uint64(max(v, ZERO) * grid)
     hashed = np.uint32(hash64(number ^ np.uint64(triangle) << np.uint64(2 * _PLACE_BITS)) >> np.uint64(32))
     n = table.n_places[cell]
     if n == N_PLACES and hashed >= table.hashes[cell, N_PLACES - 1]:
         return
+    # Insertion sort by hash; the largest drops out.
     place = min(n, N_PLACES - 1)
     while place > 0 and table.hashes[cell, place - 1] > hashed:
         table.hashes[cell, place] = table.hashes[cell, place - 1]
@@ -250,7 +264,7 @@ def _insert_place(table, cell, triangle, u, v, side):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _place(table, mesh, cell, k):
-    """Position, face normal and shading normal of the k-th place of a cell, turned to the side that was seen."""
+    """Position, face normal and shading normal of the k-th sample position of a record, flipped to the visible side."""
     p = k % table.n_places[cell]
     triangle, u, v, side = table.triangle[cell, p], table.u[cell, p], table.v[cell, p], table.side[cell, p]
     x, y, z = _position(mesh, triangle, u, v)
@@ -272,9 +286,11 @@ def _write_ray(origins, directions, out, x, y, z, gx, gy, gz, dx, dy, dz, offset
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def record_rays(table, mesh, begin, end, offset, cosine_table, origins, directions, there):
-    """Cosine-distributed rays from the places of cells [begin, end): (n · R, 3) from tables (64, R, 3)."""
+    """Writes cosine-distributed rays from the sample positions of records [begin, end): (n · R, 3), from tables (64, R,
+    3)."""
     n_rays = cosine_table.shape[1]
     for cell in range(begin, end):
+        # A random rotation about the normal and one of 64 patterns, per record.
         seed = hash64(table.seeds[cell] + np.uint64(0x51ED2701))
         angle = np.float32(2.0 * math.pi) * uniform(seed)
         cosine, sine = np.cos(angle), np.sin(angle)
@@ -283,7 +299,7 @@ def record_rays(table, mesh, begin, end, offset, cosine_table, origins, directio
             x, y, z, gx, gy, gz, nx, ny, nz = _place(table, mesh, cell, m)
             tx, ty, tz = cosine_table[pattern, m, 0], cosine_table[pattern, m, 1], cosine_table[pattern, m, 2]
             lx, ly = cosine * tx - sine * ty, sine * tx + cosine * ty
-            # A frame about the normal [Duff17].
+            # An orthonormal frame about the normal [Duff17].
             sign = ONE if nz >= ZERO else -ONE
             a = -ONE / (sign + nz)
             b = nx * ny * a
@@ -297,7 +313,7 @@ def record_rays(table, mesh, begin, end, offset, cosine_table, origins, directio
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _pick(cumulative, u):
-    """First index whose cumulative share is above u."""
+    """The first index whose cumulative share exceeds u."""
     low, high = 0, cumulative.shape[0] - 1
     while low < high:
         middle = (low + high) // 2
@@ -310,7 +326,7 @@ def _pick(cumulative, u):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _point_in_triangle(corners, m, u, v):
-    """An evenly distributed point of triangle m of corners (M, 3, 3)."""
+    """A uniformly distributed point of triangle m of corners (M, 3, 3)."""
     if u + v > ONE:
         u, v = ONE - u, ONE - v
     w = ONE - u - v
@@ -323,7 +339,8 @@ def _point_in_triangle(corners, m, u, v):
 
 class Lights(NamedTuple):
     """Triangle lights to sample by power: corners (M, 3, 3), directions or points; cumulative (M,) shares up to 1;
-    power (M, 3): what a sample counts, divided by its share; normals (M, 3) of emitters; is_sky."""
+    power (M, 3), divided by the light's share, so that a sample is weighted already; normals (M, 3) of emitters;
+    is_sky."""
 
     corners: np.ndarray
     cumulative: np.ndarray
@@ -336,14 +353,16 @@ class Lights(NamedTuple):
 def light_rays(
     table, mesh, begin, end, offset, lights, n_samples, seed, origins, directions, distances, cosines, powers
 ):
-    """Rays from the places of cells [begin, end) to `n_samples` samples of the lights each, (n · S, 3).
+    """Writes `n_samples` shadow rays from the sample positions of each record in [begin, end) to the lights, (n · S,
+    3).
 
-    distances (n · S,): how far the light is, large for the sky; cosines (n · S,) of the angles of incidence; powers
-    (n · S, 3): what the light adds to the cell's irradiance if the ray is free, 0 where it is not to be traced.
+    distances (n · S,) to the light, large for the sky; cosines (n · S,) of the angles of incidence; powers (n · S, 3):
+    the contribution to the record's irradiance if the ray is unoccluded, 0 where it need not be traced.
     """
     for cell in range(begin, end):
         for s in range(n_samples):
             x, y, z, gx, gy, gz, nx, ny, nz = _place(table, mesh, cell, s)
+            # Stratified choice of a light by power, then a uniform point on it.
             number = hash64(table.seeds[cell] + np.uint64(s) + np.uint64(seed) * np.uint64(0x9E3779B9))
             m = _pick(lights.cumulative, (np.float32(s) + uniform(number)) / np.float32(n_samples))
             u, v = uniform(number ^ np.uint64(1)), uniform(number ^ np.uint64(2))
@@ -354,6 +373,7 @@ def light_rays(
             dx, dy, dz = lx / length, ly / length, lz / length
             out = (cell - begin) * n_samples + s
             cosines[out] = max(nx * dx + ny * dy + nz * dz, ZERO)
+            # E = L cosθ / S for the sky; an emitter adds cosθ' / r² for its area.
             weight = cosines[out] / np.float32(n_samples)
             distances[out] = np.float32(1e30)
             if not lights.is_sky:
@@ -367,7 +387,7 @@ def light_rays(
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def add_unoccluded(blocked, cosines, powers, n_samples, irradiance):
-    """irradiance (n, B, 3) += the powers (n · S, 3) of the samples that are not blocked, shared out by hats over the
+    """irradiance (n, B, 3) += the powers (n · S, 3) of unoccluded samples, distributed by hat functions over the square
     root of their cosines (n · S,)."""
     last = irradiance.shape[1] - 1
     for i in range(irradiance.shape[0]):

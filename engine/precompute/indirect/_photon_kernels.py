@@ -1,14 +1,14 @@
-"""Compiled: light that leaves glossy surfaces, followed to where it lands, and what is reflected of it there.
+"""Compiled: traces caustic photons from glossy surfaces, and reflects them at gather points.
 
-A photon starts at a place of a glossy surface, evenly by area, takes light from one of the lamps, by power, and goes
-about the lobe_axis of that surface's highlight: which curve the surface has is not known yet, and any will do. Where it
-lands it counts for the gather points around, by a kernel that falls to 0 at their radius r,
+A photon starts at a uniformly distributed position of the glossy surfaces, takes light from one of the lamps, chosen by
+power, and leaves about the axis of the surface's lobe, which works for any curve. Where it lands it contributes to the
+gather points around it, with a kernel that falls to 0 at their radius r,
 
     E(x) = Σ 2 (1 - d²/r²) / (π r²) Φ .
 
-A gather point's own rays find the same light where they happen to end on the glossy surface. Either counts by the
-power heuristic (`photon_share`), by how many samples each expects in the neighbourhood of that path, a disc of π r²/2
-about the gather point being what a photon must hit [Georgiev12; Hachisuka12].
+A gather point's own rays find the same light where they happen to hit the glossy surface. The two estimates are
+combined by the power heuristic (`photon_share`), by the number of samples that each expects near that path; a photon
+must hit a disc of area π r²/2 about the gather point [Georgiev12; Hachisuka12].
 """
 
 import math
@@ -32,30 +32,32 @@ from engine.precompute.indirect._second_bounce_kernels import (
 )
 
 TWO = np.float32(2.0)
-# A photon that skims its landing place would count without bound.
+# Bounds the weight of photons at grazing incidence.
 _LEAST_COSINE = np.float32(0.05)
-# The square of the sine of 15°: a photon that is seen so far off the plane lies on another part of the surface.
+# sin² 15°: a photon seen at a greater angle to the tangent plane lies on another part of the surface.
 _OFF_PLANE = np.float32(0.07)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def emit(numbers, about, triangles, per_area, mesh, lobe_axes, axes, lamps, offset,
          starts, to_light, limits, onward, normals, power, ahead):  # fmt: skip
-    """n photons from the triangles (n,), by numbers (n, 5) in [0, 1) and unit vectors `about` (n, 3) of a lobe_axis
-    table.
+    """Emits n photons from the triangles (n,), with random numbers (n, 5) in [0, 1) and unit vectors `about` (n, 3)
+    from a lobe table.
 
-    per_area (M,): how many start on a square metre of each object. Writes starts (n, 3) of rays to_light (n, 3), as
-    far as limits (n,), and onward (n, 3), normals (n, 3), power (n, 3) without the material, 0 where there is none;
-    ahead (n,): as `expected_photons`.
+    per_area (M,): photons per square metre of each object. Writes shadow rays starts and to_light (n, 3) with limits
+    (n,); onward (n, 3), normals (n, 3); power (n, 3) without the material, 0 for no photon; ahead (n,): as
+    `expected_photons`.
     """
     for i in range(triangles.shape[0]):
         triangle = triangles[i]
         o = mesh.objects[triangle]
         power[i] = ZERO
+        # A uniform position on the triangle.
         u, v = numbers[i, 0], numbers[i, 1]
         if u + v > ONE:
             u, v = ONE - u, ONE - v
         px, py, pz = _position(mesh, triangle, u, v)
+        # A lamp by power, and a point on it.
         m = _pick_light(lamps, numbers[i, 2])
         x, y, z = _point_in_triangle(lamps.corners, m, numbers[i, 3], numbers[i, 4])
         is_sky = m < lamps.density.shape[0]
@@ -63,10 +65,12 @@ def emit(numbers, about, triangles, per_area, mesh, lobe_axes, axes, lamps, offs
             x, y, z = x - px, y - py, z - pz
         length = np.sqrt(max(x * x + y * y + z * z, TINY))
         x, y, z = x / length, y / length, z / length
+        # cosθ' / r² of an emitter; 1 for the sky.
         geometry, limits[i] = ONE, np.float32(1e30)
         if not is_sky:
             facing = -(lamps.normals[m, 0] * x + lamps.normals[m, 1] * y + lamps.normals[m, 2] * z)
             geometry, limits[i] = max(facing, ZERO) / (length * length), max(length * np.float32(0.9999), TINY)
+        # Local frame on the lit side; sample the outgoing direction about the lobe axis.
         nx, ny, nz = _shading_normal(mesh, triangle, u, v)
         if nx * x + ny * y + nz * z < ZERO:
             nx, ny, nz = -nx, -ny, -nz
@@ -80,10 +84,12 @@ def emit(numbers, about, triangles, per_area, mesh, lobe_axes, axes, lamps, offs
         wx, wy, wz = _to_world(tx, ty, tz, nx, ny, nz, ox, oy, oz)
         face = mesh.face_normals[triangle]
         side = face[0] * x + face[1] * y + face[2] * z
-        # Photons start evenly by true area, so what leaves goes by the cosine to the face, smooth or not.
+        # Photons start uniformly by true area, so the outgoing flux uses the cosine to the face, even on smooth
+        # surfaces.
         leaving = face[0] * wx + face[1] * wy + face[2] * wz
         if side * leaving <= ZERO:
             continue
+        # Flux: light · geometry · cosine / (density of the direction · density of positions).
         density = direction_pdf(ZERO, ONE, lobe_axes[o], ox, oy, oz, lx, ly, lz)
         ahead[i] = expected_photons(lamps, m, lobe_axes[o], per_area[o], lx, ly, lz, ox, oy, oz)
         lift = offset if side >= ZERO else -offset
@@ -97,9 +103,9 @@ def emit(numbers, about, triangles, per_area, mesh, lobe_axes, axes, lamps, offs
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def photon_power(photons, g, out):
-    """What each photon carries under the curves of the glossy layers g, and by the means of their images, (n, 3)
-    watts."""
-    nowhere = np.int64(-1)  # a literal would be a type of its own, and have `_add_gloss` compiled twice
+    """The flux (n, 3) of each photon in watts under the curves of the glossy layers g, with the means of their texture
+    maps."""
+    nowhere = np.int64(-1)  # a literal would have its own type, and `_add_gloss` would be compiled twice
     for i in range(out.shape[0]):
         o = photons.sources[i]
         nx, ny, nz = photons.normals[i, 0], photons.normals[i, 1], photons.normals[i, 2]
@@ -115,7 +121,7 @@ def photon_power(photons, g, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _faces_away(face, place, photons, n, distance2):
-    """Whether photon n comes to the side of the surface at a place that this normal points to, but off its plane."""
+    """Whether photon n arrives on the side of the surface that this normal points to, but away from its plane."""
     if n < 0:
         return False
     off, cosine = ZERO, ZERO
@@ -127,17 +133,18 @@ def _faces_away(face, place, photons, n, distance2):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def weigh_photons(samples, begin, end, times, geometric, position, photons, found, distances2, radii2, weights):
-    """How much each of the photons found (p, k) about points [begin, end), nearest first, counts, (p, k): 1/m² over the
+    """Writes weights (p, k) of the photons found (p, k) near points [begin, end), nearest first: 1/m² divided by the
     cosine.
 
-    distances2 (p, k), radii2 (p,), which shrinks to where the surface turns away, lest light be missing that falls
-    there; a photon beyond the last is −1 in `found`.
+    distances2 (p, k), radii2 (p,). A radius shrinks to where the surface curves away, since light would otherwise be
+    missing there. A missing photon is −1 in `found`.
     """
     n_cosine, n_lobe = np.float32(samples.tables_cosine.shape[1]), np.float32(samples.tables_lobe.shape[1])
     for i in range(begin, end):
         r = samples.rows[i]
         tangent, normal, face = samples.tangent[r], samples.normal[r], geometric[r]
         ox, oy, oz = local_wo(tangent, normal, samples.wo[r])
+        # Shrink the radius to the nearest photon that lies off the tangent plane.
         for k in range(found.shape[1]):
             if distances2[i, k] < radii2[i] and _faces_away(face, position[r], photons, found[i, k], distances2[i, k]):
                 radii2[i] = distances2[i, k]
@@ -147,6 +154,7 @@ def weigh_photons(samples, begin, end, times, geometric, position, photons, foun
             n = found[i, k]
             if n < 0 or distances2[i, k] >= radii2[i]:
                 continue
+            # Kernel 2 (1 - d²/r²) / (π r²) times the photons' share of the light, over the cosine to the face.
             dx, dy, dz = -photons.directions[n, 0], -photons.directions[n, 1], -photons.directions[n, 2]
             cosine = face[0] * dx + face[1] * dy + face[2] * dz
             x, y, z = _to_local(tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], dx, dy, dz)
@@ -160,7 +168,7 @@ def weigh_photons(samples, begin, end, times, geometric, position, photons, foun
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _arrival(samples, i, n, directions):
-    """Local direction to where photon n comes from, and to the eye."""
+    """Local direction to the origin of photon n, and to the camera."""
     r = samples.rows[i]
     tangent, normal = samples.tangent[r], samples.normal[r]
     x, y, z = _to_local(
@@ -178,7 +186,8 @@ def _is_in_half(half, n):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _on_curves(optics, x, y, z, ox, oy, oz):
-    """Whether light is within both curves, and node and share on the first and on the second, see `_node`."""
+    """Whether light is within the domain of both curves, and node and fraction on the first and on the second, see
+    `_node`."""
     j, t, k, u = 0, ZERO, 0, ZERO
     if optics.kind_a != CONSTANT:
         angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
@@ -195,7 +204,7 @@ def _on_curves(optics, x, y, z, ox, oy, oz):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def reflect_photons(samples, begin, end, optics, nearby, sent, out):
-    """Add what points [begin, end) reflect of photons to out (p, D, 3), without f_q and f_o."""
+    """Adds the reflection of photons at points [begin, end) to out (p, D, 3), without f_q and f_o."""
     n_a, n_b, n_powers = optics.curve_a.shape[0], optics.curve_b.shape[0], out.shape[1]
     scale = ONE if samples.half < 0 else TWO
     for i in range(begin, end):
@@ -204,6 +213,7 @@ def reflect_photons(samples, begin, end, optics, nearby, sent, out):
             power = sent.powers[n]
             if not _is_in_half(samples.half, n) or power >= n_powers:
                 continue
+            # BRDF quotient times kernel weight, then the curves at the photon's angles.
             x, y, z, ox, oy, oz = _arrival(samples, i, n, sent.directions)
             weight = scale * nearby.weight[e] * np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
             within, j, t, k, u = _on_curves(optics, x, y, z, ox, oy, oz)
@@ -219,7 +229,7 @@ def reflect_photons(samples, begin, end, optics, nearby, sent, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def reflect_photon_bands(samples, begin, end, optics, of_a, nearby, sent, out):
-    """As `reflect_photons`, by band of one of the curves, to out (3, J, D, p): of the first where of_a."""
+    """As `reflect_photons`, by band of one of the curves, to out (3, J, D, p): of the first if of_a."""
     n_bands, n_powers = out.shape[1], out.shape[2]
     scale = ONE if samples.half < 0 else TWO
     for i in range(begin, end):
@@ -233,6 +243,7 @@ def reflect_photon_bands(samples, begin, end, optics, of_a, nearby, sent, out):
             within, j, t, k, u = _on_curves(optics, x, y, z, ox, oy, oz)
             if not within:
                 continue
+            # Apply the other curve; distribute between the two bands next to the angle of this one.
             kept, kept_share, at, share, other = j, t, k, u, optics.curve_b
             if not of_a:
                 kept, kept_share, at, share, other = k, u, j, t, optics.curve_a

@@ -1,4 +1,4 @@
-"""Compiled: light between cells, and what gather points reflect of it."""
+"""Compiled: light between irradiance cache records, and its reflection at gather points."""
 
 import math
 from typing import NamedTuple
@@ -19,7 +19,7 @@ from engine.precompute.indirect._ray_kernels import (
     sample_direction,
 )
 
-# In place of an angle: the curve is the same at all of them.
+# Marks a curve that is constant over its angle.
 CONSTANT = -2
 HALF_PI = np.float32(math.pi / 2)
 ZERO, ONE, HALF_BAND = np.float32(0.0), np.float32(1.0), np.float32(0.5)
@@ -28,7 +28,7 @@ CODES = np.float32(65535.0)
 
 class ReflectingLayer(NamedTuple):
     """A layer: model and angle numbers, quotient parameters q (8,), values at the nodes of its two curves (J, 3) and
-    (K, 3); kind_b < 0: there is no second one."""
+    (K, 3); kind_b < 0 if there is no second curve."""
 
     model: int
     q: np.ndarray
@@ -39,11 +39,11 @@ class ReflectingLayer(NamedTuple):
 
 
 class WeightArrays(NamedTuple):
-    """How a layer weighs the rays of points from number `base` on, but for its curves: scales (p',) times the squares
-    of roots (p', R) uint16, 0 for rays that bring nothing, and angles (A, p', R) uint16 that its curves take, A = 0, 1
-    or 2, in shares of a right angle of 1/65535.
+    """Ray weights of one layer, without its curves, of the points from number `base` on. The weight is scales (p',)
+    times the squared roots (p', R) uint16, 0 for rays without a contribution. angles (A, p', R) uint16 are the
+    arguments of its A = 0, 1 or 2 curves, in units of π/2 / 65535.
 
-    Roots, because weights are smallest where rays are dense, and there curves are highest.
+    Square roots are stored because weights are least where rays are dense, and there curves are highest.
     """
 
     roots: np.ndarray
@@ -53,8 +53,8 @@ class WeightArrays(NamedTuple):
 
 
 class SecondBounce(NamedTuple):
-    """What glossy surfaces send back along some of the rays, as radiosity: start (p + 1,) of each point's numbers, ray
-    (n,) of the fan, and light (n', D, 4), which begins with number `base`."""
+    """Radiosity that glossy surfaces reflect along some of the rays: start (p + 1,) of each point's numbers, ray (n,)
+    index within the sample set, and light (n', D, 4), which begins with number `base`."""
 
     start: np.ndarray
     ray: np.ndarray
@@ -63,9 +63,9 @@ class SecondBounce(NamedTuple):
 
 
 class SampleArrays(NamedTuple):
-    """q fans: rows (q,) of the hits, which of its point's each is (q,), lobe_axes (q,), the cells their rays see (q, R)
-    uint16; which half of the rays counts (of each table the first, 0, or the second, 1; −1 for all); tables
-    (64 n, R_c, 3), (64 n, R_p, 3), see `pattern_of`; the hits' tangent, normal, wo (P, 3)."""
+    """q sample sets: rows (q,) of the hits, number nth (q,) at its point, lobe_axes (q,), records (q, R) uint16 that
+    the rays hit. half: 0 or 1 for one half of the rays of each table, −1 for all. Tables (64 n, R_c, 3), (64 n, R_p,
+    3), see `pattern_of`. tangent, normal, wo (P, 3) of the hits."""
 
     rows: np.ndarray
     nth: np.ndarray
@@ -81,10 +81,10 @@ class SampleArrays(NamedTuple):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def brighten(irradiance, objects, albedos, relative, edited, out):
-    """Radiosity (C, D + 1, 3 or 4) of cells from irradiance (C, D, 3), polynomials in the albedo of object `edited`.
+    """Radiosity (C, D + 1, 3 or 4) of records from irradiance (C, D, 3), polynomials in the albedo of object `edited`.
 
-    albedos (M, 3), which cells have so many times, relative (C, 3); multiplying by that of `edited` moves a number to
-    the next power.
+    albedos (M, 3), times relative (C, 3) at each record. Multiplication by the edited object's albedo moves a
+    coefficient to the next power [BenArtzi07, eq. 6.8].
     """
     out[:] = ZERO
     n_powers = min(irradiance.shape[1], out.shape[1])
@@ -101,7 +101,7 @@ def brighten(irradiance, objects, albedos, relative, edited, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _node(angle, n):
-    """The node below an angle and how far it is to the next, for n hats over [0, π/2]."""
+    """The node below an angle and the fraction of the way to the next, for n hat functions over [0, π/2]."""
     position = min(max(np.float32(angle) * (np.float32(n) / HALF_PI) - HALF_BAND, ZERO), np.float32(n - 1))
     j = min(np.int64(position), max(n - 2, 0))
     return j, position - np.float32(j)
@@ -109,13 +109,13 @@ def _node(angle, n):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _coded(angle):
-    """An angle up to π/2 as it is kept: fine enough to tell 128 places in each of 512 bands."""
+    """An angle up to π/2 as stored: fine enough to distinguish 128 positions in each of 512 bands."""
     return np.uint16(max(np.float32(angle), ZERO) * (CODES / HALF_PI) + HALF_BAND)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _coded_node(code, n):
-    """As `_node`, of an angle that was kept."""
+    """As `_node`, for a stored angle."""
     position = min(max(np.float32(code) * (np.float32(n) / CODES) - HALF_BAND, ZERO), np.float32(n - 1))
     j = min(np.int64(position), max(n - 2, 0))
     return j, position - np.float32(j)
@@ -123,7 +123,8 @@ def _coded_node(code, n):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _is_in_half(samples, m):
-    """Whether ray m is in the half that counts; half of a Sobol set, its first or last, is as even as the whole."""
+    """Whether ray m belongs to the active half. Either half of a Sobol set, first or last, is as well distributed as
+    the whole."""
     n = samples.tables_cosine.shape[1]
     k, n = (m, n) if m < n else (m - n, samples.tables_lobe.shape[1])
     return samples.half < 0 or (2 * k >= n) == (samples.half == 1)
@@ -144,13 +145,14 @@ def _ray(samples, i, m, pattern, cosine, sine, ox, oy, oz):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def weigh_rays(samples, begin, end, optics, stored_weights):
-    """How points [begin, end) weigh what their rays bring, whatever the curves: into `stored_weights`."""
+    """Writes the weights of the rays of points [begin, end) without the curves to `stored_weights`."""
     n_angles = stored_weights.angles.shape[0]
     n_cosine, n_lobe = np.float32(samples.tables_cosine.shape[1]), np.float32(samples.tables_lobe.shape[1])
     scale = (ONE if samples.half < 0 else np.float32(2.0)) / np.float32(math.pi)
     weights = np.empty(samples.records.shape[1], np.float32)
     for i in range(begin, end):
         r, at = samples.rows[i], i - stored_weights.base
+        # Direction to the camera, and the point's rotated pattern.
         ox, oy, oz = local_wo(samples.tangent[r], samples.normal[r], samples.wo[r])
         seed, cosine, sine = pattern_rotation(r)
         pattern = pattern_of(seed, samples.nth[i])
@@ -159,10 +161,12 @@ def weigh_rays(samples, begin, end, optics, stored_weights):
         for m in range(samples.records.shape[1]):
             if samples.records[i, m] == NO_RECORD or not _is_in_half(samples, m):
                 continue
+            # The quotient ρ_q cosθ_i of each ray that hits a record.
             x, y, z = _ray(samples, i, m, pattern, cosine, sine, ox, oy, oz)
             weight = np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
             if z <= HORIZON or weight <= ZERO:
                 continue
+            # Angles of the curves.
             if n_angles > 0:
                 angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
                 if angle > HALF_PI:
@@ -173,8 +177,10 @@ def weigh_rays(samples, begin, end, optics, stored_weights):
                 if angle > HALF_PI:
                     continue
                 stored_weights.angles[1, at, m] = _coded(angle)
+            # Divide by the density: the Monte Carlo estimator f(X) / p(X) [BenArtzi07, eq. 6.1].
             weights[m] = weight * scale / direction_pdf(n_cosine, n_lobe, samples.lobe_axes[i], x, y, z, ox, oy, oz)
             most = max(most, weights[m])
+        # Quantise square roots relative to the point's largest weight.
         stored_weights.scales[at] = most / (CODES * CODES)
         inverse = ONE / most if most > ZERO else ZERO
         for m in range(weights.shape[0]):
@@ -183,7 +189,7 @@ def weigh_rays(samples, begin, end, optics, stored_weights):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
 def _curve_at(code, curve):
-    """A curve (J, 3) at an angle as it is kept: three numbers, which unlike an array need no memory."""
+    """A curve (J, 3) at a stored angle: three scalars, which unlike an array need no allocation."""
     j, t = _coded_node(code, curve.shape[0])
     above = min(j + 1, curve.shape[0] - 1)
     return (
@@ -195,8 +201,8 @@ def _curve_at(code, curve):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
 def add_product(a, b, c, light, total):
-    """total (D, 4) += (a, b, c, 0) · light (D, 4): all is read before anything is written, so that it is one
-    instruction a power."""
+    """total (D, 4) += (a, b, c, 0) · light (D, 4). All values are read before any is written, so that each power
+    compiles to one vector instruction."""
     for n in range(total.shape[0]):
         red, green, blue, none = light[n, 0], light[n, 1], light[n, 2], light[n, 3]
         red, green = total[n, 0] + a * red, total[n, 1] + b * green
@@ -206,7 +212,7 @@ def add_product(a, b, c, light, total):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
 def _add_shared(a, b, c, share, light, below, above):
-    """The share of (a, b, c, 0) · light (D, 4) to above (D, 4), the rest to below, as `add_product` does."""
+    """Adds share · (a, b, c, 0) · light (D, 4) to above (D, 4) and the rest to below, as `add_product` does."""
     rest = ONE - share
     for n in range(light.shape[0]):
         red, green, blue, none = a * light[n, 0], b * light[n, 1], c * light[n, 2], ZERO * light[n, 3]
@@ -220,8 +226,8 @@ def _add_shared(a, b, c, share, light, below, above):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _take_colours(total, out):
-    """Three of the four columns of total (D, 4) into out. One by one: for whole arrays the compiler makes the words of
-    an error that they may raise, which takes as long as all the rest."""
+    """Copies three of the four columns of total (D, 4) to out, element by element: for whole arrays the compiler
+    generates error messages, which takes as long to compile as all the rest."""
     for n in range(total.shape[0]):
         for channel in range(3):
             out[n, channel] = total[n, channel]
@@ -229,7 +235,8 @@ def _take_colours(total, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def bounce(begin, end, seen, radiosity, n_powers, out):
-    """Irradiance (C, D, 3) of cells [begin, end): the mean radiosity (C, D, 4) of what their rays see (C, R)."""
+    """Irradiance (C, D, 3) of records [begin, end): the mean radiosity (C, D, 4) of the records that their rays hit,
+    seen (C, R)."""
     share, total = ONE / np.float32(seen.shape[1]), np.empty((n_powers, 4), np.float32)
     for c in range(begin, end):
         total[:] = ZERO
@@ -241,16 +248,18 @@ def bounce(begin, end, seen, radiosity, n_powers, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def reflect(samples, begin, end, optics, stored_weights, radiosity, second, out):
-    """What points [begin, end) reflect towards the eye, (p, D, 3), of radiosity (C, D, 4), with the curves as they are.
+    """Radiance (p, D, 3) that points [begin, end) reflect towards the camera, from radiosity (C, D, 4), with the curves
+    applied.
 
-    Without f_q and f_o. aimed: of the same points and optics, with as many angles as the curves have; none are read
-    where the only curve is the same at all angles.
+    Without f_q and f_o. stored_weights: of the same points and layer, with as many angles as there are curves; none are
+    read if the only curve is constant.
     """
     n_angles = 0 if optics.kind_a == CONSTANT else stored_weights.angles.shape[0]
     values, total = np.zeros((samples.records.shape[1], 3), np.float32), np.empty((radiosity.shape[1], 4), np.float32)
     for i in range(begin, end):
         at = i - stored_weights.base
         total[:] = ZERO
+        # Each ray: stored weight times the curves at its angles, times the radiosity of the record it hits.
         for m in range(samples.records.shape[1]):
             root = np.float32(stored_weights.roots[at, m])
             a = b = c = root * root * stored_weights.scales[at]
@@ -265,6 +274,7 @@ def reflect(samples, begin, end, optics, stored_weights, radiosity, second, out)
                     a, b, c = a * red, b * green, c * blue
                 add_product(a, b, c, radiosity[samples.records[i, m]], total)
             values[m, 0], values[m, 1], values[m, 2] = a, b, c
+        # Glossy hits add directional radiosity along some of the rays.
         for e in range(second.start[i], second.start[i + 1]):
             m = second.ray[e]
             add_product(values[m, 0], values[m, 1], values[m, 2], second.light[e - second.base], total)
@@ -273,7 +283,10 @@ def reflect(samples, begin, end, optics, stored_weights, radiosity, second, out)
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def reflect_bands(samples, begin, end, optics, of_a, stored_weights, radiosity, second, out):
-    """As `reflect`, by band of one of the curves, out (3, J, D, p): of the first where of_a; the other is as it is."""
+    """As `reflect`, by band of one of the curves, out (3, J, D, p): of the first if of_a; the other curve is applied.
+
+    This is the basis function of the edited curve in place of the curve [BenArtzi07, eq. 6.2].
+    """
     n_powers, n_bands = radiosity.shape[1], out.shape[1]
     bands = np.empty((n_bands + 1, n_powers, 4), np.float32)
     kept, other = (0, 1) if of_a else (1, 0)
@@ -282,6 +295,7 @@ def reflect_bands(samples, begin, end, optics, of_a, stored_weights, radiosity, 
         at = i - stored_weights.base
         bands[:] = ZERO
         e, last = second.start[i], second.start[i + 1]
+        # Each ray: weight times the other curve, distributed between the two bands next to its angle.
         for m in range(samples.records.shape[1]):
             root = np.float32(stored_weights.roots[at, m])
             a = b = c = root * root * stored_weights.scales[at]
@@ -292,6 +306,7 @@ def reflect_bands(samples, begin, end, optics, of_a, stored_weights, radiosity, 
                 a, b, c = a * red, b * green, c * blue
             j, t = _coded_node(stored_weights.angles[kept, at, m], n_bands)
             _add_shared(a, b, c, t, radiosity[samples.records[i, m]], bands[j], bands[j + 1])
+            # Glossy hits of this ray; both lists are sorted by ray.
             while e < last and second.ray[e] < m:
                 e += 1
             if e < last and second.ray[e] == m:

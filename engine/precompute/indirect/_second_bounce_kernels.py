@@ -1,10 +1,10 @@
-"""Compiled: what glossy surfaces send on towards gather points.
+"""Compiled: samples the glossy second bounce towards gather points.
 
-Where a ray of a fan ends on a glossy surface, two further rays are remembered. One goes to a light that is chosen among
-eight candidates, half drawn by power and half about the lobe_axis of that surface's highlight, in proportion to what
-each would bring if the highlight were as the lobe_axis's density is (resampled importance sampling [Talbot05]; the
-halves count by the balance heuristic). The other goes about the lobe_axis, for what other surfaces send; where it ends
-on a glossy one in turn, a light is chosen there too. All hold for any curve.
+Where a hemisphere sample of a gather point ends on a glossy surface, two further rays are stored. One goes to a light
+chosen among eight candidates, half drawn by power and half about the axis of that surface's lobe, in proportion to each
+one's contribution if the highlight had the density of the lobe (resampled importance sampling [Talbot05]; the two
+halves are combined by the balance heuristic). The other samples the lobe, for light from other surfaces. If it ends on
+a glossy surface again, a light is chosen there too. None of this depends on a curve.
 """
 
 import math
@@ -30,16 +30,17 @@ from engine.precompute.indirect._reflection_kernels import HALF_PI, ONE, ZERO, _
 
 N_BY_POWER, N_BY_LOBE = 4, 4
 NO_LIGHT = 0xFFFF
-# Photons' errors are alike at neighbours, which looks calmer than those of rays, so that they have the say of several.
+# Errors of photons are correlated between neighbours, which looks smoother than the noise of rays, so photons get the
+# weight of several samples.
 PHOTON_WEIGHT = np.float32(8.0)
 PI = np.float32(math.pi)
 TINY = np.float32(1e-30)
 
 
 class SampledLights(NamedTuple):
-    """All lights to sample: the sky's triangles first, then patches. corners (M, 3, 3); cumulative (M,) shares;
-    power (M, 3) over share; normals (M, 3) of patches; of the sky density (n_sky,) samples a steradian and radiance
-    (n_sky, 3); raster (H, W): which triangle of the sky a lat-long direction falls in."""
+    """All lights to sample: triangles of the sky first, then patches. corners (M, 3, 3); cumulative (M,) shares; power
+    (M, 3) divided by the share; normals (M, 3) of patches; for the sky, density (n_sky,) in samples per steradian and
+    radiance (n_sky, 3); raster (H, W): the sky triangle of each lat-long direction."""
 
     corners: np.ndarray
     cumulative: np.ndarray
@@ -51,10 +52,11 @@ class SampledLights(NamedTuple):
 
 
 class GlossyLayers(NamedTuple):
-    """The glossy layers of all objects: those of object o are first[o] to first[o + 1]. models, kinds_a, kinds_b (L,),
-    q (L, 8); their curves' values joined (V, 3), the first from begin_a (L,), n_a (L,) long, the second likewise;
-    gains (L, 3); views (L, N, 3), f_o at even angles. lobe_axes (M,), axes (M, 2, 3): each object's Y and X. image
-    (L,): which of texels (K, C, 3), factors at the cells over those in the gains, a layer has; −1 for none."""
+    """The glossy layers of all objects: object o has the layers first[o] to first[o + 1]. models, kinds_a, kinds_b
+    (L,), q (L, 8); the values of their curves concatenated (V, 3), the first curve from begin_a (L,), of length n_a
+    (L,), the second likewise; gains (L, 3); views (L, N, 3), f_o at even angles. lobe_axes (M,); axes (M, 2, 3): each
+    object's Y and X. image (L,): the layer's index into texels (K, C, 3), the factors at the records relative to those
+    in the gains; −1 for none."""
 
     first: np.ndarray
     models: np.ndarray
@@ -74,16 +76,16 @@ class GlossyLayers(NamedTuple):
     texels: np.ndarray
 
 
-# Of places n (n,) that paths come to: normal (n, 3), distance, light, candidate, weight, see `GlossyHits`.
+# At n path vertices: normal (n, 3), distance, light, candidate and weight (n,), see `GlossyHits`.
 LitPlaces = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 class GlossyHits(NamedTuple):
-    """n rays that end on glossy surfaces, by point and ray: start (p + 1,) of each point's, and how many rays (p,) each
-    of them stands for; ray (n,); normal (n, 3) and
-    distance (n,) there; light (n,) that is seen, NO_LIGHT where none is, which candidate it was (n,) and how many times
-    it counts (n,); beyond (n,): the cell that the second ray sees, or NO_CELL. The same with _3 of the place that this
-    ray comes to, where that is glossy: a third vertex."""
+    """n rays that end on glossy surfaces, by point and ray. start (p + 1,): range of each point; times (p,): the number
+    of rays that each stored one represents; ray (n,): index of the ray; normal (n, 3) and distance (n,) of the hit;
+    light (n,): the unoccluded light, NO_LIGHT for none, with its candidate number (n,) and resampling weight (n,);
+    beyond (n,): the record that the second ray hits, or NO_RECORD. The fields with _3 describe the vertex where that
+    ray ends, if it is glossy: the third vertex."""
 
     start: np.ndarray
     times: np.ndarray
@@ -103,14 +105,14 @@ class GlossyHits(NamedTuple):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _seed(row, nth, n_rays, m, vertex):
-    """Of a vertex of ray m of the nth fan of a point."""
+    """Random seed of a vertex of ray m in the nth sample set of a point."""
     ray = np.uint64(row) * np.uint64(0x10001) + np.uint64(m + n_rays * np.int64(nth))
     return hash64(ray + np.uint64(vertex) * np.uint64(0x55E68000000))
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _tangent(axes, o, nx, ny, nz):
-    """Unit Y × n with the object's Y, or its X made perpendicular to n where Y is along it."""
+    """Unit vector Y × n with the object's Y, or its X made perpendicular to n where Y is parallel to n."""
     yx, yy, yz = axes[o, 0, 0], axes[o, 0, 1], axes[o, 0, 2]
     tx, ty, tz = yy * nz - yz * ny, yz * nx - yx * nz, yx * ny - yy * nx
     length2 = tx * tx + ty * ty + tz * tz
@@ -136,7 +138,7 @@ def _to_world(tx, ty, tz, nx, ny, nz, x, y, z):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _towards_light(lamps, m, seed, px, py, pz):
-    """Direction and distance from a place to a point of light m, and cos over distance² there; 1 for the sky."""
+    """Direction and distance from a position to a point of light m, and cosθ' / r² there; 1 for the sky."""
     x, y, z = _point_in_triangle(lamps.corners, m, uniform(seed ^ np.uint64(5)), uniform(seed ^ np.uint64(6)))
     is_sky = m < lamps.density.shape[0]
     if not is_sky:
@@ -151,7 +153,7 @@ def _towards_light(lamps, m, seed, px, py, pz):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _sample_about_axis(table, seed, lobe_axis, ox, oy, oz):
-    """Local direction of a ray about the lobe_axis."""
+    """Local direction of a ray about the lobe axis."""
     turn = np.float32(2.0 * math.pi) * uniform(seed ^ np.uint64(3))
     pattern = np.int64(seed % np.uint64(table.shape[0]))
     k = np.int64((seed >> np.uint64(20)) % np.uint64(table.shape[1]))
@@ -169,7 +171,7 @@ def _pick_light(lamps, u):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _sky_at(lamps, x, y, z):
-    """The triangle of the sky in a direction, −1 where there is no sky."""
+    """The sky triangle in a direction, −1 where there is no sky."""
     height, width = lamps.raster.shape
     if height == 0:
         return -1
@@ -180,7 +182,7 @@ def _sky_at(lamps, x, y, z):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _share(lamps, m, geometry, lobe_density):
-    """What a candidate's light counts as one of all: (factor on radiance for the sky, on power for patches)."""
+    """Weight of a candidate by the balance heuristic: a factor on radiance for the sky, on power for patches."""
     if m < lamps.density.shape[0]:
         return ONE / (N_BY_POWER * lamps.density[m] + N_BY_LOBE * lobe_density)
     return geometry / np.float32(N_BY_POWER)
@@ -194,12 +196,14 @@ def _brightest(lamps, m):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _candidate(lamps, table, c, m, seed, lobe_axis, frame, place, eye):
-    """Candidate c for the light m (−1: yet to be found): light, local direction, distance and share of it."""
+    """Candidate c for light m (−1: to be chosen): light, local direction, distance, density about the lobe axis, and
+    weight."""
     tx, ty, tz, nx, ny, nz = frame
     px, py, pz = place
     ox, oy, oz = eye
     own = hash64(seed + np.uint64(c) * np.uint64(0x632BE59BD9B4E019))
     far, geometry = np.float32(1e30), ONE
+    # The first half draws a light by power, the second half a direction about the lobe axis.
     if c < N_BY_POWER:
         if m < 0:
             m = _pick_light(lamps, uniform(own ^ np.uint64(4)))
@@ -210,6 +214,7 @@ def _candidate(lamps, table, c, m, seed, lobe_axis, frame, place, eye):
         if m < 0 and z > HORIZON:
             wx, wy, wz = _to_world(tx, ty, tz, nx, ny, nz, x, y, z)
             m = _sky_at(lamps, wx, wy, wz)
+    # Below the horizon, or no light in this direction.
     if z <= HORIZON or m < 0:
         return -1, ZERO, ZERO, ONE, far, ZERO, ZERO
     density = direction_pdf(ZERO, ONE, lobe_axis, x, y, z, ox, oy, oz)
@@ -219,18 +224,19 @@ def _candidate(lamps, table, c, m, seed, lobe_axis, frame, place, eye):
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, directions, mesh, lobe_axes, axes, lamps, table,
                   offset, normals, lights, candidates, weights, to_light, limits, starts):  # fmt: skip
-    """A light for each of the places that rays (R,) numbered `at` (n,) end at: the vertex, 2 or 3, that the paths come
-    to which begin with the rays `which` (n,) of a chunk of fans, numbered fan by fan: the nth (q,) of the points `rows`
-    (q,).
+    """Chooses a light for each of the vertices where the rays (R,) numbered `at` (n,) end. vertex: 2 or 3; which (n,):
+    the rays at the beginning of their paths, numbered by sample set within a chunk: the nth (q,) sets of the points
+    `rows` (q,).
 
-    Writes normals (n, 3), the light chosen (n,), which candidate it was and its weight (n,), 0 for none; of a ray to it
-    the direction to_light, its origin starts (n, 3) and its limit (n,).
+    Writes normals (n, 3), the chosen light (n,), its candidate number and weight (n,), 0 for none; and of the shadow
+    ray its direction to_light, its origin starts (n, 3) and its limit (n,).
     """
-    nobody = np.int64(-1)  # a literal would be a type of its own, and have `_candidate` compiled twice
+    nobody = np.int64(-1)  # a literal would have its own type, and `_candidate` would be compiled twice
     for i in range(at.shape[0]):
         r = at[i]
         triangle, o = hits.triangle[r], mesh.objects[hits.triangle[r]]
         dx, dy, dz = directions[r, 0], directions[r, 1], directions[r, 2]
+        # Shading normal towards the incoming ray, position, local frame and local direction back along the ray.
         nx, ny, nz = _shading_normal(mesh, triangle, hits.u[r], hits.v[r])
         if nx * dx + ny * dy + nz * dz > ZERO:
             nx, ny, nz = -nx, -ny, -nz
@@ -245,6 +251,8 @@ def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, direction
         total, chosen = ZERO, ZERO
         lights[i], candidates[i], weights[i], limits[i] = NO_LIGHT, 0, ZERO, ONE
         lx, ly, lz = ZERO, ZERO, ONE
+        # Resampled importance sampling [Talbot05]: keep one candidate in proportion to its expected contribution, in
+        # one pass (a reservoir); the weight is the sum over all, divided by the chosen one's.
         if lamps.cumulative.shape[0] > 0 and oz > HORIZON:
             for c in range(N_BY_POWER + N_BY_LOBE):
                 m, x, y, z, limit, density, share = _candidate(
@@ -259,6 +267,7 @@ def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, direction
                     lx, ly, lz, limits[i] = x, y, z, max(limit * np.float32(0.9999), TINY)
             if chosen > ZERO:
                 weights[i] = total / chosen
+        # The shadow ray.
         x, y, z = _to_world(tx, ty, tz, nx, ny, nz, lx, ly, lz)
         to_light[i, 0], to_light[i, 1], to_light[i, 2] = x, y, z
         _lifted(mesh.face_normals[triangle], px, py, pz, x, y, z, offset, starts[i])
@@ -266,7 +275,7 @@ def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, direction
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _lifted(face, px, py, pz, x, y, z, offset, start):
-    """A place off its surface, to the side that a ray along (x, y, z) leaves to, into start (3,)."""
+    """Offsets a position along the face normal to the side that a ray along (x, y, z) leaves to; writes start (3,)."""
     lift = offset if face[0] * x + face[1] * y + face[2] * z >= ZERO else -offset
     start[0], start[1], start[2] = px + lift * face[0], py + lift * face[1], pz + lift * face[2]
 
@@ -274,8 +283,8 @@ def _lifted(face, px, py, pz, x, y, z, offset, start):
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def sample_lobe_rays(which, n_rays, rows, nth, hits, origins, directions, normals, mesh, lobe_axes, axes, table, offset,
                     to_lobe, starts, there):  # fmt: skip
-    """From where the rays `which` (n,) of a chunk of fans end, with these normals (n, 3), rays about the lobe_axes:
-    their directions to_lobe and origins starts (n, 3), and which of them are there (n,)."""
+    """Samples rays about the lobe axes where the rays `which` (n,) of a chunk of sample sets end, with normals (n, 3):
+    directions to_lobe and origins starts (n, 3), and which of them exist (n,)."""
     for i in range(which.shape[0]):
         w = which[i]
         triangle, o = hits.triangle[w], mesh.objects[hits.triangle[w]]
@@ -299,13 +308,14 @@ def sample_lobe_rays(which, n_rays, rows, nth, hits, origins, directions, normal
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _add_gloss(g, o, cell, x, y, z, ox, oy, oz, factor, out):
-    """Add factor · Σ of object o's glossy layers f_q f_o ρ_q f_A f_B cos θ_i to out (3,), with their images as they are
-    at a cell; −1 for their means."""
+    """Adds factor · Σ f_q f_o ρ_q f_A f_B cos θ_i over the glossy layers of object o to out (3,) [BenArtzi07, eq. 3.1],
+    with texture and weight maps at a record; −1 for their means."""
     for layer in range(g.first[o], g.first[o + 1]):
         q = g.q[layer]
         weight = factor * np.float32(quotient_cosine(g.models[layer], q, x, y, z, ox, oy, oz))
         if weight <= ZERO:
             continue
+        # Positions on the curves f_A(γ_A) and f_B(γ_B); beyond π/2 both are 0.
         angle = gamma(g.kinds_a[layer], q, x, y, z, ox, oy, oz)
         if angle > HALF_PI:
             continue
@@ -321,9 +331,11 @@ def _add_gloss(g, o, cell, x, y, z, ox, oy, oz, factor, out):
             k, u = _node(angle, g.n_b[layer])
             low_b = g.begin_b[layer] + k
             high_b = g.begin_b[layer] + min(k + 1, g.n_b[layer] - 1)
+        # Position on f_o(θ_o).
         position = np.float32(math.acos(min(oz, ONE))) / HALF_PI * np.float32(g.views.shape[1] - 1)
         v = min(np.int64(position), g.views.shape[1] - 2)
         s = position - np.float32(v)
+        # The product of the factors, each interpolated linearly.
         for c in range(3):
             value = (ONE - t) * g.values[low_a, c] + t * g.values[high_a, c]
             if two:
@@ -336,10 +348,12 @@ def _add_gloss(g, o, cell, x, y, z, ox, oy, oz, factor, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def expected_photons(lamps, m, lobe_axis, per_area, x, y, z, ox, oy, oz):
-    """How many photons are expected for each recorded ray that light m takes from (x, y, z) to (ox, oy, oz), both
-    local, by a glossy surface, but for what depends on where it lands: `per_area` of them start on a square metre."""
+    """Expected number of photons per stored ray, for the light that a glossy surface reflects from light m at (x, y, z)
+    to (ox, oy, oz), both local, up to the geometry of the receiving point; per_area: photons emitted per square metre.
+    """
     towards = direction_pdf(ZERO, ONE, lobe_axis, ox, oy, oz, x, y, z)
-    likelier = np.float32(N_BY_POWER)  # among a ray's candidates than as a photon's only one
+    # how much likelier the light is as one of a ray's candidates than as a photon's only one
+    likelier = np.float32(N_BY_POWER)
     if m < lamps.density.shape[0]:
         back = direction_pdf(ZERO, ONE, lobe_axis, x, y, z, ox, oy, oz)
         likelier += N_BY_LOBE * back / max(lamps.density[m], TINY)
@@ -348,8 +362,8 @@ def expected_photons(lamps, m, lobe_axis, per_area, x, y, z, ox, oy, oz):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def photon_share(ahead, cosine, area, sample_set):
-    """Of light that comes to a gather point what is left to photons, the rest to its rays: `area` is that of half the
-    disc in which photons count, `sample_set` how many rays a steradian were recorded."""
+    """The share of light at a gather point that photons account for; its rays account for the rest (power heuristic).
+    area: that of half the disc in which photons count; sample_set: stored rays per steradian."""
     ratio = PHOTON_WEIGHT * ahead * cosine * area / max(sample_set, TINY)
     return ONE - ONE / (ONE + ratio * ratio)
 
@@ -357,12 +371,12 @@ def photon_share(ahead, cosine, area, sample_set):
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def second_bounce_light(samples, position, records, begin, end, objects, g, lamps, table, area, per_area, wanted, first,
                  out):  # fmt: skip
-    """π times what comes back along the recorded rays of points [begin, end) from the glossy layers there, (n, 3, 3):
-    of the lights, how much of the radiosity beyond, and, as such radiosity, of the lights by glossy layers beyond.
-    Number `first` is out[0].
+    """Light (n, 3, 3) that returns along the stored rays of points [begin, end) from the glossy layers there, times π:
+    from the lights; as a factor on the radiosity beyond; and, as such radiosity, from the lights by glossy layers
+    beyond. Ray number `first` is out[0].
 
-    objects (C,) of the cells; area (p,), per_area (M,): of photons that bring the same light, see `photon_share`; of
-    the objects that are not wanted (M,) nothing changes.
+    objects (C,) of the records; area (p,), per_area (M,): of photons that carry the same light, see `photon_share`.
+    Results of objects that are not `wanted` (M,) remain unchanged.
     """
     n_cosine, n_lobe = np.float32(samples.tables_cosine.shape[1]), np.float32(samples.tables_lobe.shape[1])
     n_rays, gloss = samples.records.shape[1], np.zeros(3, np.float32)
@@ -383,6 +397,7 @@ def second_bounce_light(samples, position, records, begin, end, objects, g, lamp
             out[n] = ZERO
             if not _is_in_half(samples, m):
                 continue
+            # Second vertex: regenerate the ray from its pattern, then position, frame and direction back along the ray.
             x, y, z = _ray(samples, i, m, pattern, cosine, sine, eye_x, eye_y, eye_z)
             dx, dy, dz = _to_world(tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], x, y, z)
             far = records.distance[e]
@@ -392,10 +407,12 @@ def second_bounce_light(samples, position, records, begin, end, objects, g, lamp
             ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
             if oz <= HORIZON:
                 continue
+            # Density of stored rays at the gather point, per steradian.
             sample_set = direction_pdf(n_cosine, n_lobe, samples.lobe_axes[i], x, y, z, eye_x, eye_y, eye_z) / times
             slant = z
             seed, third = _seed(r, samples.nth[i], n_rays, m, 2), _seed(r, samples.nth[i], n_rays, m, 3)
             light = np.int64(records.light[e])
+            # Direct light at the second vertex: π · RIS weight · balance weight · gloss · L, less the photons' share.
             if light != NO_LIGHT:
                 frame, place, eye = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
                 c = np.int64(records.candidate[e])
@@ -410,6 +427,7 @@ def second_bounce_light(samples, position, records, begin, end, objects, g, lamp
                     colour = lamps.radiance[m] if m < lamps.density.shape[0] else lamps.power[m]
                     for channel in range(3):
                         out[n, 0, channel] = gloss[channel] * colour[channel]
+            # Indirect light at the second vertex: a factor on the radiosity of the record that the lobe ray hits.
             if beyond == NO_RECORD:
                 continue
             x, y, z = _sample_about_axis(table, seed, g.lobe_axes[o], ox, oy, oz)
@@ -419,6 +437,7 @@ def second_bounce_light(samples, position, records, begin, end, objects, g, lamp
             density = direction_pdf(ZERO, ONE, g.lobe_axes[o], x, y, z, ox, oy, oz)
             _add_gloss(g, o, cell, x, y, z, ox, oy, oz, times / density, gloss)
             out[n, 1] = gloss
+            # Third vertex: direct light there, if that record is glossy as well.
             light = np.int64(records.light_3[e])
             if light == NO_LIGHT:
                 continue
@@ -442,10 +461,11 @@ def second_bounce_light(samples, position, records, begin, end, objects, g, lamp
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def light_second_bounce(samples, records, begin, end, objects, sent, first, radiosity, edited, inverse, out):
-    """What `second_bounce_light` found, under radiosity beyond: (n, D, 4), of which number start[begin] is out[0].
+    """Combines the result of `second_bounce_light` with the radiosity beyond: (n, D, 4), ray number start[begin] is
+    out[0].
 
-    radiosity (2, C, D, 4): for light that the object `edited` sends on, the second, multiplied by `inverse` (4,) and
-    moved to the next power, since it counts as proportional to that object's albedo.
+    radiosity (2, C, D, 4): the second is for light that the object `edited` reflects. It is multiplied by `inverse`
+    (4,) and moved to the next power, since such light is treated as proportional to that object's albedo.
     """
     for i in range(begin, end):
         for e in range(records.start[i], records.start[i + 1]):
@@ -455,10 +475,13 @@ def light_second_bounce(samples, records, begin, end, objects, sent, first, radi
             a, b, c = sent[n, 1, 0], sent[n, 1, 1], sent[n, 1, 2]
             if beyond == NO_RECORD:
                 a, b, c, beyond = ZERO, ZERO, ZERO, 0
+            # Factor times radiosity, per power of the edited object's albedo.
             for k in range(out.shape[1]):
                 light = radiosity[own, beyond, k]
                 red, green, blue = a * light[0], b * light[1], c * light[2]
                 out[at, k, 0], out[at, k, 1], out[at, k, 2], out[at, k, 3] = red, green, blue, ZERO
+            # Direct light at the second and third vertex, at the power of its number of reflections off the edited
+            # object.
             for channel in range(3):
                 once = inverse[channel] if own else ONE
                 out[at, own, channel] += sent[n, 0, channel] * once

@@ -1,11 +1,11 @@
-"""How many further fans of rays gather points ask for: where the first one is noisy and the picture shows it.
+"""Adaptive resampling: extra sample sets at gather points that are noisy and visible in the picture.
 
-Chance in what a point reflects is told by the two halves of its first fan [Rousselle12]. A point's own halves are too
-few to tell it, and a fan that found little by chance would be content with that, which makes pictures darker: so
-squares of differences are averaged over the neighbours on the same surface first, and so is the light that they are
-held against. Nothing is ever taken away: as many rays shared out anew by noise brought built-in rooms nothing (a
-stairwell 1.72 to 1.74 %, `ajar` 4.20 to 4.15 %), and a tea tray, whose gloss the first look leaves out, lost (2.58 to
-2.84 %). In a room that is lit through a slit of 6 cm alone, twice the rays make 14 % of error 10 %, four times 7 %.
+The two halves of a point's first sample set measure its noise [Rousselle12]. One point's halves are too few for a
+reliable estimate, and a set that found little light by chance would look converged, which darkens pictures. Squared
+differences are therefore averaged over neighbours on the same surface first, and so is the light they are compared
+with. Samples are only added: redistributing the same number of rays by noise gained nothing in built-in rooms (a
+stairwell 1.72 to 1.74 %, `ajar` 4.20 to 4.15 %) and lost on a tea tray (2.58 to 2.84 %), whose gloss the first pass
+omits. In a room lit only through a slit of 6 cm, twice the rays reduce an error of 14 % to 10 %, four times to 7 %.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from engine.precompute.indirect.gather import MAX_SAMPLE_SETS, object_of_rows
 from engine.precompute.indirect.smoothing import mean_of_neighbours, neighbours_of
 from engine.scene.primary_hits import PrimaryHits
 
-# Noise relative to the light: above the first a point asks for one further fan, above the second for as many as it may.
-# Of a hundred points of cornell, stairwell, storeroom and room none is above the first, of `ajar` 0.4, of teatray 5.
+# Noise relative to the light: above the first a point gets one extra sample set, above the second the most. Of a
+# hundred points of cornell, stairwell, storeroom and room none exceeds the first, of `ajar` 0.4, of teatray 5.
 NOISY, VERY_NOISY = 0.1, 0.2
-# Of the mean: what is darker counts as this much brighter.
+# Fraction of the mean that is added to the light, so that dark points count less.
 _DARK = 0.25
 _TINY = 1e-30
 
@@ -29,11 +29,11 @@ def extra_sample_sets(
     hits: PrimaryHits, rows: NDArray[np.int32], least_alike: NDArray[np.float32], light: NDArray[np.float32],
     noise: NDArray[np.float32], shown: NDArray[np.float64], most: float,
 ) -> NDArray[np.int64]:  # fmt: skip
-    """How many further fans (p,), 0 to MOST_FANS - 1, gather points at `rows` (p,), ascending, ask for.
+    """The number of extra sample sets (p,), 0 to MAX_SAMPLE_SETS - 1, of gather points at `rows` (p,), ascending.
 
-    light and noise (p, 3): the mean and half the difference of the halves of their first fans; shown (p,): the sum of
-    the squares of the weights with which pixels take their light; most: further fans in all, a point; least_alike (M,):
-    the cosine by which normals of an object may differ.
+    light and noise (p, 3): the mean and half the difference of the halves of their first sets; shown (p,): the sum of
+    squared weights with which pixels use their light; most: extra sets in all, per point; least_alike (M,): the least
+    cosine between the normals of neighbours on an object.
     """
     relative = np.sqrt(np.minimum(shown, 1.0)) * relative_noise(hits, rows, least_alike, light, noise)
     asked = (relative > NOISY) + (MAX_SAMPLE_SETS - 2) * (relative > VERY_NOISY).astype(np.int64)
@@ -44,7 +44,7 @@ def relative_noise(
     hits: PrimaryHits, rows: NDArray[np.int32], least_alike: NDArray[np.float32], light: NDArray[np.float32],
     noise: NDArray[np.float32],
 ) -> NDArray[np.float64]:  # fmt: skip
-    """Noise over light (p,), both as means of neighbours."""
+    """Noise over light (p,), both averaged over neighbours."""
     relative = np.zeros(len(rows))
     objects = object_of_rows(hits, rows)
     starts = np.searchsorted(objects, np.arange(len(hits.object_ranges) + 1))
@@ -60,8 +60,8 @@ def relative_noise(
 
 
 def _within_budget(asked: NDArray[np.int64], worth: NDArray[np.float64], most: int) -> NDArray[np.int64]:
-    """Of the fans (p,) that are asked for no more than `most` in all: every point's first of them before its others,
-    and where these are too many, those that are worth (p,) most."""
+    """Limits the requested sample sets (p,) to `most` in all: every point's first extra set before any second one, and
+    where these are too many, those of the greatest worth (p,)."""
     given = np.zeros_like(asked)
     order = np.argsort(-worth, kind="stable")
     for wanted in (np.minimum(asked, 1), asked - np.minimum(asked, 1)):

@@ -1,10 +1,9 @@
-"""Gather points: where in the picture indirect light is found, and which cells each of them sees.
+"""Gather points: the points of the picture where indirect light is computed, and the records that their rays hit.
 
-Light that has been reflected is soft, so that a few of the picture's points stand for all. They lie on a lattice of
-every eighth pixel, of fewer in small pictures, refined in quarters down to single pixels where a block of the lattice
-shows a silhouette or a crease, where what its corners gather differs, or where something else is near; the others
-interpolate between the corners of their block. Each point has a fan of rays, and further ones where it asks for them,
-see `adaptive_resampling`.
+Indirect light is smooth, so few points of the picture suffice. They lie on a lattice of every eighth pixel (denser in
+small pictures), refined in quarters down to single pixels where a block of the lattice shows a silhouette or a crease,
+where the light at its corners differs, or where something is near; the other points interpolate between the corners of
+their block. Each gather point has one set of hemisphere samples, and more where it is noisy, see `adaptive_resampling`.
 """
 
 from __future__ import annotations
@@ -25,15 +24,15 @@ from engine.precompute.indirect.ordered_threads import OrderedSection, run_in_or
 from engine.precompute.indirect.second_bounce import SecondBounceTracer, join_glossy_hits, no_glossy_hits
 from engine.scene.primary_hits import PrimaryHits
 
-MAX_SAMPLE_SETS = 4  # of one gather point
-# Metres: no ray is taken for shorter.
+MAX_SAMPLE_SETS = 4  # per gather point
+# Metres: shorter rays count as this long.
 _TOUCHING = np.float32(1e-6)
-_OPEN = 1e18  # farther than anything, and its square is a float32
+_OPEN = 1e18  # farther than anything, with a square that fits float32
 
 
 @dataclass(frozen=True)
 class SampleCounts:
-    """Rays a gather point: powers of two; a matt surface has none about a lobe_axis."""
+    """Rays per gather point: powers of two; a diffuse surface has none about a lobe axis."""
 
     n_cosine: int
     n_lobe: int
@@ -45,9 +44,9 @@ class SampleCounts:
 
 @dataclass(frozen=True, eq=False)
 class GatherSamples:
-    """q fans of p gather points: rows (q,) int32 of the hits, ascending; nth (q,) uint8: which fan of its point it is;
-    seen (q, R) uint16: the cell each ray hits; records of the rays that end on glossy surfaces; clearance (q,) float32:
-    the harmonic mean distance of what is around."""
+    """q sample sets of p gather points: rows (q,) int32 of the hits, ascending; nth (q,) uint8: the number of the set
+    at its point; records (q, R) uint16: the record that each ray hits; glossy_hits of the rays that end on glossy
+    surfaces; clearance (q,) float32: harmonic mean distance of the surroundings."""
 
     rows: NDArray[np.int32]
     nth: NDArray[np.uint8]
@@ -67,7 +66,7 @@ class GatherSamples:
 
 
 def join_samples(parts: Sequence[GatherSamples]) -> GatherSamples:
-    """All of the fans as one set, by row; of one point the further ones come in later parts, or behind."""
+    """All sample sets as one, by row; extra sets of a point come in later parts, or later in a part."""
     rows = np.concatenate([part.rows for part in parts])
     order = np.argsort(rows, kind="stable")
     nth = np.concatenate([part.nth for part in parts])[order]
@@ -83,10 +82,10 @@ def gather(
     lobe_axes: NDArray[np.int64],
     size: SampleCounts, second: SecondBounceTracer | None = None, focused: bool = True, first_open: int = 0,
 ) -> Iterator[GatherSamples]:  # fmt: skip
-    """Trace the nth (q,) fans of the points `rows` (q,), ascending, two chunks at a time.
+    """Traces the nth (q,) sample sets of the points `rows` (q,), ascending, two chunks at a time.
 
-    lobe_axes: of every object; second: None to record nothing of glossy surfaces; focused: whether what glossy surfaces
-    show is in cells by distance; first_open: the first cell that takes its places from these rays. Raises
+    lobe_axes: of every object; second: None to store no glossy hits; focused: whether the size of cells depends on
+    distance and kind of ray; first_open: the first record that takes sample positions from these rays. Raises
     CacheFull.
     """
     tables = direction_tables(size)
@@ -115,17 +114,17 @@ def gather(
 
 
 def direction_tables(size: SampleCounts) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The patterns of fans of this size, by the cosine and about lobe_axes."""
+    """The direction patterns of sample sets of this size, by the cosine and about lobe axes."""
     return cosine_tables(size.n_cosine, MAX_SAMPLE_SETS), lobe_tables(size.n_lobe, MAX_SAMPLE_SETS)
 
 
 def _clearance(distances: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The harmonic mean (p,) of the distances (p, R) of rays by the cosine, `_OPEN` where they hit nothing [Ward88]:
-    over so much of its surface a point's irradiance changes by about itself."""
+    """The harmonic mean (p,) of the distances (p, R) of cosine-distributed rays, `_OPEN` where they hit nothing
+    [Ward88]: the distance over which a point's irradiance changes by about its own value."""
     nearness = np.mean(1.0 / np.maximum(distances, _TOUCHING), axis=1, dtype=np.float64)
     return np.asarray(1.0 / np.maximum(nearness, 1.0 / _OPEN), np.float32)
 
 
 def object_of_rows(hits: PrimaryHits, rows: NDArray[np.integer]) -> NDArray[np.int64]:
-    """The object each row belongs to."""
+    """The object of each row."""
     return np.searchsorted(hits.object_ranges[:, 1], rows, "right")

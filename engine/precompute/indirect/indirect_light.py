@@ -1,4 +1,4 @@
-"""Indirect light that was found: where, by which rays, and what follows from it for any materials."""
+"""Precomputed indirect light of one view, evaluated for any materials."""
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
@@ -44,10 +44,10 @@ Footprint = tuple[NDArray[np.int32], NDArray[np.float32]]
 
 @dataclass(frozen=True, eq=False)
 class GatherPoints:
-    """The gather points of a picture: gathered, their fans' rays; lobe_axes (M,) and sizes: what each object's fans
-    are; axes (M, 2, 3) of the objects; glossy: whether rays were recorded for the second bounce off glossy surfaces;
-    photons that such surfaces threw, and which of them landed about the points; smoothing: the filter that takes noise
-    out of what the points reflect, None for none."""
+    """The gather points of a picture. samples: their hemisphere samples; lobe_axes (M,) and sizes: how each object is
+    sampled; axes (M, 2, 3) of the objects; glossy: whether rays were stored for the glossy second bounce; photons from
+    glossy surfaces, and `landed`, those near the points; smoothing: the filter that removes noise from the reflected
+    light, None for none."""
 
     hits: PrimaryHits
     samples: GatherSamples
@@ -61,12 +61,12 @@ class GatherPoints:
 
     @property
     def n_bytes(self) -> int:
-        """Memory of rays and photons, and of the filter."""
+        """Memory of rays, photons and filter."""
         arrays = (*self.photons, *self.landed, *(self.smoothing or ()))
         return self.samples.n_bytes + sum(array.nbytes for array in arrays)
 
     def hemisphere_samples(self, i_object: int, half: int | None = None, keeps: bool = False) -> HemisphereSamples:
-        """The gather points of one object; with half, 0 or 1, by that half of their rays; keeps: see
+        """The hemisphere samples of one object; half: 0 or 1 for one half of the rays; keeps: see
         `HemisphereSamples`."""
         lobe_axis, size = int(self.lobe_axes[i_object]), self.sizes[i_object]
         return HemisphereSamples(
@@ -74,7 +74,7 @@ class GatherPoints:
         )
 
     def with_photons(self, photon_map: PhotonMap, scene: Scene, caster: RayCaster) -> "GatherPoints":
-        """The same with photons about them."""
+        """The same with the photons near its points."""
         farthest = farthest_of(scene, self.hits, self.samples.rows)
         objects = object_of_rows(self.hits, self.samples.rows)
         parts = [
@@ -84,7 +84,7 @@ class GatherPoints:
         return replace(self, landed=join_nearby(parts))
 
     def caustic_flux(self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT) -> PhotonFlux:
-        """What the photons carry under these layers."""
+        """The flux of the photons under these layers."""
         tables = glossy_tables(layers, self.lobe_axes, self.axes)
         return photon_flux(self.photons, tables, edited, self._inverse(layers, edited))
 
@@ -92,8 +92,8 @@ class GatherPoints:
         self, radiosities: tuple[NDArray[np.float32], NDArray[np.float32]], objects: NDArray[np.int32],
         layers: Sequence[IndirectLayer], cells: RecordReflectance, lamps: SampledLights, edited: int = NO_OBJECT,
     ) -> OutgoingRadiance:  # fmt: skip
-        """What cells with radiosities (C, D, 3) as `irradiance.radiosity` gives them, of these objects (C,), send on
-        under these layers."""
+        """Radiance that records of the given objects (C,), with radiosities (C, D, 3) from `irradiance.radiosity`, send
+        on under these layers."""
         bright, beyond = radiosities
         if not self.glossy:
             return OutgoingRadiance(bright, None, None)
@@ -106,7 +106,7 @@ class GatherPoints:
         return OutgoingRadiance(bright * cells.diffuse[:, None], second, self.caustic_flux(layers, edited))
 
     def _inverse(self, layers: Sequence[IndirectLayer], edited: int) -> NDArray[np.float32]:
-        """One over the albedo (3,) of the object that is edited, 1 where none is."""
+        """The reciprocal albedo (3,) of the edited object, 1 where none is edited."""
         if edited == NO_OBJECT:
             return np.ones(3, np.float32)
         return inverse_albedo(albedos_of(layers, len(self.lobe_axes))[edited])
@@ -114,7 +114,7 @@ class GatherPoints:
     def reflect(
         self, layers: Sequence[IndirectLayer], light: OutgoingRadiance, half: int | None = None
     ) -> Generator[None, None, NDArray[np.float32]]:
-        """Radiance (p, 3) towards the eye of light that no object is edited in, in steps."""
+        """Radiance (p, 3) towards the camera for light without an edited object. A generator of steps."""
         out, rows = np.zeros((len(self.samples.points), 3), np.float32), self.samples.points
         objects = object_of_rows(self.hits, rows)
         for i_object in sorted({layer.i_object for layer in layers}):
@@ -130,7 +130,7 @@ class GatherPoints:
     def halves(
         self, layers: Sequence[IndirectLayer], light: OutgoingRadiance
     ) -> Generator[None, None, NDArray[np.float32]]:
-        """What each half of the rays brings, (2, p, 3), in steps; held so that its square is one."""
+        """Radiance (2, p, 3) by each half of the rays, clamped so that its square is finite. A generator of steps."""
         found = np.zeros((2, len(self.samples.points), 3), np.float32)
         for half in (0, 1):
             found[half] = clamp_radiance((yield from self.reflect(layers, light, half)), SQUARED)
@@ -139,9 +139,9 @@ class GatherPoints:
 
 @dataclass(frozen=True, eq=False)
 class IndirectLight:
-    """footprint: for each point of the picture four gather points, by number, and their weights, (P, 4) each; light:
-    what the cells send on, in up to n_bounces reflections; lamps: all that shines. All of it is in units of `unit`,
-    pictures excepted. need: how many rays its fans have, and why."""
+    """Indirect light of a picture. footprint: four gather points of each point of the picture, by number, and their
+    weights, (P, 4) each; light: between the records, for up to n_bounces reflections; lamps: all lights. Everything is
+    in units of `unit`, except pictures. ray_budget: the number of rays per sample set, with its reason."""
 
     points: GatherPoints
     footprint: Footprint
@@ -158,7 +158,7 @@ class IndirectLight:
         return found + self.cells.n_bytes + self.light.n_bytes
 
     def without_glossy_hits(self) -> "IndirectLight":
-        """The same without what was recorded of glossy surfaces: from the second bounce on, all go by albedo."""
+        """The same without glossy hits: from the second bounce on, all surfaces reflect by albedo."""
         return replace(self, points=replace(self.points, glossy=False))
 
     def footprint_by_object(self) -> Footprint:
@@ -170,11 +170,11 @@ class IndirectLight:
         return np.asarray(np.where(weights > 0.0, rows - own, 0), np.int32), weights
 
     def unfiltered(self) -> "IndirectLight":
-        """The same with the noise that the rays have."""
+        """The same without the filter."""
         return replace(self, points=replace(self.points, smoothing=None))
 
     def smoothed(self, layers: Sequence[IndirectLayer]) -> Generator[None, None, "IndirectLight"]:
-        """The same with the filter that the noise under these layers calls for, in steps."""
+        """The same with the filter that the noise under these layers requires. A generator of steps."""
         points, light = self.unfiltered().points, self.outgoing_radiance(layers)
         first, second = yield from points.halves(layers, light)
         turns = least_alike(self.points.lobe_axes != NORMAL)
@@ -182,7 +182,7 @@ class IndirectLight:
         return replace(self, points=replace(self.points, smoothing=smoothing))
 
     def radiosity(self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT) -> NDArray[np.float32]:
-        """Radiosity (C, D, 3) of the cells under these layers, see `irradiance.radiosity`."""
+        """Radiosity (C, D, 3) of the records under these layers, see `irradiance.radiosity`."""
         return self._radiosities(layers, self._reflectance(layers), edited)[0]
 
     def _reflectance(self, layers: Sequence[IndirectLayer]) -> RecordReflectance:
@@ -192,24 +192,25 @@ class IndirectLight:
         self, layers: Sequence[IndirectLayer], cells: RecordReflectance, edited: int
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         albedos = albedos_of(layers, len(self.points.lobe_axes))
-        # What glossy surfaces reflect of the lights themselves is recorded.
+        # Glossy hits account for the direct light that glossy surfaces reflect.
         return radiosity(self.light, albedos, self.n_bounces, cells, edited, self.points.glossy)
 
     def outgoing_radiance(self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT) -> OutgoingRadiance:
-        """What surfaces send towards the gather points under these layers."""
+        """Radiance that surfaces send towards the gather points under these layers."""
         cells = self._reflectance(layers)
         bright = self._radiosities(layers, cells, edited)
         return self.points.outgoing_radiance(bright, self.light.objects, layers, cells, self.lamps, edited)
 
     def at_points(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
-        """Indirect radiance (p, 3) of all gather points; of one half of the rays where one is named."""
+        """Indirect radiance (p, 3) of all gather points; half: 0 or 1 for one half of the rays."""
         return unscaled(run_to_end(self.points.reflect(layers, self.outgoing_radiance(layers), half)), self.unit)
 
     def noise(self, layers: Sequence[IndirectLayer]) -> Generator[None, None, tuple[float, float]]:
-        """What chance is left in the picture, RMS relative to its mean, and that mean, in steps: its halves differ by
-        twice the chance.
+        """RMS noise of the picture relative to its mean, and that mean. The two halves differ by twice the noise. A
+        generator of steps.
 
-        What the filter blurs besides is not in it."""
+        The bias of the filter is not included.
+        """
         light, (rows, weights) = self.outgoing_radiance(layers), self.footprint
         if not len(rows):  # nothing in the picture reflects
             return 0.0, 0.0

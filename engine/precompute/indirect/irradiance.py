@@ -1,11 +1,11 @@
-"""The light between cells: irradiance as a polynomial in the equivalent albedo of one object.
+"""Light between irradiance cache records, as a polynomial in the equivalent albedo of one object.
 
-With E_0 the irradiance of the cells from the lights, G the mean over what a cell's rays see, and d the albedos,
+With E_0 the direct irradiance of the records, G the mean over the records that a record's rays hit, and d the albedos,
 
     E_n = G d E_(n-1),      radiosity = d (E_0 + E_1 + ... + E_(N-2))      for N bounces in all,
 
-and of an object that is being edited d stays a variable: every product with it raises a power instead, so that what
-is left of a cell is N numbers, whatever the number of objects [BenArtzi07, 6.1.2]. Nothing is divided by d, which
+where d of the edited object remains a variable: each product with it raises the power by one instead, which leaves N
+numbers per record, whatever the number of objects [BenArtzi07, eq. 6.8, sect. 6.1.2]. Nothing is divided by d, which
 may be 0.
 """
 
@@ -28,14 +28,15 @@ from engine.precompute.indirect.record_maps import RecordReflectance
 
 NO_OBJECT = -1
 MOST_GENERATIONS = 4
-_SAMPLES = 1 << 18  # rays to lights at a time, of each kind
+_SAMPLES = 1 << 18  # rays to each kind of light at a time
 
 
 @dataclass(frozen=True, eq=False)
 class CacheLight:
-    """What cells (C) send to one another: seen (C_seen, R) uint16, of those of them that light reaches the eye by in
-    more than two bounces; objects (C,); direct (C, N_SLANTS, 3), irradiance from the lights, shared out by hats over
-    the root of the cosine of its angle of incidence, see `albedo_from_curves.slant_roots`."""
+    """Light between C records. records_hit (C_seen, R) uint16: what the rays of those records hit that light reaches
+    the camera from in more than two bounces; objects (C,); direct (C, N_SLANTS, 3): irradiance from the lights,
+    distributed by hat functions over the square root of the cosine of its angle of incidence, see
+    `albedo_from_curves.slant_roots`."""
 
     objects: NDArray[np.int32]
     records_hit: NDArray[np.uint16]
@@ -43,7 +44,7 @@ class CacheLight:
 
     @property
     def irradiance(self) -> NDArray[np.float32]:
-        """From the lights, of all angles, (C, 3)."""
+        """Direct irradiance over all angles, (C, 3)."""
         return self.direct.sum(axis=1)
 
     @property
@@ -52,9 +53,11 @@ class CacheLight:
 
 
 def connect(cells: IrradianceCache, n_bounces: int, n_rays: int) -> Iterator[tuple[float, NDArray[np.uint16]]]:
-    """What every cell sees, generation by generation; new cells are found on the way. Yields (fraction, seen (c, R)).
+    """Traces the rays of all records, generation by generation; new records appear on the way. Yields (fraction,
+    records hit (c, R)).
 
-    Light of N bounces in all reaches the gather points' cells over N - 2 others: the last generation needs no rays.
+    Light of N bounces in all reaches the records of the gather points over N - 2 others: the last generation needs no
+    rays.
     """
     tables = cosine_tables(n_rays)
     begin, step = 0, max(1, CHUNK // n_rays)
@@ -71,7 +74,7 @@ def connect(cells: IrradianceCache, n_bounces: int, n_rays: int) -> Iterator[tup
 def _trace_records(
     cells: IrradianceCache, tables: NDArray[np.float32], first_open: int, part: tuple[int, int], turn: OrderedSection
 ) -> NDArray[np.uint16]:
-    """What the cells [begin, end) of a part see, (end - begin, R)."""
+    """The records hit (end - begin, R) from the records [begin, end) of a part."""
     rays = cells.rays(*part, tables)
     return cells.records_hit(rays, first_open, turn).reshape(part[1] - part[0], -1)
 
@@ -79,8 +82,8 @@ def _trace_records(
 def direct_irradiance(
     cells: IrradianceCache, lights: tuple[Lights, ...], n_samples: int
 ) -> Generator[float, None, NDArray[np.float32]]:
-    """Irradiance (C, N_SLANTS, 3) of the cells from all lights, see `CacheLight`, by `n_samples` samples of each kind;
-    yields how much is done."""
+    """Irradiance (C, N_SLANTS, 3) of the records from all lights, see `CacheLight`, with `n_samples` samples of each
+    kind; yields the fraction done."""
     total = np.zeros((len(cells), N_SLANTS, 3), np.float32)
     step = max(_SAMPLES // n_samples, 1)
     for begin in range(0, len(cells), step):
@@ -94,12 +97,12 @@ def radiosity(
     light: CacheLight, albedos: NDArray[np.floating], n_bounces: int, cells: RecordReflectance, edited: int = NO_OBJECT,
     lit_apart: bool = False,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:  # fmt: skip
-    """Radiosity (C, D, 3) of the cells in a picture of N bounces, a polynomial in the albedo of the object `edited`;
-    and the same in one of N - 1, for what comes by one more reflection on its way.
+    """Radiosity (C, D, 3) of the records in a picture of N bounces, a polynomial in the albedo of the object `edited`;
+    and the same for N - 1 bounces, for light that is reflected once more on its way.
 
-    albedos (M, 3), of which cells have their own parts; D = N powers, from 0 to N - 1, or 1 where nobody is edited.
-    N ≥ 2. lit_apart: whether what glossy layers reflect of the lights is known from elsewhere: it is left out of the
-    second, and the first has it as if it came from all sides.
+    albedos (M, 3), scaled per record by `cells`; D = N powers, from 0 to N - 1, or 1 if no object is edited. N ≥ 2.
+    lit_apart: whether the reflection of the lights by glossy layers is computed elsewhere. The second result then omits
+    it, and the first includes it as if it were diffuse.
     """
     n_powers = n_bounces if edited != NO_OBJECT else 1
     albedos = np.ascontiguousarray(albedos, np.float32)
@@ -110,6 +113,7 @@ def radiosity(
     if lit_apart:
         total[:, 0] = light.irradiance
         once_less[:, 0] = cells.diffuse * light.irradiance
+    # E_n = G d E_(n-1), accumulated.
     for bounce in range(n_bounces - 2):
         kernels.brighten(latest, light.objects, albedos, cells.relative, edited, sent)
         latest = bounce_radiosity(light.records_hit, sent, min(bounce + 2, n_powers))
@@ -123,7 +127,8 @@ def radiosity(
 
 
 def bounce_radiosity(seen: NDArray[np.uint16], bright: NDArray[np.float32], n_powers: int) -> NDArray[np.float32]:
-    """Irradiance (C, D, 3) from radiosity (C, D, 4) that is 0 beyond its first n_powers; 0 where a cell has no rays."""
+    """Irradiance (C, D, 3) from radiosity (C, D, 4) that is 0 beyond its first n_powers; 0 where a record has no
+    rays."""
     out = np.zeros((*bright.shape[:2], 3), np.float32)
     on_threads(lambda begin, end: kernels.bounce(begin, end, seen, bright, n_powers, out), *even_parts(len(seen)))
     return out

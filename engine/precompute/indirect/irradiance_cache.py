@@ -117,7 +117,7 @@ class IrradianceCache:
         self, rays: Rays, first_open: int = 0, mirrored: NDArray[np.uint8] | None = None,
         turn: AbstractContextManager[None] = NO_ORDER,
     ) -> tuple[NDArray[np.uint16], Intersections]:  # fmt: skip
-        """As `records_hit`, with the intersections. mirrored (R,): MATT, GLOSSY or SHARP for rays of gather points,
+        """As `records_hit`, with the intersections. mirrored (R,): DIFFUSE, GLOSSY or SHARP for rays of gather points,
         which use smaller cells near by."""
         found = self.caster.intersect(rays.origins, rays.directions)
         hits = kernels.Hits(found.triangle, found.u, found.v, found.distance)

@@ -1,9 +1,9 @@
-"""Caustics: light from the lamps that a glossy surface throws on others, found from the lamps' side.
+"""Caustics: light of the lamps that glossy surfaces reflect onto others, traced from the lamps' side.
 
-A small lamp in a curved mirror draws a bright line that rays from the lit surface all but never find. So photons are
-sent from the glossy surfaces, as `_photon_kernels` says, and each gather point takes those that land nearest to it.
-Nothing of it depends on a curve: where a photon lands is known once, what it carries and what is reflected of it is
-summed whenever light is frozen.
+A small lamp in a curved mirror draws a bright line that rays from the lit surface hardly ever find. Photons are
+therefore emitted from the glossy surfaces (`_photon_kernels`), and each gather point takes the ones nearest to it.
+Their positions do not depend on any curve and are computed once; their flux and its reflection are summed at each
+freezing.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ from engine.scene.scene_loader import Scene
 
 _SEED = 20260812
 _N_NEAREST = 128
-_BATCH = 8192  # points, whose nearest photons are 30 MB; of all points they were most of what a search took
-# Of the picture's height: a gather point takes photons from no farther than this.
+_BATCH = 8192  # points, whose nearest photons take 30 MB; allocating those of all points took most of a search
+# The search radius of a gather point, relative to the picture's height.
 _FARTHEST = 1.0 / 24.0
 _PILOT, _LEAST_SHARE = 2048, 0.125
-# Where photons come from farther than this share of what is clear about a point, a wall may stand between.
+# Beyond this fraction of a point's clearance, a wall may separate it from a photon's origin.
 _NEAR = 0.1
 _VISIBILITY_MARGIN = 0.999
 
 
 class Photons(NamedTuple):
-    """n photons: positions (n, 3) and objects (n,) where they land, directions (n, 3) of flight; of the places they
-    come from starts (n, 3), off the surface, sources (n,), objects, normals (n, 3) and to_light (n, 3); power (n, 3)
-    without the material; ahead (n,), see `_photon_kernels.emit`. per_area (M,): how many started on a square metre of
-    each object."""
+    """n photons: positions (n, 3) and objects (n,) where they land, directions (n, 3) of flight; at their origins:
+    starts (n, 3), off the surface, sources (n,), the objects, normals (n, 3) and to_light (n, 3); power (n, 3) without
+    the material; ahead (n,), see `_photon_kernels.emit`. per_area (M,): photons emitted per square metre of each
+    object."""
 
     positions: NDArray[np.float32]
     objects: NDArray[np.int32]
@@ -58,8 +58,8 @@ class Photons(NamedTuple):
 
 
 class NearbyPhotons(NamedTuple):
-    """Photons about p gather points: start (p + 1,) of each point's, photon (n,), weight (n,), and the area (p,) of
-    half the disc they were looked for in."""
+    """Photons near p gather points: start (p + 1,) of each point's range, photon (n,), weight (n,), and area (p,) of
+    half the search disc."""
 
     start: NDArray[np.int64]
     photon: NDArray[np.int32]
@@ -68,7 +68,7 @@ class NearbyPhotons(NamedTuple):
 
 
 class PhotonFlux(NamedTuple):
-    """What photons carry under certain curves: light (n, 3), as which power (n,) of the edited object's albedo;
+    """Flux of the photons under certain curves: light (n, 3), its power (n,) in the edited object's albedo, and
     directions (n, 3) of flight."""
 
     light: NDArray[np.float32]
@@ -78,8 +78,8 @@ class PhotonFlux(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PhotonSource:
-    """What sends photons: the scene and the cells' mesh in it, which objects (M,) are glossy, their lobe_axes (M,) and
-    axes (M, 2, 3), the lamps."""
+    """Emits photons. scene, and the mesh of its records; glossy (M,): which objects are; lobe_axes (M,) and axes (M, 2,
+    3); the lamps."""
 
     scene: Scene
     cells: IrradianceCache
@@ -89,13 +89,14 @@ class PhotonSource:
     lamps: SampledLights
 
     def send(self, hits: PrimaryHits, n_photons: int) -> Photons:
-        """Those of n photons that land where the picture shows it; more start where more of them do."""
+        """Those of n photons that land where the picture shows them. More start on objects from which more do."""
         area = _areas(self.scene)
         mine = np.array([area[begin:end].sum() for begin, end in self.scene.triangle_ranges])
         mine[~self.glossy | ~self.scene.reflecting] = 0.0
         able = np.flatnonzero(mine > 0.0)
         if not len(able) or not len(self.lamps.cumulative) or n_photons == 0:
             return _joined([], np.zeros(len(mine), np.float32))
+        # A pilot pass estimates the share of visible photons per object.
         n_pilot = min(_PILOT, n_photons)
         useful = np.array(
             [len(self._photons_from_object(hits, area, int(o), n_pilot, mine).power) / n_pilot for o in able]
@@ -112,12 +113,13 @@ class PhotonSource:
     def _photons_from_object(
         self, hits: PrimaryHits, area: NDArray[np.float64], o: int, n_photons: int, mine: NDArray[np.float64]
     ) -> Photons:
-        """Photons from one object, of which n_photons start."""
+        """Emits n_photons from one object and returns the visible ones."""
         begin, end = self.scene.triangle_ranges[o]
         cumulative = np.cumsum(area[begin:end])
         per_area = np.zeros(len(mine), np.float32)
         per_area[o] = n_photons / mine[o]
         numbers = _numbers(n_photons, o)
+        # Stratified positions by area.
         places = (np.arange(n_photons) + 0.5) / n_photons * cumulative[-1]
         triangles = (begin + np.minimum(np.searchsorted(cumulative, places), end - begin - 1)).astype(np.int32)
         parts = [
@@ -157,7 +159,7 @@ class PhotonSource:
         self, hits: PrimaryHits, objects: NDArray[np.int32], positions: NDArray[np.float32],
         faces: NDArray[np.float32], directions: NDArray[np.float32],
     ) -> NDArray[np.bool_]:  # fmt: skip
-        """Whether photons land on the side of an object that the picture shows, near to where it does."""
+        """Whether photons land on the visible side of an object, near a pixel that shows it."""
         to_place = positions - self.scene.camera_position.astype(np.float32)
         facing = np.einsum("ni,ni->n", to_place, faces) * np.einsum("ni,ni->n", directions, faces) > 0.0
         camera, (width, height) = self.scene.description.camera, hits.resolution
@@ -175,13 +177,13 @@ class PhotonSource:
 
 
 def _areas(scene: Scene) -> NDArray[np.float64]:
-    """Of every triangle, (T,)."""
+    """The area (T,) of every triangle."""
     a, b, c = scene.vertices[scene.triangles].astype(np.float64).transpose(1, 0, 2)
     return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0)
 
 
 def _numbers(n: int, seed: int) -> NDArray[np.float64]:
-    """n points in seven dimensions, (n, 7), evenly spread: multiples of the powers of a root, modulo 1 [Roberts18]."""
+    """n low-discrepancy points in seven dimensions, (n, 7): multiples of the powers of a root, modulo 1 [Roberts18]."""
     root = 2.0
     for _ in range(64):
         root = (1.0 + root) ** (1.0 / 8.0)  # x⁸ = x + 1
@@ -197,12 +199,12 @@ def _joined(parts: Sequence[Photons], per_area: NDArray[np.float32]) -> Photons:
 
 
 def no_photons(n_objects: int) -> Photons:
-    """Of a scene where nothing glossy is lit."""
+    """The photons of a scene without lit glossy surfaces: none."""
     return _joined([], np.zeros(n_objects, np.float32))
 
 
 class PhotonMap:
-    """Photons by the object they land on, to be looked up by place."""
+    """Photons grouped by the object they land on, with a k-d tree each."""
 
     def __init__(self, photons: Photons) -> None:
         self.photons = photons
@@ -211,7 +213,7 @@ class PhotonMap:
         self._trees = {} if not len(self._order) else self._build_trees()
 
     def _build_trees(self) -> dict[int, Any]:
-        from scipy.spatial import cKDTree  # late: scenes without photons need none of it
+        from scipy.spatial import cKDTree  # imported late: scenes without photons do not need it
 
         return {
             o: cKDTree(self.photons.positions[self._order[begin:end]], balanced_tree=False, compact_nodes=False)
@@ -221,7 +223,8 @@ class PhotonMap:
     def nearest(
         self, i_object: int, positions: NDArray[np.float32], farthest: NDArray[np.float32]
     ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]:
-        """Of places (p, 3) on an object the photons (p, k), −1 for none, squared distances (p, k) and radii (p,)."""
+        """For positions (p, 3) on an object: the nearest photons (p, k), −1 for none, squared distances (p, k) and
+        squared radii (p,)."""
         begin, end = self._ends[i_object : i_object + 2]
         if begin == end or not len(positions):
             none = np.zeros((len(positions), 0), np.float32)
@@ -233,7 +236,7 @@ class PhotonMap:
 
 
 def farthest_of(scene: Scene, hits: PrimaryHits, rows: NDArray[np.integer]) -> NDArray[np.float32]:
-    """How far from each point a photon counts for it, (p,) metres of a surface that faces the eye."""
+    """The search radius (p,) at each point, in metres on a surface that faces the camera."""
     height = 2.0 * math.tan(math.radians(scene.description.camera.fov_y) / 2)
     return np.asarray(
         _FARTHEST * height * np.linalg.norm(hits.position[rows] - scene.camera_position, axis=1), np.float32
@@ -244,8 +247,8 @@ def find_nearby_photons(
     photon_map: PhotonMap, i_object: int, hits: PrimaryHits, samples: SampleArrays, times: NDArray[np.float32],
     farthest: NDArray[np.float32], clearance: NDArray[np.float32], caster: RayCaster,
 ) -> NearbyPhotons:  # fmt: skip
-    """The photons about the gather points of one object, some points at a time, for whom all that are near are looked
-    at; times (p,): what each of their recorded rays stands for; clearance (p,) of what is around."""
+    """The photons near the gather points of one object, one batch of points at a time. times (p,): the number of rays
+    that each stored one represents; clearance (p,): harmonic mean distance of the surroundings."""
     parts = []
     for begin in range(0, max(len(samples.rows), 1), _BATCH):
         part = slice(begin, begin + _BATCH)
@@ -276,6 +279,7 @@ def _find_nearby(
 
     on_threads(weigh, *even_parts(len(found)))
     kept = weights > 0.0
+    # Test visibility only where the radius is large relative to the clearance.
     doubted = kept & (radii2 > (_NEAR * clearance) ** 2)[:, None]
     kept[doubted] = ~_is_occluded(
         photon_map.photons, hits, caster, samples.rows[np.nonzero(doubted)[0]], found[doubted]
@@ -287,7 +291,7 @@ def _find_nearby(
 def _is_occluded(
     photons: Photons, hits: PrimaryHits, caster: RayCaster, rows: NDArray[np.int32], numbers: NDArray[np.int32]
 ) -> NDArray[np.bool_]:
-    """Whether each of some points (n,) does not see the place that one of the photons (n,) comes from."""
+    """Whether the path from each of some points (n,) to the origin of its photon (n,) is blocked."""
     origins = hits.offset_position[rows]
     return caster.occluded(
         origins, photons.starts[numbers] - origins, np.full(len(rows), _VISIBILITY_MARGIN, np.float32)
@@ -295,19 +299,19 @@ def _is_occluded(
 
 
 def no_nearby_photons(n_points: int) -> NearbyPhotons:
-    """About points that no photon was looked for."""
+    """No photons near any of the points."""
     none = np.zeros(0, np.float32)
     return NearbyPhotons(np.zeros(n_points + 1, np.int64), none.astype(np.int32), none, np.zeros(n_points, np.float32))
 
 
 def join_nearby(parts: Sequence[NearbyPhotons]) -> NearbyPhotons:
-    """The photons about several sets of points, one after the other."""
+    """The photons near several sets of points, concatenated."""
     start = np.concatenate([[0], np.cumsum(np.concatenate([np.diff(part.start) for part in parts]))])
     return NearbyPhotons(start, *(np.concatenate(arrays) for arrays in list(zip(*parts, strict=True))[1:]))
 
 
 def slice_nearby(landed: NearbyPhotons, begin: int, end: int) -> NearbyPhotons:
-    """Those about points [begin, end)."""
+    """Those near points [begin, end)."""
     first, last = landed.start[begin], landed.start[end]
     return NearbyPhotons(
         landed.start[begin : end + 1] - first, landed.photon[first:last], landed.weight[first:last],
@@ -316,7 +320,8 @@ def slice_nearby(landed: NearbyPhotons, begin: int, end: int) -> NearbyPhotons:
 
 
 def photon_flux(photons: Photons, layers: GlossyLayers, edited: int, inverse: NDArray[np.float32]) -> PhotonFlux:
-    """What photons carry; those of the object `edited` as proportional to its albedo, one over which is `inverse`."""
+    """The flux of the photons. Photons from the object `edited` count as proportional to its albedo, whose reciprocal
+    is `inverse`."""
     light = np.zeros((len(photons.objects), 3), np.float32)
     kernels.photon_power(photons, layers, light)
     own = photons.sources == edited

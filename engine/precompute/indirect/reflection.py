@@ -1,7 +1,7 @@
-"""What the gather points reflect of the cells' light, layer by layer: with the curves as they are, or by band of one.
+"""Reflects the light of the records at the gather points, layer by layer: with the curves applied, or by band of one.
 
-Both are sums over the same rays. The bands are never stored: from what is known of the rays (`ray_weights`) they are
-summed faster than they could be read. Stills, which sum once, keep nothing at all.
+Both are sums over the same rays. The bands are never stored: summing them from the stored ray weights (`ray_weights`)
+is faster than reading them would be. Final stills, which sum once, store nothing at all.
 """
 
 import math
@@ -34,13 +34,13 @@ from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 
 _PART = 128
-_PARTS = 2  # a step and thread: some 50 ms
+_PARTS = 2  # parts per step and thread: about 50 ms
 
 
 @dataclass(frozen=True, eq=False)
 class OutgoingRadiance:
-    """What surfaces send towards gather points: matt (C, D, 3), radiosity of the cells that goes to all sides alike,
-    and what glossy ones send to one side, None where that counts as matt; and what photons carry from there."""
+    """Radiance that surfaces send towards gather points. diffuse (C, D, 3): radiosity of the records, equal in all
+    directions; glossy: directional reflection, None where it counts as diffuse; caustics: light carried by photons."""
 
     diffuse: NDArray[np.float32]
     glossy: SecondBounceLight | None
@@ -52,21 +52,22 @@ class OutgoingRadiance:
 
     @cached_property
     def padded(self) -> NDArray[np.float32]:
-        """`diffuse` (C, D, 4) with a fourth number, 0: four are read and summed at once."""
+        """`diffuse` (C, D, 4) with a fourth value of 0, so that four values are read and summed at once."""
         return np.pad(self.diffuse, ((0, 0), (0, 0), (0, 1)))
 
 
 class HemisphereSamples:
-    """The fans of the gather points of one object, all their rays or one half of them; a point has the mean of its
-    fans."""
+    """The hemisphere samples of one object's gather points, with all their rays or one half of them; a point's result
+    is the mean of its sample sets."""
 
     def __init__(
         self, hits: PrimaryHits, gathered: GatherSamples, i_object: int, lobe_axis: int, size: SampleCounts,
         half: int | None = None, keeps: bool = False, landed: NearbyPhotons | None = None,
         smoothing: Smoothing | None = None,
     ) -> None:  # fmt: skip
-        """keeps: what does not depend on curves, for the next sums over the same rays; landed: photons about all of the
-        gather points, if any were looked for; smoothing: of all of them, None for the sums as they are."""
+        """keeps: store what does not depend on curves, for later sums over the same rays; landed: photons near all
+        gather points, if they were searched for; smoothing: filter over all gather points, None for the unfiltered
+        sums."""
         begin, end = np.searchsorted(object_of_rows(hits, gathered.rows), (i_object, i_object + 1))
         rows, nth = gathered.rows[begin:end], gathered.nth[begin:end]
         records = gathered.glossy_hits
@@ -91,19 +92,19 @@ class HemisphereSamples:
 
     @property
     def n_bytes(self) -> int:
-        """Memory of what is kept."""
+        """Memory of the stored weights."""
         return self._second.n_bytes + sum(aim.n_bytes for aim in self._weights.values())
 
     def forget_all_but(self, layers: Sequence[LayerCurves]) -> None:
-        """Keep nothing of other layers than these: of each roughness that a slider goes through there would be as much
-        as of all rays."""
+        """Drops stored weights of other layers than these: otherwise each roughness that a slider passes through would
+        take as much memory as all rays."""
         wanted = {_weights_key(layer.optics()) for layer in layers}
         self._weights = {key: aim for key, aim in self._weights.items() if key in wanted}
 
     def nearby_photons(
         self, photon_map: PhotonMap, i_object: int, farthest: NDArray[np.float32], caster: RayCaster
     ) -> NearbyPhotons:
-        """The photons about the points of the fans, no farther than (q,)."""
+        """The photons near the points of the sample sets, no farther than (q,)."""
         return find_nearby_photons(
             photon_map, i_object, self._hits, self._samples, self._times, farthest, self._clearance, caster
         )
@@ -111,7 +112,8 @@ class HemisphereSamples:
     def reflect(
         self, layers: Sequence[LayerCurves], light: OutgoingRadiance
     ) -> Generator[None, None, list[NDArray[np.float32]]]:
-        """Radiance (p, D, 3) of each layer at the p points towards the eye, without f_q and f_o, in steps."""
+        """Radiance (p, D, 3) of each layer at the p points towards the camera, without f_q and f_o. A generator of
+        steps."""
         out = [np.empty((len(self), light.n_powers, 3), np.float32) for _ in layers]
         optics = [layer.optics(folded=True) for layer in layers]
         aims = [self._weights_of(each) for each in optics]
@@ -131,8 +133,8 @@ class HemisphereSamples:
     def by_band(
         self, layer: LayerCurves, factor: int, light: OutgoingRadiance
     ) -> Generator[None, None, NDArray[np.float32]]:
-        """Of one layer by band of its first or second curve: (3, J, D, p); times the curve and summed over J it is
-        `reflect`. In steps."""
+        """Radiance of one layer by band of its first or second curve: (3, J, D, p). Multiplied by the curve and summed
+        over J it equals `reflect`. A generator of steps."""
         out = np.empty((3, len(layer.curves[factor]), light.n_powers, len(self)), np.float32)
         optics = layer.optics()
         aim = self._weights_of(optics)
@@ -155,7 +157,7 @@ class HemisphereSamples:
         return out
 
     def _weights_of(self, optics: kernels.ReflectingLayer) -> RayWeights:
-        """What is kept for such a layer, or new."""
+        """The stored weights of such a layer, or new ones."""
         key = _weights_key(optics)
         kept = self._weights.get(key)
         if kept is not None and kept.n_angles >= n_angles_of(optics):
@@ -193,7 +195,7 @@ class HemisphereSamples:
 
 
 def _weights_key(optics: kernels.ReflectingLayer) -> tuple[int, bytes]:
-    """What an aim hangs on."""
+    """What ray weights depend on."""
     return optics.model, optics.q.tobytes()
 
 

@@ -1,12 +1,12 @@
-"""How finely indirect light is found, and with how few rays it may be.
+"""Sampling settings of indirect light, and the least number of rays that a picture requires.
 
-How many rays a fan needs is told by chance in the picture itself: a first look, the coarsest, is taken with the
-fewest, and its two halves apart tell their noise [Rousselle12]. A bowl under an even sky makes do with a quarter of
-what a copper pot by a lamp takes. Rays between cells, and the lights that these sample, are half as many then: a
-storeroom with lamps of all sizes was 2 % too bright by a quarter of them.
+The required number of rays follows from the noise in the picture itself: a first pass uses the coarsest lattice and the
+fewest rays, and the difference of its two halves measures their noise [Rousselle12]. A bowl under a uniform sky needs a
+quarter of the rays of a copper pot beside a lamp. With fewer rays, the rays between records and their light samples are
+halved: with a quarter of them, a storeroom with lamps of all sizes was 2 % too bright.
 
-relRMSE of all light, %, and processor seconds of its finding, by two halves of 1,024 paths at 1,536 points of pictures
-of 60,000 pixels, four bounces:
+relRMSE of all light in %, and processor seconds, by two halves of 1,024 paths at 1,536 points of pictures of 60,000
+pixels, four bounces:
 
                   shapes     vase   cornell  stairwell  storeroom    room     ajar
     512 rays        0.24     2.13     1.36      1.82       1.96      2.40     8.21
@@ -14,13 +14,13 @@ of 60,000 pixels, four bounces:
       of            128      128      256       512        256       256      512
     seconds     12.1, 5.9  29, 16  7.0, 4.6   27, 28     13, 13    22, 15   16, 17
 
-Noise falls with the 0.63th power of the rays (0.47 to 0.8 in six of these scenes). Interpolation and the filter leave
-0.4 of it on surfaces that are matt by more than half of what they reflect (a third to two thirds). On others the first
-look misses what is rare and bright, so that more is taken to be left than it shows: copper that throws light on
-copper, the reference tea tray, was 1.2 % farther off by a quarter of the rays and 0.7 % by half, where its points'
-noise of 1.7 % says 1.0 and 0.4. All that is glossy in part was counted so at first: the Cornell box then took all rays,
-a third of its time, for 0.3 %. A pilot before the solver was rejected: it would find cells and photons of its own, and
-take half of what it saves.
+Noise falls with the power 0.63 of the number of rays (0.47 to 0.8 in six of these scenes). Interpolation and filter
+leave 0.4 of it on surfaces with more diffuse than glossy albedo (a third to two thirds). On other surfaces the first
+pass misses rare bright light, so the remaining noise is taken to be larger than the measured one: with caustics of
+copper on copper, the error of the reference tea tray rose by 1.2 % with a quarter of the rays and by 0.7 % with half,
+where the measured noise of 1.7 % predicts 1.0 and 0.4. Treating every partly glossy surface like this was rejected: the
+Cornell box then took all rays, a third of its time, for 0.3 %. A pilot before the solver was rejected as well: it would
+find records and photons of its own, and take half of what it saves.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ TOLERANCE = 0.005
 
 @dataclass(frozen=True)
 class SamplingSettings:
-    """How finely indirect light is found.
+    """How finely indirect light is sampled.
 
-    n_rays a fan, of which n_glossy_hits at most are followed where they end on glossy surfaces; max_extra_sets fans, a
-    gather point on average, where the first ones are noisy; n_photons that glossy surfaces throw; n_cells to aim at;
-    n_record_rays between cells, a cell; n_samples of each kind of light, a cell; adaptive: refine the lattice of gather
-    points, else every eighth pixel; close: down to single pixels beside edges and contacts, which doubles what an
-    editor would hold and freeze.
+    n_rays: rays per sample set, of which at most n_glossy_hits are continued where they end on glossy surfaces;
+    max_extra_sets: extra sample sets per gather point on average, where the first ones are noisy; n_photons from glossy
+    surfaces; n_cache_records: the number to aim at; n_record_rays: rays between records, per record; n_samples: samples
+    of each kind of light, per record; adaptive: refine the lattice of gather points, else every eighth pixel; close:
+    refine down to single pixels beside edges and contacts, which doubles the memory and freezing time of an editor.
     """
 
     name: str
@@ -61,8 +61,8 @@ class SamplingSettings:
     close: bool = False
 
     def with_rays(self, n_rays: int) -> SamplingSettings:
-        """The same with so many rays a fan, a power of two, 0 for as many as it has; rays between cells, and the lights
-        that these sample, are half as many where these are fewer."""
+        """The same with n_rays per sample set, a power of two; 0 for no change. With fewer rays, the rays between
+        records and their light samples are halved."""
         n_rays = n_rays or self.n_rays
         share = 2 if n_rays < self.n_rays else 1
         return replace(
@@ -77,8 +77,8 @@ STILL = SamplingSettings("still", 1024, 1, 1024, 1 << 20, 16000, 64, 128, True, 
 
 @dataclass(frozen=True)
 class RayBudget:
-    """How many rays a fan has, of so many that there may be; noise: of the picture by the fewest, relative to its mean,
-    None where that was not asked."""
+    """The number of rays per sample set, of at most max_rays. noise: of the picture with the fewest rays, relative to
+    its mean; None if it was not measured."""
 
     n_rays: int
     max_rays: int
@@ -86,7 +86,7 @@ class RayBudget:
 
     @property
     def reason(self) -> str:
-        """Why so many, in words."""
+        """The reason for this number, in words."""
         if self.noise is None:
             return "as many as there may be"
         if self.n_rays < self.max_rays:
@@ -95,14 +95,14 @@ class RayBudget:
         return f"{fewer:,} would be {100.0 * self.added(fewer):.1f} % noisier"
 
     def added(self, n_rays: int) -> float:
-        """By how much more the picture would be off with so many than with the most."""
+        """The additional noise with n_rays instead of the most, relative RMS."""
         fewest = self.max_rays // LEVELS[0]
         noise, least = ((fewest / n) ** _BY_RAYS for n in (n_rays, self.max_rays))
         return (self.noise or 0.0) * (noise - least)
 
 
 def required_rays(most: int, noise: float) -> RayBudget:
-    """How many rays a fan needs of `most`, by the noise that the fewest of them leave in the picture."""
+    """The number of rays per sample set, of at most `most`, by the noise that the fewest leave in the picture."""
     need = RayBudget(most, most, noise)
     fewer = (replace(need, n_rays=most // level) for level in LEVELS)
     return next((each for each in fewer if need.added(each.n_rays) <= TOLERANCE), need)
@@ -111,10 +111,10 @@ def required_rays(most: int, noise: float) -> RayBudget:
 def noise_of(
     halves: NDArray[np.floating], left: NDArray[np.floating], weights: NDArray[np.floating], other_light: float
 ) -> float:
-    """Relative RMS noise of a picture at points with weights (p,) by what each half of their rays brings, (2, p, 3), of
-    whose noise so much is left (p,); other_light: the mean of what else it shows. 0 where all is dark. The noisiest
-    hundredth of points counts no more than what comes next: one of thousands was six times as noisy as all others
-    together."""
+    """Relative RMS noise of a picture, from the light (2, p, 3) of each half of the rays at points with weights (p,).
+    left (p,): the fraction of noise that remains after filtering; other_light: mean of the other light in the picture.
+    0 where all is dark. The noisiest hundredth of points is clamped to the next noisiest: one point in thousands was
+    six times as noisy as all others together."""
     first, second = np.asarray(halves, np.float64)
     total = max(float(weights.sum()), 1e-300)
     mean = other_light + float(weights @ (0.5 * (first + second)).mean(axis=1)) / total

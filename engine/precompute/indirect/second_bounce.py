@@ -1,13 +1,13 @@
-"""The second bounce off glossy surfaces: rays remembered for it, and what they bring for any curves.
+"""The glossy second bounce: stores rays for it and evaluates them for any curves.
 
-Equivalent albedos spread over all directions what a glossy surface sends to one side; seen in another surface, that is
-what its light differs by most. So for each ray of a fan that ends on a glossy surface two rays more are traced and
-remembered in 27 bytes, and the glossy layers there are evaluated with their curves as they are whenever light is
-frozen. So is what the lights bring by a third gloss, in as many bytes again: between copper and copper a fifth of that
-light was missing when it went by albedo. All that has been reflected more often does.
+An equivalent albedo distributes over all directions what a glossy surface reflects into a lobe. Seen in another
+surface, this is where its light is most wrong. Therefore two more rays are traced for each hemisphere sample that ends
+on a glossy surface, stored in 27 bytes, and the glossy layers there are evaluated with their curves at each freezing. A
+third glossy reflection of the lights is stored in as many bytes again: between copper and copper a fifth of that light
+was missing when it used the albedo. Light with more reflections uses the albedo.
 
-While a curve is dragged, what its own object sends on keeps its shape and follows the albedo; when the hand rests it is
-evaluated anew.
+While the user drags a curve, the light reflected by its own object keeps its shape and scales with the albedo; it is
+evaluated anew when idle.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ _LEAST_ALBEDO = 1e-6
 
 
 def no_glossy_hits(n_points: int) -> kernels.GlossyHits:
-    """Of points none of whose rays ends on a glossy surface."""
+    """Glossy hits of points none of whose rays ends on a glossy surface."""
     none, floats = np.zeros(0, np.uint16), np.zeros(0, np.float32)
     start, normal = np.zeros(n_points + 1, np.int64), np.zeros((0, 3), np.float32)
     times = np.ones(n_points, np.float32)
@@ -44,7 +44,7 @@ def no_glossy_hits(n_points: int) -> kernels.GlossyHits:
 
 
 def join_glossy_hits(parts: Sequence[kernels.GlossyHits], order: NDArray[np.integer]) -> kernels.GlossyHits:
-    """The records of several sets of points, one after the other, with the points in this order."""
+    """The glossy hits of several sets of points, concatenated, with the points in this order."""
     ends = np.cumsum([0, *(part.start[-1] for part in parts)])
     firsts = np.concatenate([part.start[:-1] + end for part, end in zip(parts, ends, strict=False)])[order]
     counts = np.concatenate([np.diff(part.start) for part in parts])[order]
@@ -58,7 +58,7 @@ def join_glossy_hits(parts: Sequence[kernels.GlossyHits], order: NDArray[np.inte
 def _thin(
     which: NDArray[np.intp], n_rays: int, n_points: int, most: int
 ) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
-    """At most so many of each point's rays, evenly, and how many each of them stands for (p,)."""
+    """At most `most` of each point's rays, evenly spaced, and how many rays each represents (p,)."""
     start = np.searchsorted(which, np.arange(n_points + 1) * n_rays)
     counts = np.diff(start)
     kept = np.minimum(counts, most)
@@ -71,9 +71,9 @@ def _thin(
 
 @dataclass(frozen=True, eq=False)
 class SecondBounceTracer:
-    """What tracing second rays needs: which objects (M,) are glossy, their lobe_axes (M,) and axes (M, 2, 3), the
-    lamps; most: how many rays of a gather point are recorded; beyond these, each stands for several; thrice: whether
-    light that glossy surfaces reflect three times counts."""
+    """Traces the rays of the second bounce. glossy (M,): which objects are glossy; lobe_axes (M,) and axes (M, 2, 3) of
+    the objects; lamps: all lights; most: the number of rays stored per gather point, of which each represents several
+    if there are more; thrice: whether three glossy reflections of a light count."""
 
     glossy: NDArray[np.bool_]
     lobe_axes: NDArray[np.int64]
@@ -87,8 +87,8 @@ class SecondBounceTracer:
         seen: NDArray[np.uint16],
         found: Intersections, first_open: int = 0, turn: AbstractContextManager[None] = NO_ORDER,
     ) -> kernels.GlossyHits:  # fmt: skip
-        """The records of a chunk of fans, the nth of the points `rows`: rays and what they hit, (q · R); first_open,
-        turn: see `IrradianceCache.records_hit`."""
+        """The glossy hits of a chunk of sample sets, the nth of the points `rows`: rays and their hits, (q · R).
+        first_open, turn: see `IrradianceCache.records_hit`."""
         n_rays = len(seen) // max(len(rows), 1)
         which, times = _thin(self._on_glossy(cells, seen, found), n_rays, len(rows), self.most)
         vertex = _LightChooser(self, cells, rows, nth, n_rays)
@@ -107,7 +107,7 @@ class SecondBounceTracer:
         return kernels.GlossyHits(start, times, (which % n_rays).astype(np.uint16), *lit, beyond, *lit_3)
 
     def _on_glossy(self, cells: IrradianceCache, seen: NDArray[np.uint16], found: Intersections) -> NDArray[np.intp]:
-        """The rays that end on glossy surfaces, by number."""
+        """The indices of rays that end on glossy surfaces."""
         ends = np.where(seen == NO_RECORD, -1, cells.mesh.objects[found.triangle])
         return np.flatnonzero((ends >= 0) & self.glossy[ends])
 
@@ -117,7 +117,7 @@ def _hits(found: Intersections) -> Hits:
 
 
 def _scatter(places: kernels.LitPlaces, at: NDArray[np.intp], n: int) -> kernels.LitPlaces:
-    """Those of n places at which they are; no light at the others."""
+    """Spreads the given vertices to the indices `at` among n; no light at the others."""
     normal, distance, light, candidate, weight = (np.zeros((n, *each.shape[1:]), each.dtype) for each in places)
     light[:] = kernels.NO_LIGHT
     for all_of_them, each in zip((normal, distance, light, candidate, weight), places, strict=True):
@@ -127,7 +127,7 @@ def _scatter(places: kernels.LitPlaces, at: NDArray[np.intp], n: int) -> kernels
 
 @dataclass(frozen=True, eq=False)
 class _LightChooser:
-    """Chooses lights for places that the rays of a chunk of fans come to: the nth of the points `rows`, n_rays each."""
+    """Chooses lights at vertices of a chunk of sample sets: the nth sets of the points `rows`, n_rays each."""
 
     second: SecondBounceTracer
     cells: IrradianceCache
@@ -138,8 +138,8 @@ class _LightChooser:
     def choose(
         self, which: NDArray[np.intp], at: NDArray[np.intp], vertex: int, rays: Rays, found: Intersections
     ) -> kernels.LitPlaces:
-        """Of rays `at` (n,), which come of the fans' rays `which` (n,): normals (n, 3) and distances (n,) where they
-        end, the lights that are seen there (n,), which candidates they were, and how many times they count (n,)."""
+        """For rays `at` (n,), which continue the samples `which` (n,): normals (n, 3) and distances (n,) of their hits,
+        the unoccluded lights (n,), their candidate numbers and weights (n,)."""
         n, caster = len(which), self.cells.caster
         normals, to_light, starts = np.empty((3, n, 3), np.float32)
         lights, candidates = np.empty(n, np.uint16), np.empty(n, np.uint8)
@@ -158,10 +158,10 @@ class _LightChooser:
 
 @dataclass(frozen=True, eq=False)
 class SecondBounceLight:
-    """What glossy surfaces send on under certain curves: objects (C,) and radiosity (2, C, D, 4) of the cells, as it
-    lights others and as the object that is edited sends it on; per_area (M,): photons that started on a square metre;
-    looks (M), which differ where an object's surface sends something else, tables of layers and lamps, the object that
-    is edited and one over its albedo (3,)."""
+    """The light that glossy surfaces reflect under certain curves. objects (C,) of the records; radiosity (2, C, D, 4):
+    as it lights others, and as the edited object reflects it on; per_area (M,): photons emitted per square metre;
+    digests (M): differ if an object's surface reflects differently; tables of layers and lamps; the edited object and
+    the inverse of its albedo (3,)."""
 
     objects: NDArray[np.int32]
     radiosity: NDArray[np.float32]
@@ -186,7 +186,7 @@ def emitters_for_sampling(cut: TriangleLights | None, patches: EmitterPatches | 
     power = np.concatenate([part[2] for part in parts]) / np.maximum(share, 1e-30)[:, None]
     power[share == 0.0] = 0.0
     cumulative = np.cumsum(share)
-    cumulative[np.flatnonzero(share)[-1] :] = 2.0  # rounding leaves no sample beyond the last that shines
+    cumulative[np.flatnonzero(share)[-1] :] = 2.0  # rounding leaves no sample beyond the last light with power
     density, radiance, raster = np.zeros(0, np.float32), np.zeros((0, 3), np.float32), np.zeros((0, 0), np.int32)
     if cut is not None and _sky(cut)[1].max() > 0.0:
         density = (shares[0] / cut.solid_angle).astype(np.float32)
@@ -201,7 +201,7 @@ _Part = tuple[NDArray[np.floating], NDArray[np.float64], NDArray[np.floating], N
 
 
 def _sky(cut: TriangleLights | None) -> _Part:
-    """Corners, strengths, powers and no normals of the sky's triangles."""
+    """Corners, strengths, powers and (zero) normals of the sky's triangles."""
     if cut is None:
         return np.zeros((0, 3, 3)), np.zeros(1), np.zeros((0, 3)), np.zeros((0, 3))
     return cut.vertices[cut.corners], cut.power.max(axis=1).astype(np.float64), cut.power, np.zeros((len(cut), 3))
@@ -215,7 +215,7 @@ def _patches(patches: EmitterPatches | None) -> _Part | None:
 
 
 def _raster(cut: TriangleLights) -> NDArray[np.int32]:
-    """Which triangle of the cut each direction of a lat-long grid falls in; columns from -Z over +X."""
+    """The triangle of the cut in each direction of a lat-long grid; columns from -Z over +X."""
     height, width = _RASTER
     polar = (np.arange(height) + 0.5) * np.pi / height
     azimuth = ((np.arange(width) + 0.5) / width - 0.5) * 2 * np.pi
@@ -236,8 +236,8 @@ def glossy_tables(
     layers: Sequence[IndirectLayer], lobe_axes: NDArray[np.int64], axes: NDArray[np.float32],
     cells: RecordReflectance | None = None,
 ) -> kernels.GlossyLayers:  # fmt: skip
-    """The layers that are not matt, by object; cells: what they reflect under the same layers, None where the means of
-    images will do."""
+    """Tables of the glossy layers, ordered by object. cells: the reflectance of the records under these layers, None to
+    use the means of texture maps."""
     glossy = [i for i, each in enumerate(layers) if is_glossy(each)]
     glossy.sort(key=lambda i: layers[i].i_object)
     chosen = [layers[i] for i in glossy]
@@ -266,7 +266,7 @@ def glossy_tables(
 
 
 def layer_digests(layers: Sequence[IndirectLayer], n_objects: int, cells: RecordReflectance) -> tuple[bytes, ...]:
-    """What each object's glossy layers send on depends on, as bytes to compare."""
+    """Bytes that identify what the reflection of each object's glossy layers depends on."""
     looks = [b""] * n_objects
     for each in filter(is_glossy, layers):
         arrays = (
@@ -284,7 +284,7 @@ def layer_digests(layers: Sequence[IndirectLayer], n_objects: int, cells: Record
 
 
 def diffuse_share(layers: Sequence[IndirectLayer], n_objects: int) -> NDArray[np.float32]:
-    """Of each object's albedo what its matt layers have, (M, 3); 1 where it has none."""
+    """The share (M, 3) of each object's albedo that its diffuse layers have; 1 where the albedo is 0."""
     diffuse, total = np.zeros((n_objects, 3)), np.zeros((n_objects, 3))
     for layer in layers:
         total[layer.i_object] += layer.albedo
@@ -294,8 +294,8 @@ def diffuse_share(layers: Sequence[IndirectLayer], n_objects: int) -> NDArray[np
 
 
 def outgoing_radiosity(radiosity: NDArray[np.float32], inverse: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Radiosity (C, D, 3) as a polynomial in an albedo that others send on, and that its object sends on: multiplied by
-    one over the albedo (3,) and moved to the next power; (2, C, D, 4)."""
+    """Radiosity (C, D, 3), a polynomial in the edited object's albedo, as others reflect it and as that object reflects
+    it: multiplied by its inverse albedo (3,) and moved to the next power; (2, C, D, 4)."""
     both = np.zeros((2, *radiosity.shape[:2], 4), np.float32)
     both[0, ..., :3] = radiosity
     both[1, :, 1:, :3] = radiosity[:, :-1] * inverse
@@ -303,5 +303,5 @@ def outgoing_radiosity(radiosity: NDArray[np.float32], inverse: NDArray[np.float
 
 
 def inverse_albedo(albedo: NDArray[np.floating]) -> NDArray[np.float32]:
-    """1/d (3,), 0 where the object is black: what it sends on then goes by albedo alone."""
+    """1/d (3,), 0 where the object is black: its reflection then scales with the albedo alone."""
     return np.where(albedo > _LEAST_ALBEDO, 1.0 / np.maximum(albedo, _LEAST_ALBEDO), 0.0).astype(np.float32)
