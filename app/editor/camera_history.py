@@ -1,6 +1,6 @@
-"""From where the scene is seen: the camera of the view, its own history of steps, and what can be framed by it.
+"""The camera of the view, its own undo history, and the boxes of objects that it can frame.
 
-The camera is a part of the view, not of the document: moving it is no edit, and is undone by itself.
+The camera is a part of the view, not of the document: moving it is no edit, and has an undo of its own.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from engine.scene.description import Camera, SceneDescription
 
 NO_CAMERA = Camera(position=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0))
 Box = NDArray[np.float64]
-# A ground's thickness is at most this share of its length, and it is at least so many times as large as what it holds.
+# A ground's thickness is at most this share of its length; it is at least so many times as large as what stands on it.
 FLAT, GROUND_SIZE = 0.05, 2.0
 
 
 class CameraHost(Protocol):
-    """What the looks need of the editor."""
+    """What the camera history needs of the editor."""
 
     view: ViewState
 
@@ -38,10 +38,10 @@ class CameraHost(Protocol):
 
 
 class CameraHistory:
-    """The looks at one scene. `controller` is told when a hand lets go, so that the view need not rest before it is
-    traced.
+    """The camera and resolution of one scene. At the end of a drag it notifies `controller`, which then traces the view
+    without waiting for the idle time.
 
-    own_camera, own_resolution: those of the scene's file; history: that of the view, the document's stays.
+    own_camera, own_resolution: those of the scene's file; history: that of the view, separate from the document's.
     """
 
     def __init__(self, host: CameraHost, controller: ViewController) -> None:
@@ -51,19 +51,19 @@ class CameraHistory:
         self._boxes: dict[str, Box] = {}
 
     def scene_opened(self, description: SceneDescription, boxes: Box) -> None:
-        """Another scene is there, with the box (2, 3) of each of its objects, not a number where it has no surface."""
+        """Take over another scene, with the box (2, 3) of each of its objects, NaN where an object has no surface."""
         self.own_resolution = description.camera.resolution
         self.own_camera = Camera(**{name: getattr(description.camera, name) for name in Camera.model_fields})
         named = zip((described.name for described in description.objects), boxes, strict=False)
         self._boxes = {name: box for name, box in named if np.all(np.isfinite(box))}
 
     def reset_history(self) -> None:
-        """There is no step to go back to from the present look."""
+        """Forget all steps: the present camera is the start of the history."""
         self.history = History(self._host.view.viewpoint)
 
     @property
     def camera(self) -> Camera:
-        """The camera that the scene is looked at from, or is about to be."""
+        """The camera that the scene is seen from, or is about to be."""
         return self._host.view.camera or self.own_camera
 
     @property
@@ -78,9 +78,10 @@ class CameraHistory:
         return width / max(height, 1)
 
     def set_viewpoint(self, look: Viewpoint, label: str, gesture: str | None = None) -> str | None:
-        """See the scene from there: a step of the history, one with those before it of the same gesture.
+        """Move the camera and set the resolution, as one step of the history; consecutive steps of one gesture are
+        merged.
 
-        None, or one line that says why not: so many pixels need more memory than there is.
+        Returns None, or one line with the reason: the picture would need more memory than there is.
         """
         camera = None if look.camera == self.own_camera else look.camera
         resolution = None if look.resolution == self.own_resolution else look.resolution
@@ -95,22 +96,22 @@ class CameraHistory:
         return None
 
     def resize(self, resolution: tuple[int, int] | None) -> str | None:
-        """See the scene in so many pixels (None: its own) at once; None, or why not."""
+        """Set the resolution at once (None: the scene's own); returns None, or the reason why not."""
         refusal = self.set_viewpoint(self._host.view.viewpoint._replace(resolution=resolution), "the picture's size")
         self._controller.hand_released()
         return refusal
 
     def begin_drag(self, label: str) -> None:
-        """A hand took hold of the camera: all until ``end_drag`` is one step."""
+        """Begin a camera drag: all moves until ``end_drag`` are one step."""
         self._history_now().begin_drag(label)
 
     def drag_to(self, look: Viewpoint) -> None:
-        """See the scene from there while a hand holds the camera; one that took hold of another scene's holds none."""
+        """Move the camera during a drag; does nothing where the drag began in another scene."""
         if self.history.dragging:
             self.set_viewpoint(look, "")
 
     def end_drag(self) -> None:
-        """The hand let go: the view need not rest any longer to be traced."""
+        """End the drag: the view is traced without waiting for the idle time."""
         if self.history.dragging:
             self._history_now().end_drag()
             self._controller.hand_released()
@@ -123,21 +124,22 @@ class CameraHistory:
             self._controller.hand_released()
 
     def undo(self) -> str | None:
-        """One step back, the document stays; its label, None when there was nothing."""
+        """Go one step back in the view's history, not the document's; returns its label, None where there is none."""
         return self._describe_step(self._history_now().undo, "view undone")
 
     def redo(self) -> str | None:
-        """One step forward; its label, None when there was nothing."""
+        """Go one step forward; returns its label, None where there is none."""
         return self._describe_step(self._history_now().redo, "view redone")
 
     def restore_viewpoint(self, seen: Viewpoint) -> None:
-        """The present look cannot be had: it is the one that was seen before, as if no step had led away."""
+        """Return to the view that was traced last, where the present one cannot be traced; the history has no trace of
+        it."""
         self._apply_viewpoint(seen)
         self.history.retract(lambda before: before == seen)
 
     def box_of(self, name: str | None) -> Box:
-        """The least and the largest corner (2, 3) of an object, in metres; None: of what the scene shows, without what
-        is hidden, lamps, and the grounds and backdrops behind it."""
+        """The least and the largest corner (2, 3) of an object, in metres; None: of all visible objects, without lamps
+        and the grounds and backdrops behind them."""
         if name is not None and name not in self._boxes:
             raise InsituError(f"there is no object {name!r} to be framed; there is: {', '.join(self._boxes)}")
         left_out = {state.name for state in self._host.document.objects if state.is_lamp or not state.visible}
@@ -149,7 +151,7 @@ class CameraHistory:
         return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
     def _history_now(self) -> History[Viewpoint]:
-        """The history, where the view is: a session's, or one set by a script."""
+        """The history, with its present state set to the view: a session or a script may have set that directly."""
         self.history.document = self._host.view.viewpoint
         return self.history
 

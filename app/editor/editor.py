@@ -1,10 +1,10 @@
 """The editor without a window: document, history and view on one side, the worker on the other.
 
-    commands ─► History ─► Document ─► the mode's talk ─► requests ─► worker ─► answers ─► picture events ─► renderer
+    commands ─► History ─► Document ─► mode controller ─► requests ─► worker ─► responses ─► picture events ─► renderer
 
-What makes the picture is the mode's affair (`app.modes.mode`). The window calls ``do`` with what panels ask for,
-``tick`` once a frame, and gives the events it returns to the renderer. Nothing here draws, waits, or raises for what a
-person did: a refused command comes back as one line of text.
+The mode decides what makes the picture (`app.modes.mode`). The window calls ``do`` with the commands of panels and
+``tick`` once a frame, and passes the events that ``tick`` returns to the renderer. Nothing here draws, waits, or raises
+for what the user did: a refused command returns one line of text.
 """
 
 from __future__ import annotations
@@ -89,8 +89,8 @@ class Editor:
     """The controller of one window.
 
     client: the worker; source: the scene (or session) to open at once; resolution: (width, height) in place of the
-    scene's own; journal: where unsaved edits are kept, None for nowhere (pictures without a person); barrier: what
-    holds back faults in a frame, None for one that lets them through; modes: those to choose from.
+    scene's own; journal: where unsaved edits are stored, None for nowhere (headless pictures); barrier: catches
+    exceptions in a frame, None lets them through; modes: those to choose from.
     """
 
     def __init__(
@@ -136,7 +136,7 @@ class Editor:
         return bool(self.document.objects)
 
     def do(self, command: EditCommand | ViewCommand, merge_key: str | None = None) -> str | None:
-        """Carry out an edit or a change of view; None, or one line that says why it was refused.
+        """Carry out an edit or a change of view; returns None, or one line that says why it was refused.
 
         Consecutive edits with the same ``merge_key`` are one step of the history.
         """
@@ -149,27 +149,27 @@ class Editor:
             elif self.history.do(command, merge_key):
                 self._document_changed(before, command)
                 if isinstance(command, SetMaterial) and self.view.selected is not None:
-                    self.select(self.view.selected.object)  # its layers are others
+                    self.select(self.view.selected.object)  # the layers of the object have changed
         except (InsituError, ValueError) as error:
             return self._refuse(str(error))
         return None
 
     def begin_drag(self, label: str | None = None) -> None:
-        """A hand took hold: all edits until ``end_drag`` are one step of the history."""
+        """Begin a drag: all edits until ``end_drag`` are one step of the history."""
         if not self.history.dragging:
             self._view_before_drag = self.view
         self.history.begin_drag(label)
 
     def end_drag(self) -> None:
-        """The hand let go; what waited for it to rest is asked for at the next tick."""
+        """End the drag; the next tick requests what was deferred until then."""
         if self.history.dragging:
             self.history.end_drag()
             self.scenes.tracing.hand_released()
             self.controller.drag_ended()
 
     def cancel_drag(self) -> None:
-        """Take back the drag under way, the camera's, too; the curve's handles stand for the operator that they stood
-        for before it."""
+        """Cancel the drag under way, the camera's too; the curve's handles belong again to the operator that they
+        belonged to before it."""
         self.camera_history.cancel_drag()
         if self.history.dragging:
             self.history.cancel_drag()
@@ -179,17 +179,17 @@ class Editor:
             self.document_changed()
 
     def undo(self) -> str | None:
-        """One step back; the label of what was undone, None when there was nothing."""
+        """Undo one step; returns its label, None where there is none."""
         return self._describe_step(self.history.undo, "undone")
 
     def redo(self) -> str | None:
-        """One step forward; the label of what was redone, None when there was nothing."""
+        """Redo one step; returns its label, None where there is none."""
         return self._describe_step(self.history.redo, "redone")
 
     def select(self, path: str | Selection | None) -> str | None:
         """Select an object, layer or curve; of an object its last layer, of a layer its first curve.
 
-        None, or one line that says why there is no such thing.
+        Returns None, or one line that says why there is no such thing.
         """
         try:
             selected = None if path is None else selection_of(self.document, path)
@@ -205,7 +205,7 @@ class Editor:
         self.metrics.notify(text, is_error)
 
     def notify_once(self, note: str) -> None:
-        """What is worth a word when it first comes up in a scene."""
+        """Show a note the first time it comes up in a scene."""
         if note and plain_line(note) not in self.metrics.notes:
             self.metrics.note(note)
             self.notify(note)
@@ -214,18 +214,18 @@ class Editor:
 
     @property
     def unsaved(self) -> bool:
-        """Whether there are edits that no session file has."""
+        """Whether there are edits that no session file contains."""
         return self.scene_is_open and self._keeper.unsaved(self.document, self.view)
 
     @property
     def scene_document(self) -> Document:
-        """The document as the scene's own file describes it."""
+        """The document as the scene's file describes it."""
         opened = self.scenes.opened
         return self.document if opened is None else opened.described
 
     @property
     def session_has_changed(self) -> bool:
-        """Whether the session's file has been written elsewhere since it was opened or saved here."""
+        """Whether another program has written the session's file since it was opened or saved here."""
         return self._keeper.file_has_changed
 
     @property
@@ -234,9 +234,9 @@ class Editor:
         return self._keeper.path
 
     def open(self, source: str) -> str | None:
-        """Open a scene (built-in name or file) or a session; what is open stays until the new one is there.
+        """Open a scene (built-in name or file) or a session; the present one stays until the new one is ready.
 
-        None, or one line that says why it cannot be opened.
+        Returns None, or one line that says why it cannot be opened.
         """
         try:
             opening = Opening.of(source)
@@ -247,7 +247,7 @@ class Editor:
         return None
 
     def save(self, path: Path | None = None) -> str | None:
-        """Save the session, to ``path`` or where it was saved last; None, or one line that says why not."""
+        """Save the session, to ``path`` or where it was saved last; returns None, or one line that says why not."""
         try:
             path = self._keeper.save(path, self.document, self.view)
         except InsituError as error:
@@ -257,21 +257,22 @@ class Editor:
 
     @property
     def file(self) -> Path | None:
-        """The session or the scene's file that a person would open to come back here; None of a built-in scene."""
+        """The file to open to come back here, the session's or the scene's; None of a built-in scene."""
         source = self.document.source
         return self.session_path or (Path(source) if self.scene_is_open and is_file_name(source) else None)
 
     @property
     def name(self) -> str:
-        """What a person calls what is open."""
+        """The name of what is open, as the window shows it."""
         return display_name(str(self.session_path or self.document.source))
 
     def give_up_unsaved(self) -> None:
-        """Keep what is unsaved neither in a session nor in the journal; undo still has it."""
+        """Discard unsaved edits from the journal as well; undo still has them."""
         self._keeper.give_up(self.document, self.view)
 
     def recover(self, recovery: Recovery) -> str | None:
-        """Open what an editor that ended early left behind; None, or one line that says why it cannot be."""
+        """Open the edits of an editor that ended early; returns None, or one line that says why they cannot be
+        opened."""
         try:
             opening = Opening.of_recovery(recovery)
         except InsituError as error:
@@ -280,12 +281,13 @@ class Editor:
         return None
 
     def close(self) -> None:
-        """End the worker; what is unsaved stays in the journal, to be offered at the next start."""
+        """End the worker; unsaved edits stay in the journal, which the next start offers to recover."""
         self._client.close()
         self._keeper.close(self.document, self.view)
 
     def cancel_work(self) -> None:
-        """Stop the worker; what it has delivered stays on screen, until `resume_work` or another light or roughness."""
+        """Stop the worker; delivered pictures stay on screen, until `resume_work` or an edit that requires new
+        transport."""
         self._cancelled = self._client.send(CancelRequests())
         self.controller.cancelled()
         self._reading.cancel()
@@ -295,8 +297,8 @@ class Editor:
         self.notify(STOPPED if self.metrics.stopped else "stopped")
 
     def import_measured(self, path: Path, cloth: bool = False) -> str | None:
-        """Make the selected object of what a file measured, once the worker has read it, of two layers or as `cloth` of
-        one; None, or why not."""
+        """Make the selected object of a measured file, once the worker has read it: two layers, or one as `cloth`.
+        Returns None, or the reason why not."""
         if self.view.selected is None:
             return self._refuse(f"{path.name}: no object is selected to be made of it")
         try:
@@ -306,7 +308,7 @@ class Editor:
         return self.do(command)
 
     def export_measured(self, path: Path) -> str | None:
-        """Have the selected object's material written as a MERL file; None, or one line that says why not."""
+        """Export the selected object's material as a MERL file; returns None, or one line that says why not."""
         if layer_shown(self.document, self.view.selected) is None or self.view.selected is None:
             return self._refuse(f"{path.name}: no object is selected whose material could be written")
         try:
@@ -317,7 +319,7 @@ class Editor:
         return None
 
     def export_scene(self, folder: Path) -> str | None:
-        """Have the scene written for Mitsuba 3, as it is now; None, or one line that says why not."""
+        """Export the scene as it is now for Mitsuba 3; returns None, or one line that says why not."""
         if not self.scene_is_open:
             return self._refuse(f"{folder.name}: no scene is open that could be written")
         try:
@@ -329,11 +331,11 @@ class Editor:
 
     @property
     def is_reading(self) -> bool:
-        """Whether an edit waits for a file that the worker reads."""
+        """Whether an edit waits for a file that the worker is reading."""
         return self._reading.is_under_way
 
     def resume_work(self) -> None:
-        """Ask again for what was stopped or failed: the picture, or where none is open yet the scene."""
+        """Request again what was stopped or failed: the picture, or the scene where none is open yet."""
         self.metrics.stopped = False
         if not self.scenes.reopen():
             self.controller.resume()
@@ -341,7 +343,8 @@ class Editor:
     # -------------------------------------------------------------------------------------------------------- picture
 
     def tick(self, now: float | None = None) -> list[PictureEvent]:
-        """Take the worker's answers and ask for what is missing; once a frame. ``now``: a steady clock, seconds."""
+        """Process the worker's responses and request what is missing; once a frame. ``now``: a steady clock,
+        seconds."""
         now = time.monotonic() if now is None else now
         events = self._follow_mode()
         self.player.advance(now)
@@ -361,48 +364,48 @@ class Editor:
         return events
 
     def shared_state(self, kind: type[Shared]) -> Shared:
-        """What talks leave to those after them, see `app.modes.mode.EditorServices`."""
+        """State that mode controllers share, see `app.modes.mode.EditorServices`."""
         found: Shared = self._shared.setdefault(kind, kind())
         return found
 
     def send(self, request: Request) -> int:
-        """Hand a request over to the worker; its number."""
+        """Send a request to the worker; returns its number."""
         return self._client.send(request)
 
     @property
     def tables(self) -> TableController:
-        """The samples of measurements, which the BRDF panel shows."""
+        """The tables of measured samples, which the BRDF panel shows."""
         return self._tables
 
     def reload_images(self, key: str) -> None:
-        """Read the images of a layer again, where they have been painted on in another program."""
+        """Read the images of a layer again after another program has changed them."""
         self.controller.reload_images(key)
 
     @property
     def response_arriving(self) -> bool:
-        """Whether an answer is here but for a check that goes on with the next `tick`: there is no need to wait."""
+        """Whether a response has arrived that the next `tick` processes: there is no need to wait."""
         return self._client.arriving
 
     @property
     def status(self) -> Status:
-        """The truth about what is on screen."""
+        """The status of what is on screen."""
         status = self.metrics.status(self._client.alive)
         opened = self.scenes.opened
         planned_edges = 0 if opened is None else planned_edge_rays(opened.description)
         status = replace(status, is_away=self.scenes.tracing.is_away, planned_edges=planned_edges)
         return self.controller.status(status)
 
-    # -------------------------------------------------------------------------------------------------------- answers
+    # ------------------------------------------------------------------------------------------------------ responses
 
     def _take(self, response: Response) -> list[PictureEvent]:
-        """Note an answer; what of it the renderer needs."""
+        """Process a response; returns what the renderer needs of it."""
         match response:
             case SceneOpened():
                 self.scenes.take_loaded(response)
             case ViewTraced():
                 return self.scenes.take_traced(response)
             case Progress():
-                if response.id > self._cancelled:  # else it was on its way when the work was stopped
+                if response.id > self._cancelled:  # else it was under way when the work was stopped
                     self.metrics.progress = response
             case RequestFailed():
                 self.take_failure(response)
@@ -429,18 +432,19 @@ class Editor:
         return []
 
     def picture_voided(self, notes: tuple[str, ...]) -> None:
-        """The worker sees another scene, or the same in another way."""
+        """Note that the picture on screen is void: the worker has another scene or another view."""
         gauges = self.metrics
         self.metrics = StatusMetrics(message_number=gauges.message_number, memory_mb=gauges.memory_mb)
         self.metrics.note(*notes)
         self._tables.scene_opened()
 
     def _follow_mode(self) -> list[PictureEvent]:
-        """Where the view is in another mode, leave this one: the scene is told to that one as if it had just come."""
+        """Switch to the mode that the view names, if it is another: the new controller gets the scene as if just
+        opened."""
         if self.view.mode == self.mode.name:
             return []
         chosen = next((mode for mode in self.modes if mode.name == self.view.mode), None)
-        if chosen is None:  # a session's, of a program that has more
+        if chosen is None:  # the session of a version with more modes
             self.view = replace(self.view, mode=self.mode.name)
             return []
         self.player.pause()
@@ -449,7 +453,7 @@ class Editor:
         return self.scenes.announce_scene(self.controller)
 
     def _take_measurements(self, response: MeasurementsRead) -> None:
-        """Carry out the edit that waited for them."""
+        """Carry out the edit that waited for these measurements."""
         self.metrics.progress = None
         command = self._reading.complete_edit(response)
         if command is None:
@@ -460,7 +464,7 @@ class Editor:
             self.notify(describe_reading(command.layers))
 
     def take_failure(self, response: RequestFailed) -> None:
-        """What was asked for under its number will not come."""
+        """Note that a request failed: its response will not come."""
         self.metrics.progress = None
         if self._tables.receive_failure(response):
             return
@@ -481,16 +485,17 @@ class Editor:
             self.notify(problem, True)
 
     def playback_stopped(self, before: Document) -> None:
-        """An animation stopped at another time than that of the document `before`."""
+        """Note that an animation stopped, at another time than that of the document `before`."""
         self._keeper.rebase_saved(before, self.document)
         self._document_changed()
 
     def document_changed(self) -> None:
-        """It is another without a command of a person's: whoever compares is told."""
+        """Notify all controllers that the document changed without a command of the user."""
         self._document_changed()
 
     def _document_changed(self, before: Document | None = None, command: EditCommand | None = None) -> None:
-        """Whoever compares is told. before: what it was, where the selected operator is to be followed."""
+        """Notify all controllers of a changed document. before: the document that it was, to follow the selected
+        operator."""
         add_inputs(files_of_document(self.document, before))
         self.controller.edited(command)
         selected = self.view.selected

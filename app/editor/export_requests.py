@@ -1,4 +1,4 @@
-"""What the worker is asked to write for other programs."""
+"""Requests to write files for other programs."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from engine.core.safe_files import resolved
 
 
 def material_export_request(path: Path, document: Document, object_name: str) -> WriteFiles:
-    """An object's material as a MERL file."""
+    """Export an object's material as a MERL file."""
     return WriteFiles(str(resolved(path)), document.object(object_name).layers)
 
 
 def scene_export_request(folder: Path, document: Document, view: ViewState) -> WriteFiles:
-    """The scene for Mitsuba 3, as it is now and by as many bounces as are seen."""
+    """Export the scene for Mitsuba 3, as it is now and with the number of bounces in the picture."""
     return WriteFiles(str(resolved(folder)), (), document, max(view.n_bounces, 1))

@@ -1,4 +1,4 @@
-"""Opening a scene, alone or for a session or a journal: what the worker is asked, and the document that comes of it."""
+"""Opening a scene, alone or for a session or a journal: the request to the worker and the document that results."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from engine.scene.description import SceneDescription
 
 @dataclass(frozen=True)
 class Opening:
-    """A scene that the worker was asked to open, by the request `id`; the session, the journal or the light for which
-    it is opened; what the worker answered, before it is seen."""
+    """A scene that is being opened by the request `id`; the session, the journal or the light that it is opened for;
+    the worker's response, before the scene is traced."""
 
     id: int
     source: str
@@ -33,8 +33,9 @@ class Opening:
 
     @classmethod
     def of(cls, name: str, instead_of: str = "") -> Opening:
-        """Of a scene (built-in name, scene file or mesh), light or a session file. Raises InsituError for what is none
-        of them, or wrong. instead_of: why this and not what the person named, in a line."""
+        """An opening of a scene (built-in name, scene file or mesh), a light or a session file. Raises InsituError
+        where the source is none of these, or wrong. instead_of: one line that says why this opens in place of the
+        user's choice."""
         source = source_of(name)
         if source.session is None:
             return cls(0, source.scene, light=source.light, fallback_reason=instead_of)
@@ -43,28 +44,28 @@ class Opening:
 
     @classmethod
     def of_recovery(cls, recovery: Recovery) -> Opening:
-        """Of what an editor that ended early left behind. Raises LoadError where that has gone."""
+        """An opening of the edits of an editor that ended early. Raises LoadError where the scene has gone."""
         session = recovery.load()
         return cls(0, session.document.source, session, recovery.session_path, recovery)
 
     def request(self) -> OpenScene:
-        """What is asked of the worker."""
+        """The request to the worker."""
         layers = [] if self.session is None else layers_of_document(self.session.document)
         return OpenScene(self.source, unread_files(layers), tuple(layers))
 
     def initial_view(self, resolution: tuple[int, int] | None) -> Viewpoint:
-        """From where it is seen first; resolution (width, height) in place of the scene's own and the session's."""
+        """The first view; resolution (width, height) replaces the scene's and the session's."""
         look = Viewpoint() if self.session is None else self.session.view.viewpoint
         return look if resolution is None else look._replace(resolution=resolution)
 
     @property
     def bumps(self) -> BumpsByObject:
-        """Under which bumps it is seen first, where they are not the scene's own."""
+        """The bumps of the first view, where they are not the scene's own."""
         return () if self.session is None else self.session.document.new_bumps
 
     @property
     def poses(self) -> Poses:
-        """In which poses it is seen first."""
+        """The poses of the first view."""
         return () if self.session is None else self.session.document.poses
 
     def document(self, description: SceneDescription, opened: SceneOpened) -> Document:
@@ -73,12 +74,12 @@ class Opening:
         return document_with_measurements(document, opened.measurements)
 
     def restored(self, session: Session, scene: Document, opened: SceneOpened) -> Document:
-        """The session's document in the scene as it is now. Raises InsituError where it does not fit."""
+        """The session's document, applied to the scene as it is now. Raises InsituError where it does not fit."""
         return document_with_measurements(fit_session(session, scene, self.file), opened.measurements)
 
     @property
     def digest(self) -> str:
-        """Of the session's file as this was read from it; "" where that is not known."""
+        """The digest of the session's file when it was read; "" where that is unknown."""
         if self.session is None:
             return ""
         if self.recovery is None:
@@ -87,5 +88,5 @@ class Opening:
 
     @property
     def file(self) -> str:
-        """What the person opened."""
+        """The file that the user opened."""
         return str(self.session_path or self.light or self.source)

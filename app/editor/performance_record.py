@@ -1,4 +1,4 @@
-"""What frames have taken and how far off the picture was, over the last two minutes."""
+"""Frame times and picture errors of the last two minutes."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 SECONDS = 120.0
-STEP = 0.25  # what comes within it is one sample
-# After so long without a frame nothing moved, and the time of none stands for it.
+STEP = 0.25  # samples within it are merged
+# After a pause this long without a frame nothing was drawn, and the record has a gap.
 _PAUSE = 1.0
 
 
 class PerformanceRecord:
-    """A ring of samples: when, how long its slowest frame took, ms, and how far off the last one was, relative RMS
-    (not a number where that was not known)."""
+    """A ring of samples: when, the time of the slowest frame in ms, and the last relative RMS error (NaN where
+    unknown)."""
 
     def __init__(self) -> None:
         self._samples = np.full((round(SECONDS / STEP), 3), np.nan)
@@ -23,7 +23,7 @@ class PerformanceRecord:
         self._newest = 0
 
     def add_frame(self, now: float, frame_ms: float, error: float | None) -> None:
-        """A frame was drawn. now: seconds of a steady clock."""
+        """Record a frame. now: seconds of a steady clock."""
         sample = self._samples[self._newest]
         if now - sample[0] >= STEP:
             self._newest = (self._newest + 1) % len(self._samples)
@@ -33,8 +33,8 @@ class PerformanceRecord:
         sample[2] = np.nan if error is None else error
 
     def samples_at(self, now: float) -> NDArray[np.float64]:
-        """(n, 3) from the oldest on: how long ago, s, what the slowest frame took, ms, and the error; before
-        one that comes after a pause a row without a time, and with the error that there was all along."""
+        """Samples (n, 3), oldest first: age in s, slowest frame in ms, and error. Before a sample that follows a pause
+        there is a row without a time, with the error that held during the pause."""
         samples = np.roll(self._samples, -self._newest - 1, axis=0)
         samples = samples[now - samples[:, 0] <= SECONDS]
         ages = now - samples[:, 0]

@@ -1,7 +1,7 @@
-"""The scene that is open, the one that is being opened, and from where it is traced: the talk with the worker about it.
+"""The scene that is open, the one that is being opened, and the view of it that the worker traces.
 
-What is open stays until the next one was loaded and traced. What a picture of it needs is the mode's affair, whose talk
-is told of every scene and of every look at it.
+The open scene stays until the next one is loaded and traced. The mode decides what a picture of it needs; this notifies
+the mode's controller of every scene and every traced view.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from engine.scene.description import SceneDescription
 
 
 class SceneHost(Protocol):
-    """What it needs of the editor."""
+    """What the scene controller needs of the editor."""
 
     view: ViewState
     history: History[Document]
@@ -65,7 +65,7 @@ class SceneHost(Protocol):
 
 
 class SceneController:
-    """`tracing` is the part of the talk about the view; `opened`: the scene as it is open, None before the first."""
+    """Opens and traces scenes. `tracing` requests views; `opened`: the scene as it is open, None before the first."""
 
     def __init__(self, host: SceneHost, keeper: SessionStore) -> None:
         self._host, self._keeper = host, keeper
@@ -76,7 +76,7 @@ class SceneController:
         self._given_up: Opening | None = None
 
     def open(self, opening: Opening) -> None:
-        """Have a scene loaded and traced."""
+        """Request that a scene is loaded and traced."""
         host = self._host
         host.controller.scene_closed()
         id = host.send(opening.request())
@@ -87,32 +87,33 @@ class SceneController:
         host.metrics.progress = None
 
     def open_default(self, why: str) -> None:
-        """Where nothing is open, so that the window is of use: the built-in scene, and why it is that one."""
+        """Open the built-in scene where nothing is open, so that the window is of use; `why` is shown."""
         if not self._host.scene_is_open and self._opening is None:
             self.open(Opening.of(DEFAULT_SCENE, f"{why} - the built-in {DEFAULT_SCENE} is open instead"))
 
     def give_up(self) -> None:
-        """The work was stopped: what is being opened or traced will not come."""
+        """Forget what was being opened or traced: the work was stopped."""
         self._given_up, self._opening = self._opening, None
         self._give_up_view(self._given_up)
 
     def reopen(self) -> bool:
-        """Open what was given up, where there is no other scene; whether there was one to be opened."""
+        """Open what `give_up` dropped, where no other scene is open; returns whether there was one to open."""
         if self._given_up is None or self._host.scene_is_open:
             return False
         self.open(self._given_up)
         return True
 
     def update(self, now: float, view: ViewState) -> None:
-        """Once a frame: have the scene traced as it is looked at, once view and poses rest. view: the host's, with what
-        was decided for it."""
+        """Request that the scene is traced once view and poses are idle; once a frame. view: the host's, with effective
+        settings."""
         document, controller = self._host.document, self._host.controller
         sight = view.viewpoint, visible_poses(document, self._host.view), document.new_bumps, view.n_edge_rays
         if self._opening is None and self.tracing.update(now, *sight):
             (controller.view_moved if self.tracing.is_away else controller.view_restored)()
 
     def announce_scene(self, controller: ModeController) -> list[PictureEvent]:
-        """Tell another mode's talk of the scene as if it had just come; what its picture is to be told."""
+        """Announce the open scene to another mode's controller as if it had just come; returns events for its
+        picture."""
         if self.opened is None:
             return []
         controller.scene_opened(replace(self.opened, document=self._host.document))
@@ -122,15 +123,15 @@ class SceneController:
             controller.view_moved()
         return list(self._shown)
 
-    # -------------------------------------------------------------------------------------------------------- answers
+    # ---------------------------------------------------------------------------------------------------- responses
 
     def take_loaded(self, response: SceneOpened) -> None:
-        """A scene was read: it is open once it is traced."""
+        """A scene was loaded: it is open once it is traced."""
         if self._opening is not None and response.id == self._opening.id:
             self._opening = replace(self._opening, opened=response)
 
     def take_sky(self, response: SkyImage) -> list[PictureEvent]:
-        """What lies behind the scene."""
+        """The image of the sky behind the scene has come."""
         self._host.metrics.note(*response.notes)
         sky = SkyChanged(response.radiance)
         self._shown = [*self._shown[:1], sky]
@@ -148,7 +149,7 @@ class SceneController:
         assert self.opened is not None
         host = self._host
         host.picture_voided(self.opened.notes)
-        host.view = host.view.from_viewpoint(host.view.viewpoint)  # which may have moved on
+        host.view = host.view.from_viewpoint(host.view.viewpoint)  # the camera may have moved on
         host.controller.view_traced(self._view_traced(replace(self.opened, document=host.document), response))
         host.document_changed()
         if self.tracing.has_resized:
@@ -160,7 +161,7 @@ class SceneController:
         return self._shown
 
     def take_failure(self, response: RequestFailed) -> None:
-        """A scene could not be opened, or not be traced."""
+        """A scene could not be opened or traced."""
         opening = self._opening
         if opening is not None and response.id == opening.id or self.tracing.is_pending(response.id):
             self._opening = None
@@ -203,7 +204,7 @@ class SceneController:
         return self._shown
 
     def _restore(self, opening: Opening, session: Session, opened: SceneOpened) -> None:
-        """Put a session's document and view in the place of the scene's, where they fit."""
+        """Replace the scene's document and view by a session's, where they fit."""
         host = self._host
         try:
             document = opening.restored(session, host.document, opened)
@@ -216,26 +217,26 @@ class SceneController:
         host.notify("recovered what was not saved" if opening.recovery else f"opened {opening.file}")
 
     def _view_traced(self, scene: OpenedScene, seen: ViewTraced) -> OpenedScene:
-        """A scene as it was traced; the renderer is to be told of it."""
+        """Note a traced view; the renderer is to be notified of it."""
         described = scene.description.from_camera(self.tracing.traced.camera)
         self._shown = [SceneFrame(self.tracing.scene, scene.document.source, described, seen.frame)]
         self.opened = scene = replace(scene, view_id=seen.id)
         return scene
 
     def _report_flaws(self, response: ViewTraced) -> None:
-        """What bumps are not shown, and why."""
+        """Report which bumps are not shown, and why."""
         if response.flaws:
             self._host.notify("; ".join(response.flaws), True)
             self._host.metrics.note(*response.flaws)
 
     def _give_up_view(self, opening: Opening | None) -> None:
-        """What was asked to be traced will not come: the view is again the one there is a picture of, where a hand has
-        not moved it on."""
+        """Note that a view cannot be traced: return to the one that the picture shows, unless the camera has moved on
+        since."""
         host = self._host
         asked = self.tracing.give_up()
         if asked is None or not host.scene_is_open:
             return
         stays = opening is None and asked == host.view.viewpoint and not host.camera_history.history.dragging
-        if stays:  # else the hand has moved it on, and it will be traced from there
+        if stays:  # else the camera has moved on and is traced from there
             host.camera_history.restore_viewpoint(self.tracing.traced)
         (host.controller.view_restored if opening is None else host.controller.scene_open_failed)()

@@ -1,4 +1,4 @@
-"""Scripts of edits for ``insitu screenshot --script``: a TOML list of ``[[step]]``, each one thing a hand would do.
+"""Scripts of edits for ``insitu screenshot --script``: a TOML list of ``[[step]]``, each one action of a user.
 
     [[step]]
     select = "teapot.1.theta_h"
@@ -7,8 +7,8 @@
     [[step]]
     wait = "exact"
 
-A script is read and checked whole before its first step runs. Who owns the window carries the steps out, with the same
-mouse events and commands as a hand; here they are typed values.
+The whole script is read and checked before its first step runs. The owner of the window carries the steps out, with the
+same mouse events and commands as a user's; here they are typed values.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ AwaitedPicture = Literal["first", "orbit", "exact", "error"]
 
 @dataclass(frozen=True)
 class SetValues:
-    """Give what each path names (``"teapot.1.alpha"``, ``"light.rotation"``) a value."""
+    """Set what each path names (``"teapot.1.alpha"``, ``"light.rotation"``) to a value."""
 
     values: tuple[tuple[str, Any], ...]
 
@@ -58,21 +58,22 @@ class SelectPath:
 
 @dataclass(frozen=True)
 class SetAccuracy:
-    """Move the knobs of the mode at hand to a place between speed, 0, and accuracy, 1 (`app.document.pareto_front`)."""
+    """Set the settings of the current mode to a place between speed, 0, and accuracy, 1
+    (`app.document.pareto_front`)."""
 
     share: float
 
 
 @dataclass(frozen=True)
 class OverrideLines:
-    """Set lines of the plan, by name; "auto": as planned (`app.document.commands.plan`)."""
+    """Override lines of the plan, by name; "auto": as planned (`app.document.commands.plan`)."""
 
     lines: tuple[tuple[str, LineValue], ...]
 
 
 @dataclass(frozen=True)
 class DeformObject:
-    """Give an object's deformers, by kind, these amounts; take it, None: all that are animated, to a time of an
+    """Set an object's deformers, by kind, to these amounts; move it (None: all animated objects) to a time of its
     animation, see `app.document.commands.SetTime`."""
 
     object: str | None
@@ -99,35 +100,35 @@ class DragPoints:
 
 @dataclass(frozen=True)
 class ShowPanelStep:
-    """Open a panel and bring it before those that share its place."""
+    """Open a panel and bring it in front of those in the same dock."""
 
     panel: str
 
 
 @dataclass(frozen=True)
 class ChooseView:
-    """Show light as one of the views of `engine.core.colour` does."""
+    """Show light through one of the views of `engine.core.colour`."""
 
     view: ToneMapping
 
 
 @dataclass(frozen=True)
 class GoToView:
-    """See the scene from a view that is kept by this name."""
+    """See the scene from the bookmarked view of this name."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class SaveViewStep:
-    """Keep the view by this name."""
+    """Bookmark the view under this name."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class ChooseMode:
-    """Let the mode of this name make the picture."""
+    """Switch to the mode of this name."""
 
     mode: str
 
@@ -153,14 +154,14 @@ class PaintStroke:
 
 @dataclass(frozen=True)
 class RotateLight:
-    """Turn the environment to so many degrees."""
+    """Rotate the environment to so many degrees."""
 
     degrees: float
 
 
 @dataclass(frozen=True)
 class ImportFile:
-    """Make the selected object of what a file measured (as ``cloth``, of one layer)."""
+    """Make the selected object of a measured file (as ``cloth``, of one layer)."""
 
     file: Path
     cloth: bool
@@ -189,8 +190,8 @@ class RedoSteps:
 
 @dataclass(frozen=True)
 class WaitFor:
-    """Draw frames until the first shaded picture is shown, Orbit's own of a view at rest, the one after which nothing
-    more comes, or, judged, how far off that one is."""
+    """Draw frames until a stage is reached: the first shaded picture, Orbit's own picture of an idle view, the picture
+    after which nothing more comes, or that picture with its error estimated."""
 
     picture: AwaitedPicture
 
@@ -204,15 +205,15 @@ class CaptureWindow:
 
 @dataclass(frozen=True)
 class AssertErrorBelow:
-    """Fail unless what the curve has still to change in the picture is below this, relative RMS."""
+    """Fail unless what the curve still has to change in the picture is below this, relative RMS."""
 
     bound: float
 
 
 class MoveCamera(BaseModel):
     """Move the camera, one step of the view's own history, in this order: back to the scene's `own`; seen from a
-    `side`; through a lens of `focal` mm; so that it frames an object, or "all"; by `orbit` to its right and up,
-    degrees; by `pan` to its right and up, heights of the picture; `dolly` times as far; with a `level` horizon."""
+    `side`; with a lens of `focal` mm; so that it frames an object, or "all"; by `orbit` to its right and up, degrees;
+    by `pan` to its right and up, heights of the picture; to `dolly` times the distance; with a `level` horizon."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -281,7 +282,7 @@ class DragRecord(_Record):
         return self
 
     def step(self) -> Step:
-        """The drag itself."""
+        """The drag as a step."""
         if self.item is not None and self.by is not None:
             return DragItem(self.item, self.by)
         assert self.start is not None and self.to is not None
@@ -289,7 +290,7 @@ class DragRecord(_Record):
 
 
 class DeformRecord(_Record):
-    """An object, and beside it the amounts of its deformers by kind; a time, which may be that of all objects."""
+    """An object and the amounts of its deformers by kind; a time, which may be that of all objects."""
 
     model_config = ConfigDict(frozen=True, extra="allow")
 
@@ -310,11 +311,11 @@ class DeformRecord(_Record):
 
     @property
     def amounts(self) -> dict[str, float]:
-        """By kind."""
+        """Amounts by kind."""
         return self.__pydantic_extra__
 
     def step(self) -> Step:
-        """The step itself."""
+        """The step."""
         return DeformObject(self.object, tuple(self.amounts.items()), self.time, self.clip)
 
 
@@ -367,7 +368,7 @@ class StepRecord(_Record):
         return self
 
     def step(self, folder: Path) -> Step:
-        """The step itself; files it writes are relative to ``folder``."""
+        """The step; files that it writes are relative to ``folder``."""
         (name,) = self.model_fields_set
         return _STEPS[name](getattr(self, name), folder)
 
@@ -398,7 +399,7 @@ _STEPS: dict[str, Callable[[Any, Path], Step]] = {
 
 
 def _view(name: str) -> Step:
-    """One of `engine.core.colour`, by which light becomes colour; any other name is that of a view that is kept."""
+    """The step for one of `engine.core.colour`'s views; any other name is that of a bookmarked view."""
     try:
         return ChooseView(find_view(name))
     except LoadError:
@@ -412,9 +413,9 @@ class ScriptRecord(_Record):
 
 
 def load_script(path: Path, folder: Path | None = None) -> tuple[Step, ...]:
-    """Read and check a script; pictures it captures go to ``folder`` (default: the script's own).
+    """Read and check a script; pictures that it captures go to ``folder`` (default: the script's own).
 
-    Raises LoadError that names the step and the key of the first thing wrong.
+    Raises LoadError that names the step and the key of the first error.
     """
     tree = load_toml(path, MAX_SCRIPT_BYTES)
     return parse_script(tree, path, resolved(path).parent if folder is None else folder)

@@ -1,8 +1,8 @@
-"""Samples of measurements on their way to the window, which shows them where a measured layer is seen by itself.
+"""Tables of measured samples for the window, which shows them where a measured layer is seen by itself.
 
-The worker hands a table out once, when somebody wants to see it; whoever takes it keeps it. One request at a time, of
-17.5 MB each. What could not be had is not asked for again while its scene is open, and told by whoever would show it:
-nobody asked for more than a look.
+The worker hands a table out once, on request; the receiver stores it. One request is under way at a time, of 17.5 MB
+each. A table that could not be read is not requested again while its scene is open; the panel that would show it gives
+the reason, not the status bar: the user only wanted to see it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Samples = NDArray[np.float32]
 
 
 class TableController:
-    """The talk with the worker about tables. ``send`` hands a request over and returns its number."""
+    """Requests tables of measured samples. ``send`` sends a request and returns its number."""
 
     def __init__(self, send: Callable[[Request], int]) -> None:
         self._send = send
@@ -29,18 +29,18 @@ class TableController:
         self._refused: dict[tuple[str, int], str] = {}
 
     def scene_opened(self) -> None:
-        """Another scene: what was refused may be there now."""
+        """Another scene is open: tables that were refused may be available now."""
         self._refused.clear()
 
     def request_table(self, measurement: Measurement) -> None:
-        """Ask for the table of a measurement, read or not, unless something else is under way."""
+        """Request the table of a measurement, read or not, unless another request is under way."""
         if self._requested is not None or measurement.number in self._received or self.refusal(measurement):
             return
         request = FetchTable(measurement.file, measurement.number)
         self._requested = self._send(request), measurement
 
     def refusal(self, measurement: Measurement) -> str:
-        """Why it cannot be had, in one line; empty where it may."""
+        """Why the table is not available, in one line; empty where it may be."""
         return self._refused.get((measurement.file, measurement.number), "")
 
     def resolve_measurement(self, measurement: Measurement) -> Measurement:
@@ -48,7 +48,7 @@ class TableController:
         return measurement if measurement.is_read else self._read.get(measurement.file, measurement)
 
     def take(self) -> tuple[int, Samples] | None:
-        """A table that has come and the number that names it, which are then the caller's."""
+        """Hand over a table that has come and the number that names it; the caller owns them."""
         return self._received.popitem() if self._received else None
 
     def receive(self, response: TableFetched) -> None:
@@ -59,7 +59,7 @@ class TableController:
             self._read[response.measurement.file] = response.measurement
 
     def receive_failure(self, response: RequestFailed) -> bool:
-        """A request has failed; whether it was for a table."""
+        """A request failed; returns whether it was for a table."""
         if self._requested is None or self._requested[0] != response.id:
             return False
         (_, measurement), self._requested = self._requested, None

@@ -1,8 +1,7 @@
-"""From where the scene is seen, in how many pixels and in which pose, and how finely at edges: what of that the worker
-was asked to trace, and has traced.
+"""The view that the worker was asked to trace, and the one it has traced: camera, resolution, poses, bumps, edge rays.
 
-A view is another one as soon as a hand moves it, or an object in it, or turns an object's normals; it is traced once
-all of them rest, till then the picture before it stays.
+A view changes as soon as the user moves the camera, poses an object, or perturbs an object's normals; it is traced once
+all of these are idle. Until then the previous picture stays.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ REST_SECONDS = 0.25
 
 
 class TracedView(NamedTuple):
-    """What is seen: from where, the poses and bumps of objects in it, and the rays through a pixel at an edge."""
+    """A view: camera and resolution, the poses and bumps of objects in it, and the rays through a pixel at an edge."""
 
     viewpoint: Viewpoint = Viewpoint()
     poses: Poses = ()
@@ -30,10 +29,11 @@ class TracedView(NamedTuple):
 
 
 class ViewController:
-    """The talk with the worker about the view. ``send`` hands a request over and returns its id.
+    """Requests traced views. ``send`` sends a request and returns its id.
 
-    ``traced`` is the look whose picture there is, of the scene that the request ``scene`` opened, by the request
-    ``id``; ``has_resized``: it has other pixels than the one before. ``is_away``: the view is another one.
+    ``traced`` is the view that the picture shows, of the scene that the request ``scene`` opened, by the request
+    ``id``; ``has_resized``: its resolution is not that of the view before. ``is_away``: the present view is another
+    one.
     """
 
     def __init__(self, send: Callable[[Request], int]) -> None:
@@ -55,16 +55,16 @@ class ViewController:
     def request_view(
         self, look: Viewpoint, scene: int, poses: Poses = (), bumps: BumpsByObject = (), n_edge_rays: int | None = None
     ) -> None:
-        """Have the scene of that number traced from there, in these poses and under these bumps; n_edge_rays: None for
-        as many as it requires."""
+        """Request a view of the scene of that number, with these poses and bumps; n_edge_rays: None for as many as it
+        requires."""
         self._requested, self._requested_scene = TracedView(look, poses, bumps, n_edge_rays), scene
         self._requested_id = self._send(SetCamera(scene, *look, poses, bumps, n_edge_rays))
 
     def update(
         self, now: float, look: Viewpoint, poses: Poses = (), bumps: BumpsByObject = (), n_edge_rays: int | None = None
     ) -> bool:
-        """Once a frame: ask for another look once it rests; whether what is seen came or went with that, see
-        `is_away`. now: seconds of a steady clock."""
+        """Request another view once it is idle; once a frame. Returns whether `is_away` changed. now: seconds of a
+        steady clock."""
         sight, seen = TracedView(look, poses, bumps, n_edge_rays), self._traced
         if sight != self._desired:
             self._desired, self._since = sight, now
@@ -75,11 +75,11 @@ class ViewController:
         return was_away != self.is_away
 
     def hand_released(self) -> None:
-        """What waits for the view to rest need wait no longer."""
+        """A drag ended: the view is requested without waiting for the idle time."""
         self._drag_ended = True
 
     def note_traced(self, response: Response) -> bool:
-        """Note that a look was traced; whether it is the one that was asked for."""
+        """Note that a view was traced; returns whether it is the one that was requested."""
         if self._requested is None or not self.is_pending(response.id):
             return False
         self.has_resized = self._requested.viewpoint.resolution != self.traced.resolution
@@ -89,23 +89,23 @@ class ViewController:
         return True
 
     def adopt_resolution(self, own: tuple[int, int]) -> Viewpoint:
-        """The look that was traced, as one of a scene whose own resolution is known."""
+        """The traced view, for a scene whose own resolution is known."""
         if self.traced.resolution == own:
             self._traced = self._traced._replace(viewpoint=self.traced._replace(resolution=None))
         return self.traced
 
     def is_pending(self, id: int) -> bool:
-        """Whether the request of that number is to be answered yet."""
+        """Whether the response to the request of that number is still to come."""
         return self._requested is not None and id == self._requested_id
 
     def give_up(self) -> Viewpoint | None:
-        """What was asked for will not come; the look that it was, None where there was nothing."""
+        """Note that the requested view will not come; returns it, None where there was none."""
         self._failed, self._requested, self.is_away = self._requested, None, False
         return self._failed and self._failed.viewpoint
 
 
 def describe_empty_frame(frame: PictureFrame) -> str:
-    """What is to be said of a picture in which there is nothing to edit; "" of any other."""
+    """The line to show for a picture in which there is nothing to edit; "" for any other."""
     if frame.n_points:
         return ""
     return f"the camera sees {'lamps alone' if (frame.object_image >= 0).any() else 'no surface, the background alone'}"

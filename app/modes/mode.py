@@ -1,12 +1,11 @@
-"""What a mode is: a way to make pictures of one document. Three roles, each told from here, and a name for each.
+"""A mode makes pictures of one document. It has three roles, defined here, and a name for each.
 
     window's process                 worker                        window's process, GL
     ModeController ── requests ──► ModeWorker ── responses ──► ModeController ── picture events ──► PictureSource
     (`ui.picture_feed`)
 
-The editor knows modes by this module alone, and one talk at a time: that of the mode a person has chosen. Each of a
-talk's methods is what happens to the editor; those that a mode has no use for it leaves as they are here.
-`app.modes.registry` lists the modes there are.
+The editor knows modes only by this module, and one controller at a time: that of the mode the user has chosen. Each
+method of a controller is an event of the editor; the defaults here ignore it. `app.modes.registry` lists the modes.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ Shared = TypeVar("Shared")
 
 
 class EditorServices(Protocol):
-    """What a talk may ask of the editor."""
+    """What a mode controller may use of the editor."""
 
     barrier: Barrier
     metrics: StatusMetrics
@@ -43,25 +42,25 @@ class EditorServices(Protocol):
     view: ViewState
 
     def shared_state(self, kind: type[Shared]) -> Shared:
-        """What talks leave to those after them, one of a kind; made where there is none yet."""
+        """State that one controller leaves to the next, one of a kind; made where there is none yet."""
 
     def send(self, request: Request) -> int:
-        """Hand a request over to the worker; its number."""
+        """Send a request to the worker; returns its number."""
 
     def notify(self, text: str, is_error: bool = False) -> None:
-        """Tell the person one line."""
+        """Show one line to the user."""
 
     def notify_once(self, note: str) -> None:
-        """Tell a line the first time it comes up in a scene; nothing where it is empty."""
+        """Show a line the first time it comes up in a scene; does nothing where it is empty."""
 
     def document_changed(self) -> None:
-        """The talk itself has taken something out of the document."""
+        """Report that the controller itself has taken something out of the document."""
 
 
 @dataclass(frozen=True, eq=False)
 class OpenedScene:
-    """The scene that the worker has open: the number of the look that it was seen by, what was planned of its layers,
-    what its file says, the document as that describes it, and as it is now; notes: what is odd about the scene."""
+    """The scene that the worker has open: the number of its traced view, what was planned of its layers, what its file
+    says, the document that this describes, and the document as it is now; notes: warnings about the scene."""
 
     view_id: int
     planned: tuple[tuple[Layer, dict[str, int]], ...]
@@ -72,108 +71,110 @@ class OpenedScene:
 
 
 class ModeController(Protocol):
-    """A mode in the window's process: what to ask of the worker for a document and a view, what its answers mean.
+    """A mode in the window's process: what to request of the worker for a document and a view, and what responses mean.
 
-    `update` compares what is wanted with what was asked for and has come, once a frame; all else only takes notes.
+    `update` compares the desired state with what was requested and what has come, once a frame; all other methods only
+    take notes.
     """
 
     def __init__(self, services: EditorServices) -> None: ...
 
     def scene_closed(self) -> None:
-        """Another scene is being opened: there is nothing to ask for meanwhile."""
+        """Another scene is being opened: there is nothing to request meanwhile."""
 
     def scene_open_failed(self) -> None:
-        """It could not be opened: the one before is still there."""
+        """The scene could not be opened: the one before is still there."""
 
     def scene_opened(self, scene: OpenedScene) -> None:
-        """The worker has a scene open, and sees it: nothing is known of its picture."""
+        """The worker has opened and traced a scene; there is no picture of it yet."""
 
     def view_moved(self) -> None:
-        """The view is not the one that the worker sees: it will be, once it rests."""
+        """The view is not the one that the worker has traced; it is traced again once idle."""
 
     def view_restored(self) -> None:
-        """It is again the one that the worker sees."""
+        """The view is again the one that the worker has traced."""
 
     def view_traced(self, scene: OpenedScene) -> None:
-        """The worker sees the same scene from elsewhere, or in other pixels."""
+        """The worker has traced the same scene from another camera or in another resolution."""
 
     def deactivated(self) -> None:
-        """Another mode was chosen: what the worker does for this one is of no use, and this talk is over."""
+        """Another mode was chosen: what the worker does for this one is of no use, and this controller ends."""
 
     def edited(self, command: EditCommand | None = None) -> None:
         """Document or selection changed, by this command or in another way (undo)."""
 
     def drag_ended(self) -> None:
-        """A drag ended: what waits for the hand to rest need wait no longer."""
+        """A drag ended: what waits for the idle time need wait no longer."""
 
     def update(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
-        """Once a frame: ask for what is missing; what the picture is to follow. now: seconds of a steady clock."""
+        """Request what is missing; once a frame. Returns what the picture is to follow. now: seconds of a steady
+        clock."""
         return []
 
     def receive(self, response: Response) -> list[PictureEvent]:
-        """An answer of the worker, which may be of no interest; what of it the picture needs."""
+        """Process a response of the worker, which may be another's; returns what the picture needs of it."""
         return []
 
     def sky_changed(self, event: SkyChanged) -> list[PictureEvent]:
-        """Another sky stands behind the scene; what the picture needs of that now."""
+        """Another sky is behind the scene; returns what the picture needs of that now."""
         return [event]
 
     def status(self, status: Status) -> Status:
-        """The status with what is to be said of the picture."""
+        """The status with what this mode has to say of the picture."""
         return status
 
     def add_band_plans(self, planned: Iterable[tuple[Layer, Mapping[str, int]]]) -> None:
-        """What the worker has planned of layers that the document is about to get."""
+        """Take the worker's plan of layers that the document is about to get."""
 
     def reload_images(self, key: str) -> None:
-        """The images of a layer were changed by another program."""
+        """Another program has changed the images of a layer."""
 
     @property
     def awaits_response(self) -> bool:
-        """Whether a person waits for an answer that is due at any moment."""
+        """Whether the user waits for a response that is due at any moment."""
         return False
 
     @property
     def is_running(self) -> bool:
-        """Whether the worker is at work on the picture."""
+        """Whether the worker is computing the picture."""
         return False
 
     def cancelled(self) -> None:
-        """The person stopped the work; what has come stays."""
+        """The user stopped the work; what has come stays."""
 
     def resume(self) -> None:
-        """Go on with what was stopped, or has failed."""
+        """Go on with what was stopped or has failed."""
 
     def worker_restarted(self) -> None:
-        """A new worker knows nothing of what was asked but the requests that stand."""
+        """A new worker runs; it knows nothing but the pending requests."""
 
 
 class ModeWorker(Protocol):
-    """A mode in the worker: who carries out its requests. What is slow to import, its handlers import."""
+    """A mode in the worker: it carries out the mode's requests. Its handlers import what is slow to import."""
 
     def __init__(self, context: WorkerContext) -> None: ...
 
     @property
     def handlers(self) -> Handlers:
-        """The answers to each of its kinds of request, step by step."""
+        """The handlers of each of its kinds of request, run step by step."""
         return {}
 
     def view_traced(self) -> None:
-        """Another scene is open on the bench, or another camera sees it."""
+        """The worker context has another scene, or another traced view."""
 
     def plan(self, layers: Iterable[Layer]) -> tuple[tuple[Layer, dict[str, int]], ...]:
-        """What it has to say of layers before the window sees them."""
+        """Plan layers before the window sees them."""
         return ()
 
 
 @dataclass(frozen=True)
 class Mode:
-    """A mode by its name and, for people, its title and what it is for.
+    """A mode: its name, and for users its title and its purpose.
 
-    talk: makes its talk at the editor's desk. As "module:name", for only one process or layer imports them: work, its
-    `ModeWorker`; picture, its `ui.picture_feed.PictureSource`; accuracy, what draws its part of the Accuracy panel;
-    tools, what it has for the selected object, above its material; strip, what it has below the picture;
-    handles, what of it in the picture a hand can drag (`ui.panels.picture_handles`).
+    talk: makes its controller, given the editor's services. As "module:name", because only one process or layer imports
+    them: work, its `ModeWorker`; picture, its `ui.picture_feed.PictureSource`; accuracy, which draws its part of the
+    Accuracy panel; tools, which draws its controls for the selected object, above the material; strip, which draws
+    below the picture; handles, what the user can drag in the picture (`ui.panels.picture_handles`).
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""The modes there are. The first is the one that a window opens with."""
+"""The list of modes. The window opens with the first."""
 
 from __future__ import annotations
 
