@@ -114,7 +114,7 @@ class HeadlessWindow:
         time.sleep(POLL_SECONDS)
         return False
 
-    # ------------------------------------------------------------------------------------------------------ the hand
+    # --------------------------------------------------------------------------------------------------------- the hand
 
     def move(self, x: float, y: float) -> None:
         """Move the mouse there, in framebuffer pixels."""
@@ -195,7 +195,7 @@ class HeadlessWindow:
             self.shell.events.character(ord(character))
         self.frames(2)
 
-    # ----------------------------------------------------------------------------------------------------- the picture
+    # ------------------------------------------------------------------------------------------------------ the picture
 
     def pixels(self) -> NDArray[np.uint8]:
         """The window's pixels (H,W,3), row 0 at the top."""

@@ -123,7 +123,7 @@ class Editor:
         self.controller: ModeController = self.mode.controller(self)
         self.open(source)
 
-    # ------------------------------------------------------------------------------------------------------- document
+    # --------------------------------------------------------------------------------------------------------- document
 
     @property
     def document(self) -> Document:
@@ -210,7 +210,7 @@ class Editor:
             self.metrics.note(note)
             self.notify(note)
 
-    # ---------------------------------------------------------------------------------------------------------- files
+    # ------------------------------------------------------------------------------------------------------------ files
 
     @property
     def unsaved(self) -> bool:
@@ -340,7 +340,7 @@ class Editor:
         if not self.scenes.reopen():
             self.controller.resume()
 
-    # -------------------------------------------------------------------------------------------------------- picture
+    # ---------------------------------------------------------------------------------------------------------- picture
 
     def tick(self, now: float | None = None) -> list[PictureEvent]:
         """Process the worker's responses and request what is missing; once a frame. ``now``: a steady clock,
@@ -395,7 +395,7 @@ class Editor:
         status = replace(status, is_away=self.scenes.tracing.is_away, planned_edges=planned_edges)
         return self.controller.status(status)
 
-    # ------------------------------------------------------------------------------------------------------ responses
+    # -------------------------------------------------------------------------------------------------------- responses
 
     def _take(self, response: Response) -> list[PictureEvent]:
         """Process a response; returns what the renderer needs of it."""
@@ -473,7 +473,7 @@ class Editor:
         self.scenes.take_failure(response)
         self.notify(response.line, True)
 
-    # ----------------------------------------------------------------------------------------------------------- parts
+    # ------------------------------------------------------------------------------------------------------------ parts
 
     def _open(self, opening: Opening) -> None:
         self._reading.cancel()

@@ -123,7 +123,7 @@ class SceneController:
             controller.view_moved()
         return list(self._shown)
 
-    # ---------------------------------------------------------------------------------------------------- responses
+    # -------------------------------------------------------------------------------------------------------- responses
 
     def take_loaded(self, response: SceneOpened) -> None:
         """A scene was loaded: it is open once it is traced."""

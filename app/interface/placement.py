@@ -124,7 +124,7 @@ class PlacementPictures:
         of = view.placement, layers, light.sky, light.quality, n, radiance.astype(np.float64), indirect
         return run_to_end(estimate_error(*of, noise=noise))
 
-    # -------------------------------------------------------------------------------------------------- its parts
+    # -------------------------------------------------------------------------------------------------------- its parts
 
     def _made(self) -> tuple[_View, _Light]:
         assert self._view is not None and self._light is not None

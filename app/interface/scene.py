@@ -74,7 +74,7 @@ class Scene:
         self._project, self._view, self._session = project, view, session
         self._pictures = Pictures()
 
-    # ------------------------------------------------------------------------------------------------- its parts
+    # -------------------------------------------------------------------------------------------------------- its parts
 
     def __getitem__(self, name: str) -> ObjectNode:
         return ObjectNode(self._editing, self.document.object(name).name)
@@ -111,7 +111,7 @@ class Scene:
         """Camera and resolution."""
         return self._editing.viewpoint
 
-    # --------------------------------------------------------------------------------------------------- pictures
+    # --------------------------------------------------------------------------------------------------------- pictures
 
     def image(
         self, mode: Mode = "placement", *, bounces: int | None = None, resolution: tuple[int, int] | None = None,
@@ -161,7 +161,7 @@ class Scene:
         self._session = save_session(path, self.document, view)
         return self._session
 
-    # ------------------------------------------------------------------------------------------------------ edits
+    # ------------------------------------------------------------------------------------------------------------ edits
 
     def undo(self) -> str | None:
         """Take the last edit back; what it is called, None where there is none."""

@@ -33,7 +33,7 @@ _M_MMAP_THRESHOLD, _M_ARENA_MAX = -3, -8
 _LEAST_MAPPED = 4 << 20
 _MOST_HEAPS = 2
 
-# ------------------------------------------------------------------------------------------------------- processes
+# ------------------------------------------------------------------------------------------------------------ processes
 
 
 def use_batch_scheduling() -> None:
@@ -190,7 +190,7 @@ def has_hung_up(sock: socket.socket, timeout_s: float, polls: bool = hasattr(sel
         time.sleep(_POLL_SECONDS)
 
 
-# ----------------------------------------------------------------------------------------------------- files, memory
+# -------------------------------------------------------------------------------------------------------- files, memory
 
 
 def memory_folder() -> Path:
@@ -263,7 +263,7 @@ def open_last(path: Path) -> int:
     return descriptor
 
 
-# ------------------------------------------------------------------------------------------- descriptors over sockets
+# --------------------------------------------------------------------------------------------- descriptors over sockets
 
 
 def send_with(sock: socket.socket, data: memoryview, descriptor: int | None) -> int:

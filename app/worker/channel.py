@@ -99,7 +99,7 @@ class Channel:
     def fileno(self) -> int:
         return self._socket.fileno()
 
-    # ---------------------------------------------------------------------------------------------------- sending
+    # ---------------------------------------------------------------------------------------------------------- sending
 
     def post(self, message: Message) -> None:
         """Queue a message; `flush` sends it. Raises OutOfMemory when there is no room for its arrays."""
@@ -155,7 +155,7 @@ class Channel:
             raise ChannelClosed(str(error)) from error
         return True
 
-    # -------------------------------------------------------------------------------------------------- receiving
+    # -------------------------------------------------------------------------------------------------------- receiving
 
     def receive(self, deadline: float) -> Message | None:
         """The next message that is complete and verified by the monotonic time `deadline`, else None.

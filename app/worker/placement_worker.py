@@ -116,7 +116,7 @@ class PlacementWorker(ModeWorker):
     def plan(self, layers: Iterable[Layer]) -> tuple[tuple[Layer, dict[str, int]], ...]:
         return tuple((layer, band_counts(layer)) for layer in layers)
 
-    # ------------------------------------------------------------------------------------------------- quick requests
+    # --------------------------------------------------------------------------------------------------- quick requests
 
     def _contract(self, request: ContractTransport) -> Steps:
         """One layer's picture, and its transport along one curve ("curve switching", [BenArtzi07, eq. 4.16]).
@@ -142,7 +142,7 @@ class PlacementWorker(ModeWorker):
             self._maps = MapTasks(self._context.open_placement)
         yield from self._maps.answers(request)
 
-    # ---------------------------------------------------------------------------------------------- at the very last
+    # ------------------------------------------------------------------------------------------------- at the very last
 
     def _estimate_error(self, request: EstimateError) -> Steps:
         yield from self._until_compiled(ESTIMATE)
@@ -157,7 +157,7 @@ class PlacementWorker(ModeWorker):
         yield from self._relighting.prepare(context.open_placement, scene, context.sky(scene.light), self._current)
         yield RelightingPrepared(self._n_bytes)
 
-    # ------------------------------------------------------------------------------------------------------ transport
+    # -------------------------------------------------------------------------------------------------------- transport
 
     def _recall_visibility(self, placement: Placement) -> None:
         mine = placement.sphere.bits

@@ -61,7 +61,7 @@ class Relighting:
         rests = (0 if each.rest is None else each.rest.nbytes for each in self._ready.values())
         return sum(each.rows.n_bytes for each in self._ready.values()) + sum(rests)
 
-    # ------------------------------------------------------------------------------------------------- making ready
+    # ----------------------------------------------------------------------------------------------------- making ready
 
     def prepare(
         self, placement: Placement, scene: SceneState, sky: SkyState, current: Mapping[str, LayerData]
@@ -103,7 +103,7 @@ class Relighting:
             self._made_under = environment, scale
         return self._maker
 
-    # ----------------------------------------------------------------------------------------------- lighting anew
+    # ---------------------------------------------------------------------------------------------------- lighting anew
 
     def takes(self, work: LayerState, lit_by: LightingState) -> bool:
         """Whether a layer can be lit anew: its material is that of its rows, and emitters are as they were."""

@@ -128,7 +128,7 @@ class _Function:
             raise self._refused(argument, f"the argument {argument.arg}, expected {expected}")
         return f"float v_{argument.arg}"
 
-    # ------------------------------------------------------------------------------------------------------ statements
+    # ------------------------------------------------------------------------------------------------------- statements
 
     def _block(self, body: list[ast.stmt], depth: int) -> list[str]:
         """Lines of statements, up to the first that surely returns."""
@@ -195,7 +195,7 @@ class _Function:
             lines += [f"{tab}}} else {{", *self._block(node.orelse, depth + 1)]
         return [*lines, f"{tab}}}"]
 
-    # ----------------------------------------------------------------------------------------------------- expressions
+    # ------------------------------------------------------------------------------------------------------ expressions
 
     def _value(self, node: ast.expr) -> str:
         number = self._number(node)

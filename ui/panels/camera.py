@@ -111,7 +111,7 @@ def _size(context: PanelContext, room: ImVec2) -> list[Action]:
     return [] if pressed is None else [Resize((own, panel)[pressed])]
 
 
-# --------------------------------------------------------------------------------------------------------------- views
+# ---------------------------------------------------------------------------------------------------------------- views
 
 
 def _views(context: PanelContext, foot: float) -> list[Action]:

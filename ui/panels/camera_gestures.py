@@ -135,7 +135,7 @@ def _there(context: PanelContext, camera: Camera, label: str) -> list[Action]:
     return [MoveCameraTo(Viewpoint(camera, context.view.resolution), label)]
 
 
-# --------------------------------------------------------------------------------------------------------------- drags
+# ---------------------------------------------------------------------------------------------------------------- drags
 
 
 def _take_hold(
@@ -182,7 +182,7 @@ def _depth_at(context: PanelContext, pixel: tuple[int, int] | None) -> float:
     return depth if depth > 0.0 else distance(context.camera)
 
 
-# -------------------------------------------------------------------------------------------------------------- scroll
+# --------------------------------------------------------------------------------------------------------------- scroll
 
 
 def _scroll(context: PanelContext, placed: PictureRect, picture: Picture) -> list[Action] | None:

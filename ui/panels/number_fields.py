@@ -166,7 +166,7 @@ def number(
     return hand, moved
 
 
-# ------------------------------------------------------------------------------------------------------------ the hand
+# ------------------------------------------------------------------------------------------------------------- the hand
 
 
 def _control(
@@ -280,7 +280,7 @@ def _dragged_value(context: PanelContext, field: _Field) -> tuple[Touch, float]:
     return Touch(changed=to != field.value), to
 
 
-# ------------------------------------------------------------------------------------------------------- what is drawn
+# -------------------------------------------------------------------------------------------------------- what is drawn
 
 
 def slider_share(value: float, low: float, high: float, logarithmic: bool) -> float:

@@ -141,7 +141,7 @@ def resize_brush(brush: Brush, steps: int) -> Action:
     return _with(brush, radius=min(max(brush.radius * STEP**steps, LEAST_RADIUS), MOST_RADIUS))
 
 
-# ------------------------------------------------------------------------------------------------------- the picture
+# ---------------------------------------------------------------------------------------------------------- the picture
 
 
 def begin(context: PanelContext, place: Point) -> list[Action]:

@@ -1,1 +1,2 @@
-"""Deform in the window's process: what to ask of the worker for a bending mesh, and Placement for one that rests."""
+"""Deform in the window's process: requests for pictures of a deforming mesh, and Placement's picture once it is
+idle."""

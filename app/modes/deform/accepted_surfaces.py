@@ -1,5 +1,5 @@
-"""The surfaces of objects that the worker last made a picture with: where the document goes back to when an image that
-one of them names cannot be read, as `app.modes.placement.accepted_light` does for light."""
+"""The surfaces of objects that the worker last made a picture with. The document returns to them when an image of a
+surface cannot be read, as `app.modes.placement.accepted_light` does for light."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from engine.scene.surface_kinds import SurfacesByObject
 
 
 class AcceptedSurfaces:
-    """What of one scene's surfaces is known to work; to begin with what its file says."""
+    """The surfaces of one scene that are known to work; at first those of its file."""
 
     def __init__(self) -> None:
         self._surfaces: SurfacesByObject = ()
 
     def accept(self, surfaces: SurfacesByObject) -> None:
-        """A picture came of these."""
+        """Accept these surfaces: a picture was made with them."""
         self._surfaces = surfaces
 
     def revert(self, history: History[Document], refused: SurfacesByObject) -> bool:
-        """Take images that were refused out of the document; whether there were any.
+        """Take images that were refused out of the document; returns whether there were any.
 
-        Where choosing one was the last step, that step is gone as if it had never been; else it is replaced.
+        If choosing one was the last step, that step disappears from the history; else the image is replaced.
         """
         known, now = dict(self._surfaces), dict(history.document.new_surfaces)
         at_fault = [name for name, each in refused if each.files and each != known.get(name) and each == now.get(name)]
@@ -38,7 +38,7 @@ class AcceptedSurfaces:
 
 
 def _only_changed(names: list[str], before: Document, after: Document) -> bool:
-    """Whether all that happened between two documents is that the surfaces of these objects were set."""
+    """Whether two documents differ only in the surfaces of these objects."""
     gone_back = after
     for name in names:
         surface = before.object(name).new_surface

@@ -1,7 +1,7 @@
-"""Deform's talk with the worker: Orbit's, of a scene whose objects bend.
+"""Deform's controller: Orbit's, for a scene whose objects deform.
 
-As in Orbit a picture is drawn in the worker for each frame in which something moves, and Placement takes over what
-rests: the worker traces the scene in its new pose, as it traces a new view.
+As in Orbit, the worker draws a picture for each frame in which something moves, and Placement takes over once the view
+is idle: the worker traces the scene in its new pose, as it traces a new view.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from engine.scene.surface_kinds import SurfacesByObject
 
 @dataclass(frozen=True)
 class DesiredDeform(DesiredOrbit):
-    """All that pictures are drawn of, but for camera and amounts; posed: the objects that bend; surfaces: what the
-    document says of surfaces; traced: what paths are to show beside them."""
+    """All that pictures are drawn of, except camera and amounts; posed: the objects that deform; surfaces: what the
+    document sets of surfaces; traced: what path tracing is to show beside them."""
 
     posed: tuple[str, ...] = ()
     surfaces: SurfacesByObject = ()
@@ -49,7 +49,7 @@ class DesiredDeform(DesiredOrbit):
 
 
 class DeformController(OrbitController):
-    """The talk of Deform."""
+    """The controller of Deform."""
 
     title, limitations = "Deform", "How much of sharp highlights is lost here the Accuracy panel says."
     prepares = PrepareDeform
@@ -62,15 +62,15 @@ class DeformController(OrbitController):
         self._carried: AnimationOffsets = ()
         self._traced = PathsTraced(0, 1)
         self._in_window = False
-        self._sent_parts = NO_PARTS  # to the window of what it draws, see `DrawDeform.sent_parts`
+        self._sent_parts = NO_PARTS  # those that the window has, see `DrawDeform.sent_parts`
         super().__init__(services)
 
     def draw_in_window(self, most_bytes: int) -> None:
-        """The window draws moving pictures itself from now on; 0: the worker does."""
+        """From now on the window draws moving pictures itself; 0: the worker does."""
         self._in_window, self._sent_parts = most_bytes > 0, NO_PARTS
 
     def resend_parts(self, known: Numbers) -> None:
-        """The window could not draw its last picture, of these parts alone."""
+        """Send parts again: the window could not draw its last picture from these alone."""
         self._sent_parts, self._shown = known, None
 
     def _forget(self) -> None:
@@ -119,7 +119,7 @@ class DeformController(OrbitController):
 
     @property
     def _picture(self) -> PictureState:
-        """Of a split one paths are a part."""
+        """The state of the picture; a split picture has a path-traced part."""
         found = super()._picture
         return "refining" if found == "finished" and self._awaits_paths else found
 
@@ -153,7 +153,7 @@ class DeformController(OrbitController):
 
     @property
     def _placement_can_show(self) -> bool:
-        """Only Deform knows membranes, what light goes through, patches and wrinkles; Placement shows light alone."""
+        """Only Deform draws membranes, transmitted light, patches and wrinkles; Placement shows light alone."""
         return not self._deform_only and self._split is None and not self._fit_error
 
     @property
@@ -162,7 +162,7 @@ class DeformController(OrbitController):
 
     @property
     def _no_estimate_reason(self) -> str:
-        """Why nobody asks how far off the picture is; empty where that is asked."""
+        """Why the error of the picture is not estimated; empty where it is."""
         if self._deform_only:
             return f"Where it is off is not known: paths do not know the surface of {', '.join(self._deform_only)}"
         if self._split is not None:
@@ -170,7 +170,7 @@ class DeformController(OrbitController):
         return "The colours of the fit's error are not judged" if self._fit_error else ""
 
     def _update_desired(self, now: float, document: Document, view: ViewState) -> None:
-        """Where the picture is split and rests, what paths are to show is a part of the wish."""
+        """Where the picture is split and idle, the desired state includes what path tracing is to show."""
         super()._update_desired(now, document, view)
         self._deform_only = tuple(state.name for state in document.objects if state.surface.kind)
         self._fit_error, desired = view.fit_error, self._desired

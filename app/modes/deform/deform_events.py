@@ -1,4 +1,4 @@
-"""What Deform's talk tells the picture."""
+"""Picture events of Deform."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from engine.scene.description import Camera
 
 @dataclass(frozen=True, eq=False)
 class PoseArrived(PictureEvent):
-    """What the window is to draw itself, from where, in how many pixels (width, height)."""
+    """The parts that the window draws a picture of, the camera, and the resolution (width, height)."""
 
     export: PictureExport
     camera: Camera

@@ -1,4 +1,4 @@
-"""What Deform asks of the worker; it is answered as Orbit is (see `app.modes.orbit.orbit_messages`)."""
+"""Deform's requests to the worker and their responses; see `app.modes.orbit.orbit_messages` for those it shares."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class PathPreview(NamedTuple):
-    """What paths are to show: from where, in how many pixels (width, height), in which poses."""
+    """What path tracing is to show: the camera, the resolution (width, height) and the poses."""
 
     camera: Camera
     resolution: tuple[int, int]
@@ -26,14 +26,12 @@ class PathPreview(NamedTuple):
 
 @dataclass(frozen=True)
 class PrepareDeform(Request):
-    """From now on draw this scene, whose layers are those that are seen; and make ready the transfer of all objects,
-    coarse first. Answered by `OrbitProgress` as often as pictures change by it, by `DeformLoss`, and where
-    paths are traced by `PathsTraced`.
+    """Draw this scene, of visible layers, from now on; precompute the transfer of all objects, coarse first. Answered
+    by `OrbitProgress` whenever it changes pictures, by `DeformLoss`, and by `PathsTraced` where paths are traced.
 
-    posed: the objects that bend, by name, which have shadows of their own alone. surfaces: what is said of objects'
-    surfaces in the place of what the scene's file says. traced: what is to be traced by paths
-    after that, as long as nothing else is asked for; each pass of it makes the pictures' version another. n_rays: from
-    each point; n_lobes: that stand for what these find.
+    posed: names of the objects that deform, which have only shadows of their own. surfaces: what replaces the scene
+    file's settings of objects' surfaces. traced: what is path-traced after that, until another request comes; each pass
+    raises the pictures' version. n_rays: from each point; n_lobes: zonal lobes fitted to what these rays find.
     """
 
     built_on = (SetCamera,)
@@ -49,9 +47,9 @@ class PrepareDeform(Request):
 
 @dataclass(frozen=True)
 class DrawDeform(Request):
-    """Draw the scene from a camera, in so many pixels (width, height), in poses, of what is ready; answered by
-    `OrbitPictureDrawn` or `OrbitNotReady`. split, fit_error: see `ViewState`. known: where the window draws it itself,
-    the numbers of the parts that it has (`engine.realtime.zonal_harmonics.gpu_parts`); then answered by
+    """Draw the scene from a camera, in a resolution (width, height), in poses, of what is ready; answered by
+    `OrbitPictureDrawn` or `OrbitNotReady`. split, fit_error: see `ViewState`. sent_parts: where the window draws it
+    itself, the numbers of the parts that it has (`engine.realtime.zonal_harmonics.gpu_parts`); then answered by
     `PoseExported`."""
 
     built_on = (OpenScene,)
@@ -70,27 +68,27 @@ class DrawDeform(Request):
 
 @dataclass(frozen=True, eq=False)
 class PoseExported(OrbitPictureDrawn):
-    """What the window draws a picture of; radiance is empty."""
+    """The parts that the window draws a picture of; radiance is empty."""
 
     export: PictureExport = field(kw_only=True)
 
 
 @dataclass(frozen=True)
 class EstimateDeform(EstimateDrawn):
-    """How far off pictures are that `DrawDeform` asks for."""
+    """Estimate the error of pictures that `DrawDeform` requests."""
 
 
 @dataclass(frozen=True)
 class DeformLoss(Response):
-    """lost: the share, 0 to 1, of the reflection of objects' sharpest layers that is too sharp for low frequencies, by
-    name; of objects that are not matt alone."""
+    """lost: for each object, by name, the share, 0 to 1, of the reflection of its sharpest layer that is too sharp for
+    low frequencies; for objects that are not diffuse only."""
 
     lost: tuple[tuple[str, float], ...]
 
 
 @dataclass(frozen=True)
 class PathsTraced(Response):
-    """So many passes of paths are in pictures, of so many that are to be."""
+    """How many path-tracing passes the pictures have, of how many."""
 
     n_passes: int
     of: int

@@ -1,4 +1,4 @@
-"""What is to be said of Deform's own picture."""
+"""The status of Deform's own picture."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from app.modes.orbit.orbit_status import OrbitStatus
 
 @dataclass(frozen=True)
 class DeformStatus(OrbitStatus):
-    """The status while Deform's picture is seen. lost: see `app.modes.deform.deform_messages.DeformLoss`; alone:
-    objects, by name, whose surfaces Deform alone knows, so that Placement does not take the picture over; carried: see
+    """The status while Deform's picture is shown. lost: see `app.modes.deform.deform_messages.DeformLoss`; alone: names
+    of the objects whose surfaces only Deform can draw, for which Placement does not take over; carried: see
     `app.modes.orbit.orbit_messages.OrbitPictureDrawn`."""
 
     lost: tuple[tuple[str, float], ...] = ()

@@ -1,1 +1,2 @@
-"""Orbit in the window's process: what to ask of the worker for a moving camera, and Placement for one that rests."""
+"""Orbit in the window's process: requests for pictures under a moving camera, and Placement's picture once it is
+idle."""

@@ -1,4 +1,4 @@
-"""What Orbit wants of the worker, and what it has: the values that `orbit_controller` compares."""
+"""What Orbit desires of the worker, and what is ready: the values that `orbit_controller` compares."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from app.document.view_state import Viewpoint, ViewState
 from app.modes.orbit.orbit_messages import Quality
 from engine.realtime.zonal_harmonics.pose import Poses
 
-# Seconds that a picture may take while something moves; fewer pixels are drawn where it takes longer.
+# Seconds that a picture may take while something moves; a slower one is drawn in a lower resolution.
 MOVING_SECONDS = 0.04
-# From the best to the quickest: shares of the picture's sides, and coefficients of light a point.
+# From the best to the quickest: the share of the picture's sides, and coefficients of light per point.
 STEPS = ((1.0, 96), (1.0, 64), (0.75, 64), (0.5, 64), (0.5, 40), (0.375, 40), (0.375, 24), (0.25, 24))
-# The same where the window draws it itself, on a graphics card.
+# The same limit where the window draws on a graphics card.
 WINDOW_SECONDS = 0.012
 WINDOW_STEPS = ((1.0, 320), (1.0, 160), (1.0, 80), (0.75, 80), (0.5, 64), (0.5, 40), (0.375, 24), (0.25, 24))
 _TOO_LONG, _SHORT_ENOUGH = 1.3, 0.8
@@ -24,8 +24,8 @@ _MOST_PATIENCE = 64
 
 @dataclass(frozen=True)
 class DesiredOrbit:
-    """All that pictures are drawn of, but for the camera: equal wishes have equal pictures. The scene has the layers
-    that are seen alone."""
+    """All that pictures are drawn of, except the camera: equal values have equal pictures. The scene has only visible
+    layers."""
 
     scene: SceneState
     n_bounces: int
@@ -42,7 +42,7 @@ class DesiredOrbit:
 
 @dataclass(frozen=True)
 class ReadyState:
-    """How far the worker has made ready what the request `prepared` asked for: see `OrbitProgress`."""
+    """How much the worker has ready of what the request `prepared` asked for: see `OrbitProgress`."""
 
     prepared: int = 0
     version: int = 0
@@ -51,9 +51,8 @@ class ReadyState:
 
 @dataclass(frozen=True)
 class PictureRequest:
-    """A picture that was asked for, or has come: from where, in how many pixels (width, height), how well, of what, in
-    which poses, and what else than light alone it shows (`ViewState.split`, `fit_error`). is_plain: of nothing that
-    has to be made ready."""
+    """A picture that was requested or has come: camera, resolution (width, height), quality, content, poses, and what
+    it shows besides light alone (`ViewState.split`, `fit_error`). is_plain: it needs nothing precomputed."""
 
     viewpoint: Viewpoint
     resolution: tuple[int, int]
@@ -73,10 +72,10 @@ class PictureRequest:
 
 
 class QualityPacer:
-    """How well a moving picture is drawn: as well as it is in time.
+    """Chooses how well a moving picture is drawn: as well as its time allows.
 
-    How much longer the next better one takes is not known in advance: of some pictures the points cost most, of others
-    the pixels. So it is tried, and after a try in vain not again for twice as many pictures as before that.
+    How much longer the next better step takes is not known in advance: some pictures cost most at the points, others at
+    the pixels. So it is tried, and after a failed try not again for twice as many pictures as the time before.
     """
 
     def __init__(
@@ -89,16 +88,16 @@ class QualityPacer:
 
     @property
     def n_coefficients(self) -> int:
-        """Of light, a point."""
+        """Coefficients of light per point."""
         return self._steps[self._i_step][1]
 
     def resolution(self, whole: tuple[int, int]) -> tuple[int, int]:
-        """Of a picture whose whole resolution (width, height) is given."""
+        """The resolution of a picture whose full resolution (width, height) is given."""
         scale, _ = self._steps[self._i_step]
         return max(round(scale * whole[0]), 1), max(round(scale * whole[1]), 1)
 
     def record_seconds(self, seconds: float) -> None:
-        """A moving picture took so long."""
+        """Note that a moving picture took this long."""
         self._waited += 1
         if seconds > _TOO_LONG * self._seconds:
             self._patience = min(2 * self._patience, _MOST_PATIENCE) if self._tries else 1

@@ -1,8 +1,7 @@
-"""How far off the pictures are that the worker draws, asked of it once one at rest is whole.
+"""Estimates of the error of pictures that the worker draws, requested once the picture of an idle view is complete.
 
-It is asked for what is seen, and given up as soon as that is another. What it says of the picture at rest belongs to
-that view alone; what it says of pictures while something moves stands for those from anywhere, until the scene is
-edited.
+A request is given up as soon as the picture changes. The estimate for an idle picture belongs to that view alone; the
+estimate for moving pictures holds for any camera, until the scene is edited.
 """
 
 from __future__ import annotations
@@ -34,14 +33,14 @@ class ShownPicture(NamedTuple):
 
 
 class DrawnErrorController:
-    """The talk with the worker about the error of what it draws. send: hands a request over; kind: that of the mode."""
+    """Requests estimates of the error of drawn pictures. send: sends a request; kind: that of the mode."""
 
     def __init__(self, send: Callable[[Request], int], kind: type[EstimateDrawn]) -> None:
         self._send, self._kind = send, kind
         self.forget()
 
     def forget(self) -> None:
-        """Nothing is known of any picture; the worker was given something else to do."""
+        """Forget all estimates; the worker was given something else to do."""
         self._seen: ShownPicture | None = None
         self._estimate: DrawnErrorEstimated | None = None
         self._estimate_of: ShownPicture | None = None
@@ -50,7 +49,8 @@ class DrawnErrorController:
         self._idle_since = math.inf
 
     def update(self, now: float, seen: ShownPicture, rests: bool, request: Callable[[], EstimateDrawn]) -> None:
-        """Ask where it is time to. rests: whether the picture of what is seen is there, and whole."""
+        """Request an estimate where it is time to. rests: whether the picture of what is shown is there, and
+        complete."""
         if seen != self._seen:
             self.give_up()
             self._seen, self._is_refused = seen, False
@@ -62,34 +62,34 @@ class DrawnErrorController:
             self._requested = self._send(request())
 
     def give_up(self) -> None:
-        """Nobody waits for the answer any more."""
+        """Give up the request: nobody waits for the response any more."""
         if self._requested is not None:
             self._send(CancelRequests(of=(self._kind,)))
             self._requested = None
 
     def at_rest(self, seen: ShownPicture) -> ErrorEstimate | None:
-        """Of the picture at rest; None while that is not known. With or without a map it is the same picture."""
+        """The error of the idle picture; None while unknown. The map does not change it."""
         of = self._estimate_of
         is_of_it = of is not None and of._replace(has_map=seen.has_map) == seen
         return self._estimate.at_rest if self._estimate is not None and is_of_it else None
 
     def colours(self, seen: ShownPicture) -> NDArray[np.uint8] | None:
-        """Where the picture at rest is off; None while that is not known."""
+        """The error map of the idle picture; None while unknown."""
         return self._estimate.colours if self._estimate is not None and self._estimate_of == seen else None
 
     def moving(self, desired: DesiredOrbit) -> ErrorEstimate | None:
-        """Of pictures of this from anywhere while something moves; None while that is not known."""
+        """The error of moving pictures of this state, from any camera; None while unknown."""
         of = self._estimate_of
         return (
             self._estimate.moving if self._estimate is not None and of is not None and of.desired == desired else None
         )
 
     def receive(self, response: DrawnErrorEstimated) -> None:
-        """The answer."""
+        """Take the response."""
         if response.id == self._requested:
             self._estimate, self._estimate_of, self._requested = response, self._seen, None
 
     def receive_failure(self, response: RequestFailed) -> None:
-        """It could not be found out, and is not asked for again."""
+        """The estimate failed, and is not requested again."""
         if response.id == self._requested:
             self._requested, self._is_refused = None, True

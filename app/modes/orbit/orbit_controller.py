@@ -1,17 +1,17 @@
-"""Orbit's talk with the worker: pictures while something moves, Placement's once nothing does.
+"""Orbit's controller: pictures of its own while something moves, Placement's once the view is idle.
 
     document, view ─► PrepareOrbit ─► OrbitProgress ─► DrawOrbit ─► OrbitPictureDrawn ─► OrbitPicture    each frame
-    the view rests, its picture is whole ─► PlacementController ─► Placement's events          fades in over that
+    the view is idle, its picture complete ─► PlacementController ─► Placement's events    fades in over that
 
-As in Placement, states are compared and not events followed: what the document and the view want, what was asked for,
-what has come. One picture is under way at a time; the next has the camera, light and materials of then, so that nothing
-piles up behind a hand. One that is drawn at rest, which takes longer, gives way to a hand at once. Where the window has
-a graphics card that draws moving pictures itself (`draw_in_window`), the worker tells it what they are drawn of, and
-draws those at rest alone.
+As in Placement, states are compared, events are not followed: what document and view desire, what was requested, what
+has come. One picture is under way at a time; the next one takes the camera, light and materials of its own moment, so
+that nothing queues up behind the pointer. A picture of an idle view takes longer, and gives way to input at once. Where
+the window draws moving pictures on a graphics card (`draw_in_window`), the worker exports the parts that they are drawn
+of, and draws only those of an idle view.
 
-Placement's talk is a part of this one, held back until Orbit's picture of a resting view is whole, and again as soon as
-it could not follow: so either mode's files know nothing of what the other asks. Rejected: to change the mode at rest,
-which would change the session with every pause of a hand.
+Placement's controller is a part of this one. It is held back until Orbit's picture of an idle view is complete, and
+again as soon as it could not keep up: neither mode's files depend on what the other requests. Rejected: to switch the
+mode when idle, which would change the session with every pause of the user.
 """
 
 from __future__ import annotations
@@ -65,11 +65,11 @@ from engine.realtime.zonal_harmonics.pose import Poses
 from engine.render.picture_error import ErrorEstimate
 from engine.scene.description import Camera, CameraDescription
 
-# A hand that was still for so long rests.
+# The pointer is idle after so long without input.
 IDLE_SECONDS = 0.2
-# How often a window that draws itself asks whether it sees what nothing was made ready for.
+# How often a window that draws itself checks whether it sees parts that are not ready.
 PRIORITIZE_SECONDS = 0.25
-# While pictures become better by themselves, how much longer than drawing one the worker has for that.
+# While pictures improve by themselves, the worker gets this many times the time that drawing one takes.
 _WORK_SHARE = 4.0
 _listeners = count(1)
 PLACEMENT_FOLLOWS = "Placement computes this view, and fades in when it is there."
@@ -80,8 +80,8 @@ LACKS = (
 
 
 class OrbitController(ModeController):
-    """The talk of Orbit; `placement` is that of the view at rest. Another mode whose pictures are drawn in the worker
-    says what it is called, what it wants made ready, and what it has drawn."""
+    """The controller of Orbit; `placement` is that of the idle view. Another mode whose pictures are drawn in the
+    worker overrides what it is called, what it desires to be ready, and what it has drawn."""
 
     title, limitations = "Orbit", LACKS
     prepares: type[Request] = PrepareOrbit
@@ -97,7 +97,7 @@ class OrbitController(ModeController):
         self._forget()
 
     def _forget(self) -> None:
-        """Nothing is known of the scene."""
+        """Forget the scene."""
         self._own_camera: CameraDescription | None = None
         self.is_away = False
         self._desired: DesiredOrbit | None = None
@@ -116,7 +116,7 @@ class OrbitController(ModeController):
         self._forget_worker()
 
     def _forget_worker(self) -> None:
-        """The worker knows nothing, and what it was asked will not be answered."""
+        """Forget the worker's state: it knows nothing, and will not answer what it was asked."""
         self._requested: DesiredOrbit | None = None
         self._ready = ReadyState()
         self._drawing: PictureRequest | None = None
@@ -127,7 +127,7 @@ class OrbitController(ModeController):
         self._n_bytes = 0
         self._drawn_at = self._prioritized = -math.inf
 
-    # ----------------------------------------------------------------------------------------- what the editor tells
+    # --------------------------------------------------------------------------------------------- events of the editor
 
     def scene_closed(self) -> None:
         self._hold_placement_back()
@@ -162,7 +162,7 @@ class OrbitController(ModeController):
         self.placement.view_moved()
 
     def _resume_preparation(self) -> None:
-        """A look has cancelled what was being made ready."""
+        """Resume the preparation that a newly traced view has cancelled."""
         if not self._is_ready_for_request:
             self._requested = None
 
@@ -197,14 +197,15 @@ class OrbitController(ModeController):
         self.placement.worker_restarted()
 
     def _reset_preparation(self) -> None:
-        """Nothing is ready any more; what is shown stays."""
+        """Forget what was ready; what is shown stays."""
         shown = self._shown
         self._error.forget()
         self._forget_worker()
         self._shown = shown and replace(shown, made_of=ReadyState())
 
     def draw_in_window(self, most_bytes: int) -> None:
-        """The window draws moving pictures itself from now on, of arrays of so many bytes; 0: the worker does."""
+        """From now on the window draws moving pictures itself, of arrays of at most so many bytes; 0: the worker
+        does."""
         self._listener, self._most_bytes = next(_listeners) if most_bytes else 0, most_bytes
         self._pace = self._new_pace()
         self._requested = self._shown = None
@@ -213,17 +214,17 @@ class OrbitController(ModeController):
         return QualityPacer(WINDOW_SECONDS, WINDOW_STEPS, 2) if self._listener else QualityPacer()
 
     def record_draw_seconds(self, seconds: float) -> None:
-        """A picture took the window so long."""
+        """Note that a picture took the window this long."""
         self._seconds = seconds
         if self._shown is not None and self._shown.resolution == self._pace.resolution(self._full_resolution):
             self._pace.record_seconds(seconds)
 
-    # --------------------------------------------------------------------------------------------- what is to be told
+    # --------------------------------------------------------------------------------------------- state for the window
 
     @property
     def drawn_in_window(self) -> tuple[Camera, tuple[int, int], int] | None:
-        """From which camera, in how many pixels (width, height) and by how many coefficients a point the window is to
-        draw what it was told; None where it is to show a picture of the worker's."""
+        """The camera, resolution (width, height) and coefficients per point for the window to draw the exported parts;
+        None where it is to show a picture of the worker's."""
         shown = self._shown
         if not self._listener or shown is None or shown.quality != "moving" or shown.is_headlight:
             return None
@@ -231,7 +232,7 @@ class OrbitController(ModeController):
 
     @property
     def shows_viewpoint(self) -> bool:
-        """Whether the picture is from where the view looks now, and in its poses, and not as it was a moment ago."""
+        """Whether the picture has the present camera and poses, and not those of a moment ago."""
         if self._shows_placement or self._shown is None:
             return self._shows_placement
         view = self._services.view
@@ -240,12 +241,12 @@ class OrbitController(ModeController):
 
     @property
     def is_placement_active(self) -> bool:
-        """Whether Placement is at work on the view, or has it."""
+        """Whether Placement computes the picture of the view, or has it."""
         return self._hands_over_to_placement
 
     @property
     def shows_placement(self) -> bool:
-        """Whether Placement's picture is the one to be seen."""
+        """Whether Placement's picture is shown."""
         return self._shows_placement
 
     @property
@@ -279,7 +280,7 @@ class OrbitController(ModeController):
 
     @property
     def _estimate(self) -> ErrorEstimate | None:
-        """How far off the picture is that is shown: at rest by itself, else as those are that are drawn like it."""
+        """The error of the shown picture: at rest its own, else that of pictures drawn like it."""
         if self._shown is None or self._is_headlight or self._shown_picture is None or not self._can_be_estimated:
             return None
         return (
@@ -310,12 +311,12 @@ class OrbitController(ModeController):
 
     @property
     def _is_headlight(self) -> bool:
-        """Whether nothing was ready for the picture, which shows objects in light from the eye."""
+        """Whether nothing was ready for the picture, which shows objects lit from the camera."""
         return self._shown is not None and self._shown.is_headlight
 
     @property
     def _is_ready_for_request(self) -> bool:
-        """Whether all is ready that the wish asked last needs."""
+        """Whether all is ready that the last request needs."""
         return self._ready.is_done and self._ready.prepared == self._prepare_id
 
     @property
@@ -336,18 +337,18 @@ class OrbitController(ModeController):
         view = effective_view(self._services.view, document)
         return self._desired_inputs_of(document, view) == self._desired_inputs and view.viewpoint == self._viewpoint
 
-    # ------------------------------------------------------------------------------------------- what modes differ in
+    # ---------------------------------------------------------------------------------------------- what modes override
 
     def _desired_inputs_of(self, document: Document, view: ViewState) -> tuple[object, ...]:
-        """All that a wish is made of."""
+        """All that the desired state is made of."""
         return document, view.solo, view.n_bounces, view.n_points, view.n_coefficients, view.n_rays, view.n_lobes
 
     def _desired_state(self, document: Document, view: ViewState) -> DesiredOrbit:
-        """What pictures are to be drawn of."""
+        """The desired state: what pictures are to be drawn of."""
         return DesiredOrbit.of(document, view)
 
     def _poses_of(self, document: Document, view: ViewState) -> Poses:
-        """The poses that are drawn; none where objects stand as the worker has traced them."""
+        """The poses to draw; none where objects are as the worker has traced them."""
         return ()
 
     @property
@@ -357,7 +358,7 @@ class OrbitController(ModeController):
 
     @property
     def _can_be_estimated(self) -> bool:
-        """Whether paths know all that this mode shows."""
+        """Whether path tracing covers all that this mode shows."""
         return True
 
     def _preparation(self, desired: DesiredOrbit) -> Request:
@@ -374,7 +375,7 @@ class OrbitController(ModeController):
             return DrawOrbit(camera, wanted.resolution, "rest")
         return DrawOrbit(camera, wanted.resolution, wanted.quality, self._pace.n_coefficients)
 
-    # --------------------------------------------------------------------------------------------------------- asking
+    # ------------------------------------------------------------------------------------------------------- requesting
 
     def update(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
         if not self._is_open:
@@ -397,13 +398,13 @@ class OrbitController(ModeController):
         return events
 
     def _update_error(self, now: float) -> None:
-        """Ask how far off the picture is that is shown, if it is this mode's."""
+        """Request an estimate of the shown picture's error, if the picture is this mode's."""
         if (seen := self._shown_picture) is not None:
             rests = self._is_whole and not (self.is_away or self._shows_placement or self._services.history.dragging)
             self._error.update(now, seen, rests and self._can_be_estimated, lambda: self._estimate_request(seen))
 
     def _estimate_request(self, seen: ShownPicture) -> EstimateDrawn:
-        """Of the picture at rest, and of one as it is drawn while something moves."""
+        """The request for the error of the idle picture, and of one drawn while something moves."""
         at_rest = PictureRequest(seen.viewpoint, self._full_resolution, "rest", self._ready, seen.poses)
         moving = replace(at_rest, resolution=self._pace.resolution(self._full_resolution), quality="moving")
         first, other = (self._draw_request(self._camera(seen.viewpoint), each) for each in (at_rest, moving))
@@ -414,7 +415,7 @@ class OrbitController(ModeController):
         return look.camera or self._own_camera
 
     def _update_desired(self, now: float, document: Document, view: ViewState) -> None:
-        """What is wanted now, and since when."""
+        """Compute the desired state, and note since when it holds."""
         made_of = self._desired_inputs_of(document, view)
         desired = self._desired
         if desired is None or self._desired_inputs != made_of:
@@ -426,8 +427,8 @@ class OrbitController(ModeController):
             self._desired, self._viewpoint, self._poses = desired, view.viewpoint, poses
 
     def _update_placement(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
-        """Placement's part, where it has one; it loses that as soon as its picture is not the document's. That stays on
-        screen until Orbit has another."""
+        """Update Placement's part, where it has one; it loses that as soon as its picture is not the document's. That
+        picture stays on screen until Orbit has another."""
         if not self._hands_over_to_placement:
             return []
         events = self.placement.update(now, document, view)
@@ -441,21 +442,21 @@ class OrbitController(ModeController):
 
     @property
     def _is_requested(self) -> bool:
-        """Whether Orbit was asked for this scene; how often light bounces Placement itself may have found out since."""
+        """Whether Orbit has requested this scene; Placement may have planned the number of bounces since."""
         return (
             self._requested is not None and self._desired is not None and self._requested.scene == self._desired.scene
         )
 
     def _hold_placement_back(self) -> None:
-        """Placement asks for nothing until Orbit's picture is whole again."""
+        """Stop Placement's requests until Orbit's picture is complete again."""
         if self._hands_over_to_placement:
             self._hands_over_to_placement = self._placement_follows = False
             self.placement.view_moved()
             self._services.send(CancelRequests(of=(ComputeTransport,)))
 
     def _prepare(self) -> None:
-        """Ask for what the document wants. In mid-drag only once the wish before is in a picture: each takes a while
-        until it shows, and would be given up for the next."""
+        """Request what the document desires. During a drag it waits until the request before is in a picture: each
+        takes a while to show, and would be given up for the next."""
         desired = self._desired
         if desired is None or desired == self._requested or self._is_stopped:
             return
@@ -466,7 +467,7 @@ class OrbitController(ModeController):
         self._prepare_id = self._services.send(self._preparation(desired))
 
     def _draw(self, now: float) -> None:
-        """Ask for a picture, where there is another one than is shown or under way."""
+        """Request a picture, where the desired one is neither shown nor under way."""
         wanted = self._desired_picture(now) or self._desired_headlight_picture(now)
         if (
             wanted is None
@@ -488,7 +489,7 @@ class OrbitController(ModeController):
         self._drawing_id = self._services.send(request)
 
     def _show_in_window(self, wanted: PictureRequest, now: float) -> None:
-        """Nothing is asked for but that what is seen be made ready first; once all is ready that is seldom anything."""
+        """Request only that what is seen gets ready first; once all is ready that is seldom needed."""
         if self._drawing is not None:
             self._services.send(CancelRequests(of=(self.draws,)))
             self._drawing, self._drawing_id = None, 0
@@ -499,7 +500,7 @@ class OrbitController(ModeController):
             self._services.send(PrioritizeView(self._camera(wanted.viewpoint)))
 
     def _desired_picture(self, now: float) -> PictureRequest | None:
-        """The best picture that there could be now; None before there could be any."""
+        """The best picture possible now; None before there can be any."""
         if self._viewpoint is None or not self._ready.version:
             return None
         whole = self._full_resolution
@@ -511,8 +512,8 @@ class OrbitController(ModeController):
         )
 
     def _desired_headlight_picture(self, now: float) -> PictureRequest | None:
-        """Before there was any: where view or poses have moved on from those of the objects that are seen, how these
-        look from there."""
+        """The picture before there is any other: where camera or poses have moved on from the traced ones, the objects
+        as they appear from there, lit from the camera."""
         if self._viewpoint is None or not (self._is_headlight or self._shown is None and self.is_away):
             return None
         rests, (width, height) = now - self._moved_at >= IDLE_SECONDS, self._full_resolution
@@ -521,12 +522,12 @@ class OrbitController(ModeController):
 
     @property
     def _full_resolution(self) -> tuple[int, int]:
-        """The resolution of a picture at rest."""
+        """The resolution of an idle picture."""
         own = (1, 1) if self._own_camera is None else self._own_camera.resolution
         return (self._viewpoint and self._viewpoint.resolution) or own
 
     def _is_refinement(self, wanted: PictureRequest) -> bool:
-        """Whether it shows the same as is seen, a little further computed."""
+        """Whether it shows the same as on screen, a little further computed."""
         shown = self._shown
         if (
             shown is None
@@ -536,7 +537,7 @@ class OrbitController(ModeController):
             return False
         return shown.made_of.prepared == wanted.made_of.prepared
 
-    # -------------------------------------------------------------------------------------------------------- answers
+    # -------------------------------------------------------------------------------------------------------- responses
 
     def receive(self, response: Response) -> list[PictureEvent]:
         match response:
@@ -590,9 +591,9 @@ class OrbitController(ModeController):
         return [OrbitPicture(response.radiance, drawing.fit_error)]
 
     def _note_ready(self, known: ReadyState) -> None:
-        """How far the worker is."""
+        """Note how much the worker has ready."""
         if self._is_ready_for_request and not known.is_done:
-            self._requested = None  # to be made ready yet: what no picture has seen before
+            self._requested = None  # what no picture has used before is still to be prepared
         self._ready = known
 
     def _take_failure(self, response: RequestFailed) -> None:

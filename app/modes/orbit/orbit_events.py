@@ -1,4 +1,4 @@
-"""What the editor tells the renderer of Orbit."""
+"""Picture events of Orbit."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class OrbitPicture(PictureEvent):
-    """The picture from the view's camera as it is, or was a moment ago: linear radiance (h, w, 3), of fewer pixels than
-    are shown while something moves. is_measure: it is no light but a measure, to be shown in false colours."""
+    """The picture from the view's camera, present or of a moment ago: linear radiance (h, w, 3), of fewer pixels than
+    the view's while something moves. is_measure: it is not light but a measure, to be shown in false colours."""
 
     radiance: NDArray[np.float32]
     is_measure: bool = False

@@ -1,4 +1,4 @@
-"""What Orbit asks of the worker, and what it is answered (see `app.messages.worker_messages`)."""
+"""Orbit's requests to the worker and their responses (see `app.messages.worker_messages`)."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ Quality = Literal["moving", "rest"]
 
 @dataclass(frozen=True)
 class PrepareOrbit(Request):
-    """From now on draw this scene, whose layers are those that are seen; and make ready all that pictures are drawn of,
-    coarse first. Answered by `OrbitProgress` as often as pictures change by it. n_bounces: reflections between light
-    and eye; 0: as many as the engine takes. listener: who draws moving pictures itself, and is told all that they are
-    drawn of by `OrbitPartExported` before that; another number has been told nothing; 0: nobody. most_bytes: of any one
-    array. n_points: beside the meshes' own; n_coefficients: of light that each keeps.
+    """Draw this scene, of visible layers, from now on; precompute all that pictures are drawn of, coarse first.
+    Answered by `OrbitProgress` whenever it changes pictures. n_bounces: reflections between light and camera; 0: as
+    many as the engine takes. listener: the number of a window that draws moving pictures itself, to which all parts are
+    exported before that by `OrbitPartExported`; a new number has received nothing; 0: nobody. most_bytes: of any one
+    array. n_points: beside the meshes' own; n_coefficients: of light stored at each.
 
-    Another camera cancels it, for a camera is traced before anything slow goes on; what it has made ready stays.
+    Another camera cancels it, because tracing a camera goes before anything slow; what is ready stays.
     """
 
     built_on = (SetCamera,)
@@ -44,8 +44,8 @@ class PrepareOrbit(Request):
 
 @dataclass(frozen=True)
 class PrioritizeView(Request):
-    """What this camera sees is to be made ready first, though no picture is asked for. Answered by `OrbitProgress`
-    where it sees what nothing was made ready for, such as backs."""
+    """Make ready first what this camera sees, though no picture is requested. Answered by `OrbitProgress` where it sees
+    parts that are not ready, such as back faces."""
 
     built_on = (OpenScene,)
     priority = 1
@@ -57,9 +57,9 @@ class PrioritizeView(Request):
 
 @dataclass(frozen=True)
 class DrawOrbit(Request):
-    """Draw the scene from a camera, in so many pixels (width, height), of what is ready, while something moves by so
-    many coefficients of light a point; answered by `OrbitPictureDrawn` or `OrbitNotReady`. Built on the scene alone: a
-    camera is drawn long before what it sees has been traced."""
+    """Draw the scene from a camera, in a resolution (width, height), of what is ready, while something moves with so
+    many coefficients of light per point; answered by `OrbitPictureDrawn` or `OrbitNotReady`. It needs only the open
+    scene: a camera is drawn long before its view is traced."""
 
     built_on = (OpenScene,)
     priority = 0
@@ -75,9 +75,9 @@ class DrawOrbit(Request):
 
 @dataclass(frozen=True)
 class DrawHeadlight(Request):
-    """Draw the scene from a camera, in so many pixels (width, height), in poses, None: as it is open, of nothing that
-    has to be made ready: its objects in light from the eye. Answered by `OrbitPictureDrawn` of version 0, or
-    `OrbitNotReady` where no scene is open yet. Not built on what was traced, as `DrawOrbit`."""
+    """Draw the scene from a camera, in a resolution (width, height), in poses (None: as it is open), of nothing that is
+    precomputed: its objects lit from the camera. Answered by `OrbitPictureDrawn` of version 0, or `OrbitNotReady` where
+    no scene is open yet. It needs no traced view, as `DrawOrbit`."""
 
     built_on = (OpenScene,)
     priority = 0
@@ -93,9 +93,9 @@ class DrawHeadlight(Request):
 
 @dataclass(frozen=True)
 class EstimateDrawn(Request):
-    """Say how far off two pictures of the view that is open are: as they are drawn at rest, and while something moves.
-    scene, n_bounces: what they show, see `PrepareOrbit`; has_map: with where the former is off. Answered by
-    `DrawnErrorEstimated`. Each mode that draws in the worker has a kind of its own."""
+    """Estimate the error of two pictures of the open view: as drawn when idle, and while something moves. scene,
+    n_bounces: what they show, see `PrepareOrbit`; has_map: with an error map of the former. Answered by
+    `DrawnErrorEstimated`. Each mode that draws in the worker has its own subclass."""
 
     built_on = (SetCamera,)
     priority = 8
@@ -112,12 +112,12 @@ class EstimateDrawn(Request):
 
 @dataclass(frozen=True)
 class EstimateOrbit(EstimateDrawn):
-    """Of pictures that `DrawOrbit` asks for."""
+    """Estimate the error of pictures that `DrawOrbit` requests."""
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnErrorEstimated(Response):
-    """How far off the picture at rest is, and those while something moves; colours: see `ErrorEstimated`."""
+    """The error of the idle picture, and of those while something moves; colours: see `ErrorEstimated`."""
 
     at_rest: ErrorEstimate
     moving: ErrorEstimate
@@ -126,8 +126,8 @@ class DrawnErrorEstimated(Response):
 
 @dataclass(frozen=True)
 class OrbitProgress(Response):
-    """Pictures drawn now are others than under a lower `version`; is_done: they are the last; n_bytes: what is
-    kept for them."""
+    """Pictures drawn now differ from those of a lower `version`; is_done: no further version follows; n_bytes: memory
+    held for them."""
 
     version: int
     is_done: bool
@@ -143,14 +143,14 @@ class OrbitPartExported(Response):
 
 @dataclass(frozen=True)
 class OrbitNotReady(Response):
-    """There is nothing to draw of: what was made ready has gone with another worker, or with a scene opened anew."""
+    """Nothing can be drawn: what was ready is lost with another worker, or with a scene opened anew."""
 
 
 @dataclass(frozen=True, eq=False)
 class OrbitPictureDrawn(Response):
-    """Linear radiance (H, W, 3) without the light's intensity, drawn in so many seconds of what was ready; `prepared`
-    is the number of the `PrepareOrbit` that was heard last, version and is_done are as in `OrbitProgress`; carried: how
-    far animations have carried objects as wholes in it, by name: x, y, z."""
+    """Linear radiance (H, W, 3) without the light's intensity, and the seconds that drawing took; `prepared` is the
+    number of the last `PrepareOrbit`, version and is_done are as in `OrbitProgress`; carried: how far animations have
+    moved whole objects in it, by name: x, y, z."""
 
     radiance: NDArray[np.float32]
     prepared: int

@@ -1,4 +1,4 @@
-"""What is to be said of Orbit's own picture."""
+"""The status of Orbit's own picture."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from app.messages.editor_status import Status
 
 @dataclass(frozen=True)
 class OrbitStatus(Status):
-    """The status while Orbit's picture is seen: in how many pixels (width, height) it was drawn, and how long that took
-    in the worker; (0, 0) before there is one. is_plain: nothing was ready for it, and objects are lit from the eye."""
+    """The status while Orbit's picture is shown: its resolution (width, height), and how long the worker took to draw
+    it; (0, 0) before there is one. is_plain: nothing was ready for it, and objects are lit from the camera."""
 
     drawn_resolution: tuple[int, int] = (0, 0)
     drawn_seconds: float = 0.0
@@ -22,5 +22,5 @@ class OrbitStatus(Status):
 
     @property
     def follows_input(self) -> bool:
-        """It is: pictures are drawn as the hand moves, from the first on."""
+        """True: pictures follow the pointer from the first on."""
         return self.is_headlight or self.picture != "waiting"

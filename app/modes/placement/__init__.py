@@ -1,6 +1,6 @@
-"""Placement: curves and light are edited under a camera that rests [BenArtzi07].
+"""Placement: curves and light are edited under a fixed camera [BenArtzi07].
 
-`transport_talk` asks the worker for transport and `indirect_talk` for light of further bounces, `band_plans` for the
-bands of curves and `map_talk` for images; `comparison` keeps side A. `wishes` are the values they compare, `curves`
-what the document's curves come to, `events` what the renderer is told of it all.
+`transport_controller` requests transport, `indirect_controller` further bounces, `band_plans` the bands of curves,
+`map_controller` images; `comparison` follows side A. `desired_state` has the values that they compare, `curves` the
+band values of the document's curves, `placement_events` what the renderer receives.
 """

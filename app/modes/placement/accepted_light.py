@@ -1,4 +1,4 @@
-"""The environment that the worker last made a picture with: where the document goes back to when another one fails.
+"""The environment that the worker last made a picture with. The document returns to it when another one fails.
 
 Whether a file holds light is known only once the worker has read all of it. Without this, a damaged file would stay in
 the document, its picture would never come, and every later request would fail on it.
@@ -16,19 +16,20 @@ Source = tuple[object, ...]
 
 
 class AcceptedLight:
-    """One scene's environment that is known to work; None until there was a picture."""
+    """The environment of one scene that is known to work; None until there was a picture."""
 
     def __init__(self) -> None:
         self._light: LightState | None = None
 
     def accept(self, light: LightState) -> None:
-        """A picture came under this light."""
+        """Accept this light: a picture was made with it."""
         self._light = light
 
     def revert(self, history: History[Document], refused: LightState) -> bool:
-        """Take the environment that was refused out of the document; whether it was there and could be.
+        """Take the environment that was refused out of the document; returns whether it was there and could be taken
+        out.
 
-        Where choosing it was the last step, that step is gone as if it had never been; else it is replaced.
+        If choosing it was the last step, that step disappears from the history; else the environment is replaced.
         """
         known, light = self._light, history.document.light
         if known is None or source(light) != source(refused) or source(refused) == source(known):
@@ -39,11 +40,11 @@ class AcceptedLight:
 
 
 def source(light: LightState) -> Source:
-    """What the worker reads an environment from."""
+    """The source that the worker reads an environment from."""
     return light.environment, light.mapping, light.radiance
 
 
 def _only_changed_to(refused: LightState, before: Document, after: Document) -> bool:
-    """Whether all that happened between two documents is that this environment was chosen."""
+    """Whether two documents differ only in that this environment was chosen."""
     chosen = replace(before.light, environment=refused.environment, mapping=refused.mapping, radiance=refused.radiance)
     return before.light != chosen and replace(before, light=chosen) == after

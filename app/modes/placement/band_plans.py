@@ -1,13 +1,13 @@
-"""How many bands each layer of a document has: planned by the worker, for that takes longer than the window may block.
+"""The number of bands of each layer of a document, planned by the worker: that takes longer than the window may block.
 
-A layer is planned when it is first seen, and keeps its bands while it is edited, so that transport outlives edits; one
-of another model is planned anew. What was planned is remembered by what the layer was made of, so that undo finds it.
+A layer is planned when it is first seen, and keeps its bands while it is edited, so that transport outlives edits; a
+layer of another model is planned anew. Plans are stored by what the layer was made of, so that undo finds them.
 
 An edit that brings another layer (a material of the library, a pasted one, another model) is carried out at once. Until
 its plan is there, a few hundredths of a second, the layer has the usual bands, which need no plan: the picture shows
-what it shows, and nothing is asked for that depends on bands. Rejected: the usual bands for good, which are too few for
-a clear coat; and edits that wait for their plan, for then undo, scripts and panels would find a document that is not
-what was asked for.
+what it shows, and nothing is requested that depends on bands. Rejected: the usual bands for good, which are too few for
+a clear coat; and edits that wait for their plan, because undo, scripts and panels would then find a document without
+the edit.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Counts = dict[str, int]
 
 
 class BandPlans:
-    """J of each transport factor by layer key. most: what caps them; planned here until `leave_to_worker`."""
+    """J of each transport factor by layer key. most: their upper limit; planned here until `leave_to_worker`."""
 
     def __init__(self, most: int = MOST_BANDS) -> None:
         self._most = most
@@ -36,28 +36,28 @@ class BandPlans:
         self._added: dict[object, Counts] = {}
 
     def leave_to_worker(self) -> None:
-        """Plan nothing here any more; the worker caps nothing, so that capped plans stay here."""
+        """Plan nothing here any more; the worker knows no upper limit, so plans with one stay here."""
         self._by_worker = self._most == MOST_BANDS
 
     def scene_opened(self, scene: object) -> None:
-        """This scene is open, or seen in another way: of another than before nothing is planned."""
+        """Take over an open scene, or the same one newly traced: plans are dropped only for another scene."""
         if scene is not self._scene:
             self._planned, self._first_seen, self._added = {}, {}, {}
         self._scene = scene
 
     def add_plan(self, layer: Layer, counts: Mapping[str, int]) -> None:
-        """How many bands a layer needs that the document has or may come to have."""
+        """Note how many bands a layer needs that the document has or may get."""
         if self._most == MOST_BANDS:
             self._added[_made_of(layer)] = dict(counts)
 
     def replan(self, keys: Iterable[str]) -> None:
-        """These layers have become others: they are planned anew."""
+        """Plan these layers anew: they have changed."""
         for key in keys:
             self._planned.pop(key, None)
             self._first_seen.pop(key, None)
 
     def of(self, key: str, layer: Layer) -> Counts:
-        """J of each of the layer's factors; the usual ones as long as the worker has not planned it."""
+        """J of each of the layer's factors; the usual ones until the worker has planned it."""
         known = self._cached_plan(key, layer)
         if known is None and self._by_worker:
             return usual_bands(layer.model)
@@ -66,7 +66,7 @@ class BandPlans:
         return known
 
     def missing(self, layers: Iterable[tuple[str, Layer]]) -> tuple[Layer, ...]:
-        """What the worker is to plan for these layers by key, each as it was first seen; none where it plans none."""
+        """The layers, by key, that the worker is to plan, each as it was first seen; none where it plans none."""
         if not self._by_worker:
             return ()
         return tuple(self._first_version(key, layer) for key, layer in layers if self._cached_plan(key, layer) is None)
@@ -86,7 +86,7 @@ class BandPlans:
         return counts
 
     def _first_version(self, key: str, layer: Layer) -> Layer:
-        """The layer as it was when it came to have this model: a hand may move it until the answer comes."""
+        """The layer as it was when it got this model: a drag may change it until the response comes."""
         seen = self._first_seen.get(key)
         if seen is None or seen.model is not layer.model:
             seen = self._first_seen[key] = layer
@@ -94,7 +94,7 @@ class BandPlans:
 
 
 class BandController:
-    """The talk with the worker about bands. ``send`` hands a request over and returns its number."""
+    """Requests band plans. ``send`` sends a request and returns its number."""
 
     def __init__(self, send: Callable[[Request], int], plans: BandPlans) -> None:
         self._send, self._plans = send, plans
@@ -103,7 +103,7 @@ class BandController:
         self._planned: Document | None = None
 
     def update(self, document: Document) -> bool:
-        """Ask for what is missing; whether every layer of the document is planned."""
+        """Request what is missing; returns whether every layer of the document is planned."""
         if document is self._planned:
             return True
         missing = self._plans.missing(document.layers())
@@ -114,12 +114,12 @@ class BandController:
         return not missing
 
     def receive(self, response: BandsPlanned) -> None:
-        """What was asked for last has been planned."""
+        """Take the plan that was requested last."""
         if response.id == self._requested[0]:
             self._learn(response.bands)
 
     def receive_failure(self, response: RequestFailed) -> None:
-        """Layers that cannot be planned get the usual bands, so that they can be edited on."""
+        """Give layers that cannot be planned the usual bands, so that they can be edited."""
         if response.id == self._requested[0]:
             self._learn(usual_bands(layer.model) for layer in self._requested[1])
 
@@ -130,5 +130,5 @@ class BandController:
 
 
 def _made_of(layer: Layer) -> object:
-    """What a layer's curves come from."""
+    """What a layer's curves are made of."""
     return layer.model, layer.parameters, layer.edits

@@ -1,18 +1,18 @@
-"""Side A of the A/B picture: a document remembered, brought to the quality that side B reaches.
+"""Side A of the A/B picture: a remembered document, brought to the quality of side B.
 
-The renderer keeps A as a picture. Remembered while the first stages come in, that picture is coarse, and it would stay
-so beside a B that is refined. Transport belongs to light and quotients, not to curves, so as long as A has those of B
-it can be drawn exactly from what is there:
+The renderer stores A as a picture. Stored while the first stages come in, that picture is coarse, and would stay so
+beside a B that is refined. Transport belongs to light and quotients, not to curves, so as long as A has those of B it
+can be drawn exactly from what is there:
 
-- while A and B look alike, by taking the picture again after each stage, and when it is exact;
-- when curves were edited meanwhile, by asking the worker, once it rests, for the radiance of the layers that differ,
-  with A's curves. That is one contraction a layer, and nothing when A was remembered exact.
+- while A and B have the same layers, by storing the picture again after each stage, and when it is exact; - when curves
+were edited meanwhile, by requesting from the idle worker the radiance of the layers that differ, with
+  A's curves. That is one contraction a layer, and none when A was stored exact.
 
-Indirect light is everybody's: with it a layer that was edited changes them all, so that an A of other curves,
-remembered coarse, stays as it is until B looks like it.
+Indirect light depends on every layer: an edited layer changes it for all of them, so an A with other curves that was
+stored coarse stays as it is until B equals it.
 
 An A under another light than B's stays as it is until B comes back to that light: its transport is gone, and keeping a
-second one for a picture that is seldom looked at costs as much memory as the first. The divider says so.
+second one for a picture that is seldom shown costs as much memory as the first. The divider's label says so.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ Samples = Callable[[str, LayerMaps], NDArray[np.float16] | None]
 
 @dataclass(frozen=True)
 class PendingRadiance:
-    """A layer's radiance under way."""
+    """A request for a layer's radiance under way."""
 
     id: int
     key: str
@@ -50,10 +50,10 @@ class PendingRadiance:
 
 
 class Comparison:
-    """Follows one A after another. ``send`` hands a request to the worker; ``curves`` are those of side B."""
+    """Refines side A. ``send`` sends a request to the worker; ``curves`` are those of side B."""
 
     def __init__(self, send: Callable[[Request], int], curves: Curves, samples: Samples) -> None:
-        """samples: those of a layer's images, None where they are not known."""
+        """samples: those of a layer's images, None where they are unknown."""
         self._send, self._curves, self._samples = send, curves, samples
         self._document: Document | None = None
         self._ids: set[int] = set()
@@ -68,18 +68,18 @@ class Comparison:
         self._stage_finished = self._failed = False
 
     def begin(self, document: Document | None, is_exact: bool) -> None:
-        """A is (or is no longer) compared with; ``is_exact``: the picture that the renderer keeps of it is."""
+        """Begin or end the comparison with A; ``is_exact``: whether the picture that the renderer stored of it is."""
         self._document, self._exact = document, is_exact
         self._forget_revision()
 
     @property
     def document(self) -> Document | None:
-        """A itself; None while nothing is compared."""
+        """The document of A; None while nothing is compared."""
         return self._document
 
     @property
     def exact(self) -> bool:
-        """Whether A's picture is exact; also while nothing is compared."""
+        """Whether A's picture is exact; True also while nothing is compared."""
         return self._document is None or self._exact
 
     def stage_finished(self) -> None:
@@ -87,14 +87,14 @@ class Comparison:
         self._stage_finished = True
 
     def receive(self, response: LayerPicture) -> bool:
-        """Whether this is the answer to a request for A, and no part of side B."""
+        """Take a layer's radiance; returns whether it was requested for A and is no part of side B."""
         if self._requested is not None and response.id == self._requested.id:
             self._pictures[self._requested.key] = response.radiance
             self._requested = None
         return response.id in self._ids
 
     def worker_restarted(self) -> None:
-        """A new worker would answer with its first, coarse stage: what was asked for is asked for again later."""
+        """Request again later what was requested: a new worker would answer with its first, coarse stage."""
         self._requested = None
 
     def receive_failure(self, id: int) -> None:
@@ -111,7 +111,7 @@ class Comparison:
         exact: bool,
         has_indirect: bool = False,
     ) -> list[PictureEvent]:
-        """What the renderer can show of A now; asks the worker for what is missing.
+        """What the renderer can show of A now; requests what is missing.
 
         ``now`` in seconds; ``document`` is B's; ``exact``: whether B's picture on screen is, ``has_indirect``: whether
         there is light of further bounces in it.
@@ -133,7 +133,7 @@ class Comparison:
         return self._draw_apart(now, compared, document, controller)
 
     def _follow(self, exact: bool) -> list[PictureEvent]:
-        """B looks like A: what is on screen is A's picture as well."""
+        """B has A's layers: the picture on screen is A's as well."""
         if not exact and not self._stage_finished:
             return []
         self._stage_finished, self._exact = False, exact
@@ -142,7 +142,7 @@ class Comparison:
     def _draw_apart(
         self, now: float, compared: Document, document: Document, controller: TransportController
     ) -> list[PictureEvent]:
-        """B has other curves by now: ask for the layers that differ, one after the other, then draw A with them."""
+        """B has other curves by now: request the layers that differ, one after the other, then draw A with them."""
         differing = self._differing(compared, document, controller)
         missing = [key for key in differing if key not in self._pictures]
         if missing:
@@ -156,7 +156,7 @@ class Comparison:
         return [ComparisonRefined(self._layer_appearances(compared, differing, controller.light_gain))]
 
     def _lacks_images(self, key: str, layer: Layer) -> bool:
-        """Whether A has images in this layer that nobody sampled, or not lately."""
+        """Whether A has images in this layer whose samples are missing or out of date."""
         return not layer.maps.is_plain and self._samples(key, layer.maps) is None
 
     def _differing(self, compared: Document, document: Document, controller: TransportController) -> list[str]:

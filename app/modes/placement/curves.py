@@ -32,27 +32,27 @@ class Curves:
     """Band values and samples of a document's curves, computed once for each layer value.
 
     A layer is a value: as long as it is the same one, its curves are. Arrays are handed out read-only, and the same
-    object each time, so that whoever compares may begin by identity.
+    object each time, so that callers can compare by identity first.
     """
 
     def __init__(self, most_bands: int = MOST_BANDS, plans: BandPlans | None = None) -> None:
-        """plans: those of a talk before, None for some that have at most so many bands."""
+        """plans: those of a controller before, None for new ones that have at most so many bands."""
         self.plans = plans or BandPlans(most_bands)
         self.map_means: dict[tuple[str, Images], MapMeans] = {}
         self._cached: dict[tuple[str, str, int], tuple[Layer, Float64Array]] = {}
 
     def scene_opened(self, scene: object) -> None:
-        """This scene is open: of another one bands are planned anew."""
+        """Take over an open scene: bands are planned anew for another one."""
         self._cached = {}
         self.plans.scene_opened(scene)
 
     def bands(self, document: Document, key: str) -> dict[str, int]:
-        """J of each of a layer's transport factors: as planned, or as a person chose for the sharpest, or for each."""
+        """J of each of a layer's transport factors: as planned, or as the user set it for the sharpest, or for each."""
         counts, lines = self.planned(document, key), dict(document.overrides)
         return bands_of_lines(key, counts, lines) if lines else counts
 
     def planned(self, document: Document, key: str) -> dict[str, int]:
-        """The same where no line of the plan has been set."""
+        """The same without the plan's overrides."""
         return self._planned(document, key, document.layer(key))
 
     def all_planned(self, document: Document) -> tuple[tuple[str, dict[str, int]], ...]:
@@ -70,11 +70,11 @@ class Curves:
         return {name: self._band_values(key, layer, name, min(n, most or n)) for name, n in counts.items()}
 
     def scene_state(self, document: Document) -> SceneState:
-        """What the worker is told of a document."""
+        """What the worker gets of a document."""
         return scene_state(document, self.layer_state)
 
     def layer_state(self, document: Document, key: str) -> LayerState:
-        """What it is told of a layer: with its bands, and the means of its images as far as they are known."""
+        """What the worker gets of a layer: with its bands, and the means of its images as far as they are known."""
         layer = document.layer(key)
         bands = self.bands(document, key)
         return layer_state(document, key, tuple(bands.values()), self._means(key, layer))
@@ -92,7 +92,8 @@ class Curves:
         return document.layer(key).scale()
 
     def outgoing_gain(self, document: Document, key: str) -> Float64Array:
-        """f_q of a layer for all but the eye, (3,): with the mean of its texture and weight map, once that is known."""
+        """f_q of a layer for all but the camera, (3,): with the mean of its texture and weight map, once that is
+        known."""
         layer = document.layer(key)
         means = self._means(key, layer)
         return layer.scale() if means is None else layer.scale() * means.factor(layer.maps)
@@ -121,7 +122,8 @@ class Curves:
 def picture_identity(model: str, quotient_parameters: Sequence[float]) -> tuple[object, ...]:
     """What f_q and the curves of a layer's picture belong to: its model, and of a measured one the measurement.
 
-    Those of another one have another scale: with them the picture of the layer before would be far too bright or dark.
+    Those of another model have another scale: with them the picture of the layer before would be far too bright or
+    dark.
     """
     return (model, *quotient_parameters) if isinstance(MODELS[model], MeasuredModel) else (model,)
 

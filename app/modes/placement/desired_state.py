@@ -1,4 +1,4 @@
-"""What the editor wants of the worker, asked of it last, and got from it: the values that `transport_controller`
+"""What the editor desires of the worker, requested last, and received: the values that `transport_controller`
 compares."""
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ Emission = tuple[tuple[str, RGB], ...]
 class TransportShape:
     """What of a layer its transport depends on.
 
-    ``baked``: of a layer whose object is fixed the bytes of its curves, which are then part of its transport: nobody
-    means to edit it, so it costs no bands.
+    ``baked``: for a layer whose object is fixed the bytes of its curves, which are then part of its transport: it is
+    not edited, and so costs no bands.
     """
 
     key: str
@@ -48,14 +48,14 @@ class TransportShape:
         return other is not None and (self.model, self.quotient_parameters) == (other.model, other.quotient_parameters)
 
     def looks_like(self, other: TransportShape | None) -> bool:
-        """Whether transport of one gives the picture of the other, be it with bands or without."""
+        """Whether transport of one gives the picture of the other, with bands or without."""
         if other is None or not self.has_quotient_of(other):
             return False
         return self.baked == other.baked or not (self.is_fixed and other.is_fixed)
 
 
 def transport_shape(state: LayerState, coefficients: Coefficients) -> TransportShape:
-    """That of a layer, which has these curves."""
+    """The shape of a layer's transport, with these curves."""
     baked = b"".join(values.tobytes() for values in coefficients.values()) if state.fixed else None
     bands = tuple(zip(state.factors, state.bands, strict=True))
     return TransportShape(state.key, state.model, state.quotient_parameters, bands, baked)
@@ -63,7 +63,7 @@ def transport_shape(state: LayerState, coefficients: Coefficients) -> TransportS
 
 @dataclass(frozen=True)
 class DesiredTransport:
-    """All that transport depends on: equal wishes have equal transport."""
+    """All that transport depends on: equal values have equal transport."""
 
     light: LightState
     layers: tuple[TransportShape, ...]
@@ -71,7 +71,7 @@ class DesiredTransport:
     settings: RenderSettings = RenderSettings()
 
     def moved_from(self, other: DesiredTransport) -> bool:
-        """Whether of the light only the environment's rotation differs, or what emitters emit."""
+        """Whether only the environment's rotation differs, or what emitters emit."""
         light = replace(self.light, rotation=other.light.rotation)
         stayed = replace(self, light=light, emission=other.emission, layers=other.layers)
         return stayed == other and not self.lights_like(other)
@@ -81,11 +81,11 @@ class DesiredTransport:
         return (self.light, self.emission) == (other.light, other.emission)
 
     def can_mix_with(self, other: DesiredTransport) -> bool:
-        """Whether pictures of layers under both can stand side by side."""
+        """Whether pictures of layers under both can be shown side by side."""
         return self.lights_like(other) and self.settings.direct_settings == other.settings.direct_settings
 
     def alike(self, before: DesiredTransport) -> tuple[str, ...]:
-        """Keys of the layers that look as they did under the wish before."""
+        """Keys of the layers that have the same picture as under the desired transport before."""
         if not self.can_mix_with(before):
             return ()
         return tuple(shape.key for shape in self.layers if shape.looks_like(before.shape(shape.key)))
@@ -98,7 +98,7 @@ class DesiredTransport:
 class DesiredCurve:
     """One curve's transport; ``others`` are the present coefficients of the layer's other factors.
 
-    ``factor`` None wishes for the layer's radiance alone.
+    ``factor`` None desires the layer's radiance alone.
     """
 
     key: str
@@ -107,7 +107,7 @@ class DesiredCurve:
     precision: Precision = "half"
 
     def same_curve(self, other: DesiredCurve | None) -> bool:
-        """Whether the answer to one is of the kind that the other waits for."""
+        """Whether the response to one is of the kind that the other waits for."""
         if other is None:
             return False
         return (self.key, self.factor, self.precision) == (other.key, other.factor, other.precision)
@@ -118,7 +118,7 @@ class DesiredCurve:
 
 @dataclass
 class ReadyLayer:
-    """The newest radiance of a layer under the transport asked last: its stage, and the curves it was made with."""
+    """The newest radiance of a layer under the transport requested last: its stage, and the curves it was made with."""
 
     stage: str
     coefficients: Coefficients
@@ -136,7 +136,7 @@ class ReadyCurve:
 
 @dataclass
 class PendingContraction:
-    """A Contract under way."""
+    """A contraction under way."""
 
     id: int
     desired: DesiredCurve
@@ -144,7 +144,7 @@ class PendingContraction:
 
 
 def desired_transport(document: Document, settings: RenderSettings, curves: Curves) -> DesiredTransport:
-    """The transport of a document's layers in its light."""
+    """The desired transport of a document's layers in its light."""
     scene = curves.scene_state(document)
     shapes = tuple(transport_shape(state, curves.coefficients(document, state.key)) for state in scene.layers)
     return DesiredTransport(scene.light, shapes, scene.emission, settings)

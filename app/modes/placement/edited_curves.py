@@ -1,6 +1,7 @@
-"""Which curves' transport is wanted, asked for and there: the selected layer's, and of layers that share its curve.
+"""The transport of edited curves that is desired, requested and ready: the selected layer's, and that of layers that
+share its curve.
 
-All of them follow the hand in every frame, each from its own transport. The selected one's is asked for first.
+All of them follow the pointer in every frame, each from its own transport. The selected one's is requested first.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from engine.planner import Precision
 def edited_layers(document: Document, selected: Selection | None) -> tuple[str, ...]:
     """Keys of the layers that follow the selected curve, that of the selected layer first.
 
-    None where no curve is selected, or one of a lamp or a fixed object. Of layers that share it, those in sight.
+    None where no curve is selected, or one of a lamp or a fixed object. Of layers that share it, the visible ones.
     """
     if selected is None or selected.factor is None:
         return ()
@@ -34,7 +35,8 @@ def edited_layers(document: Document, selected: Selection | None) -> tuple[str, 
 def desired_curves(
     document: Document, selected: Selection | None, curves: Curves, precision: Precision
 ) -> tuple[DesiredCurve, ...]:
-    """The transport of the selected curve in the layers that follow it; none of a curve applied in image space."""
+    """The desired transport of the selected curve in the layers that follow it; none of a curve applied in image
+    space."""
     wishes = []
     for key in edited_layers(document, selected):
         coefficients = curves.coefficients(document, key)
@@ -45,7 +47,7 @@ def desired_curves(
 
 
 class EditedCurves:
-    """The books of the talk about them; `layers` are the radiances that came with the transport asked last."""
+    """Keeps track of this transport; `layers` are the radiances that came with the transport requested last."""
 
     def __init__(self) -> None:
         self.desired: tuple[DesiredCurve, ...] = ()
@@ -53,24 +55,25 @@ class EditedCurves:
         self._ready: dict[str, ReadyCurve] = {}
 
     def forget_answers(self, staying: Mapping[str, ReadyLayer]) -> None:
-        """Other transport was asked for, and with it what is wanted now; that of layers that stay is there."""
+        """Forget what came: other transport was requested, and with it what is desired now. Layers that stay are
+        ready."""
         self._requested = {desired.key: desired for desired in self.desired}
         self._ready = {key: shown for key, shown in self._ready.items() if key in staying}
 
     def forget_requested(self) -> None:
-        """A new worker knows nothing of what was asked."""
+        """Forget what was requested: a new worker knows nothing of it."""
         self._requested = {}
 
     def note_request(self, desired: DesiredCurve) -> None:
-        """It is being asked for."""
+        """Note that it is being requested."""
         self._requested[desired.key] = desired
 
     def withdraw(self, key: str) -> None:
-        """What was asked for will not come, or was not kept: selected again, it is asked for again."""
+        """Forget a request that failed or whose result was not stored: selected again, it is requested again."""
         self._requested.pop(key, None)
 
     def missing(self, layers: Mapping[str, ReadyLayer]) -> list[DesiredCurve]:
-        """Those that are neither there nor asked for."""
+        """Those that are neither ready nor requested."""
         due = [desired for desired in self.desired if not self.has(desired, layers)]
         return [desired for desired in due if not desired.same(self._requested.get(desired.key))]
 
@@ -84,29 +87,29 @@ class EditedCurves:
             return False
         if self._ready.get(desired.key) != ReadyCurve(desired.key, desired.factor, shown.stage, desired.precision):
             return False
-        # The layer that is shown may be the one before, with other curves than the document's.
+        # The layer on screen may be the one before, with other curves than the document's.
         others = {name: values for name, values in shown.coefficients.items() if name != desired.factor}
         return same_coefficients(others, desired.others)
 
     def receive(self, came: ReadyCurve, edited: tuple[str, ...]) -> bool:
-        """Note one that came; whether its layer is among those that follow the selected curve now."""
+        """Note one that came; returns whether its layer is among those that follow the selected curve now."""
         if came.key not in edited:
             asked = self._requested.get(came.key)
             if asked is not None and (asked.factor, asked.precision) == (came.factor, came.precision):
                 self.withdraw(came.key)
             return False
-        # The renderer keeps no transport but theirs: of any other layer it is asked for again when it is selected.
+        # The renderer holds transport only for these: any other layer's is requested again when it is selected.
         self._requested = {key: desired for key, desired in self._requested.items() if key in edited}
         self._ready = {key: shown for key, shown in self._ready.items() if key in edited} | {came.key: came}
         return True
 
     def finish_stage(self, layers: Mapping[str, ReadyLayer]) -> None:
-        """A stage is over: what did not come with it is asked for again."""
+        """Note the end of a stage: what did not come with it is requested again."""
         for desired in self.desired:
             if not self.has(desired, layers):
                 self.withdraw(desired.key)
 
     def stage_of(self, key: str, factor: str) -> str | None:
-        """The stage of a curve's transport, where it is the one that is there."""
+        """The stage of a curve's transport, where it is the one that is ready."""
         shown = self._ready.get(key)
         return None if shown is None or shown.factor != factor else shown.stage

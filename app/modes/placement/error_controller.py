@@ -1,8 +1,7 @@
-"""How far off the picture is, asked of the worker when nothing else is left to do.
+"""Estimates of the picture's error, requested from the worker when nothing else is left to do.
 
-It is asked once the picture has all that was asked for and the hand has rested for a while, and what was asked for is
-given up as soon as the picture is to be another: an edit has the processors to itself. What was told is remembered for
-undo.
+An estimate is requested once the picture has all that was requested and the user has been idle for a while. The request
+is given up as soon as the picture changes: an edit has the processors to itself. Estimates are remembered for undo.
 """
 
 from __future__ import annotations
@@ -28,18 +27,18 @@ MAX_ESTIMATES = 32
 
 @dataclass(frozen=True, eq=False)
 class _RestingPicture:
-    """A picture at rest: of a document, and how much of what the view has it made with."""
+    """An idle picture: its document, and what of the view it depends on."""
 
     document: Document
     made_with: tuple[int | None, ...]
 
     def is_same(self, other: _RestingPicture | None) -> bool:
-        """Whether it is of the very same document: those that undo comes back to are."""
+        """Whether it is of the identical document: undo comes back to those."""
         return other is not None and self.document is other.document and self.made_with == other.made_with
 
 
 class ErrorController:
-    """The talk with the worker about the error of the picture that is shown. ``send`` hands a request over."""
+    """Requests estimates of the error of the shown picture. ``send`` sends a request."""
 
     def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
         self._send, self._curves = send, curves
@@ -53,16 +52,16 @@ class ErrorController:
         self._stopped = False
 
     def estimate_of(self, document: Document) -> ErrorEstimate | None:
-        """What was told of the picture of this document; None while that is not known."""
+        """The error of the picture of this document; None while unknown."""
         return self._estimate if self._picture is not None and document is self._picture.document else None
 
     def colours_of(self, document: Document) -> NDArray[np.uint8] | None:
-        """Where it is off, see `ErrorEstimated`; None while that is not known."""
+        """The error map of that picture, see `ErrorEstimated`; None while unknown."""
         return None if self.estimate_of(document) is None else self._colours
 
     def update(self, now: float, document: Document, view: ViewState, revision: int, rests: bool) -> None:
-        """Ask where it is time to. revision: of the transport that the picture is made with; rests: whether nothing of
-        the picture is left to come, and no hand has hold of anything."""
+        """Request an estimate where it is time to. revision: of the transport that the picture is made with; rests:
+        whether nothing of the picture is left to come, and no drag is under way."""
         knobs = view.n_lights, view.n_patches, view.n_bounces, view.second_bands
         picture = _RestingPicture(document, (*knobs, view.shows_error))
         if not picture.is_same(self._picture) or revision != self._revision:
@@ -80,12 +79,12 @@ class ErrorController:
             self._requested = self._send(wanted)
 
     def forget(self) -> None:
-        """All pictures are others, or no longer known."""
+        """Forget all estimates: all pictures have changed, or are no longer known."""
         self._give_up()
         self._estimates.clear()
 
     def _give_up(self) -> None:
-        """The picture is another one: an answer that is still to come is given up."""
+        """Give up the response that is still to come: the picture has changed."""
         if self._requested is not None:
             self._send(CancelRequests(of=(EstimateError,)))
         self._estimate = self._requested = self._colours = None
@@ -93,22 +92,22 @@ class ErrorController:
         self._idle_since = math.inf
 
     def worker_interrupted(self) -> None:
-        """What was asked will not be answered: the worker was given something else to do."""
+        """The request will not be answered: the worker was given something else to do."""
         self._requested = None
 
     def user_stopped(self) -> None:
-        """A person stopped the work: the error of this picture is asked for no more."""
+        """The user stopped the work: the error of this picture is not requested again."""
         self._stopped, self._requested = self._estimate is None, None
 
     def receive(self, response: ErrorEstimated) -> None:
-        """The answer."""
+        """Take the response."""
         if response.id == self._requested and self._picture is not None:
             self._estimate, self._requested = response.estimate, None
             self._colours = response.colours
-            if response.colours is None:  # maps are large, and are found again
+            if response.colours is None:  # maps are large, and are computed again
                 self._estimates.append((self._picture, response.estimate))
 
     def receive_failure(self, id: int) -> None:
-        """It could not be found out, and is not asked for again."""
+        """The estimate failed, and is not requested again."""
         if id == self._requested:
             self.user_stopped()

@@ -1,14 +1,15 @@
-"""Indirect light on the window's side: what to freeze it for, and the picture of it each frame.
+"""Indirect light on the window's side: which freezing is desired, and the picture of it each frame.
 
-The worker freezes it for the object of the selected layer [BenArtzi07, sect. 6.1]: what every layer reflects is then a
-polynomial in that object's equivalent albedo d, and the selected layer's also a sum over the bands of its curve,
+The worker freezes indirect light for the object of the selected layer [BenArtzi07, sect. 6.1]: what every layer
+reflects is then a polynomial in that object's equivalent albedo d, and the selected layer's also a sum over the bands
+of its curve,
 
     L = Σ_n d^n β_n        and        L = Σ_n d^n Σ_j c_j F_jn.
 
-Both are sums over a few thousand samples, a few milliseconds, so that indirect light follows the hand exactly in every
+Both are sums over a few thousand samples, a few milliseconds, so that indirect light follows a drag exactly in every
 frame, without increments. What the sums hold fixed (other objects' curves, the other curve of the selected layer) is
-compared with the document once a frame, and frozen anew when it has changed, one request at a time. What a glossy
-object sends on keeps its shape while its curve is dragged; it is frozen anew as well once the hand rests.
+compared with the document once a frame, and frozen anew when it has changed, one request at a time. The secondary
+emission of a glossy object keeps its shape while its curve is dragged; it is frozen anew as well once the user is idle.
 """
 
 from __future__ import annotations
@@ -35,13 +36,13 @@ from engine.precompute.indirect.clamping import is_clamped, unscaled
 FREEZE_PATIENCE = 5.0
 IDLE_SECONDS = 0.25
 FINE_STAGE = "fine"
-# How many freezings are kept beside the one that is drawn: undo goes back to them.
+# Freezings stored beside the one that is drawn: undo goes back to them.
 MAX_CACHED = 4
 
 
 @dataclass(frozen=True, eq=False)
 class LayerReflectance:
-    """What a visible layer reflects by, to be compared: its curves, f_q (3,) and f_o (N,3), as `Curves` keeps them."""
+    """What a visible layer reflects by, to be compared: its curves, f_q (3,) and f_o (N,3), as `Curves` stores them."""
 
     layer: LayerState
     coefficients: tuple[Float64Array, ...]
@@ -54,7 +55,7 @@ class LayerReflectance:
 
 
 def layer_reflectances(scene: SceneState, document: Document, curves: Curves) -> tuple[LayerReflectance, ...]:
-    """Those of all visible layers of a document, of which the worker is told this."""
+    """The reflectance of all visible layers of a document, as the worker gets it."""
     return tuple(
         LayerReflectance(
             layer, tuple(curves.coefficients(document, layer.key).values()),
@@ -68,8 +69,8 @@ def layer_reflectances(scene: SceneState, document: Document, curves: Curves) ->
 class DesiredFreezing:
     """What the indirect light is frozen for; two serve the same if what they hold fixed is the same.
 
-    edited: of layers that share the selected curve which of theirs it is: like what else is edited of the object they
-    have a shape, and are frozen anew once the hand rests.
+    edited: for layers that share the selected curve, which of their curves it is: like all that is edited of the
+    object, they have a shape, and are frozen anew once the user is idle.
     """
 
     scene: SceneState
@@ -80,7 +81,7 @@ class DesiredFreezing:
     edited: Mapping[str, int] = field(default_factory=dict)
 
     def serves(self, other: DesiredFreezing) -> bool:
-        """Whether its answer is one to the other as well."""
+        """Whether the response to one is a response to the other as well."""
         if self is other:
             return True
         mine, theirs = (
@@ -93,8 +94,8 @@ class DesiredFreezing:
         )
 
     def same(self, other: DesiredFreezing) -> bool:
-        """Whether it was also made with what the other has of the edited object's curves: glossy ones have a shape, and
-        the noise is that of all."""
+        """Whether it was also made with the other's curves of the edited object: glossy ones have a shape, and the
+        noise depends on all of them."""
         if self is other:
             return True
         return len(self.reflectances) == len(other.reflectances) and all(
@@ -110,21 +111,21 @@ class DesiredFreezing:
             if not _close(one, two):
                 return False
         if any(a.shape != b.shape for a, b in zip(mine.coefficients, theirs.coefficients, strict=True)):
-            return False  # another choice of bands: what is kept of the selected curve has other ones
+            return False  # with another choice of bands, those of the selected curve differ
         if self.key is not None and object_of(mine.key) == object_of(self.key):
             return True  # its albedo is a variable
         return np.array_equal(mine.gain, theirs.gain) and np.array_equal(mine.view_curve, theirs.view_curve)
 
 
 class IndirectController:
-    """The talk with the worker about indirect light, and its picture. ``send`` hands a request over."""
+    """Requests indirect light, and makes its picture. ``send`` sends a request and returns its id."""
 
     def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
         self._send, self._curves = send, curves
         self.scene_opened()
 
     def scene_opened(self) -> None:
-        """Another scene: nothing is known of its light."""
+        """Another scene is open: its light is unknown."""
         self._found: IndirectFound | None = None
         self._confirmed = -1
         self._frozen: tuple[DesiredFreezing, IndirectFrozen, Footprint] | None = None
@@ -143,17 +144,17 @@ class IndirectController:
 
     @property
     def is_complete(self) -> bool:
-        """Whether what is shown is the document's indirect light in its final quality, or none is wanted."""
+        """Whether what is shown is the document's indirect light in its final quality, or none is desired."""
         return self._n_bounces <= 1 or self._complete
 
     def found_under(self, revision: int) -> IndirectFound | None:
-        """The fine light that was found, or is there as well, under the transport of that number; None without any."""
+        """The fine light that was found, or also holds, under the transport of that number; None without any."""
         found = self._found if self._confirmed == revision else None
         return found if found is not None and found.stage == FINE_STAGE else None
 
     @property
     def is_shown(self) -> bool:
-        """Whether the picture has indirect light, of whatever quality."""
+        """Whether the picture has indirect light, of any quality."""
         return bool(self._shown)
 
     @property
@@ -165,11 +166,12 @@ class IndirectController:
 
     @property
     def noise(self) -> float | None:
-        """What chance is left in the indirect light that is shown, RMS relative to its mean; None while unknown."""
+        """The noise of the indirect light that is shown, RMS relative to its mean; None while unknown."""
         return None if not self._shown or not self._noise_is_current or self._noise is None else self._noise.noise
 
     def noise_of_picture(self, direct: float) -> float:
-        """The same, relative to the mean of the whole picture; direct: that of its direct light. 0 while unknown."""
+        """The same, relative to the mean of the whole picture; direct: the mean of its direct light. 0 while
+        unknown."""
         if self.noise is None or self._noise is None:
             return 0.0
         mean = self._noise.mean + direct
@@ -177,7 +179,7 @@ class IndirectController:
 
     @property
     def _noise_is_current(self) -> bool:
-        """Whether the noise that was told last is that of the light that came last."""
+        """Whether the newest noise is that of the newest light."""
         if self._frozen is None or self._noise is None:
             return False
         frozen = self._frozen[1]
@@ -185,19 +187,19 @@ class IndirectController:
 
     @property
     def is_clamped(self) -> bool:
-        """Whether some of the indirect light is brighter than a picture holds."""
+        """Whether some of the indirect light is brighter than a picture can store."""
         return bool(self._is_clamped)
 
     def edited(self) -> None:
-        """The document or the selection changed: until the next update it is not known whether anything is missing."""
+        """The document or the selection changed: until the next update it is unknown whether anything is missing."""
         self._complete = False
 
     def worker_restarted(self) -> None:
-        """A new worker knows nothing of what was asked, and finds light anew."""
+        """A new worker knows nothing of what was requested, and computes light anew."""
         self._requested, self._confirmed = None, -1
 
     def receive_samples(self, response: IndirectFound) -> None:
-        """Samples were found, or are those of another transport as well; what they reflect comes with a freezing."""
+        """Samples were found, or also hold under another transport; what they reflect comes with a freezing."""
         if self._found is not None and (self._found.stage, self._confirmed) == (FINE_STAGE, response.revision):
             if response.stage != FINE_STAGE:
                 return  # what is there is finer, and of this light
@@ -206,7 +208,7 @@ class IndirectController:
             self._found = response
 
     def receive_frozen(self, response: IndirectFrozen) -> None:
-        """A freezing came; it is drawn with the footprint of its own samples."""
+        """Take a freezing; it is drawn with the footprint of its own samples."""
         found = self._found
         if (
             self._requested is None
@@ -220,32 +222,32 @@ class IndirectController:
         self._draw_with((self._requested[0], response, footprint))
 
     def _draw_with(self, frozen: tuple[DesiredFreezing, IndirectFrozen, Footprint]) -> None:
-        """Use a freezing from now on; those before it are kept as long as they are of the same light."""
+        """Use a freezing from now on; earlier ones stay stored as long as they are of the same light."""
         others = [each for each in (self._frozen, *self._cached) if each is not None and each is not frozen]
         self._cached = [each for each in others if each[1].number == frozen[1].number][:MAX_CACHED]
         self._frozen, self._drawn = frozen, None
         self._shown.clear()
 
     def _use_cached(self, desired: DesiredFreezing) -> None:
-        """Use one that was made for the same before, until its own is here."""
+        """Use a stored freezing for the same edits until the requested one is here."""
         for each in self._cached:
             if each[0].serves(desired) and each[0].same(desired):
                 self._draw_with(each)
                 return
 
     def means_changed(self) -> None:
-        """What layers send on became known otherwise than by an edit: the mean of a texture."""
+        """The albedo of layers became known otherwise than by an edit: the mean of a texture."""
         self._desired_inputs = None, None, None
 
     def receive_noise(self, response: IndirectNoise) -> None:
-        """How noisy what was frozen is."""
+        """Take the noise of a freezing."""
         self._noise = response
 
     def update(
         self, now: float, document: Document, selected: Selection | None, n_bounces: int, second: int | None,
         revision: int,
     ) -> list[PictureEvent]:  # fmt: skip
-        """Ask for what is missing; the radiances that changed."""
+        """Request what is missing; returns the radiances that changed."""
         self.request_missing(now, document, selected, n_bounces, second, revision)
         return self.follow(document)
 
@@ -253,8 +255,8 @@ class IndirectController:
         self, now: float, document: Document, selected: Selection | None, n_bounces: int, second: int | None,
         revision: int,
     ) -> None:  # fmt: skip
-        """Ask for what is missing. second: the most bands of the second bounce, None for as many as a curve has;
-        revision: of the transport asked last."""
+        """Request what is missing. second: the most bands of the second bounce, None for as many as a curve has;
+        revision: of the transport requested last."""
         self._n_bounces = n_bounces
         if n_bounces <= 1:
             return
@@ -271,7 +273,7 @@ class IndirectController:
         self._complete = self._fits and is_final and made_for.same(desired) and self._noise_is_current
 
     def follow(self, document: Document) -> list[PictureEvent]:
-        """The radiances that changed, of the document that was asked for last."""
+        """The radiances that changed, of the document at the last request."""
         if self._n_bounces <= 1:
             return self._remove_all()
         if self._frozen is None or not self._fits or self._drawn is self._last:
@@ -281,7 +283,7 @@ class IndirectController:
 
     @property
     def is_pending(self) -> bool:
-        """Whether it has been found, and none of it is here yet."""
+        """Whether light has been found, and none of it is in the picture yet."""
         return self._n_bounces > 1 and self._found is not None and self._frozen is None
 
     def is_outdated(self, revision: int | None) -> bool:
@@ -293,7 +295,7 @@ class IndirectController:
         return is_due or revision is not None and self._confirmed != revision
 
     def _is_current(self, frozen: IndirectFrozen, revision: int) -> bool:
-        """Whether it is the newest light, and that of the transport asked last."""
+        """Whether it is the newest light, and that of the transport requested last."""
         return self._found is not None and self._found.number == frozen.number and self._confirmed == revision
 
     def _remove_all(self) -> list[PictureEvent]:
@@ -303,7 +305,7 @@ class IndirectController:
         return [IndirectRadiance(key) for key in shown]
 
     def _desired(self, document: Document, selected: Selection | None, second: int | None) -> DesiredFreezing:
-        """Made once: most ticks find everything as it was, and the processors are the worker's."""
+        """The desired freezing, computed once: most ticks find nothing changed, and the processors are the worker's."""
         made_of, (before, *rest) = (document, selected, second), self._desired_inputs
         if self._last is None or before is not document or rest != [selected, second]:
             self._desired_inputs = made_of
@@ -313,7 +315,7 @@ class IndirectController:
     def _make_desired(self, document: Document, selected: Selection | None, second: int | None) -> DesiredFreezing:
         key = factor = None
         edited: dict[str, int] = {}
-        # What is frozen by hand is not edited: it takes no part in the polynomial, and costs no bands.
+        # An object that the user froze is not edited: it takes no part in the polynomial, and costs no bands.
         if selected is not None and not (document.object(selected.object).is_lamp or document.is_frozen(selected.key)):
             key = selected.key
             names = list(self._curves.coefficients(document, key))
@@ -345,7 +347,7 @@ class IndirectController:
     def _radiances(
         self, document: Document, made_for: DesiredFreezing, frozen: IndirectFrozen, footprint: Footprint
     ) -> list[PictureEvent]:
-        """Of the layers whose radiance is another than the one shown."""
+        """The radiances of the layers that differ from those on screen."""
         albedo = self._albedo(document, frozen)
         events: list[PictureEvent] = []
         for look in made_for.reflectances:
@@ -391,7 +393,7 @@ def _radiance(
 
 
 def _equal(one: LayerReflectance, two: LayerReflectance) -> bool:
-    """Whether two looks of one layer reflect alike."""
+    """Whether two reflectances of one layer are equal."""
     mine, theirs = ((*look.coefficients, look.gain, look.view_curve) for look in (one, two))
     return all(a is b or _close(a, b) for a, b in zip(mine, theirs, strict=True))
 

@@ -1,9 +1,9 @@
 """Textures and weight maps on the window's side: which images are to be sampled, and what is known of them.
 
-The worker samples a layer's images once for each pixel of its object; strength and inversion are numbers that the
-renderer multiplies by, and repeats or another file ask for new samples. Until those are here the old ones stay on
-screen. What was sampled is kept for a while, so that undo shows it at once. Compared with the document whenever that
-has changed, one request at a time, as everything else is.
+The worker samples a layer's images once for each pixel of its object. Strength and inversion are numbers that the
+renderer multiplies by; repeats or another file require new samples. Until those are here the old ones stay on screen.
+Samples are cached for a while, so that undo shows them at once. The desired images are compared whenever the document
+has changed, one request at a time.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ Surface = tuple[str, Images]
 
 
 class MapController:
-    """The talk with the worker about images. ``send`` hands a request over; ``curves`` learn the means."""
+    """Requests samples of images. ``send`` sends a request and returns its id; ``curves`` get the means."""
 
     def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
         self._send, self._curves = send, curves
         self.scene_opened()
 
     def scene_opened(self) -> None:
-        """Another scene: nothing is known of its images."""
+        """Another scene is open: its images are unknown."""
         self._cached: dict[Surface, MapsSampled] = {}
         self._refused: dict[Surface, str] = {}
         self._shown: dict[str, MapsSampled] = {}
@@ -67,11 +67,11 @@ class MapController:
         return self._refused.get((object_of(key), maps.images))
 
     def cached_maps(self, key: str, maps: LayerMaps) -> MapsSampled | None:
-        """What is known of a layer's images: samples, means, thumbnails."""
+        """The cached samples, means and thumbnails of a layer's images."""
         return self._cached.get((object_of(key), maps.images))
 
     def edited(self) -> None:
-        """The document changed: until the next update it is not known whether anything is missing."""
+        """The document changed: until the next update it is unknown whether anything is missing."""
         self._document = None
 
     def reload(self, key: str, maps: LayerMaps) -> None:
@@ -82,9 +82,9 @@ class MapController:
         self.edited()
 
     def receive(self, response: MapsSampled) -> None:
-        """Images were sampled."""
+        """Take the samples of images."""
         surface = (object_of(response.key), response.images)
-        # What was asked for shares its strokes with the document; what crossed between processes is a copy of them all.
+        # The request shares its strokes with the document; what crossed between processes is a copy of them all.
         surface = next((asked for asked in self._awaited if asked == surface), surface)
         response = replace(response, images=surface[1])
         self._awaited.discard(surface)
@@ -106,7 +106,7 @@ class MapController:
             self.edited()
 
     def _forget_begun(self, surface: Surface) -> None:
-        """A stroke went on: what it was in the frames before is of no further use."""
+        """Forget a stroke's samples of earlier frames: they are of no further use."""
         for place, images in list(self._cached):
             if place == surface[0] and surface[1].strokes.extends_last_stroke(images.strokes):
                 del self._cached[place, images]
@@ -115,8 +115,8 @@ class MapController:
                 del self._curves.map_means[place, images]
 
     def refuse(self, response: MapsRefused, history: History[Document]) -> bool:
-        """Images cannot be used. Where choosing them was the last step, that step is gone as if it had never been;
-        whether it was. Else they stay in the document, and the layer is shown without."""
+        """Drop images that cannot be used. If choosing them was the last step, that step disappears from the history;
+        returns whether it did. Else they stay in the document, and the layer is shown without them."""
         self._refused[object_of(response.key), response.images] = response.line
         self._awaited.discard((object_of(response.key), response.images))
         self.edited()
@@ -129,12 +129,12 @@ class MapController:
         return history.retract(lambda before: _only_chose(response.key, response.images, before, document))
 
     def update(self, document: Document) -> list[LayerMapsChanged]:
-        """Ask for what is missing; the layers whose samples are others than those shown."""
+        """Request what is missing; returns the layers whose samples differ from those shown."""
         self.request_missing(document)
         return self.follow(document)
 
     def request_missing(self, document: Document) -> None:
-        """Ask for what is missing."""
+        """Request what is missing."""
         if document is self._document:
             return
         self._document, self._followed = document, None
@@ -158,7 +158,7 @@ class MapController:
             self._asked = self._missing
 
     def follow(self, document: Document) -> list[LayerMapsChanged]:
-        """The layers whose samples are others than those shown, of the document that was asked for last."""
+        """The layers whose samples differ from those shown, of the document at the last request."""
         if document is self._followed or document is not self._document:
             return []
         self._followed = document
@@ -182,8 +182,8 @@ class MapController:
         return events
 
     def _drag_is_ahead(self, missing: Iterable[Surface]) -> bool:
-        """Whether the worker is still at an earlier part of a stroke: asked for more it would drop that, and nothing
-        would be seen before the hand rests."""
+        """Whether the worker is still at an earlier part of a stroke: another request would cancel that, and nothing
+        would show before the user is idle."""
         return any(
             wanted[0] == awaited[0] and wanted[1].without_strokes == awaited[1].without_strokes
             and wanted[1].strokes.extends_last_stroke(awaited[1].strokes)
@@ -191,7 +191,7 @@ class MapController:
         )  # fmt: skip
 
     def _painted_so_far(self, surface: Surface) -> MapsSampled | None:
-        """While a stroke goes on: the newest of it that is here, whose mean stands for that to come."""
+        """During a stroke: the newest samples of it, whose mean stands in for that to come."""
         newest = self._newest.get((surface[0], surface[1].without_strokes))
         if newest is None or not surface[1].strokes.extends(newest.images.strokes):
             return None
@@ -214,8 +214,8 @@ def _wanted(document: Document) -> dict[str, LayerMaps]:
 
 
 def _out_of_step(wanted: dict[str, LayerMaps], found: dict[str, MapsSampled | None]) -> set[str]:
-    """Layers of an object that the same strokes paint, as long as those of one are here farther along than those of
-    another: apart, the one would have given way already to what the other does not show yet, and both be black."""
+    """Layers of an object that the same strokes paint, as long as one has newer samples than another: shown apart, one
+    would already make way for what the other does not show yet, and both would be black."""
     reached: dict[tuple[str, Strokes], set[Strokes | None]] = {}
     for key, maps in wanted.items():
         here = found.get(key)
@@ -226,12 +226,12 @@ def _out_of_step(wanted: dict[str, LayerMaps], found: dict[str, MapsSampled | No
 
 
 def _painted_as(wanted: dict[str, LayerMaps], key: str) -> tuple[str, Strokes]:
-    """The same of layers that one brush paints."""
+    """Equal for layers that one brush paints."""
     return object_of(key), wanted[key].strokes
 
 
 def _only_chose(key: str, images: Images, before: Document, after: Document) -> bool:
-    """Whether all that happened between two documents is that a layer got these images."""
+    """Whether two documents differ only in that a layer got these images."""
     if all(each != key for each, _ in before.layers()) or before.layer(key).maps.images == images:
         return False
     return before.with_layer(key, before.layer(key).replace(maps=after.layer(key).maps)) == after

@@ -1,16 +1,16 @@
-"""From one picture to the next: what has come of the next waits until it can take the place of the one on screen.
+"""From one picture to the next: responses for the next picture wait until they can replace the one on screen.
 
-The worker answers layer by layer and stage by stage. Shown as it comes, that would be parts of two documents in one
-picture, and coarse samples where fine ones were. So the picture is always one document's (`drawn`), and a document is
-drawn from the frame in which all that it changes is there:
+The worker answers layer by layer and stage by stage. Shown as it comes, that would mix parts of two documents in one
+picture, and show coarse samples where fine ones were. So the picture is always one document's (`drawn`), and a document
+is drawn from the frame in which all that it changes is there:
 
-- A layer's radiance replaces another of the same light that is no finer. Layers that change together appear together.
-- Under other light all layers and the sky behind them change in one frame, once every pixel has samples of its own,
-  those at edges included; what 400 lights then still leave to be wished for takes less time than a person waits.
-- A light in the hand is followed by quick pictures, whole ones; so is the hand by coarse ones, where it moves something
-  that the picture has not shown yet.
-- The first picture of a view replaces objects lit from the eye, and is as coarse as it comes.
-- The last stage takes its place in any case, whatever was there: nothing finer will come.
+- A layer's radiance replaces another of the same light that is no finer. Layers that change together appear together. -
+Under other light all layers and the sky behind them change in one frame, once every pixel has samples of its own,
+  those at edges included; what 400 lights then still lack is not worth the wait.
+- A light that is dragged is followed by quick, complete pictures; a drag of something that the picture has not shown
+  yet is followed by coarse ones.
+- The first picture of a view replaces objects lit from the camera, and is as coarse as it comes. - The last stage is
+always shown, whatever was there: nothing finer will come.
 
 Rejected: to show coarse samples of a new material at once, which is a second earlier and looks like a fault; to fade
 from one picture into the other, which is a mixture of both.
@@ -30,7 +30,7 @@ from app.modes.placement.curves import Coefficients, Curves, Float64Array, pictu
 from app.modes.placement.desired_state import DesiredTransport, brightening_factors, same_coefficients
 from app.modes.placement.placement_events import LayerRadiance, TransportReady
 
-# Coarse to fine. Lit anew is as fine as a preview in its pixels, and has the exact picture's details beside.
+# Coarse to fine. A relit picture is as fine as a preview in its pixels, and has the exact picture's details beside.
 _RANK = {"drag": 0, "coarse": 1, "preview": 2, "relit": 3, "final": 4}
 _FULL_RESOLUTION = _RANK["preview"]
 _ANY = -1
@@ -38,9 +38,10 @@ _ANY = -1
 
 @dataclass(frozen=True)
 class RequestedTransport:
-    """The transport asked last: what it is of, the document then, and how far it and the document's other needs are.
+    """The transport requested last: its desired state, the document then, and how complete it and the document's other
+    needs are.
 
-    is_drag: for a light in the hand. is_last: whether its last stage has come. has_other_parts: whether images and
+    is_drag: for a light that is dragged. is_last: whether its last stage has come. has_other_parts: whether images and
     indirect light of the document as it is now are there; is_finished: whether all of its picture is.
     """
 
@@ -54,7 +55,7 @@ class RequestedTransport:
 
 @dataclass
 class _ShownLayer:
-    """What a layer's picture was made of. curve: that whose transport came with it, None for none."""
+    """What a layer's picture was made of. curve: the one whose transport came with it, None for none."""
 
     rank: int
     drawn_as: tuple[object, ...]
@@ -70,7 +71,7 @@ class PictureTransition:
         self.scene_opened(Document(""), has_sky=True)
 
     def scene_opened(self, document: Document, has_sky: bool) -> None:
-        """Nothing is on screen yet but objects lit from the eye. has_sky: whether the scene's own light has one."""
+        """Start with only objects lit from the camera on screen. has_sky: whether the scene's own light has one."""
         self._has_sky = has_sky
         self.drawn = document
         self._desired: DesiredTransport | None = None
@@ -81,7 +82,7 @@ class PictureTransition:
 
     @property
     def has_picture(self) -> bool:
-        """Whether anything that was computed is on screen."""
+        """Whether anything computed is on screen."""
         return self._desired is not None
 
     @property
@@ -96,17 +97,17 @@ class PictureTransition:
 
     @property
     def light_gain(self) -> Float64Array:
-        """How much brighter (3,) the emitters of the document drawn are than in its pictures, where they are all there
-        is of light."""
+        """How much brighter (3,) the emitters of the drawn document are than in its pictures, where they are the only
+        light."""
         factors = (
             None if self._desired is None else brightening_factors(emission_of(self.drawn), self._desired.emission)
         )
         return np.ones(3) if factors is None else factors
 
-    # ------------------------------------------------------------------------------------------------- what has come
+    # -------------------------------------------------------------------------------------------------------- responses
 
     def transport_requested(self, staying: Collection[str]) -> None:
-        """Other transport was asked for: what has come of these layers is a part of it, all else is void."""
+        """Other transport was requested: what has come of these layers is a part of it, all else is void."""
         self._coming = {key: event for key, event in self._coming.items() if key in staying}
         self._transports = {key: event for key, event in self._transports.items() if key in self._coming}
 
@@ -121,12 +122,12 @@ class PictureTransition:
         self._sky = event
 
     def rendered(self, key: str, factor: str, coefficients: Float64Array) -> None:
-        """The renderer has stepped a layer's picture to these exactly."""
+        """The renderer has updated a layer's picture to exactly these coefficients."""
         layer = self._layers.get(key)
         if layer is not None and key not in self._coming:
             layer.coefficients = {**layer.coefficients, factor: coefficients}
 
-    # ------------------------------------------------------------------------------------------------- what is shown
+    # ---------------------------------------------------------------------------------------------------- what is shown
 
     def update(
         self,
@@ -136,11 +137,11 @@ class PictureTransition:
         edited: Iterable[str],
         factor: str | None,
     ) -> list[PictureEvent]:
-        """What takes its place on screen now, in one frame; `drawn` is then the document of the picture.
+        """Replace what can be replaced on screen now, in one frame; `drawn` is then the document of the picture.
 
         edited: keys of the layers that follow the selected curve, `factor`, in every frame.
         """
-        if not self.has_picture:  # objects lit from the eye need nothing
+        if not self.has_picture:  # objects lit from the camera need nothing
             self.drawn = document
         if asked is None:
             return []
@@ -150,12 +151,12 @@ class PictureTransition:
         return self._replaced(document, asked, dragging, follows)
 
     def draw_now(self, document: Document, edited: Iterable[str], factor: str | None) -> None:
-        """Draw an edit in this very frame, where nothing of it has to come."""
+        """Draw an edit in this very frame, where it needs no response."""
         if self._can_draw(document, self._layers, dict.fromkeys(edited, factor), False):
             self.drawn = document
 
     def follow_drag(self, document: Document) -> None:
-        """A hand moves something: draw it in this very frame, as far as it can be while another edit is waited for."""
+        """Draw a drag in this very frame, as far as possible while another edit is waited for."""
         if document is self.drawn or not self.has_picture:
             self.drawn = document
         elif self._can_draw(document, self._layers, {}, True):
@@ -216,14 +217,14 @@ class PictureTransition:
             events.append(transport)
         return events
 
-    # -------------------------------------------------------------------------------------------- what can be drawn
+    # ------------------------------------------------------------------------------------------------ what can be drawn
 
     @property
     def _rank(self) -> int:
         return min((layer.rank for layer in self._layers.values()), default=_ANY)
 
     def _least_rank(self, document: Document, key: str, dragging: bool) -> int:
-        """How fine a layer's picture has to be: as the one on screen, if a hand does not move what that is not of."""
+        """How fine a layer's picture has to be: as the one on screen, unless a drag changes what that does not show."""
         shown = self._layers.get(key)
         if dragging and (shown is None or shown.drawn_as != _drawn_as(document, key)):
             return _ANY
@@ -241,7 +242,7 @@ class PictureTransition:
         return after
 
     def _has_same_light(self, document: Document, desired: DesiredTransport | None) -> bool:
-        """Whether a document's light is that of transport, but for what multiplies its pictures."""
+        """Whether a document's light is that of the transport, apart from what multiplies its pictures."""
         if desired is None or replace(document.light, intensity=1.0) != desired.light:
             return False
         emission = emission_of(document)
@@ -254,7 +255,7 @@ class PictureTransition:
         self, document: Document, layers: Mapping[str, _ShownLayer], follows: Mapping[str, str | None], roughly: bool,
         desired: DesiredTransport | None = None,
     ) -> bool:  # fmt: skip
-        """Whether these layers, lit as on screen or as in this transport, are all that a document shows. roughly: with
+        """Whether these layers, lit as on screen or by this transport, are all that a document shows. roughly: with
         curves that are on their way."""
         return self._has_same_light(document, desired or self._desired) and all(
             self._can_draw_object(state.name, document, layers, follows, roughly)
@@ -278,7 +279,7 @@ class PictureTransition:
         return True
 
     def _shows_curves(self, document: Document, key: str, look: _ShownLayer, followed: str | None) -> bool:
-        """Whether a layer's picture has the document's curves, or follows that in which it has not."""
+        """Whether a layer's picture has the document's curves, or follows the one in which it does not."""
         wanted = self._curves.coefficients(document, key)
         if same_coefficients(look.coefficients, wanted):
             look.coefficients = wanted
@@ -297,7 +298,7 @@ def _shown_layer(event: LayerRadiance) -> _ShownLayer:
 
 
 def _drawn_as(document: Document, key: str) -> tuple[object, ...]:
-    """Of the layer that a document has by this key; nothing where it has none."""
+    """What is drawn of the layer that a document has by this key; empty where it has none."""
     if all(key != each for each, _ in document.layers()):
         return ()
     layer = document.layer(key)

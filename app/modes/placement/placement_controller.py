@@ -1,10 +1,10 @@
-"""Placement in the window's process: the talks with the worker that make its picture, as one.
+"""Placement in the window's process: its controllers joined to one.
 
-    document ─┬─► Curves ─► coefficients wanted ─► renderer
-              └─► transport, indirect light, images, side A ─► requests ─► worker ─► answers ─► picture events
+    document ─┬─► Curves ─► desired coefficients ─► renderer
+              └─► transport, indirect light, images, side A ─► requests ─► worker ─► responses ─► picture events
 
-Each of them compares what the document and the view want with what was asked for and has come (see
-`transport_controller`); this joins them, and says what all of it comes to for the person.
+Each of them compares what the document and the view desire with what was requested and has come (see
+`transport_controller`); this joins them, and sums them up in the status.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ from engine.precompute.indirect.clamping import TOO_BRIGHT
 
 
 class PlacementController(ModeController):
-    """The talk of Placement. curves: how many bands each curve gets, None for as many as planned."""
+    """The controller of Placement. curves: how many bands each curve gets, None for as many as planned."""
 
     def __init__(self, services: EditorServices, curves: Curves | None = None) -> None:
         self.curves = curves or Curves(plans=services.shared_state(BandPlans))
@@ -86,7 +86,7 @@ class PlacementController(ModeController):
         self._forget()
 
     def _forget(self) -> None:
-        """Nothing is known of the picture."""
+        """Forget the picture."""
         self._view_id = 0
         self._footprints: dict[str, Footprint] = {}
         self._accepted_light = AcceptedLight()
@@ -97,7 +97,7 @@ class PlacementController(ModeController):
         self._transport_bytes = 0
         self._done: StageDone | None = None
 
-    # ----------------------------------------------------------------------------------------- what the editor tells
+    # --------------------------------------------------------------------------------------------- events of the editor
 
     def scene_closed(self) -> None:
         self._transport.scene_closed()
@@ -168,7 +168,7 @@ class PlacementController(ModeController):
         self._comparison.worker_restarted()
 
     def _picture_changed(self) -> None:
-        """Something the picture is made of changed: until the renderer reports again, it is not exact."""
+        """Note that the picture has changed: until the renderer reports again, it is not exact."""
         self._report = replace(self._report, exact=False)
 
     @property
@@ -177,10 +177,10 @@ class PlacementController(ModeController):
 
     @property
     def _view(self) -> ViewState:
-        """With what the document has in the place of its knobs."""
+        """The view with the document's overrides in place of its own settings."""
         return effective_view(self._services.view, self._document)
 
-    # --------------------------------------------------------------------------------------------------------- asking
+    # ------------------------------------------------------------------------------------------------------- requesting
 
     def update(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
         compare = partial(self._compare, now, document, view)
@@ -194,7 +194,7 @@ class PlacementController(ModeController):
         return events + self._services.barrier.run("Side A", compare, none, (document, view))
 
     def _request_missing(self, now: float, document: Document, view: ViewState) -> bool:
-        """Ask for what is missing; whether the bands of all layers are known."""
+        """Request what is missing; returns whether the bands of all layers are known."""
         controller, revision = self._transport, self._transport.revision
         planned = self._bands.update(document)
         settings = effective_settings(view, document)
@@ -210,7 +210,7 @@ class PlacementController(ModeController):
         return planned
 
     def _advance_transition(self, document: Document, view: ViewState, planned: bool) -> list[PictureEvent]:
-        """What takes its place in the picture now, all of it in one frame."""
+        """What is replaced in the picture now, all of it in one frame."""
         controller, change, was_held = self._transport, self._changeover, self._was_held
         asked, dragging = self._requested_transport() if planned else None, self._services.history.dragging
         changes = change.update(document, asked, dragging, self.edited_layers, self._factor)
@@ -230,7 +230,7 @@ class PlacementController(ModeController):
         return _group_events([*changes, *events]) if changes else [*events]
 
     def _requested_transport(self) -> RequestedTransport | None:
-        """The transport asked last, and what else has come of the document."""
+        """The transport requested last, and what else has come of the document."""
         controller = self._transport
         if controller.requested is None or not controller.is_open:
             return None
@@ -239,14 +239,14 @@ class PlacementController(ModeController):
             controller.revision if controller.running else None
         )
         if controller.running and not self._changeover.has_picture and self._view.n_bounces != 1:
-            # A first picture without the light between surfaces would have black metal.
+            # A first picture without indirect light would have black metal.
             has_rest = has_rest and controller.has_stage and not self.indirect.is_pending
         return RequestedTransport(
             desired, document, controller.drag_quality, controller.delivered_final, has_rest, controller.finished
         )
 
     def _compare(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
-        """Side A as it is chosen, and brought up to date."""
+        """Follow the choice of side A, and refine its picture."""
         exact = self._picture in ("finished", "exact")
         if view.compare is not self._comparison.document:
             self._comparison.begin(view.compare, exact and view.compare is document)
@@ -255,23 +255,23 @@ class PlacementController(ModeController):
 
     @property
     def lacks_bounces(self) -> bool:
-        """Whether the picture shows direct light alone, and the first light between surfaces is still to come."""
+        """Whether the picture shows direct light alone, and the first indirect light is still to come."""
         return self._transport.running and self._view.n_bounces != 1 and not self.indirect.is_on_screen
 
     @property
     def awaits_response(self) -> bool:
-        """Whether a curve's transport, a layer's picture or frozen light is to come at any moment."""
+        """Whether a curve's transport, a layer's picture or frozen light is due at any moment."""
         return self._transport.awaits_contraction or self.indirect.awaits_frozen
 
     @property
     def is_running(self) -> bool:
         return self._transport.running
 
-    # ------------------------------------------------------------------------------------------------------ rendering
+    # -------------------------------------------------------------------------------------------------------- rendering
 
     @property
     def drawn(self) -> Document:
-        """The document that the picture shows: the newest of which all is there that it changes."""
+        """The document that the picture shows: the newest of which all changes are there."""
         document, change = self._document, self._changeover
         if self._services.history.dragging:
             change.follow_drag(document)
@@ -287,7 +287,7 @@ class PlacementController(ModeController):
 
     @property
     def is_held(self) -> bool:
-        """Whether the picture shows an earlier document than there is."""
+        """Whether the picture shows an earlier document than the present one."""
         return self.drawn is not self._document
 
     def wanted_coefficients(self, key: str) -> dict[str, Float64Array]:
@@ -295,7 +295,7 @@ class PlacementController(ModeController):
         return self.curves.coefficients(self._document, key)
 
     def drawn_coefficients(self, key: str) -> dict[str, Float64Array]:
-        """The same, as the document drawn has them; none where the document has another layer by now."""
+        """The same, as the drawn document has them; none where the document has another layer by now."""
         models = [{key: layer.model for key, layer in each.layers()}.get(key) for each in (self.drawn, self._document)]
         return self.curves.coefficients(self.drawn, key) if models[0] is models[1] else {}
 
@@ -305,7 +305,7 @@ class PlacementController(ModeController):
         return edited_layers(self._document, self._services.view.selected)
 
     def picture_identity(self, key: str) -> tuple[object, ...]:
-        """What f_q and the curves of a layer belong to: a picture of another one is not to be drawn with them."""
+        """What f_q and the curves of a layer belong to: a picture of another one must not be drawn with them."""
         layer = self.drawn.layer(key)
         return picture_identity(layer.model.name, layer.quotient_parameters().tolist())
 
@@ -318,7 +318,7 @@ class PlacementController(ModeController):
         return self.curves.view_curve(self.drawn, key)
 
     def rendered(self, report: RenderReport) -> None:
-        """What the renderer reached in the frame just drawn, for the present document and selection."""
+        """Take the renderer's report on the frame just drawn, for the present document and selection."""
         waits = self.is_held or self._changeover.waits
         self._report = report = replace(report, exact=report.exact and not waits)
         factor = self._factor
@@ -332,7 +332,7 @@ class PlacementController(ModeController):
         controller, report, view = self._transport, self._report, self._view
         noise, picture = self._noise, self._picture
         known = picture not in ("waiting", "preview")
-        # That nothing is left to be added says nothing of how far off the picture is.
+        # Having nothing left to add does not tell the picture's error.
         says_error = known and self._other_parts_complete and picture != "exact"
         error = math.hypot(report.image_error or 0.0, noise) if says_error else None
         estimate = self._error.estimate_of(self._document) if picture in ("finished", "exact") else None
@@ -380,12 +380,12 @@ class PlacementController(ModeController):
 
     @property
     def _noise(self) -> float:
-        """The chance in the whole picture."""
+        """The noise of the whole picture."""
         return self.indirect.noise_of_picture(self._report.mean_radiance)
 
     @property
     def _other_parts_complete(self) -> bool:
-        """Whether all that makes the picture beside direct light, indirect light and images, is there."""
+        """Whether indirect light and images, all that makes the picture besides direct light, are complete."""
         return self.indirect.is_complete and self.maps.is_complete
 
     @property
@@ -402,7 +402,7 @@ class PlacementController(ModeController):
             return "refining"
         return "exact" if self._noise <= NO_NOISE else "finished"
 
-    # -------------------------------------------------------------------------------------------------------- answers
+    # -------------------------------------------------------------------------------------------------------- responses
 
     def receive(self, response: Response) -> list[PictureEvent]:
         is_open, is_of_view = self._transport.is_open, response.id == self._view_id
@@ -442,7 +442,7 @@ class PlacementController(ModeController):
             case LightPlanned():
                 self._light_plan = response
             case BouncesPlanned() if self._view.n_bounces in (AS_PLANNED, response.n_bounces):
-                self._take_bounces(response)  # else a person has chosen meanwhile
+                self._take_bounces(response)  # else the user has chosen meanwhile
             case ErrorEstimated():
                 self._error.receive(response)
             case RelightingPrepared():
@@ -504,7 +504,7 @@ class PlacementController(ModeController):
 
 
 def _group_events(events: list[PictureEvent]) -> list[PictureEvent]:
-    """None of them to be seen without the others."""
+    """Group events so that none is shown without the others."""
     return [*(replace(event, with_next=True) for event in events[:-1]), *events[-1:]]
 
 

@@ -1,6 +1,6 @@
-"""What the editor tells the renderer of Placement: the worker's arrays, on their way to the picture.
+"""Picture events of Placement: the worker's arrays, on their way to the renderer.
 
-The renderer applies them and then, each frame, steps from the coefficients it shows to those wanted
+The renderer applies them and then, each frame, steps from the coefficients it shows to the desired ones
 (``Curves.coefficients``); the editor computes no pictures. Shapes: P pixels that see a reflecting object, p those of
 one layer, J bands.
 """
@@ -21,7 +21,7 @@ from app.modes.placement.curves import Coefficients, Float64Array
 class Footprint:
     """Which samples stand for each pixel: rows, those of its own object from 0, and weights (P,4).
 
-    Whatever is made of samples carries its own, so that neither can meet another's.
+    Each result carries the footprint of its own samples, so that two can never be mixed up.
     """
 
     rows: NDArray[np.integer]
@@ -69,8 +69,8 @@ class IndirectRadiance(PictureEvent):
 
 @dataclass(frozen=True, eq=False)
 class LayerMapsChanged(PictureEvent):
-    """One layer's images (p,4) as the eye sees them, texture RGB and weight; None: it has none. ``has_weight``: whether
-    there is a weight map among them; ``thumbnails`` (h,w,3) as in ``placement_messages.MapsSampled``."""
+    """One layer's images (p,4) as the camera sees them, texture RGB and weight; None: it has none. ``has_weight``:
+    whether there is a weight map among them; ``thumbnails`` (h,w,3) as in ``placement_messages.MapsSampled``."""
 
     key: str
     samples: NDArray[np.float16] | None
@@ -80,8 +80,8 @@ class LayerMapsChanged(PictureEvent):
 
 @dataclass(frozen=True, eq=False)
 class LayerAppearance:
-    """How a layer looks in another document: f_q, f_o, visibility, and its radiance (p,3), None where as on screen;
-    ``maps``: the samples of its images, None for none, the texture's strength, and whether the weight is inverted."""
+    """A layer in another document: f_q, f_o, visibility, and its radiance (p,3), None where as on screen; ``maps``: the
+    samples of its images, None for none, the texture's strength, and whether the weight is inverted."""
 
     gain: Float64Array
     view_curve: Float64Array
@@ -92,11 +92,11 @@ class LayerAppearance:
 
 @dataclass(frozen=True, eq=False)
 class ComparisonRefined(PictureEvent):
-    """Side A of the A/B picture can be drawn anew: as what is on screen, with these layers looking like this."""
+    """Side A of the A/B picture can be drawn anew: as what is on screen, with these appearances of its layers."""
 
     appearances: Mapping[str, LayerAppearance]
 
 
 @dataclass(frozen=True, eq=False)
 class DocumentDrawn(PictureEvent):
-    """What was waited for is there: the picture is the document's again."""
+    """All that the picture waited for is there: it is the document's again."""

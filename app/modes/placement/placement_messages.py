@@ -1,4 +1,4 @@
-"""What Placement asks of the worker, and what it is answered (see `app.messages.worker_messages`).
+"""Placement's requests to the worker and their responses (see `app.messages.worker_messages`).
 
 Shapes: P pixels that see a reflecting object, p those of one layer, J bands. Images have row 0 at the top.
 """
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from engine.render.picture_error import ErrorEstimate
 
 
-# ------------------------------------------------------------------------------------------------------- requests
+# ------------------------------------------------------------------------------------------------------------- requests
 
 
 @dataclass(frozen=True)
 class PlanBands(Request):
-    """Say how many bands the curves of these layers need; answered by `BandsPlanned`."""
+    """Plan how many bands the curves of these layers need; answered by `BandsPlanned`."""
 
     priority = 1
     answered_once = True
@@ -40,13 +40,13 @@ class ComputeTransport(Request):
     """Compute the transport of a scene's layers, coarse to fine; earlier contractions are cancelled.
 
     selected, factor: the curve whose transport is handed out as well, in the layer of that key and in `followers`.
-    n_lights_preview: what cuts the sky at first. is_drag: stop after one quick picture, nothing finer follows. With
-    more than one bounce the indirect light is found as well; `BouncesPlanned` says how many. Tables of measured layers
-    are read first where a worker does not have them.
+    n_lights_preview: the number of lights that the sky is first divided into. is_drag: stop after one quick picture.
+    With more than one bounce the indirect light is computed as well; `BouncesPlanned` tells how many. Tables of
+    measured layers are read first where a worker does not have them.
 
-    told: keys of layers whose picture the window has already, and `held_curves` of those of them whose transport it
-    has: what is the same is not told again. is_fine: what is on screen is of the last stage under this light, so that
-    a preview would not be shown.
+    held_layers: keys of layers whose picture the window has already, and `held_curves` of those whose transport it has:
+    what has not changed is not sent again. is_fine: what is on screen is of the last stage under this light, so that a
+    preview would not be shown.
     """
 
     built_on = (SetCamera,)
@@ -65,7 +65,7 @@ class ComputeTransport(Request):
 
     @property
     def lit(self) -> RenderSettings:
-        """What direct light is computed by; a picture of a light on the move is like no other."""
+        """The settings of direct light; a picture of a dragged light has its own."""
         return replace(self.settings.direct_settings, n_lights=0) if self.is_drag else self.settings.direct_settings
 
 
@@ -73,8 +73,8 @@ class ComputeTransport(Request):
 class ContractTransport(Request):
     """Hand out one layer's transport over the bands of `factor`, its other factors contracted with the layer's curves.
 
-    `factor` None asks for the layer's picture alone, `picture` False for the transport alone. `beside`: what was handed
-    out before stays of interest, for the layers follow one curve; coming stages bring all of it.
+    `factor` None requests the layer's picture alone, `picture` False the transport alone. `beside`: transport handed
+    out before stays of interest, because the layers follow one curve; coming stages bring all of it.
     """
 
     built_on = (ComputeTransport,)
@@ -89,12 +89,12 @@ class ContractTransport(Request):
 
 @dataclass(frozen=True, eq=False)
 class FreezeIndirect(Request):
-    """Contract the indirect light for edits of one object, with all others as they look ("object freezing",
-    [BenArtzi07, sect. 6.1]); answered again whenever it becomes finer.
+    """Contract the indirect light for edits of one object, with all others as they are ("object freezing", [BenArtzi07,
+    sect. 6.1]); answered again whenever it becomes finer.
 
-    key, factor: the layer and the curve whose bands are wanted; None: only what every layer reflects. The object that
+    key, factor: the layer and the curve whose bands are desired; None: only what every layer reflects. The object that
     is edited is that of `key`. second_bands: the most that the second bounce has, None for as many as a curve has; with
-    one it goes by albedo alone, as all later bounces do. serial comes back with the answers.
+    one it depends on albedo alone, as all later bounces do. serial comes back with the responses.
     """
 
     built_on = (ComputeTransport,)
@@ -109,8 +109,8 @@ class FreezeIndirect(Request):
 
 @dataclass(frozen=True, eq=False)
 class EstimateError(Request):
-    """Say how far off the picture of this scene is under the transport asked last, `second_bands` as in
-    `FreezeIndirect`; answered by `ErrorEstimated`, once that picture is there. has_map: with where it is off."""
+    """Estimate the error of this scene's picture under the transport requested last, `second_bands` as in
+    `FreezeIndirect`; answered by `ErrorEstimated`, once that picture is there. has_map: with an error map."""
 
     built_on = (ComputeTransport,)
     answered_once = True
@@ -123,8 +123,8 @@ class EstimateError(Request):
 
 @dataclass(frozen=True, eq=False)
 class PrepareRelighting(Request):
-    """Make the scene as it is ready to be seen under another sky at once, where the picture of the transport asked last
-    is there; what is there of it already stays. Answered by `RelightingPrepared`."""
+    """Prepare the scene so that another sky can light it at once, where the picture of the transport requested last is
+    there; what is ready stays. Answered by `RelightingPrepared`."""
 
     built_on = (ComputeTransport,)
     answered_once = True
@@ -135,7 +135,7 @@ class PrepareRelighting(Request):
 
 @dataclass(frozen=True)
 class SampleMaps(Request):
-    """Sample the images of some layers, by key, where the eye sees them; each is answered on its own."""
+    """Sample the images of some layers, by key, where the camera sees them; each is answered on its own."""
 
     built_on = (SetCamera,)
     priority = 2
@@ -144,7 +144,7 @@ class SampleMaps(Request):
     layers: tuple[tuple[str, Images], ...]
 
 
-# ------------------------------------------------------------------------------------------------------ responses
+# ------------------------------------------------------------------------------------------------------------ responses
 
 
 @dataclass(frozen=True)
@@ -158,8 +158,8 @@ class BandsPlanned(Response):
 class StageFootprint(Response):
     """Which computed samples stand for each pixel in the coarse pictures of a stage: rows (P,4) i32, weights (P,4) f32.
 
-    Belongs to the view, not to the request in whose course it is told: pictures of that stage follow under any. Of a
-    stage without one, every pixel has its own sample.
+    Belongs to the view, not to the request during which it is sent: pictures of that stage follow under any. In a stage
+    without one, every pixel has its own sample.
     """
 
     rows: NDArray[np.integer]
@@ -169,7 +169,7 @@ class StageFootprint(Response):
 
 @dataclass(frozen=True, eq=False)
 class LayerPicture(Response):
-    """One layer's radiance (p,3), contracted with the `coefficients` it was asked with."""
+    """One layer's radiance (p,3), contracted with the `coefficients` of its request."""
 
     key: str
     stage: str
@@ -198,7 +198,7 @@ class LayerTransport(Response):
 
 @dataclass(frozen=True)
 class LightPlanned(Response):
-    """How many of the lights and patches that were asked for the last stage has, and why, by line of the plan."""
+    """How many of the requested lights and patches the last stage has, and why, by line of the plan."""
 
     n_lights: int
     n_patches: int
@@ -207,8 +207,8 @@ class LightPlanned(Response):
 
 @dataclass(frozen=True)
 class BouncesPlanned(Response):
-    """How many bounces the scene requires, and why; of as many as were asked for, that number. warning: what of the
-    light is missing after them, empty where that is little."""
+    """How many bounces the scene requires, and why; at most the requested number. warning: what of the light is missing
+    after them, empty where that is little."""
 
     n_bounces: int
     reason: str
@@ -219,8 +219,8 @@ class BouncesPlanned(Response):
 class IndirectFound(Response):
     """Where the indirect light of a stage was found: for each point four samples of its own object, by number, and
     their weights (P,4). `number` tells which `IndirectFrozen` belong to it. It belongs to the view, as `StageFootprint`
-    does, and is told again under each transport whose light it is. n_rays: as many as its fans were found
-    to need, 0 where nobody asked, and why."""
+    does, and is sent again under each transport whose light it is. n_rays: as many as the hemisphere samples were found
+    to need, 0 where that was not looked for, and why."""
 
     number: int
     stage: str
@@ -232,8 +232,8 @@ class IndirectFound(Response):
 
 @dataclass(frozen=True)
 class IndirectNoise(Response):
-    """What chance is left in indirect light as it was frozen: RMS over the picture, relative to its own mean, and that
-    mean radiance. Follows the `IndirectFrozen` of these numbers."""
+    """The noise of indirect light as it was frozen: RMS over the picture, relative to its own mean, and that mean
+    radiance. Follows the `IndirectFrozen` of these numbers."""
 
     number: int
     serial: int
@@ -262,9 +262,9 @@ class IndirectFrozen(Response):
 
 @dataclass(frozen=True, eq=False)
 class MapsSampled(Response):
-    """A layer's images as the eye sees them: `samples` (p,4) float16 at every pixel of its object, the texture's linear
-    RGB and the weight; their means over the surface; `thumbnails` (h,w,3) uint8 sRGB, by "texture" and "weight".
-    note: what a person should know of how they lie, or nothing."""
+    """A layer's images as the camera sees them: `samples` (p,4) float16 at every pixel of its object, the texture's
+    linear RGB and the weight; their means over the surface; `thumbnails` (h,w,3) uint8 sRGB, by "texture" and "weight".
+    note: what the user should know of their mapping, or nothing."""
 
     key: str
     images: Images
@@ -276,7 +276,7 @@ class MapsSampled(Response):
 
 @dataclass(frozen=True)
 class MapsRefused(Response):
-    """A layer's images cannot be used; `line` is one sentence for the person."""
+    """A layer's images cannot be used; `line` is one sentence for the user."""
 
     key: str
     images: Images
@@ -285,7 +285,7 @@ class MapsRefused(Response):
 
 @dataclass(frozen=True, eq=False)
 class ErrorEstimated(Response):
-    """How far off the picture is; colours (H, W, 4): where, see `engine.render.error_map`, None where nobody asked."""
+    """The error of the picture; colours (H, W, 4): its map, see `engine.render.error_map`, None where not requested."""
 
     estimate: ErrorEstimate
     colours: NDArray[np.uint8] | None = None
@@ -293,15 +293,14 @@ class ErrorEstimated(Response):
 
 @dataclass(frozen=True)
 class RelightingPrepared(Response):
-    """The sky may turn; transport_bytes: what is held of the scene, this included."""
+    """The sky may be rotated; transport_bytes: the memory held for the scene, this included."""
 
     transport_bytes: int
 
 
 @dataclass(frozen=True)
 class StageDone(Response):
-    """A stage is complete; `exact` when no finer one follows. spent_seconds: of the processors, since it was asked
-    for."""
+    """A stage is complete; `exact` when no finer one follows. spent_seconds: of processor time, since the request."""
 
     stage: str
     exact: bool

@@ -1,4 +1,4 @@
-"""What is to be said of Placement's picture: how far it is, what of it is still missing, and what chance is left."""
+"""The status of Placement's picture: its stage, what of it is still missing, and its noise."""
 
 from __future__ import annotations
 
@@ -22,16 +22,15 @@ class PlacementStatus(Status):
 
     ``shown_coefficients`` of ``wanted_coefficients`` of the selected curve are in the picture; ``curve_error`` is what
     the rest would change, relative RMS, None while unknown. ``image_error`` is that and the noise of indirect light, or
-    the whole of its error once that is estimated.
-    ``bands`` are those of each layer's transport by key, as asked of the worker; none of a layer that is fixed.
-    ``indirect_noise`` is what chance is left in the indirect light, RMS relative to its own mean; None while unknown.
-    ``bounces_note`` says what of the light so many bounces leave out, empty where that is little; ``transport_note``
-    what of the transport is not yet as it is asked for, its bands or its precision.
-    ``has_sky``: whether anything shines from afar. Of the plan: ``planned_bands`` are those of each layer by key and
-    factor, ``needed_lights`` and ``needed_patches`` what the worker found to be enough of those asked for (0: it did
-    not look), ``found_rays`` those of a fan of the indirect light that is there (0: none is), ``plan_reasons`` why, by
-    line.
-    ``spent_seconds`` of the processors the picture has taken since its last change, None while it is being computed.
+    the whole of its error once that is estimated. ``bands`` are those of each layer's transport by key, as requested;
+    none of a layer that is fixed. ``indirect_noise`` is the noise of the indirect light, RMS relative to its own mean;
+    None while unknown. ``bounces_note`` says what light that many bounces leave out, empty where that is little;
+    ``transport_note`` which bands or which precision of the transport are still to come. ``has_sky``: whether an
+    environment lights the scene. Of the plan: ``planned_bands`` are those of each layer by key and factor,
+    ``needed_lights`` and ``needed_patches`` what the worker found to be enough of those requested (0: it did not look),
+    ``found_rays`` those of the hemisphere samples of the indirect light that is there (0: none is), ``plan_reasons``
+    why, by line. ``spent_seconds`` of processor time the picture has taken since its last change, None while it is
+    being computed.
     """
 
     shown_coefficients: int = 0
@@ -52,12 +51,11 @@ class PlacementStatus(Status):
 
 @dataclass(frozen=True)
 class RenderReport:
-    """What the renderer tells after a frame about the selected curve ``key``, ``factor``.
+    """The renderer's report after a frame on the selected curve ``key``, ``factor``.
 
-    ``shown_coefficients`` of ``wanted_coefficients`` are in the picture, ``exact`` when all are;
-    ``image_error`` is what the rest would still change, relative RMS. ``precision`` is that of the transport the
-    picture is made with, None while there is none; ``gpu_mb`` the memory of all textures; ``mean_radiance`` that of the
-    direct light.
+    ``shown_coefficients`` of ``wanted_coefficients`` are in the picture, ``exact`` when all are; ``image_error`` is
+    what the rest would still change, relative RMS. ``precision`` is that of the transport the picture is made with,
+    None while there is none; ``gpu_mb`` the memory of all textures; ``mean_radiance`` that of the direct light.
     """
 
     shown_coefficients: int = 0
@@ -70,7 +68,7 @@ class RenderReport:
 
 
 def error_note(curve_error: float | None, noise: float | None) -> str:
-    """What of the error is of coefficients, and the chance in indirect light, see `PlacementStatus`, in words."""
+    """In words, the parts of the error that are coefficients and noise of indirect light, see `PlacementStatus`."""
     lines = []
     if curve_error is not None:
         lines.append(f"coefficients of the curve still to come: {percent(curve_error)}")
@@ -80,7 +78,7 @@ def error_note(curve_error: float | None, noise: float | None) -> str:
 
 
 def light_note(controller: TransportController, shown: LightState) -> str:
-    """What light the picture shows, in words; shown: that of the document drawn."""
+    """In words, what light the picture shows; shown: that of the drawn document."""
     light = controller.requested_light
     if light is None or controller.requested_rotation is None:
         return ""
@@ -99,7 +97,7 @@ def light_note(controller: TransportController, shown: LightState) -> str:
 
 
 def emitter_note(controller: TransportController) -> str:
-    """Whose light the picture shows, in words, where emitters were changed."""
+    """In words, whose light the picture shows, where emitters were changed."""
     if controller.drag_quality:
         return "a quick picture of the light it throws; the final one follows when you let go"
     if not controller.light_is_current:
@@ -110,14 +108,14 @@ def emitter_note(controller: TransportController) -> str:
 
 
 def material_note(controller: TransportController) -> str:
-    """What of the materials the picture does not show yet, in words."""
+    """In words, what of the materials the picture does not show yet."""
     if not controller.quotient_is_current:
         return "the curve is shown at once; self-shadowing follows when the hand rests"
     return "" if controller.fixed_is_current else "the curve of a fixed object follows when the hand rests"
 
 
 def transport_note(controller: TransportController, shown: Precision | None, wanted: Precision) -> str:
-    """What of the transport is not yet as it is asked for, in words: bands, or the floats of the selected curve's."""
+    """In words, what of the transport is still to come: bands, or the precision of the selected curve's."""
     if controller.becoming_editable:
         return f"{', '.join(controller.becoming_editable)}: shown as it was until its bands are here"
     if shown is None or shown == wanted:

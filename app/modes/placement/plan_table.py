@@ -1,7 +1,7 @@
-"""The plan of the picture on screen as lines to read: what each has come to and why, and what else it may be set to.
+"""The plan of the picture on screen as lines to read: each line's value, the reason, and the other choices.
 
-It is put together whenever somebody looks at it, from what is known anyway: the document's overruled lines, the knobs
-of the view, and what the worker has told of its plan.
+It is put together whenever it is shown, from what is known anyway: the document's overrides, the settings of the view,
+and what the worker has planned.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ HALVES = {"half": "half floats", "float": "full floats"}
 
 @dataclass(frozen=True)
 class PlanTableRow:
-    """One line: its name in the plan, what a person calls it, what it has come to and why, and what it can be set to.
+    """One line: its name in the plan, its title for users, its value and reason, and its choices.
 
-    group: the key of the layer that it is of, "" for the whole picture; is_set: a person has. Without choices it tells
-    what the others come to.
+    group: the key of the layer that it belongs to, "" for the whole picture; is_set: the user has set it. A line
+    without choices sums up the others.
     """
 
     line: str
@@ -58,7 +58,7 @@ class PlanTableRow:
 
 
 def plan_table(document: Document, view: ViewState, status: Status) -> tuple[PlanTableRow, ...]:
-    """The lines of the mode at hand: of the picture, then of each layer that reflects."""
+    """The lines of the current mode: of the picture, then of each layer that reflects."""
     lines = [*_common_lines(document, view, status), *_mode_lines(document, view)]
     if isinstance(status, PlacementStatus):
         lines = [_cost_line(status), *_light_lines(document, view, status), *lines, *_curve_lines(document, status)]
@@ -68,7 +68,7 @@ def plan_table(document: Document, view: ViewState, status: Status) -> tuple[Pla
 def _line(
     document: Document, line: str, title: str, planned: LineValue | str, reason: str, choices: Choices, group: str = ""
 ) -> PlanTableRow:
-    """planned: what it is where no person has set it, a value or words."""
+    """planned: the value, or words, where the user has not set it."""
     lines, words = dict(document.overrides), {value: text for text, value in choices}
     as_planned = words.get(planned) or (f"{planned:,}" if isinstance(planned, int) else planned)
     if line not in lines:
@@ -79,7 +79,7 @@ def _line(
 
 
 def _cost_line(status: PlacementStatus) -> PlanTableRow:
-    """What the picture takes: while it is being computed the time that is left, then what it was."""
+    """The cost of the picture: the time left while it is being computed, then the time it took."""
     memory = f"{status.memory_mb:.0f} MB of main memory, {status.gpu_mb:.0f} MB on the graphics card"
     if status.spent_seconds is None:
         left = "being computed" if status.seconds_left is None else f"{duration(status.seconds_left)} to go"
@@ -116,7 +116,7 @@ def _common_lines(document: Document, view: ViewState, status: Status) -> Iterat
 
 
 def _mode_lines(document: Document, view: ViewState) -> Iterator[PlanTableRow]:
-    """Of Orbit's or Deform's own light."""
+    """The lines of Orbit's or Deform's own light."""
     for line in MODE_LINES.get(view.mode, ()):
         title, reason, choices = OF_MODES[line]
         yield _line(document, line, title, getattr(view, KNOBS[line]), reason, _numbers(choices))

@@ -1,18 +1,18 @@
-"""What to ask of the worker, and when: transport after the hand rests, one curve's transport after each switch.
+"""Requests for transport once the user is idle, and for one curve's transport after each change of the selection.
 
-Once a frame ``update`` compares what the document and the selection want with what the worker has delivered and was
-last asked for, and asks for the difference. Being a comparison of states and not a chain of events, it also comes
-right after an undo, a crash, or a selection that changed in mid-computation.
+Once a frame ``update`` compares what the document and the selection desire with what the worker has delivered and was
+last asked for, and requests the difference. Because it compares states instead of following events, it is also right
+after an undo, a crash, or a selection that changed during a computation.
 
-- Where emitters are all the light there is, and become brighter alike, what is there is multiplied (`light_gain`).
-- Light, quotient parameters, bands and the number of lights fix the transport, and of objects that are not editable
-  the curves as well. When they change, it is asked for anew once the hand rests: at the end of a drag, or when nothing
-  has changed for a quarter of a second; the worker makes of it what it does not have. While an environment is being
-  turned, or an emitter dimmed, drag-quality transport is asked for at once, one request at a time.
-- The selected curve wants its layer's transport, the layer's other factor contracted with its present curve ("curve
-  switching", [BenArtzi07, eq. 4.16]), in half or single floats; it is asked for again when that other curve or the
-  precision has changed. So do layers that share the curve (`edited_curves`).
-- A layer that is not selected wants its radiance with its present curves: undo may have changed them.
+- Where emitters are the only light, and all become brighter by one factor, the picture is multiplied (`light_gain`). -
+Light, quotient parameters, bands and the number of lights determine the transport; of fixed objects the curves do as
+  well. When they change, transport is requested anew once the user is idle: at the end of a drag, or when nothing has
+  changed for a quarter of a second; the worker computes what it does not have. While an environment is being rotated,
+  or an emitter dimmed, drag-quality transport is requested at once, one request at a time.
+- The selected curve needs its layer's transport, the layer's other factor contracted with its present curve ("curve
+  switching", [BenArtzi07, eq. 4.16]), in half or single floats; it is requested again when that other curve or the
+  precision has changed. So are layers that share the curve (`edited_curves`).
+- A layer that is not selected needs its radiance with its present curves: undo may have changed them.
 
 At most one contraction is under way, because a newer one cancels the older; the selected curve's goes first.
 """
@@ -57,7 +57,7 @@ FINAL_STAGE = "final"
 
 
 class TransportController:
-    """The talk with the worker about one scene. ``send`` hands a request over and returns its id."""
+    """Requests transport for one scene. ``send`` sends a request and returns its id."""
 
     def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
         self.revision = 0
@@ -79,7 +79,7 @@ class TransportController:
         self._transport_id: int | None = None
         self._running = False
         self._exact = False
-        self.has_stage = False  # of the transport asked last
+        self.has_stage = False  # of the transport requested last
         self._complete = False
         self._released = self._stopped = False
         self._made_for: tuple[Document, RenderSettings] | None = None
@@ -90,23 +90,23 @@ class TransportController:
         self._forget_answers({})
 
     def _forget_answers(self, staying: dict[str, ReadyLayer]) -> None:
-        """But for what is on screen of these layers."""
+        """Forget responses, except what is on screen of these layers."""
         self._layers = staying
         self._edited.forget_answers(staying)
         self._requested_pictures: dict[str, Coefficients] = {}
         self._contraction: PendingContraction | None = None
 
-    # ----------------------------------------------------------------------------------------- what the editor tells
+    # --------------------------------------------------------------------------------------------- events of the editor
 
     def scene_closed(self) -> None:
-        """Another scene is being opened: ask for nothing meanwhile."""
+        """Another scene is being opened: request nothing meanwhile."""
         self.is_open = False
 
     def scene_opened(self, is_new: bool = True, has_sky: bool = True) -> None:
         """The worker has a scene open, a new one (``has_sky``: its own environment lights it) or (``is_new`` False)
         still the one before.
 
-        What was asked of the one before was given up for the scene that could not be opened.
+        Requests for the one before were given up for the scene that could not be opened.
         """
         self.is_open = True
         if is_new:
@@ -118,70 +118,70 @@ class TransportController:
             self._forget_requests()
 
     def edited(self) -> None:
-        """The document or the selection changed: until the next update it is not known whether anything is missing."""
+        """The document or the selection changed: until the next update it is unknown whether anything is missing."""
         self._complete = False
 
     def hand_released(self) -> None:
-        """A drag ended: what waits for the hand to rest need wait no longer."""
+        """A drag ended: what waits for the idle time need wait no longer."""
         self._released = True
 
     def cancelled(self) -> None:
-        """The person stopped the work; what has come stays, the next change of the light or a quotient asks again."""
+        """The user stopped the work; what has come stays, the next change of the light or a quotient requests anew."""
         self._stopped = True
         self._running = False
         self._contraction = None
 
     def worker_restarted(self) -> None:
-        """A new worker begins anew with what was asked; its first stages are no longer the final picture."""
+        """A new worker starts the request over; its first stages are no longer the final picture."""
         self._running, self._exact = self._requested is not None, False
         self._forget_requests()
 
     def _forget_requests(self) -> None:
-        """What else was asked for will not be answered."""
+        """Forget other requests: they will not be answered."""
         self._contraction, self._requested_pictures = None, {}
         self._edited.forget_requested()
 
     def resume(self) -> None:
-        """Ask once more for what was cancelled or failed; what may still come of that is void."""
+        """Request again what was cancelled or failed; responses to the old request are void."""
         self._requested, self._stopped = None, False
         self.revision += 1
 
     def rendered(self, key: str, factor: str, coefficients: Float64Array) -> None:
-        """The renderer has stepped a layer's picture to these coefficients exactly."""
+        """The renderer has updated a layer's picture to exactly these coefficients."""
         shown = self._layers.get(key)
         if shown is not None and self._edited.stage_of(key, factor) == shown.stage:
             shown.coefficients = {**shown.coefficients, factor: coefficients}
 
-    # --------------------------------------------------------------------------------------------- what is to be told
+    # ------------------------------------------------------------------------------------------------------ state shown
 
     @property
     def transport_is_current(self) -> bool:
-        """Whether the transport asked for is that of the document as it is."""
+        """Whether the requested transport is that of the document as it is."""
         return self._requested is not None and self._requested == self._desired and not self._drag_quality
 
     @property
     def light_is_current(self) -> bool:
-        """Whether the light in the transport asked for is the document's."""
+        """Whether the light of the requested transport is the document's."""
         return self._requested is not None and self._desired is not None and self._desired.lights_like(self._requested)
 
     @property
     def light_gain(self) -> Float64Array:
-        """How much brighter (3,) the light is than in the transport asked for: it is linear in the only emitters."""
+        """How much brighter (3,) the light is than in the requested transport: it is linear in the only emitters."""
         return self._light_gain
 
     @property
     def drag_quality(self) -> bool:
-        """Whether the last request was for a quick picture of a light on the move."""
+        """Whether the last request was for a quick picture of a dragged light."""
         return self._drag_quality
 
     @property
     def requested_light(self) -> LightState | None:
-        """The light in the transport asked last, at intensity 1."""
+        """The light of the transport requested last, at intensity 1."""
         return None if self._requested is None else self._requested.light
 
     @property
     def requested(self) -> tuple[DesiredTransport, Document] | None:
-        """The transport asked last, and of which document that was."""
+        """The transport requested last, and its document."""
         return (
             None
             if self._requested is None or self._requested_document is None
@@ -190,11 +190,11 @@ class TransportController:
 
     @property
     def received(self) -> Collection[str]:
-        """Keys of the layers whose radiance is that of the transport asked last."""
+        """Keys of the layers whose radiance is that of the transport requested last."""
         return self._layers.keys()
 
     def serves(self, document: Document, like: Document, settings: RenderSettings) -> bool:
-        """Whether the transport asked last would draw another document of the same models as ``like``."""
+        """Whether the transport requested last would draw another document of the same models as ``like``."""
         models = [(key, layer.model) for key, layer in document.layers()]
         if self._requested is None or models != [(key, layer.model) for key, layer in like.layers()]:
             return False
@@ -203,61 +203,61 @@ class TransportController:
         return lit_alike and replace(desired, emission=self._requested.emission) == self._requested
 
     def requested_bands(self, key: str) -> dict[str, int] | None:
-        """J of each factor of a layer in the transport asked last; None where there is none of it."""
+        """J of each factor of a layer in the transport requested last; None where there is none of it."""
         shape = self._requested_shape(key)
         return None if shape is None else dict(shape.bands)
 
     def picture_identity(self, key: str) -> tuple[object, ...]:
-        """What f_q and the curves of a layer's picture belong to, in the transport asked last."""
+        """What f_q and the curves of a layer's picture belong to, in the transport requested last."""
         shape = self._requested_shape(key)
         return () if shape is None else picture_identity(shape.model, shape.quotient_parameters)
 
     def is_transport(self, id: int) -> bool:
-        """Whether this is the number of the transport asked last."""
+        """Whether this is the number of the transport requested last."""
         return id == self._transport_id
 
     @property
     def requested_rotation(self) -> float | None:
-        """The rotation (degrees) in the transport asked last; None where no environment lights the scene."""
+        """The rotation (degrees) in the transport requested last; None where no environment lights the scene."""
         if self._requested is None or self._requested.light.environment == SCENE_ENVIRONMENT and not self._has_sky:
             return None
         return self._requested.light.rotation
 
     @property
     def has_sky(self) -> bool:
-        """Whether an environment lights the scene in the transport asked last."""
+        """Whether an environment lights the scene in the transport requested last."""
         return self.requested_rotation is not None
 
     @property
     def running(self) -> bool:
-        """Whether the worker computes transport for us."""
+        """Whether the worker is computing requested transport."""
         return self._running
 
     @property
     def awaits_contraction(self) -> bool:
-        """Whether an answer of the worker is due at any moment."""
+        """Whether a response of the worker is due at any moment."""
         return self._contraction is not None
 
     @property
     def delivered_final(self) -> bool:
-        """Whether the transport asked last has come in its final quality."""
+        """Whether the transport requested last has come in its final quality."""
         return self._exact
 
     @property
     def finished(self) -> bool:
-        """Whether all that the document and the selection want has been delivered in its final quality."""
+        """Whether all that the document and the selection desire has been delivered in its final quality."""
         return self.transport_is_current and self._exact and self._complete
 
     @property
     def quotient_is_current(self) -> bool:
-        """Whether the quotients in the transport asked for are those of the document's parameters."""
+        """Whether the quotients in the requested transport are those of the document's parameters."""
         if self._requested is None or self._desired is None:
             return False
         return all(shape.has_quotient_of(self._requested.shape(shape.key)) for shape in self._desired.layers)
 
     @property
     def fixed_is_current(self) -> bool:
-        """Whether the transport asked for has the curves of the fixed objects as they are."""
+        """Whether the requested transport has the curves of the fixed objects as they are."""
         if self._requested is None or self._desired is None:
             return False
         return all(shape.looks_like(self._requested.shape(shape.key)) for shape in self._desired.layers)
@@ -273,7 +273,7 @@ class TransportController:
 
     @property
     def requested_layers(self) -> tuple[TransportShape, ...]:
-        """The layers in the transport asked for last."""
+        """The layers in the transport requested last."""
         return () if self._requested is None else self._requested.layers
 
     @property
@@ -281,14 +281,14 @@ class TransportController:
         """Keys of the layers whose picture stays while their bands are computed."""
         return self._becoming_editable if self._running else ()
 
-    # --------------------------------------------------------------------------------------------------------- asking
+    # ------------------------------------------------------------------------------------------------------- requesting
 
     def update(
         self, now: float, document: Document, selected: Selection | None, settings: RenderSettings, dragging: bool,
         precision: Precision = "half", planned: bool = True, is_fine: bool = False,
     ) -> None:  # fmt: skip
-        """Ask for what is missing; ``now`` in seconds of any steady clock. planned: whether the bands of all layers
-        are known; until they are, nothing is asked for. is_fine: whether all that is on screen is of the last stage."""
+        """Request what is missing; ``now`` in seconds of any steady clock. planned: whether the bands of all layers are
+        known; until they are, nothing is requested. is_fine: whether all that is on screen is of the last stage."""
         if not self.is_open:
             return
         self._is_fine = is_fine
@@ -351,7 +351,7 @@ class TransportController:
         self._transport_id = self._send(request)
 
     def _staying(self, desired: DesiredTransport, is_drag: bool) -> dict[str, ReadyLayer]:
-        """What is on screen and is the picture of what is wished for: the worker goes on from there."""
+        """What is on screen and is the picture of what is desired: the worker goes on from there."""
         if self._requested is None or self._drag_quality or is_drag:
             return {}
         alike = desired.alike(self._requested)
@@ -375,11 +375,11 @@ class TransportController:
         return self._can_contract(desired.key, self._curves.coefficients(document, desired.key))
 
     def _outdated_layers(self, document: Document, edited: Collection[str]) -> dict[str, Coefficients]:
-        """The curves of those layers, but for those that are edited, whose radiance was made with other ones."""
+        """The curves of those layers, except edited ones, whose radiance was made with other curves."""
         outdated: dict[str, Coefficients] = {}
         there = {key for key, _ in document.layers()}
         for key, shown in self._layers.items():
-            if key not in there:  # a Fresnel term that was taken away: the transport asked for is that of before
+            if key not in there:  # a Fresnel term that was taken away: the requested transport is that of before
                 continue
             wanted = self._curves.coefficients(document, key)
             if same_coefficients(shown.coefficients, wanted):
@@ -389,7 +389,7 @@ class TransportController:
         return outdated
 
     def _request_picture(self, now: float, document: Document, outdated: Mapping[str, Coefficients]) -> None:
-        """Ask for the radiance of the first outdated layer that was not asked for yet."""
+        """Request the radiance of the first outdated layer that was not requested yet."""
         for key, wanted in outdated.items():
             asked = same_coefficients(self._requested_pictures.get(key, {}), wanted)
             if not asked and self._can_contract(key, wanted):
@@ -398,11 +398,11 @@ class TransportController:
                 return
 
     def _waits(self, now: float) -> bool:
-        """Whether the answer to a contraction is still worth waiting for."""
+        """Whether the response to a contraction is still worth waiting for."""
         return self._contraction is not None and now - self._contraction.sent_at < CONTRACT_PATIENCE
 
     def _contract(self, curve: DesiredCurve, document: Document, now: float) -> None:
-        if self._contraction is not None:  # it is replaced unanswered: what it was to bring is to be asked for again
+        if self._contraction is not None:  # it is replaced unanswered: request again what it was to bring
             self._requested_pictures.pop(self._contraction.desired.key, None)
             if self._contraction.desired.factor is not None:
                 self._edited.withdraw(self._contraction.desired.key)
@@ -419,11 +419,11 @@ class TransportController:
         self._contraction = PendingContraction(self._send(request), curve, now)
 
     def _requested_shape(self, key: str) -> TransportShape | None:
-        """What was asked of a layer: its model may have changed since."""
+        """The requested shape of a layer's transport: its model may have changed since."""
         return None if self._requested is None else self._requested.shape(key)
 
     def _can_contract(self, key: str, wanted: Coefficients) -> bool:
-        """Whether the transport asked for is over the layer's present curves and bands."""
+        """Whether the requested transport is over the layer's present curves and bands."""
         shape = self._requested_shape(key)
         return shape is not None and shape.takes(wanted)
 
@@ -435,25 +435,25 @@ class TransportController:
         return self._with_requested_emission(desired_transport(*made_of, self._curves))
 
     def _with_requested_emission(self, desired: DesiredTransport) -> DesiredTransport:
-        """The same with the emission that was asked for, where all the light there is has only become brighter."""
+        """The same with the requested emission, where all the light has only become brighter."""
         self.emitters_are_all = not self._has_sky and desired.light.environment == SCENE_ENVIRONMENT
         known = self._requested.emission if self.emitters_are_all and self._requested is not None else ()
         factors = brightening_factors(desired.emission, known)
         self._light_gain = np.ones(3) if factors is None else factors
         return desired if factors is None else replace(desired, emission=known)
 
-    # ------------------------------------------------------------------------------------------------------- answers
+    # -------------------------------------------------------------------------------------------------------- responses
 
     def receive_bounces(self, n_bounces: int) -> None:
-        """The worker goes on with as many bounces as it found that the scene requires."""
+        """Note that the worker goes on with as many bounces as it found that the scene requires."""
         if self._requested is not None:
             self._requested = replace(self._requested, settings=replace(self._requested.settings, n_bounces=n_bounces))
         if self._made_for is not None:
-            document, settings = self._made_for  # chosen by no hand: what was stopped stays so
+            document, settings = self._made_for  # not chosen by the user: what was stopped stays so
             self._made_for = document, replace(settings, n_bounces=n_bounces)
 
     def receive_picture(self, response: LayerPicture) -> Coefficients:
-        """Note a layer's radiance; the coefficients it was made with, by factor."""
+        """Note a layer's radiance; returns the coefficients it was made with, by factor."""
         shape = self._requested_shape(response.key)
         names = [] if shape is None else [name for name, _ in shape.bands]
         values = [np.asarray(made_with, dtype=np.float64) for made_with in response.coefficients]
@@ -465,7 +465,7 @@ class TransportController:
         return coefficients
 
     def receive_transport(self, response: LayerTransport, document: Document, selected: Selection | None) -> bool:
-        """Note a curve's transport; whether it is that of a layer which follows the selected curve."""
+        """Note a curve's transport; returns whether it is that of a layer which follows the selected curve."""
         came = ReadyCurve(response.key, response.factor, response.stage, response.precision)
         under_way = None if self._contraction is None else self._contraction.desired
         if under_way is not None and under_way.same_curve(DesiredCurve(came.key, came.factor, {}, came.precision)):
@@ -474,14 +474,14 @@ class TransportController:
         return self._edited.receive(came, edited_layers(document, selected) if is_selected else ())
 
     def receive_stage(self, response: StageDone) -> None:
-        """Note the end of a stage: what did not come with it, or came with older curves, is asked for again."""
+        """Note the end of a stage: what did not come with it, or came with older curves, is requested again."""
         self._edited.finish_stage(self._layers)
         self._requested_pictures, self.has_stage = {}, True
         if response.id == self._transport_id and response.exact:
             self._running, self._exact = False, not self._drag_quality
 
     def receive_failure(self, response: RequestFailed) -> None:
-        """Note that a request was given up: it is not asked again until what it asked for changes."""
+        """Note that a request failed: it is not repeated until what it asked for changes."""
         if response.id == self._transport_id:
             self._running = False
         if self._contraction is not None and response.id == self._contraction.id:

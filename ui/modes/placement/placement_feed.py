@@ -106,7 +106,7 @@ class PlacementFeed(PictureSource):
         self._maps.release_retired()
         self.renderer.release()
 
-    # ------------------------------------------------------------------------------------------ the worker's answers
+    # --------------------------------------------------------------------------------------------- the worker's answers
 
     def take(self, editor: Editor, event: PictureEvent) -> None:
         self._maps.release_retired()
@@ -174,7 +174,7 @@ class PlacementFeed(PictureSource):
     def prepare(self, event: SceneFrame) -> bool:
         return self.renderer.prepare_frame(event.frame)
 
-    # ---------------------------------------------------------------------------------------------------- each frame
+    # ------------------------------------------------------------------------------------------------------- each frame
 
     def draw(self, editor: Editor, last_frame_ms: float, all_taken: bool) -> bool:
         document = _controller(editor).drawn

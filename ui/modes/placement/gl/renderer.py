@@ -88,7 +88,7 @@ class PlacementRenderer:
         self._coming: _Coming | None = None
         self._edited = EditedLayers(self.memory, self._terms)
 
-    # ------------------------------------------------------------------------------------------------ the view
+    # --------------------------------------------------------------------------------------------------------- the view
 
     def set_frame(self, frame: PictureFrame) -> None:
         """Start a new picture; layers, transports, footprint, environment and snapshot of the old one are dropped."""
@@ -166,7 +166,7 @@ class PlacementRenderer:
         self._shown().layers.set_footprint(rows, weights)
         self._release_unused_footprints()
 
-    # ------------------------------------------------------------------------------------------------ the layers
+    # ------------------------------------------------------------------------------------------------------- the layers
 
     def set_layer(self, key: str, i_object: int, n_samples: int) -> None:
         """Add a layer, black; an old one of that key loses its picture and transport."""
@@ -231,7 +231,7 @@ class PlacementRenderer:
         """f_o (256,3) at angles θ_o from 0 to π/2 inclusive, linear between; None is 1 everywhere."""
         self._shown().layers.set_view_curve(key, curve)
 
-    # --------------------------------------------------------------------------------------------- the transport
+    # ---------------------------------------------------------------------------------------------------- the transport
 
     def begin_transport(
         self,
@@ -312,7 +312,7 @@ class PlacementRenderer:
         mean = picture.layers.mean_radiance()
         return missing / mean if missing > 0.0 and mean > 0.0 else 0.0
 
-    # ----------------------------------------------------------------------------------------------- the picture
+    # ------------------------------------------------------------------------------------------------------ the picture
 
     def composite(self, view: DisplayView) -> moderngl.Texture:
         """The display picture, RGBA8, sRGB encoded, row 0 the top; only what changed is drawn again.
