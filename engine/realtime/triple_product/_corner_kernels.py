@@ -1,4 +1,4 @@
-"""Compiled: what the points around each pixel of a picture at rest send to its own eye."""
+"""Compiled: radiance that the shading points around each pixel of a picture at rest send to the camera."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ _MOST_CELLS = 24
 
 
 class PeakLights(NamedTuple):
-    """Direction and power (M, 3) of a sky's suns, at most 128; which of them each point sees (S, ⌈M / 8⌉),
-    `StoredLight.peak_bits`; `Hemisphere.children`; and by which share of all that is reflected a sun may differ among
-    slices and still be looked up in them."""
+    """The peaks of a sky, at most 128: direction and power (M, 3); bits (S, ⌈M / 8⌉), the peaks that each point sees,
+    as `StoredLight.peak_bits`; children, as `Hemisphere.children`; little: share of the reflected radiance by which
+    neighbouring slices may disagree about a peak before it counts as sharp."""
 
     direction: Float32Array
     power: Float32Array
@@ -46,12 +46,12 @@ def shade_corners(
     peaks: PeakLights, t: Tables,
     radiance: Float32Array, sharp: Words,
 ) -> None:  # fmt: skip
-    """Fill radiance (3 N, 3): what points send of their first n_most coefficients to where they show in the mirror the
-    directions (N, 3) of the world, and of the suns that they see by slices that differ little; and sharp (3 N, 2): bits
-    of the suns that differ more.
+    """Fill radiance (3 N, 3) at the three corners of N samples: what the corner's point reflects, of its first n_most
+    coefficients and of its visible peaks, towards the direction whose mirror direction at that point is mirrored (N,
+    3). Peaks about which the slices disagree are left out; sharp (3 N, 2) receives their bits.
 
-    The point points[j] is asked by members[first[j]:first[j + 1]] of the 3 N corners. These look at it from about one
-    side: most find a cell that another of them has paid for.
+    The corners members[first[j]:first[j + 1]] belong to point points[j]. They see it from about the same side, so most
+    find a cell that is cached already.
     """
     n = min(n_most, stored.number.shape[1])
     words, cells = np.zeros(3 * n + 1, np.uint32), np.empty((_MOST_CELLS, 4, 4), np.float32)
@@ -60,11 +60,13 @@ def shade_corners(
     spread = np.empty(len(peaks.power), np.float32)
     value = words.view(np.float32)
     for j in range(start, stop):
+        # Unpack the light of each point once for all of its corners.
         p = points[j]
         slot, f, n_cells = slots[p], frame[p], 0
         number = stored.number[slot]
         unpack(stored.value[slot], n, words)
         n_seen = _visible_peaks(peaks, p, f, seen, place)
+        # Find the cell of slices around the mirror direction (−x, y, −z) in the point's frame.
         for at in range(first[j], first[j + 1]):
             r = members[at]
             a, b, c = mirrored[r // 3, 0], mirrored[r // 3, 1], mirrored[r // 3, 2]
@@ -72,6 +74,7 @@ def shade_corners(
             y = f[1, 0] * a + f[1, 1] * b + f[1, 2] * c
             z = f[2, 0] * a + f[2, 1] * b + f[2, 2] * c
             cell = cell_at(-x, y, -z, t)
+            # Look the cell up among those that earlier corners evaluated; start over when the cache is full.
             key = (cell.symmetry * 64 + cell.row) * 64 + cell.column
             i = 0
             while i < n_cells and keys[i] != key:
@@ -81,8 +84,11 @@ def shade_corners(
                     i = n_cells = 0
                 keys[i] = key
                 n_cells += 1
+                # Triple product [Ma06, eq. 7] at the cell's four slices: the coefficients of light × visibility, then
+                # the peaks.
                 reflect(cell, number, value, n, t, cells[i])
                 _add_peaks(cell, peaks, seen[:n_seen], place, t, spread, cells[i], differ[i])
+            # Interpolate between the four slices.
             for channel in range(3):
                 radiance[r, channel] = between(cell, cells[i], channel)
             if len(sharp):
@@ -93,7 +99,7 @@ def shade_corners(
 def _visible_peaks(
     peaks: PeakLights, p: int, frame: Float32Array, seen: NDArray[np.int64], place: NDArray[np.int64]
 ) -> int:
-    """How many suns a point sees; their numbers and the upper triangles of its frame in which they stand."""
+    """List the peaks that point p sees and the upper triangles of its frame that contain them; return their number."""
     n = 0
     for s in range(len(peaks.power)):
         if peaks.bits[p, s >> 3] >> (s & 7) & 1:
@@ -111,12 +117,15 @@ def _add_peaks(
     cell: Cell, peaks: PeakLights, seen: NDArray[np.int64], place: NDArray[np.int64], t: Tables, spread: Float32Array,
     corners: Float32Array, differ: Words,
 ) -> None:  # fmt: skip
-    """Add to corners (4, 4) the suns that are seen, by their places, of which the largest of four slices is above their
-    mean by less than a little of all that is reflected; the others become bits of differ (2,)."""
+    """Add visible peaks to the radiance at the cell's corners (4, 4). A peak is sharp if the largest of the four slices
+    exceeds their mean by more than peaks.little of all reflected light; sharp peaks are set as bits of differ (2,)
+    instead."""
+    # Mean over the four slices of what the coefficients reflect.
     quarter = lanes.even(np.float32(0.25))
     whole = lanes.plus_product(lanes.zeros(), quarter, lanes.floats(corners, 0))
     for k in range(4, 16, 4):
         whole = lanes.plus_product(whole, quarter, lanes.floats(corners, k))
+    # Of each peak: the mean over the slices, added to the whole, and how far the largest exceeds it.
     for m in range(len(seen)):
         at, power = corners_at(cell, place[m], t), peaks.power[seen[m]]
         first, across = lanes.halves(t.values, at.first), lanes.halves(t.values, at.across)
@@ -129,6 +138,7 @@ def _add_peaks(
         largest = lanes.larger(lanes.larger(first, across), lanes.larger(down, last))
         spread[m] = lanes.total(lanes.plus_product(lanes.zeros(), light, lanes.minus(largest, mean)))
         whole = lanes.plus_product(whole, light, mean)
+    # Compare each peak's spread with the threshold.
     most = np.float32(peaks.little) * lanes.total(whole)
     differ[:] = np.uint64(0)
     for m in range(len(seen)):

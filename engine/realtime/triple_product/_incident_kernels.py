@@ -1,4 +1,4 @@
-"""Compiled: the light that comes in at a shading point, triangle by triangle of its own hemisphere."""
+"""Compiled: the light that arrives at a shading point, triangle by triangle of its own hemisphere."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ Float32Array = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 
 N_ROOTS = 20
-# Directions of suns that a point keeps apart while something moves.
+# Directions of peaks that a point stores separately for moving pictures.
 N_PEAK_PLACES = 40
-# Of the brightest suns, that points ask by a ray each.
+# The brightest peaks, whose visibility each point finds with rays of their own.
 N_QUERIED = 8
 
 
 class Hemisphere(NamedTuple):
-    """The upper triangles: number (U,) on the sphere, and place (5120,) back, −1 below; direction (U, 3) and solid
-    angle (U,); cosine (U,), its mean; the same of level 2 (U / 16,); children (side, side): 4 × place + child of the
-    finer triangle that holds a direction."""
+    """The triangles above the surface: number (U,) of each on the sphere, and the inverse, place (5120,), −1 below;
+    direction (U, 3), solid angle (U,) and mean cosine (U,); the same of level 2 (U / 16,) as coarse_...; children
+    (side, side): 4 × place + child of the next finer triangle that contains a direction."""
 
     number: NDArray[np.int32]
     place: NDArray[np.int32]
@@ -38,9 +38,9 @@ class Hemisphere(NamedTuple):
 
 
 class Light(NamedTuple):
-    """What shines: sky map (side, side, 4) and a coarse one, as `sky.SkyMap`, turned by the angle of this cosine and
-    sine; suns' direction and power (M, 3), brightest first; patches' centre, normal and flux (L, 3): radiance ×
-    area."""
+    """The light: sky (side, side, 4) and coarse_sky, as `sky_map.SkyMap`, rotated by the angle with this cosine and
+    sine; the peaks' direction and power (M, 3), brightest first; the patches' centre, normal and flux (L, 3), which is
+    radiance × area."""
 
     sky: Float32Array
     coarse_sky: Float32Array
@@ -54,9 +54,9 @@ class Light(NamedTuple):
 
 
 class Places(NamedTuple):
-    """Points: position (S, 3), frame (S, 3, 3), visibility bits (S, 1280), bits of patches (S, ⌈L / 8⌉), slot (S,):
-    the row of what is kept for gloss, −1 for irradiance alone; and suns (S,): bits of the brightest, each asked by a
-    ray of its own, −1 where none was."""
+    """The shading points: position (S, 3), frame (S, 3, 3), visibility bits (S, 1280) and patch_bits (S, ⌈L / 8⌉); slot
+    (S,), the row of a glossy point in `StoredLight`, −1 for points that store irradiance alone; peaks (S,): bits of the
+    brightest peaks, each tested with a ray of its own, −1 if none was."""
 
     position: Float32Array
     frame: Float32Array
@@ -67,9 +67,10 @@ class Places(NamedTuple):
 
 
 class StoredLight(NamedTuple):
-    """What points keep: irradiance (S, 3), bits of the suns that they see (S, ⌈M / 8⌉); by slot the coefficients'
-    number (G, n) and value (G, n, 3), bfloat16, largest first, the suns by place (G, 40), −1 for none, and power
-    (G, 40, 3), and leaning (G, 2, 3): Σ power × x and Σ power × z of all light's directions in the point's frame."""
+    """The light that points store: irradiance (S, 3); peak_bits (S, ⌈M / 8⌉), the visible peaks. By slot: number (G, n)
+    and value (G, n, 3) of the coefficients, bfloat16, largest first; peak_place (G, 40), the upper triangles that
+    contain peaks, −1 for none, and peak_power (G, 40, 3); irradiance_gradient (G, 2, 3): Σ power × x and Σ power × z
+    over all light, in the point's frame."""
 
     irradiance: Float32Array
     peak_bits: Bytes
@@ -82,7 +83,8 @@ class StoredLight(NamedTuple):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def child_at(x: float, y: float, z: float, children: NDArray[np.int16]) -> int:
-    """The entry of `Hemisphere.children` for a direction above the surface."""
+    """Look up `Hemisphere.children` for a direction above the surface."""
+    # Octahedral projection of the upper hemisphere, rotated by 45° so that it fills the square.
     side = children.shape[0]
     scale = 0.5 * side / (abs(x) + y + abs(z))
     column = min(int((x + z) * scale + 0.5 * side), side - 1)
@@ -94,12 +96,14 @@ def child_at(x: float, y: float, z: float, children: NDArray[np.int16]) -> int:
 def _look_up(
     sky: Float32Array, direction: Float32Array, frame: Float32Array, cosine: float, sine: float
 ) -> tuple[np.float32, np.float32, np.float32]:
-    """Radiance from a direction (3,) of a frame, under a sky that was turned."""
+    """Look up the radiance from a direction (3,) of a point's frame under the rotated sky."""
+    # To world space, then into the environment's own frame: the rotation about +Y.
     a, b, c = direction[0], direction[1], direction[2]
     tx = a * frame[0, 0] + b * frame[1, 0] + c * frame[2, 0]
     y = a * frame[0, 1] + b * frame[1, 1] + c * frame[2, 1]
     tz = a * frame[0, 2] + b * frame[1, 2] + c * frame[2, 2]
     x, z = np.float32(cosine * tx - sine * tz), np.float32(sine * tx + cosine * tz)
+    # Octahedral map: project onto |x| + |y| + |z| = 1 and fold the lower half outwards.
     side = sky.shape[0]
     half = np.float32(0.5 * side)
     scale = half / (abs(x) + abs(y) + abs(z))
@@ -114,12 +118,14 @@ def _look_up(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def add_sky(p: int, at: Places, half: Hemisphere, light: Light, powers: Float32Array, moments: Float32Array) -> None:
-    """Fill powers (5120, 3), radiance × solid angle of each triangle that point p sees, and add to moments (3, 3) their
-    sums times x, y, which makes irradiance, and z."""
+    """Fill powers (5120, 3), radiance × visible solid angle of each triangle at point p, and add to moments (3, 3) the
+    sums of power times x, y (which gives irradiance) and z."""
     powers[:] = 0.0
     for k in range(len(half.number)):
+        # Four bits, one for each child; their mean is the triangle's visibility.
         seen = at.bits[p, k >> 1] >> (4 * (k & 1)) & 15
         if seen:
+            # L · V of [Ma06, eq. 7], integrated over the triangle.
             red, green, blue = _look_up(light.sky, half.direction[k], at.frame[p], light.cosine, light.sine)
             part = np.float32(0.25 * ((seen & 1) + (seen >> 1 & 1) + (seen >> 2 & 1) + (seen >> 3)))
             share = half.solid_angle[k] * part
@@ -154,7 +160,7 @@ def _add_coarse_sky(
     p: int, coarse_bits: NDArray[np.uint64], at: Places, half: Hemisphere, light: Light, powers: Float32Array,
     moments: Float32Array,
 ) -> None:  # fmt: skip
-    """The same by triangles of level 2: fills the first 320 of powers with a sixteenth of what each of them has."""
+    """As `add_sky`, by triangles of level 2: the first 320 powers become a sixteenth of each triangle's."""
     powers[:320] = 0.0
     for k in range(len(half.coarse_cosine)):
         seen = _count(coarse_bits[p, k])
@@ -171,7 +177,7 @@ def _add_coarse_sky(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _count(word: np.uint64) -> int:
-    """The bits that are set."""
+    """Number of bits that are set."""
     word = word - ((word >> np.uint64(1)) & np.uint64(0x5555555555555555))
     word = (word & np.uint64(0x3333333333333333)) + ((word >> np.uint64(2)) & np.uint64(0x3333333333333333))
     word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
@@ -180,7 +186,7 @@ def _count(word: np.uint64) -> int:
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _nearest(places: NDArray[np.int16], directions: Float32Array, x: float, y: float, z: float) -> int:
-    """Which of the places looks most towards a direction."""
+    """Index of the place whose direction is closest to (x, y, z)."""
     best, found = -math.inf, 0
     for j in range(len(places)):
         d = directions[places[j]]
@@ -192,18 +198,21 @@ def _nearest(places: NDArray[np.int16], directions: Float32Array, x: float, y: f
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _add_peaks(p: int, at: Places, half: Hemisphere, light: Light, stored: StoredLight) -> None:
-    """What point p sees of the suns: bits, irradiance and, if it is glossy, where in its hemisphere they stand."""
+    """Find the peaks that point p sees: set their bits, add their irradiance and, for glossy points, store the
+    triangles that contain them."""
     frame, slot, n_found = at.frame[p], at.slot[p], 0
     stored.peak_bits[p] = 0
     if slot >= 0:
         stored.peak_place[slot] = -1
     for s in range(len(light.peak_power)):
+        # The peak in the point's frame: x, y (the cosine to the normal) and z.
         d = light.peak_direction[s]
         y = frame[1, 0] * d[0] + frame[1, 1] * d[1] + frame[1, 2] * d[2]
         if y <= 0.0:
             continue
         x = frame[0, 0] * d[0] + frame[0, 1] * d[1] + frame[0, 2] * d[2]
         z = frame[2, 0] * d[0] + frame[2, 1] * d[1] + frame[2, 2] * d[2]
+        # Visibility: the bright peaks have rays of their own, the others use the bit of the triangle's child.
         child = child_at(x, y, z, half.children)
         k = child >> 2
         if at.peaks[p] >= 0 and s < N_QUERIED:
@@ -211,9 +220,12 @@ def _add_peaks(p: int, at: Places, half: Hemisphere, light: Light, stored: Store
                 continue
         elif not at.bits[p, k >> 1] >> (4 * (k & 1) + (child & 3)) & 1:
             continue
+        # Irradiance: power × cosine.
         stored.peak_bits[p, s >> 3] |= np.uint8(1 << (s & 7))
         for i in range(3):
             stored.irradiance[p, i] += light.peak_power[s, i] * y
+        # Glossy points: first moments along x and z, and the power, merged into the triangle's entry; when all entries
+        # are taken, into the one with the closest direction.
         if slot >= 0:
             for i in range(3):
                 stored.irradiance_gradient[slot, 0, i] += light.peak_power[s, i] * x
@@ -234,11 +246,13 @@ def _add_peaks(p: int, at: Places, half: Hemisphere, light: Light, stored: Store
 def add_patches(
     p: int, at: Places, half: Hemisphere, light: Light, is_coarse: bool, powers: Float32Array, moments: Float32Array
 ) -> None:
-    """Add what a point sees of patches, each put whole into the triangle that holds its centre's direction."""
+    """Add the patches that point p sees. Each patch counts as a whole in the triangle that contains its centre's
+    direction."""
     position, frame = at.position[p], at.frame[p]
     for j in range(len(light.centre)):
         if not at.patch_bits[p, j >> 3] >> (j & 7) & 1:
             continue
+        # Cosine at the emitter and at the point, both times the distance.
         a, b = light.centre[j, 0] - position[0], light.centre[j, 1] - position[1]
         c = light.centre[j, 2] - position[2]
         facing = -(a * light.normal[j, 0] + b * light.normal[j, 1] + c * light.normal[j, 2])
@@ -249,6 +263,7 @@ def add_patches(
             x = frame[0, 0] * a + frame[0, 1] * b + frame[0, 2] * c
             z = frame[2, 0] * a + frame[2, 1] * b + frame[2, 2] * c
             m = half.number[child_at(x, y, z, half.children) >> 2]
+            # Solid angle per area: cos θ / r².
             solid = np.float32(facing / (squared * distance))
             part = solid
             if is_coarse:
@@ -267,18 +282,21 @@ def compress(
     number: NDArray[np.int16],
     value: NDArray[np.uint16],
 ) -> None:  # fmt: skip
-    """Wavelets of powers (20·4^L, 3), the n largest by size, the 20 means before all: number (n,), value (n, 3).
+    """Wavelet-transform powers (20·4^L, 3) and store the n largest coefficients by size, after the 20 means: number
+    (n,), value (n, 3).
 
-    In descending order but for an eighth of an octave, so that any first few are the best few. Behind the last that is
-    not 0 stands 0. place (5120,): negative for triangles in which there is no power. powers, wavelets and sizes are
-    written over.
+    The order is descending up to an eighth of an octave, so that the first few are always the best few. Entries after
+    the last nonzero one are 0. place (5120,): negative for triangles without power. Overwrites powers, wavelets and
+    sizes.
     """
     _transform(powers, place, wavelets, sizes)
+    # Counting sort by the leading bits of the float: exponent and three bits of mantissa, so 8 bins an octave.
     n, bins = len(number), sizes.view(np.int32)
     starts = np.zeros(1 << 11, np.int32)
     for k in range(len(powers)):
         if sizes[k] > 0.0:
             starts[bins[k] >> 20] += 1
+    # Turn counts into start positions, from the largest bin to the smallest.
     total = 0
     for i in range(len(starts) - 1, -1, -1):
         count = starts[i]
@@ -286,6 +304,7 @@ def compress(
         total += count
     filled = min(total, n)
     number[filled:], value[filled:] = 0, 0
+    # Scatter the coefficients to their positions; round the values to bfloat16.
     for k in range(len(powers)):
         if sizes[k] > 0.0:
             at = starts[bins[k] >> 20]
@@ -299,11 +318,13 @@ def compress(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _transform(means: Float32Array, place: NDArray[np.int32], wavelets: Float32Array, sizes: Float32Array) -> None:
-    """`engine.sphere.haar.forward`, and each coefficient's size by the measure of its triangle.
+    """Apply `engine.sphere.haar.forward` [Ma06, 3.1], and set each coefficient's size to its magnitude times its
+    triangle's area.
 
-    In place: parent t of a level reads its four children and leaves their mean in row t. Below the surface, which no
-    edge but those of the roots crosses, there is nothing to be done.
+    In place: parent t of a level reads its four children and leaves their mean in row t. Triangles below the surface
+    are skipped; only those of the root level cross the horizon.
     """
+    # Area of a triangle relative to the roots, where it is 1: 4^(−level) [Ma06, 3.1].
     parents, measure, below = len(means) // 4, np.float32(1.0), len(place) // (len(means) // 4)
     coarse = parents
     while coarse > N_ROOTS:
@@ -313,9 +334,11 @@ def _transform(means: Float32Array, place: NDArray[np.int32], wavelets: Float32A
         for t in range(parents):
             at = parents + 3 * t
             sizes[at] = sizes[at + 1] = sizes[at + 2] = 0.0
+            # Parents below the surface hold no power.
             if parents > N_ROOTS and place[t * below] < 0:
                 means[t] = 0.0
                 continue
+            # Scaling coefficient: the mean of four children. The three wavelets: sums with two signs + and two −.
             for i in range(3):
                 a, b = np.float32(0.25) * means[4 * t, i], np.float32(0.25) * means[4 * t + 1, i]
                 c, d = np.float32(0.25) * means[4 * t + 2, i], np.float32(0.25) * means[4 * t + 3, i]
@@ -326,6 +349,7 @@ def _transform(means: Float32Array, place: NDArray[np.int32], wavelets: Float32A
         parents //= 4
         below *= 4
         measure *= np.float32(4.0)
+    # The 20 means of the roots come first, whatever their size.
     for t in range(N_ROOTS):
         sizes[t] = 0.0
         for i in range(3):
@@ -346,19 +370,21 @@ def light_range(
     moments = np.empty((3, 3), np.float32)
     for j in range(start, stop):
         p = points[j]
+        # Sky and patches by triangle, with their first moments.
         moments[:] = 0.0
         if is_coarse:
             _add_coarse_sky(p, coarse_bits, at, half, light, powers, moments)
         else:
             add_sky(p, at, half, light, powers, moments)
         add_patches(p, at, half, light, is_coarse, powers, moments)
-        for i in range(3):  # not all at once: for that the compiler makes the words of an error
+        for i in range(3):  # by channel: for whole rows the compiler generates error messages
             stored.irradiance[p, i] = moments[1, i]
             if at.slot[p] >= 0:
                 stored.irradiance_gradient[at.slot[p], 0, i], stored.irradiance_gradient[at.slot[p], 1, i] = (
                     moments[0, i],
                     moments[2, i],
                 )
+        # Peaks add to irradiance but not to the coefficients; each is reflected in its own direction.
         _add_peaks(p, at, half, light, stored)
         if at.slot[p] >= 0:
             slot, size = at.slot[p], 320 if is_coarse else n

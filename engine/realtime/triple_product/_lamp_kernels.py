@@ -1,4 +1,4 @@
-"""Compiled: the patches of emitters that pixels ask by rays of their own."""
+"""Compiled: selects the emitters' patches that pixels test with shadow rays of their own."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ ONLY_THOSE, WHERE_ANY, EVERYTHING = 0, 1, 2
 
 
 class Known(NamedTuple):
-    """What points know: position and normal (S, 3), bits (S, ⌈L / 8⌉) of the patches that each sees; centre and normal
-    (L, 3) of these."""
+    """Visibility that points know: position and normal (S, 3), bits (S, ⌈L / 8⌉) of the patches that each sees; the
+    patches' centre and patch_normal (L, 3)."""
 
     position: Floats
     normal: Floats
@@ -28,9 +28,10 @@ class Known(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """Rays (N,): row of a sample, patch; solid: of what flux makes power there, and for how many patches it stands;
-    cosine above the sample's normal; share of the patch that its points see, and of the power times the cosine; agreed:
-    whether they all see it, or none does."""
+    """Shadow rays (N,): row of the sample, patch; solid, the factor from flux to power, times the number of patches
+    that the ray represents; cosine to the sample's normal; known, the share of the patch that the sample's points see,
+    and known_cosine, that share with the points' own powers and cosines; agreed: whether all points see it, or none
+    does."""
 
     row: NDArray[np.int32]
     patch: NDArray[np.int32]
@@ -43,7 +44,8 @@ class Asked(NamedTuple):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
 def _towards(j: int, at: Floats, normal: Floats, points: Known) -> tuple[float, float]:
-    """What flux of patch j makes power at a place (3,), and the cosine there; 0 where it does not shine."""
+    """Return the factor from flux of patch j to power at a position (3,), and the cosine there; 0 where the patch faces
+    away."""
     x, y, z = points.centre[j, 0] - at[0], points.centre[j, 1] - at[1], points.centre[j, 2] - at[2]
     n = points.patch_normal[j]
     facing, above = -(x * n[0] + y * n[1] + z * n[2]), x * normal[0] + y * normal[1] + z * normal[2]
@@ -59,7 +61,7 @@ def disagree(
     start: int, stop: int, samples: NDArray[np.int64], corners: NDArray[np.int32], bits: NDArray[np.uint8],
     out: NDArray[np.bool_],
 ) -> None:  # fmt: skip
-    """Whether corners (R, 3) of the samples[start:stop] see other patches than one another, into out (N,)."""
+    """Write to out (N,) whether the corners (R, 3) of samples[start:stop] see different patches."""
     for n in range(start, stop):
         a, b, c = corners[samples[n], 0], corners[samples[n], 1], corners[samples[n], 2]
         out[n] = False
@@ -83,15 +85,19 @@ def patches_in_question(
     corners: NDArray[np.int32], weights: Floats, places: Floats, normals: Floats, how: NDArray[np.uint8],
     phase: NDArray[np.int64], most: NDArray[np.int64], points: Known, out: Asked,
 ) -> int:  # fmt: skip
-    """Which patches samples (N,), at places (N, 3) with normals (N, 3) between corners (N, 3) by weights (N, 3), ask:
-    those that some corners see and others do not, or everything that faces them, `how` (N,): ONLY_THOSE, EVERYTHING, or
-    everything WHERE_ANY are. Of more than `most` (N,) every second, third, ... is asked, by its phase (N,), 0 to 15,
-    and stands for all. Fills `out`; how many that are."""
+    """Fill `out` with shadow rays of samples (N,), at places (N, 3) with normals (N, 3), between corners (N, 3) with
+    weights (N, 3); return their number.
+
+    how (N,) selects the patches to test: ONLY_THOSE that some corners see and others do not, EVERYTHING that faces the
+    sample, or everything WHERE_ANY corners disagree. Of more than `most` (N,) patches every second, third, ... is
+    tested, starting by the sample's phase (N,), 0 to 15, and represents the others.
+    """
     n_found = 0
     in_question = np.empty(len(points.centre), np.int32)
     for n in range(len(corners)):
         if most[n] == 0:
             continue
+        # Collect the patches to test.
         m = 0
         if how[n] != EVERYTHING:
             for j in range(len(points.centre)):
@@ -106,12 +112,14 @@ def patches_in_question(
                     m += 1
         if m == 0:
             continue
+        # Thin them out to a regular subset; each tested patch represents m / n of them.
         step = (m + most[n] - 1) // most[n]
         first = phase[n] * step // 16
         stands_for = np.float32(m / ((m - first + step - 1) // step))
         for at in range(first, m, step):
             j = in_question[at]
             solid, cosine = _towards(j, places[n], normals[n], points)
+            # What the three points know of this patch: share, and share × cosine by their own geometry.
             n_seen, seen, known, around = 0, 0.0, 0.0, 0.0
             for k in range(3):
                 p = corners[n, k]
@@ -121,6 +129,7 @@ def patches_in_question(
                     n_seen += 1
                     seen += weights[n, k]
                     known += weights[n, k] * of_corner * above
+            # The sample faces away from a patch that its points see: normalize by the points' factor instead.
             if solid == 0.0:
                 solid = max(around, 1e-30)
             out.row[n_found], out.patch[n_found] = n, j

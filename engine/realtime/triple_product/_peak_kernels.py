@@ -1,4 +1,4 @@
-"""Compiled: the suns that a pixel sees sharply, each in its own direction."""
+"""Compiled: the peaks that a pixel reflects sharply, each in its own direction."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Float32Array = NDArray[np.float32]
 
 
 class BrdfQueries(NamedTuple):
-    """What formulas are asked: sample (P,) of those that are named, power (P, 3) that comes in, wi and wo (P, 3) in
+    """BRDF evaluations (P,): sample, index among the given samples; power (P, 3) that arrives; wi and wo (P, 3) in
     tangent, bitangent, normal."""
 
     sample: NDArray[np.int32]
@@ -31,12 +31,14 @@ def query_peaks(
     peaks: PeakLights,
     sharp: NDArray[np.uint64], least_cosine: float, asked: BrdfQueries,
 ) -> int:  # fmt: skip
-    """Fill what is asked of the suns that are sharp at corners (3 N, 2) of samples (N,), as `shade_corners` finds them,
-    each by the share of those corners, in the frame between them; how many that are."""
+    """Fill `asked` with the peaks that are sharp at the corners (3 N, 2) of samples (N,), as `shade_corners` finds
+    them; return their number. A peak's power is scaled by the interpolation weights of the corners that see it;
+    directions refer to the interpolated frame."""
     n_asked = 0
     own, towards = np.empty((3, 3)), np.empty(3)
     for n in range(len(which)):
         j, has_frame = which[n], False
+        # Walk through the set bits of both 64-bit words.
         for word in range(2):
             first, second, third = sharp[3 * n, word], sharp[3 * n + 1, word], sharp[3 * n + 2, word]
             left, s = first | second | third, 64 * word - 1
@@ -46,16 +48,19 @@ def query_peaks(
                 left >>= np.uint64(1)
                 if not found:
                     continue
+                # Frame and wo are needed only by samples with sharp peaks.
                 if not has_frame:
                     _interpolate_frame(corners[j], weights[j], frame, own)
                     _view_direction(own, wo[j], least_cosine, towards)
                     has_frame = True
+                # The peak's direction in the sample's frame.
                 d = peaks.direction[s]
                 y = own[1, 0] * d[0] + own[1, 1] * d[1] + own[1, 2] * d[2]
                 if y <= 0.0:
                     continue
                 x = own[0, 0] * d[0] + own[0, 1] * d[1] + own[0, 2] * d[2]
                 z = own[2, 0] * d[0] + own[2, 1] * d[1] + own[2, 2] * d[2]
+                # Power times the weights of those corners that see the peak.
                 bit = np.uint64(s & 63)
                 share = weights[j, 0] * np.float32(first >> bit & np.uint64(1))
                 share += weights[j, 1] * np.float32(second >> bit & np.uint64(1))
@@ -63,6 +68,7 @@ def query_peaks(
                 asked.sample[n_asked] = n
                 for i in range(3):
                     asked.power[n_asked, i], asked.wo[n_asked, i] = share * peaks.power[s, i], towards[i]
+                # The frame's third axis is minus the bitangent.
                 asked.wi[n_asked, 0], asked.wi[n_asked, 1], asked.wi[n_asked, 2] = x, -z, y
                 n_asked += 1
     return n_asked
@@ -72,7 +78,7 @@ def query_peaks(
 def _interpolate_frame(
     corners: NDArray[np.int32], weights: Float32Array, frame: Float32Array, out: NDArray[np.float64]
 ) -> None:
-    """The frame between three points into out (3, 3), orthonormal again."""
+    """Interpolate the frame between three points into out (3, 3) and orthonormalize it."""
     for i in range(2):
         for k in range(3):
             out[i, k] = 0.0
@@ -96,7 +102,7 @@ def _interpolate_frame(
 def _view_direction(
     frame: NDArray[np.float64], wo: Float32Array, least_cosine: float, out: NDArray[np.float64]
 ) -> None:
-    """wo (3,) in tangent, bitangent, normal of a frame, no less than so much above the surface, unit, into out (3,)."""
+    """Write wo (3,) to out (3,) in tangent, bitangent, normal of a frame, raised to at least least_cosine, unit."""
     x = frame[0, 0] * wo[0] + frame[0, 1] * wo[1] + frame[0, 2] * wo[2]
     y = frame[1, 0] * wo[0] + frame[1, 1] * wo[1] + frame[1, 2] * wo[2]
     z = frame[2, 0] * wo[0] + frame[2, 1] * wo[1] + frame[2, 2] * wo[2]
@@ -107,7 +113,7 @@ def _view_direction(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def add_answers(n: int, asked: BrdfQueries, value: NDArray[np.float64], radiance: Float32Array) -> None:
-    """Add what the first n that were asked reflect, by their value (n, 3), to radiance (N, 3)."""
+    """Add to radiance (N, 3) what the first n evaluations reflect: power times value (n, 3)."""
     for m in range(n):
         for i in range(3):
             radiance[asked.sample[m], i] += asked.power[m, i] * value[m, i]
@@ -119,13 +125,14 @@ def uncertain_peaks(
     peaks: PeakLights, n_peaks: int,
     everywhere: bool, row: NDArray[np.int32], peak: NDArray[np.int32], share: Float32Array, cosine: Float32Array,
 ) -> int:  # fmt: skip
-    """Which of the first n_peaks, at most 8, may stand over samples (N,) otherwise than their points know: those of
-    which some of the three see one and others do not, or, everywhere, all above. Fills row, ascending, and sun
-    (N · n_peaks,) and how much of the sun, and times which cosine, the points see by their weights (R, 3). Their
-    number."""
+    """List the peaks, of the first n_peaks (at most 8), whose visibility at samples (N,) may differ from that at their
+    points: peaks that one of the three points sees and another does not, or, if everywhere, all above the horizon.
+    Fills row (ascending) and peak (N · n_peaks,), and by the points' weights (R, 3) share, how much of the peak they
+    see, and cosine, the same times their cosines. Returns the number."""
     n_found, first_suns = 0, (1 << n_peaks) - 1
     for n in range(len(samples)):
         j = samples[n]
+        # Bits that are set at some corner but not at all of them.
         a, b, c = peaks.bits[corners[j, 0], 0], peaks.bits[corners[j, 1], 0], peaks.bits[corners[j, 2], 0]
         in_question = ((a | b | c) ^ (a & b & c)) & first_suns
         if in_question == 0 and not everywhere:
@@ -134,6 +141,7 @@ def uncertain_peaks(
             d, seen, known, above = peaks.direction[s], np.float32(0.0), np.float32(0.0), np.float32(0.0)
             if not (everywhere or in_question >> s & 1):
                 continue
+            # Interpolate share and cosine from the points.
             for k in range(3):
                 p = corners[j, k]
                 f = frame[p]

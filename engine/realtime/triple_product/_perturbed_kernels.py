@@ -1,4 +1,4 @@
-"""Compiled: what surfaces whose normals were turned reflect of the light of points whose normals were not."""
+"""Compiled: reflection by perturbed normals of the light that points store for unperturbed ones."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ Float32Array = NDArray[np.float32]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _powers(number: NDArray[np.int16], value: NDArray[np.uint16], level: int, words: NDArray[np.uint32]) -> None:
-    """What `_incident_kernels.compress` made coefficients of, by triangles of a level: words (20·4^level, 3) become the
-    power in each, as the bits of float32."""
+    """Reconstruct powers from the coefficients of `_incident_kernels.compress`, on the triangles of a level: words
+    (20·4^level, 3) become the bits of float32 powers."""
     count = 20 << (2 * level)
     words[:count] = np.uint32(0)
+    # Scatter the coefficients that this level resolves; bfloat16 is the upper half of float32.
     for k in range(len(number)):
         if 0 <= number[k] < count:
             for i in range(3):
@@ -29,6 +30,8 @@ def _powers(number: NDArray[np.int16], value: NDArray[np.uint16], level: int, wo
                     words[number[k], i] = np.uint32(value[k, i]) << np.uint32(16)
     means, parents = words.view(np.float32), 20
     quarters = np.empty((count, 3), np.float32)
+    # Inverse Haar transform, level by level: each parent's mean and three wavelets become the four children [Ma06,
+    # 3.1].
     while parents < count:
         for t in range(parents):
             for i in range(3):
@@ -43,6 +46,7 @@ def _powers(number: NDArray[np.int16], value: NDArray[np.uint16], level: int, wo
         for t in range(parents):
             for i in range(3):
                 means[t, i] = quarters[t, i]
+    # Coefficients hold means over triangles of the finest level: convert them to power in the larger triangles.
     times = np.float32(5120.0 / count)
     for t in range(count):
         for i in range(3):
@@ -55,16 +59,17 @@ def irradiance(
     normals: Float32Array, frame: Float32Array, slots: NDArray[np.int32], stored: StoredLight, level: int,
     directions: Float32Array, out: Float32Array,
 ) -> None:  # fmt: skip
-    """Fill out (3 N, 3): the irradiance, suns apart, by the light of each corner's point on a surface of normal (N, 3).
+    """Fill out (3 N, 3) with irradiance, without peaks, of a surface with normal (N, 3) under the light of each
+    corner's point.
 
-    directions (20·4^level, 3): of the level's triangles, in a point's frame. The point points[j] is asked by
-    members[first[j]:first[j + 1]] of the 3 N corners. Unturned it is what the point itself keeps: what the coefficients
-    know of it tells by how much that changes.
+    directions (20·4^level, 3): the level's triangles in a point's frame. The corners members[first[j]:first[j + 1]]
+    belong to point points[j]. The result for an unperturbed normal is the irradiance that the point stores: the
+    truncated coefficients give only the change relative to it.
     """
     words = np.empty((len(directions), 3), np.uint32)
     powers = words.view(np.float32)
     above = np.flatnonzero(directions[:, 1] > 0.0)
-    # Each number by itself in a row, so that several triangles are summed at once.
+    # One row for each coordinate and channel, so that the loops over triangles vectorize.
     way, light = np.empty((3, len(above)), np.float32), np.empty((3, len(above)), np.float32)
     for k in range(len(above)):
         for i in range(3):
@@ -73,6 +78,7 @@ def irradiance(
     for j in range(start, stop):
         p = points[j]
         f = frame[p]
+        # The point's powers, and the irradiance that they give with its own normal.
         _powers(stored.number[slots[p]], stored.value[slots[p]], level, words)
         own[:] = 0.0
         for i in range(3):
@@ -81,10 +87,12 @@ def irradiance(
                 own[i] += light[i, k] * way[1, k]
         for at in range(first[j], first[j + 1]):
             r = members[at]
+            # The perturbed normal in the point's frame.
             n = normals[r // 3]
             x = f[0, 0] * n[0] + f[0, 1] * n[1] + f[0, 2] * n[2]
             y = f[1, 0] * n[0] + f[1, 1] * n[1] + f[1, 2] * n[2]
             z = f[2, 0] * n[0] + f[2, 1] * n[1] + f[2, 2] * n[2]
+            # Irradiance by Σ power × max(cos, 0).
             red = green = blue = np.float32(0.0)
             for k in range(len(above)):
                 cosine = max(x * way[0, k] + y * way[1, k] + z * way[2, k], np.float32(0.0))
@@ -92,6 +100,7 @@ def irradiance(
                 green += light[1, k] * cosine
                 blue += light[2, k] * cosine
             out[r, 0], out[r, 1], out[r, 2] = red, green, blue
+            # Stored irradiance plus the change due to the normal.
             for i in range(3):
                 there = max(stored.irradiance[p, i], np.float32(0.0))
                 out[r, i] = max(there + out[r, i] - own[i], np.float32(0.0))
@@ -103,18 +112,21 @@ def quick_irradiance(
     leans: Float32Array,
     frame: Float32Array, slots: NDArray[np.int32], stored: StoredLight, out: Float32Array,
 ) -> None:  # fmt: skip
-    """Fill out (N, 3): the irradiance of surfaces at samples (N,) whose unit normals lean by (N, 3) across them.
+    """Fill out (N, 3) with irradiance at samples (N,) whose unit normals are offset by leans (N, 3), perpendicular to
+    them.
 
-    As of light that all comes from above the horizons of both: E (1 + cos) / 2, which an even sky has, and of what
-    comes from one side its cosine with the lean.
+    The estimate takes all light to come from above both horizons: E (1 + cos) / 2, which is exact for a uniform sky,
+    plus the cosines of the lateral light with the offset.
     """
     for n in range(start, stop):
         j, lean = which[n], leans[n]
+        # Cosine between the perturbed and the interpolated normal.
         cosine = np.float32(1.0) / np.float32(math.sqrt(1.0 + lean[0] ** 2 + lean[1] ** 2 + lean[2] ** 2))
         out[n] = 0.0
         for k in range(3):
             p, weight = corners[j, k], weights[j, k]
             f, slot = frame[p], slots[p]
+            # The offset in the point's frame, along x and z.
             x = cosine * (f[0, 0] * lean[0] + f[0, 1] * lean[1] + f[0, 2] * lean[2])
             z = cosine * (f[2, 0] * lean[0] + f[2, 1] * lean[1] + f[2, 2] * lean[2])
             half = np.float32(0.5) + np.float32(0.5) * cosine
@@ -133,7 +145,8 @@ def shade_broad(
     directions: Float32Array,
     children: NDArray[np.int16], t: Tables, out: Float32Array,
 ) -> None:  # fmt: skip
-    """As `irradiance`, radiance along wo (N, 3) that slices in turned frames (N, 3, 3) reflect, by each triangle."""
+    """As `irradiance`, but radiance along wo (N, 3) by the slices in perturbed frames turned (N, 3, 3), triangle by
+    triangle."""
     words = np.empty((len(directions), 3), np.uint32)
     powers = words.view(np.float32)
     listed, between = np.empty(len(directions), np.int64), np.empty((3, 3), np.float32)
@@ -142,6 +155,7 @@ def shade_broad(
         p = points[j]
         f = frame[p]
         _powers(stored.number[slots[p]], stored.value[slots[p]], level, words)
+        # Triangles that hold power.
         n_listed = 0
         for m in range(len(directions)):
             if directions[m, 1] > 0.0 and (powers[m, 0] != 0.0 or powers[m, 1] != 0.0 or powers[m, 2] != 0.0):
@@ -150,13 +164,16 @@ def shade_broad(
         for at in range(first[j], first[j + 1]):
             r = members[at]
             g, o = turned[r // 3], wo[r // 3]
+            # Rotation from the point's frame to the perturbed frame.
             for a in range(3):
                 for b in range(3):
                     between[a, b] = g[a, 0] * f[b, 0] + g[a, 1] * f[b, 1] + g[a, 2] * f[b, 2]
+            # The slices around wo in the perturbed frame.
             cell = cell_at(
                 g[0, 0] * o[0] + g[0, 1] * o[1] + g[0, 2] * o[2], g[1, 0] * o[0] + g[1, 1] * o[1] + g[1, 2] * o[2],
                 g[2, 0] * o[0] + g[2, 1] * o[1] + g[2, 2] * o[2], t,
             )  # fmt: skip
+            # Σ power × slice over the triangles above the perturbed horizon: [Ma06, eq. 7] in the triangles' basis.
             total = lanes.zeros()
             for k in range(n_listed):
                 d, power = directions[listed[k]], powers[listed[k]]
@@ -180,16 +197,16 @@ def _shares(
     of_bits: Float32Array,
     share: Float32Array,
 ) -> None:
-    """Fill share (8 B,): how much a sample sees of each sun between its points. of_bits: `of_bytes`."""
+    """Fill share (8 B,) with the interpolated visibility of each peak; of_bits: `of_bytes`."""
     for byte in range(len(share) // 8):
         first, second = of_bits[bits[corners[0], byte]], of_bits[bits[corners[1], byte]]
         third = of_bits[bits[corners[2], byte]]
-        for bit in range(8):  # at once
+        for bit in range(8):  # vectorizes
             share[8 * byte + bit] = weights[0] * first[bit] + weights[1] * second[bit] + weights[2] * third[bit]
 
 
 def of_bytes() -> Float32Array:
-    """The bits of each byte as numbers, the lowest first (256, 8)."""
+    """The bits of each byte as floats, lowest first (256, 8)."""
     return np.unpackbits(np.arange(256, dtype=np.uint8)[:, None], axis=1, bitorder="little").astype(np.float32)
 
 
@@ -200,13 +217,15 @@ def peak_irradiance(
     frame: Float32Array, peak_bits: NDArray[np.uint8], peak_direction: Float32Array, peak_power: Float32Array,
     of_bits: Float32Array, out: Float32Array,
 ) -> None:  # fmt: skip
-    """Fill out (N, 3): by how much more suns, as samples (N,) see them, light turned surfaces than those before.
+    """Fill out (N, 3) with the difference that perturbing the normal makes to the peaks' irradiance at samples (N,).
 
-    sun_direction, peak_power (3, M): each number by itself in a row, so that several suns are summed at once; M is a
-    multiple of 8, the last may have no power. of_bits: `of_bytes`."""
+    peak_direction, peak_power (3, M): one row for each coordinate and channel, so that the loop over peaks vectorizes;
+    M is a multiple of 8, padded with peaks without power. of_bits: `of_bytes`.
+    """
     share, before = np.empty(peak_power.shape[1], np.float32), np.empty(3, np.float32)
     for n in range(start, stop):
         j, normal = which[n], turned[n, 1]
+        # The unperturbed normal: interpolated between the points, as their irradiance is.
         for i in range(3):
             before[i] = np.float32(0.0)
             for k in range(3):
@@ -214,6 +233,7 @@ def peak_irradiance(
         _shares(peak_bits, corners[j], weights[j], of_bits, share)
         x, y, z, a, b, c = normal[0], normal[1], normal[2], before[0], before[1], before[2]
         red = green = blue = np.float32(0.0)
+        # share × (perturbed cosine − unperturbed cosine) × power.
         for s in range(len(share)):
             d, e, f = peak_direction[0, s], peak_direction[1, s], peak_direction[2, s]
             cosine = max(x * d + y * e + z * f, np.float32(0.0))
@@ -231,8 +251,8 @@ def peak_radiance(
     turned: Float32Array, peak_bits: NDArray[np.uint8], peak_direction: Float32Array, peak_power: Float32Array,
     children: NDArray[np.int16], of_bits: Float32Array, t: Tables, out: Float32Array,
 ) -> None:  # fmt: skip
-    """Fill out (N, 3): what slices reflect of suns, as samples (N,) see them, on turned surfaces; the suns as
-    `peak_irradiance` takes them."""
+    """Fill out (N, 3) with the radiance of peaks that slices reflect on perturbed surfaces, at samples (N,); peaks as
+    in `peak_irradiance`."""
     n_peaks, side = peak_power.shape[1], children.shape[0]
     share, height, colour = np.empty(n_peaks, np.float32), np.empty(n_peaks, np.float32), np.empty(4, np.float32)
     row, column = np.empty(n_peaks, np.int32), np.empty(n_peaks, np.int32)
@@ -245,7 +265,7 @@ def peak_radiance(
             g[2, 0] * wo[n, 0] + g[2, 1] * wo[n, 1] + g[2, 2] * wo[n, 2], t,
         )  # fmt: skip
         _shares(peak_bits, corners[j], weights[j], of_bits, share)
-        # Where each stands in the turned frame and, as `child_at` says, in `children`: several suns at once.
+        # Each peak's place in the perturbed frame and in `children`, as `child_at`: this loop vectorizes.
         for s in range(n_peaks):
             d, e, f = peak_direction[0, s], peak_direction[1, s], peak_direction[2, s]
             x = g[0, 0] * d + g[0, 1] * e + g[0, 2] * f
@@ -255,6 +275,7 @@ def peak_radiance(
             height[s] = y
             column[s] = min(np.int32((x + z) * scale + half), last)
             row[s] = min(np.int32((x - z) * scale + half), last)
+        # Σ visible power × slice over the peaks above the perturbed horizon.
         total = lanes.zeros()
         for s in range(n_peaks):
             if share[s] > 0.0 and height[s] > 0.0:

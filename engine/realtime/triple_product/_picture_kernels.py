@@ -1,4 +1,4 @@
-"""Compiled: rays through pixels, what they hit as corners and weights, and light interpolated between corners."""
+"""Compiled: rays through pixels, their hits as corners and weights, and interpolation between corners."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ Int32Array = NDArray[np.int32]
 
 
 class PointTriangles(NamedTuple):
-    """The triangles between shading points: points on either side (T, 2, 3), normal (T, 3), object (T,), and of which
-    of the scene's triangles each is a part (T,); radiance (M, 3) of the objects where they shine."""
+    """The triangles between shading points: triangles (T, 2, 3), the points on either side; normal (T, 3) and i_object
+    (T,); emission (M, 3), the radiance of each object."""
 
     triangles: Int32Array
     normal: Float32Array
@@ -25,8 +25,9 @@ class PointTriangles(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """What rays (R,) meet: corners (R, 3), −1 where nothing is reflected, and their weights (R, 3); wo (R, 3), back
-    along the ray; emitted (R, 3); i_object (R,), −1 for none; behind (R,): seen where an object has no points."""
+    """Hits of rays (R,): corners (R, 3), −1 where nothing is reflected, and their weights (R, 3); wo (R, 3), back along
+    the ray; emitted (R, 3); i_object (R,), −1 for a miss; behind (R,): the ray sees a side of an object without
+    points."""
 
     corners: Int32Array
     weights: Float32Array
@@ -40,8 +41,8 @@ class Samples(NamedTuple):
 def fill_rays(
     start: int, stop: int, places: NDArray[np.float64], width: int, axes: NDArray[np.float64], directions: Float32Array
 ) -> None:
-    """Unit directions [start, stop): axes (3, 3) are those of the picture's plane: its upper left corner, one pixel to
-    the right, one down. places (R, 2): columns and rows, or none (0, 2) for the centres of all pixels in turn."""
+    """Fill unit directions [start, stop). axes (3, 3) describe the picture's plane: its upper left corner, one pixel to
+    the right, one pixel down. places (R, 2): columns and rows; empty (0, 2) for the centres of all pixels in order."""
     for j in range(start, stop):
         if len(places):
             column, row = places[j, 0], places[j, 1]
@@ -64,9 +65,10 @@ def resolve(
     surface: PointTriangles,
     out: Samples,
 ) -> None:
-    """Fill samples from `start` on with the hits (n,) of rays with those directions (n, 3)."""
+    """Fill samples from `start` on with the hits (n,) of rays along directions (n, 3)."""
     for k in range(len(triangle)):
         j, t = start + k, triangle[k]
+        # Defaults of a miss.
         for i in range(3):
             out.wo[j, i] = -directions[k, i]
             out.emitted[j, i] = 0.0
@@ -75,6 +77,7 @@ def resolve(
             continue
         i_object = surface.i_object[t]
         out.i_object[j] = i_object
+        # Which side the ray hits: 0 if it meets the face from the front. Emitters radiate from their front only.
         along = np.float32(0.0)
         for i in range(3):
             along += surface.normal[t, i] * directions[k, i]
@@ -83,6 +86,7 @@ def resolve(
             for i in range(3):
                 out.emitted[j, i] = surface.emission[i_object, i]
         corners = surface.triangles[t, side]
+        # The back has no points, though the front has.
         out.behind[j] = side == 1 and corners[0] < 0 and surface.triangles[t, 0, 0] >= 0
         for i in range(3):
             out.corners[j, i] = corners[i]
@@ -91,7 +95,7 @@ def resolve(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def mark(start: int, stop: int, corners: Int32Array, seen: NDArray[np.bool_]) -> None:
-    """Set seen (S,) at the points that are corners of samples."""
+    """Mark the points that are corners of samples in seen (S,)."""
     for j in range(start, stop):
         if corners[j, 0] >= 0:
             for k in range(3):
@@ -131,7 +135,7 @@ def add_at(
 def by_object(
     i_object: Int32Array, reflects: NDArray[np.bool_], n_objects: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Those samples (R,) that reflect, by object and in their order, and where each object's begin (M + 1,)."""
+    """Sort the reflecting samples (R,) by object, stably; also return where each object's range begins (M + 1,)."""
     bounds = np.zeros(n_objects + 1, np.int64)
     for j in range(len(i_object)):
         if reflects[j]:
@@ -149,8 +153,8 @@ def by_object(
 def by_point(
     samples: NDArray[np.int64], corners: Int32Array, n_points: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """The points that samples (N,) ask, where each one's members begin, and the members: 3 × number of sample + corner,
-    numbered within `samples`."""
+    """Group the corners of samples (N,) by point: return the points, where each one's members begin, and the members, 3
+    × index within `samples` + corner."""
     counts = np.zeros(n_points + 1, np.int64)
     for at in range(len(samples)):
         for k in range(3):
@@ -171,7 +175,7 @@ def by_point(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def silhouettes(i_object: Int32Array, edges: NDArray[np.bool_]) -> None:
-    """Set edges (H, W) where one of four neighbours shows another object (H, W)."""
+    """Set edges (H, W) where one of the four neighbours shows another object (H, W)."""
     height, width = i_object.shape
     for row in range(height):
         for column in range(width):
@@ -195,19 +199,22 @@ def add_background(
     scale: float,
     radiance: Float32Array,
 ) -> None:
-    """Add the environment's radiance to samples that meet nothing, as `Environment.evaluate` does."""
+    """Add the environment's radiance to samples that miss, as `Environment.evaluate` does."""
     height, width = image.shape[0], image.shape[1]
     for j in range(start, stop):
         if i_object[j] >= 0:
             continue
+        # Latitude and longitude of the direction, rotated about +Y.
         x, y, z = -wo[j, 0], -wo[j, 1], -wo[j, 2]
         theta = np.arctan2(np.sqrt(x * x + z * z), y)
         phi = np.arctan2(x, -z) + turn
+        # Pixel coordinates: columns wrap around, rows are clamped at the poles.
         column = (phi / (2.0 * np.pi) + 0.5) * width - 0.5
         row = min(max(theta / np.pi * height - 0.5, 0.0), height - 1.0)
         top, left = int(np.floor(row)), int(np.floor(column))
         down, right = np.float32(row - top), np.float32(column - left)
         bottom, after, left = min(top + 1, height - 1), (left + 1) % width, left % width
+        # Bilinear interpolation.
         for i in range(3):
             upper = image[top, left, i] + right * (image[top, after, i] - image[top, left, i])
             lower = image[bottom, left, i] + right * (image[bottom, after, i] - image[bottom, left, i])
@@ -216,7 +223,8 @@ def add_background(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def gather(ends: Int32Array, sent: Float32Array, found: Float32Array) -> None:
-    """Fill found (G, 3): the mean over each row of ends (G, R) of what is sent (S, 3) there; −1 sends nothing."""
+    """Fill found (G, 3) with the mean over each row of ends (G, R) of what the points there send (S, 3); −1 sends
+    nothing."""
     for g in range(ends.shape[0]):
         red = green = blue = np.float32(0.0)
         for r in range(ends.shape[1]):
@@ -230,7 +238,7 @@ def gather(ends: Int32Array, sent: Float32Array, found: Float32Array) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def spread(beside: Int32Array, share: Float32Array, gathered: Float32Array, found: Float32Array) -> None:
-    """Fill found (S, 3): gathered (G, 3) at the places beside (S, K), by their share (S, K)."""
+    """Fill found (S, 3): interpolate gathered (G, 3) at beside (S, K) with weights share (S, K)."""
     found[:] = 0.0
     for p in range(beside.shape[0]):
         for k in range(beside.shape[1]):

@@ -1,4 +1,4 @@
-"""Compiled: the product of a point's light with the slices around an outgoing direction."""
+"""Compiled: the product of a point's light with the BRDF slices around an outgoing direction."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ from engine.realtime.triple_product._incident_kernels import StoredLight
 
 Float32Array = NDArray[np.float32]
 UInt16Array = NDArray[np.uint16]
-NEAREST = np.float32(1e-30)  # squared distance of an eye that has a direction
+NEAREST = np.float32(1e-30)  # smallest squared distance at which a camera has a direction
 _TURN = 2.0 * math.pi / 5.0
 _3 = np.uint64(3)
 
 
 class Tables(NamedTuple):
-    """Slices by coefficient (polar, columns, rows, 3), the last row 0, and by upper triangle of a level k (polar,
-    columns, 10 * 4^k, 3), bfloat16, flat, with one number behind the last, see `engine.core.lanes`: what points that
-    look alike ask for stands together. At which of these rows and triangles symmetries find coefficients (10, 5120) and
-    upper triangles (10, 2560) of the last level, of columns over 36 degrees, or (2, ...) of columns over half a turn;
-    polar angles, the last the steepest, columns; serial: another of other tables."""
+    """The slices of a material: table (polar, columns, rows, 3), wavelet coefficients, the last row 0, and values
+    (polar, columns, 10 * 4^k, 3), means over the upper triangles of level k; both bfloat16, flattened, with one number
+    appended, see `engine.core.lanes`. This order keeps together what points with similar views read. images (10, 5120)
+    and places (10, 2560): rows and triangles to which each symmetry maps the coefficients and upper triangles of the
+    finest level, for columns over 36 degrees; (2, ...) for columns over half a turn. n_polar polar angles, the last one
+    steepest, and n_columns; serial: a number that differs between all tables."""
 
     table: UInt16Array
     values: UInt16Array
@@ -38,8 +39,8 @@ class Tables(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """Four slices around an outgoing direction: the symmetry that brings it there, polar angle and column of the first,
-    and where between them it lies."""
+    """The four slices around an outgoing direction: the symmetry that maps the direction into the stored range, row and
+    column of the first slice, and the position between them, down and across, 0 to 1."""
 
     symmetry: int
     row: int
@@ -49,7 +50,7 @@ class Cell(NamedTuple):
 
 
 class Corners(NamedTuple):
-    """Where the slices of a cell stand: red; green and blue follow. Unsigned, see `_reflect`."""
+    """Offsets of a cell's four slices: of red; green and blue follow. Unsigned, see `reflect`."""
 
     first: np.uint64
     across: np.uint64
@@ -58,33 +59,35 @@ class Corners(NamedTuple):
 
 
 class Shades(NamedTuple):
-    """What glossy points sent to the four slices around the eye (G, 4, 4), the last of them of no meaning, when it was
-    asked last, and the key (G,) of those slices, −1 for none."""
+    """A cache of what glossy points reflected to the four slices around the camera's direction: corners (G, 4, 4),
+    whose last channel has no meaning, and key (G,) of those slices, −1 for none."""
 
     key: NDArray[np.int64]
     corners: Float32Array
 
 
 def packed(values: Float32Array) -> UInt16Array:
-    """float32 as bfloat16, rounded."""
+    """Round float32 to bfloat16."""
     return ((np.ascontiguousarray(values, np.float32).view(np.uint32) + np.uint32(0x8000)) >> np.uint32(16)).astype(
         np.uint16
     )
 
 
 def unpacked(values: UInt16Array) -> Float32Array:
-    """bfloat16 as float32."""
+    """Convert bfloat16 to float32."""
     return (values.astype(np.uint32) << np.uint32(16)).view(np.float32)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def cell_at(x: float, y: float, z: float, t: Tables) -> Cell:
-    """The cell of a unit direction in a point's frame."""
+    """Find the cell of a unit direction in a point's frame."""
+    # Polar angle in units of rows, and azimuth from 0 to 2π.
     polar = min(math.acos(min(max(y, 0.0), 1.0)), t.steepest) / t.steepest * (t.n_polar - 1)
     azimuth = math.atan2(x, z)
     if azimuth < 0.0:
         azimuth += 2.0 * math.pi
     row, symmetry, whole = min(int(polar), t.n_polar - 2), 0, math.pi
+    # Isotropic: five turns by 72°, each with a mirror image, fold the azimuth into 36°.
     if len(t.images) > 2:
         turn, whole = int(azimuth / _TURN), 0.5 * _TURN
         azimuth -= turn * _TURN
@@ -92,9 +95,11 @@ def cell_at(x: float, y: float, z: float, t: Tables) -> Cell:
         if azimuth > whole:
             azimuth = _TURN - azimuth
             symmetry = 5 + (turn + 1) % 5
+    # Anisotropic: one mirror folds it into 180°.
     elif azimuth > whole:
         azimuth = 2.0 * math.pi - azimuth
         symmetry = 1
+    # The position between columns.
     place = azimuth / whole * (t.n_columns - 1)
     column = min(int(place), t.n_columns - 2)
     return Cell(symmetry, row, column, np.float32(polar - row), np.float32(place - column))
@@ -102,7 +107,7 @@ def cell_at(x: float, y: float, z: float, t: Tables) -> Cell:
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def unpack(value: UInt16Array, n: int, words: NDArray[np.uint32]) -> None:
-    """The first n bfloat16 values (n, 3) as the bits of float32 (3 n + 1,)."""
+    """Convert the first n bfloat16 values (n, 3) to the bits of float32 (3 n + 1,)."""
     for k in range(n):
         for i in range(3):
             words[3 * k + i] = np.uint32(value[k, i]) << np.uint32(16)
@@ -110,13 +115,14 @@ def unpack(value: UInt16Array, n: int, words: NDArray[np.uint32]) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def reflect(cell: Cell, number: NDArray[np.int16], value: Float32Array, n: int, t: Tables, out: Float32Array) -> None:
-    """Σ coefficients × those of the cell's four slices, into out (4, 4)."""
+    """Fill out (4, 4) with Σ_k light_k × slice_k for the cell's four slices: [Ma06, eq. 7] after light × visibility has
+    been multiplied out."""
     images, across = t.images[cell.symmetry], np.uint64(len(t.table) // (t.n_polar * t.n_columns))
     down = np.uint64(t.n_columns) * across
     first = np.uint64(cell.row) * down + np.uint64(cell.column) * across
     s0 = s1 = s2 = s3 = lanes.zeros()
     for k in range(n):
-        # Unsigned, so that no index is asked whether it counts from the end.
+        # Unsigned, so that the compiler adds no test for negative indices.
         a = first + _3 * np.uint64(images[np.uint64(number[k])])
         b, c = a + across, a + down
         light = lanes.floats(value, _3 * np.uint64(k))
@@ -132,7 +138,7 @@ def reflect(cell: Cell, number: NDArray[np.int16], value: Float32Array, n: int, 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
 def corners_at(cell: Cell, place: int, t: Tables) -> Corners:
-    """Where a cell's slices stand in `Tables.values` for an upper triangle."""
+    """Offsets of a cell's slices in `Tables.values` for an upper triangle."""
     size = len(t.values) // (t.n_polar * t.n_columns) // 3
     first = np.uint64(((cell.row * t.n_columns + cell.column) * size + t.places[cell.symmetry, place]) * 3)
     across, down = np.uint64(3 * size), np.uint64(3 * size * t.n_columns)
@@ -141,7 +147,7 @@ def corners_at(cell: Cell, place: int, t: Tables) -> Corners:
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def between(cell: Cell, corners: Float32Array, i: int) -> float:
-    """Channel i of what stands at a cell's corners (4, 4), at its place."""
+    """Bilinear interpolation of channel i between a cell's corners (4, 4)."""
     upper = corners[0, i] + cell.across * (corners[1, i] - corners[0, i])
     lower = corners[2, i] + cell.across * (corners[3, i] - corners[2, i])
     return float(upper + cell.down * (lower - upper))
@@ -149,7 +155,7 @@ def between(cell: Cell, corners: Float32Array, i: int) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
 def reflected_between(cell: Cell, place: int, t: Tables):  # type: ignore[no-untyped-def]
-    """The slices' values for an upper triangle at the cell's place, as lanes."""
+    """Interpolate the slices' values for an upper triangle at the cell's position, as lanes."""
     at = corners_at(cell, place, t)
     across, down = lanes.even(cell.across), lanes.even(cell.down)
     upper, lower = lanes.halves(t.values, at.first), lanes.halves(t.values, at.down)
@@ -160,7 +166,7 @@ def reflected_between(cell: Cell, place: int, t: Tables):  # type: ignore[no-unt
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
 def add_corners(at: Corners, red: float, green: float, blue: float, t: Tables, corners: Float32Array) -> None:
-    """Add what a cell's slices reflect of power in an upper triangle, where these stand, to corners (4, 4)."""
+    """Add power in an upper triangle times the four slices' values there to corners (4, 4)."""
     light = lanes.of(red, green, blue)
     lanes.store(corners, 0, lanes.plus_product(lanes.floats(corners, 0), light, lanes.halves(t.values, at.first)))
     lanes.store(corners, 4, lanes.plus_product(lanes.floats(corners, 4), light, lanes.halves(t.values, at.across)))
@@ -170,7 +176,7 @@ def add_corners(at: Corners, red: float, green: float, blue: float, t: Tables, c
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _add_suns(cell: Cell, place: NDArray[np.int16], power: Float32Array, t: Tables, corners: Float32Array) -> None:
-    """Add what the cell's four slices reflect of suns, by their triangles, to corners (4, 4)."""
+    """Add what the cell's four slices reflect of peaks, by their triangles, to corners (4, 4)."""
     for s in range(len(place)):
         if place[s] < 0:
             break
@@ -183,17 +189,18 @@ def shade_points(
     frame: Float32Array,
     slots: NDArray[np.int32], stored: StoredLight, t: Tables, shades: Shades, radiance: Float32Array,
 ) -> None:  # fmt: skip
-    """Add to rows `points[start:stop]` of radiance (S, 3) what each sends to the eye by its first n_most coefficients
-    and the suns, these by their triangles. Where the eye is still in the cell in which it was, it asks for no sums."""
+    """Add to the rows points[start:stop] of radiance (S, 3) what each point sends to the camera, by its first n_most
+    coefficients and by its peaks' triangles. Sums are reused while the camera stays in the same cell."""
     n = min(n_most, stored.number.shape[1])
     words = np.zeros(3 * n + 1, np.uint32)
     value = words.view(np.float32)
     for j in range(start, stop):
         p = points[j]
         slot, f = slots[p], frame[p]
+        # The direction to the camera in the point's frame.
         a, b, c = eye[0] - position[p, 0], eye[1] - position[p, 1], eye[2] - position[p, 2]
         squared = a * a + b * b + c * c
-        if not squared > NEAREST:  # the eye is where the point is: from straight above
+        if not squared > NEAREST:  # the camera is at the point: take its normal
             a, b, c, squared = f[1, 0], f[1, 1], f[1, 2], np.float32(1.0)
         scale = 1.0 / math.sqrt(squared)
         x = (f[0, 0] * a + f[0, 1] * b + f[0, 2] * c) * scale
@@ -201,6 +208,7 @@ def shade_points(
         z = (f[2, 0] * a + f[2, 1] * b + f[2, 2] * c) * scale
         cell = cell_at(x, y, z, t)
         corners = shades.corners[slot]
+        # Evaluate the cell's four slices only if the cell, the tables or the number of coefficients changed.
         key = (((t.serial * 8192 + n) * 16 + cell.symmetry) * 64 + cell.row) * 64 + cell.column
         if shades.key[slot] != key:
             shades.key[slot] = key

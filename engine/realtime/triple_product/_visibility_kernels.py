@@ -1,4 +1,4 @@
-"""Compiled: the rays by which shading points look around, and the bits that come of them."""
+"""Compiled: the visibility rays of shading points, and the bits that result."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ Int32Array = NDArray[np.int32]
 def _begin_ray(
     point: Float32Array, direction: Float32Array, frame: Float32Array, origin: Float32Array, way: Float32Array
 ) -> None:
-    """A ray from a point along a direction of its frame. Number by number: for rows the compiler makes the words of an
-    error, which takes longer than all else."""
+    """Write a ray from a point along a direction of its frame, element by element: for whole rows the compiler
+    generates error messages, which takes longer than everything else."""
     for i in range(3):
         origin[i] = point[i]
         way[i] = direction[0] * frame[0, i] + direction[1] * frame[1, i] + direction[2] * frame[2, i]
@@ -28,7 +28,7 @@ def _begin_ray(
 def first_rays(points: NDArray[np.int64], lifted: Float32Array, frames: Float32Array, directions: Float32Array,
     origins: Float32Array,
                ray_directions: Float32Array) -> None:  # fmt: skip
-    """Rays (N · U / 4, 3) of points (N,) through the middle child of each parent: direction 4 j + 3 of (U, 3)."""
+    """Fill rays (N · U / 4, 3) of points (N,) through the middle child of each parent: direction 4 j + 3 of (U, 3)."""
     at = 0
     for p in points:
         for j in range(len(directions) // 4):
@@ -38,7 +38,8 @@ def first_rays(points: NDArray[np.int64], lifted: Float32Array, frames: Float32A
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def differing(free: Flags, around: Int32Array, found: Flags) -> int:
-    """Set found (N, T) where a triangle's flag (N, T) differs from one around it (T, A), −1 for none; their number."""
+    """Set found (N, T) where a triangle's flag (N, T) differs from one of its neighbours' around (T, A), −1 for none;
+    return their number."""
     total = 0
     for n in range(free.shape[0]):
         for t in range(free.shape[1]):
@@ -57,7 +58,8 @@ def more_rays(
     n_children: int,
     origins: Float32Array, ray_directions: Float32Array,
 ) -> None:  # fmt: skip
-    """Rays through the first n_children of the four of each triangle that is asked (N, T); directions (4 T, 3)."""
+    """Fill rays through the first n_children of the four children of each queried triangle (N, T); directions (4 T,
+    3)."""
     at = 0
     for n in range(queried.shape[0]):
         p = points[n]
@@ -70,7 +72,8 @@ def more_rays(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def spread(middle: Flags, queried: Flags, blocked: Flags, free: Flags) -> None:
-    """Fill free (N, 4 T): as the middle child of each parent (N, T), but what was asked of the other three."""
+    """Fill free (N, 4 T): children inherit the middle child's flag (N, T), except for the other three of queried
+    parents."""
     at = 0
     for n in range(middle.shape[0]):
         for t in range(middle.shape[1]):
@@ -84,7 +87,8 @@ def spread(middle: Flags, queried: Flags, blocked: Flags, free: Flags) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def pack(free: Flags, queried: Flags, blocked: Flags, points: NDArray[np.int64], bits: NDArray[np.uint8]) -> None:
-    """Write bits (S, U / 2) of points (N,): four a triangle, alike where its children were not asked (N, U)."""
+    """Write bits (S, U / 2) of points (N,): four bits a triangle, all equal where its children were not queried (N,
+    U)."""
     at = 0
     for n in range(free.shape[0]):
         row = bits[points[n]]

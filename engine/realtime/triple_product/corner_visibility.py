@@ -1,9 +1,9 @@
-"""Which of the points around a place on a surface are in sight of it.
+"""Tests which of the shading points around a position are visible from it.
 
-A triangle between points may go on beneath a wall, with one corner in a bright room and another in a dark one; light
-that is interpolated between them would shine through the wall. Few triangles are so divided: they are flat, as a bent
-one hides its corners from each other by itself, and some corner is buried or does not see another. A place within one
-of them asks the corners that it sees; where it sees none, the nearest point that it does.
+A triangle between points may extend beneath a wall, with one corner in a bright room and another in a dark one;
+interpolated light would leak through the wall. Such triangles are few. They are flat, because the corners of a bent
+triangle hide each other anyway, and one of their corners is buried or does not see another. A position within such a
+triangle interpolates only corners that it sees; if it sees none, it takes the nearest point that it does see.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from engine.scene.raycaster import RayCaster
 
 Float32Array = NDArray[np.float32]
 _FLAT = 0.9999  # cosine between normals
-_SHORT = 1e-4  # a ray to a place ends this share before it
-_NEAREST = 16  # points, of which the first in sight is taken
+_SHORT = 1e-4  # rays to a position end this share of their length before it
+_NEAREST = 16  # candidates, of which the first visible one is taken
 
 
 class CornerVisibility:
-    """The points of a scene and the triangles between them; see above."""
+    """Visibility between the points of a scene, by the triangles between them; see the module."""
 
     def __init__(self, points: ShadingPoints, caster: RayCaster) -> None:
-        """caster: of the triangles between the points."""
+        """caster: intersects the triangles between the points."""
         self._points, self._caster = points, caster
 
     def sees(self, origins: Float32Array, places: Float32Array) -> NDArray[np.bool_]:
-        """Whether nothing stands between two places (R, 3); a place sees itself."""
+        """Whether nothing is between two positions (R, 3); a position sees itself."""
         ways = places - origins
         apart = ways.any(axis=1)
         seen = np.ones(len(ways), bool)
@@ -42,7 +42,7 @@ class CornerVisibility:
 
     @cached_property
     def split_triangles(self) -> NDArray[np.bool_]:
-        """Which triangles, on either side (T, 2), have corners that are not in sight of all that is between them."""
+        """Find the triangles, on either side (T, 2), some of whose corners are not visible from all of the triangle."""
         points, found = self._points, np.zeros(self._points.triangles.shape[:2], bool)
         for side in range(2):
             mine = np.flatnonzero(points.triangles[:, side, 0] >= 0)
@@ -57,9 +57,10 @@ class CornerVisibility:
         return found
 
     def fix_corners(self, samples: Samples, triangle: NDArray[np.int32]) -> None:
-        """Change corners and weights of samples (R,) to those that are in sight; triangle (R,): which they lie in."""
+        """Restrict corners and weights of samples (R,) to visible ones; triangle (R,): the triangle that each lies
+        in."""
         points = self._points
-        rows = np.flatnonzero(self._divided_somewhere[triangle] & (samples.corners[:, 0] >= 0))  # few: see above
+        rows = np.flatnonzero(self._divided_somewhere[triangle] & (samples.corners[:, 0] >= 0))  # few: see the module
         side = (np.einsum("ri,ri->r", samples.wo[rows], self._faces[triangle[rows]]) < 0.0).astype(np.intp)
         mine = self.split_triangles[triangle[rows], side]
         rows, side = rows[mine], side[mine]
@@ -81,12 +82,12 @@ class CornerVisibility:
 
     @cached_property
     def _divided_somewhere(self) -> NDArray[np.bool_]:
-        """Which triangles (T,) are divided on one of their sides."""
+        """Which triangles (T,) are split on one of their sides."""
         return np.asarray(self.split_triangles.any(axis=1))
 
     @cached_property
     def _faces(self) -> NDArray[np.float64]:
-        """Normals (T, 3) by winding, of any length."""
+        """Face normals (T, 3) by winding, of any length."""
         a, b, c = np.moveaxis(self._points.corners, 1, 0)
         return np.cross(b - a, c - a)
 
@@ -97,7 +98,7 @@ class CornerVisibility:
         return cKDTree(np.concatenate([points.position, size * points.normal], axis=1)), size
 
     def _nearest(self, origins: Float32Array, places: NDArray[np.float64], normals: Float32Array) -> NDArray[np.int64]:
-        """The nearest points (N,) that face the same way and are in sight of places, or at least not buried."""
+        """Nearest points (N,) that face the same way and are visible from the places, or at least not buried."""
         tree, size = self._tree
         k = min(_NEAREST, len(self._points))
         _, near = tree.query(np.concatenate([places, size * normals], axis=1), k)

@@ -1,4 +1,4 @@
-"""Which shading points are within something solid: a floor's beneath its walls, a wall's behind a skirting board."""
+"""Finds shading points inside something solid: of a floor beneath walls, of a wall behind a skirting board."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
 
 _RAYS, _AT_ONCE = 8, 4096
-_MOST = 0.5  # of a point's rays
+_MOST = 0.5  # share of a point's rays
 
 
 def find_enclosed(
     scene: Scene, caster: RayCaster, points: ShadingPoints, first: int = 0
 ) -> Generator[None, None, NDArray[np.bool_]]:
-    """Which of the points from `first` on (S - first,) see more than by chance what light cannot reach, in pieces.
+    """Find which of the points from `first` on (S - first,) see more sides that light cannot reach than chance
+    explains; in pieces.
 
-    caster: of the scene's triangles. That is told by `ShadingPoints.sides`: whoever sees the inside of a solid, which
-    no light reaches, is in it.
+    caster: intersects the scene's triangles. `ShadingPoints.sides` tells which sides are dark: a point that sees the
+    inside of a solid, which no light reaches, is inside it.
     """
     found, tables = np.zeros(len(points) - first, bool), cosine_tables(_RAYS)
     frames = points.frames[:, [0, 2, 1]]  # the tables' third axis is the normal

@@ -1,9 +1,9 @@
-"""Tells the parts of which moving pictures are drawn (`gpu_parts`) to a graphics card, and then what changes of them.
+"""Exports Orbit's data to a graphics card that draws moving pictures: all parts (`gpu_parts`) once, then their changes.
 
-    telling = Telling(number_of_bytes)
-    for part in telling.parts(orbit): ...       all that changed since it was asked last
+    exporter = PointExporter(number_of_bytes)
+    for part in exporter.parts(orbit): ...      everything that changed since the last call
 
-Of the light only coefficients are told that are not 0.
+Coefficients of light that are 0 are not exported.
 """
 
 from __future__ import annotations
@@ -47,10 +47,10 @@ _AT_ONCE = 4096  # points: 11 MB at 320 coefficients
 
 
 class PointExporter:
-    """What has been told so far."""
+    """Remembers what has been exported."""
 
     def __init__(self, most_bytes: int) -> None:
-        """most_bytes: of any one buffer; of light so many coefficients are told as go into one."""
+        """most_bytes: limit of any one buffer; coefficients of light are truncated to fit."""
         self._most_bytes = most_bytes
         self._points: ShadingPoints | None = None
         self._incident: Incident | None = None
@@ -64,7 +64,7 @@ class PointExporter:
         self._images: tuple[Pyramid, ...] | None = None
 
     def parts(self, orbit: Orbit) -> Iterator[Part]:
-        """All that changed; nothing before points are there."""
+        """Export everything that changed; nothing before points exist."""
         lit = orbit.lit
         if lit is None:
             return
@@ -113,7 +113,7 @@ class PointExporter:
 
 
 class _Terms:
-    """The terms of an Orbit as they are told, and what they refer to."""
+    """The terms of an Orbit in exported form, with the tables and images that they use."""
 
     def __init__(self, orbit: Orbit) -> None:
         self.tables: dict[int, Tables] = {}
@@ -172,12 +172,12 @@ def _as_triple(vector: NDArray[np.floating]) -> tuple[float, float, float]:
 
 
 def _shares(within: Float32Array) -> Float32Array:
-    """Of a triangle's three corners, (..., 3), at u and v (..., 2)."""
+    """Barycentric weights of a triangle's three corners (..., 3) at u and v (..., 2)."""
     return np.stack([1.0 - within[..., 0] - within[..., 1], within[..., 0], within[..., 1]], axis=-1)
 
 
 def _runs(numbers: NDArray[np.integer]) -> tuple[Range, ...]:
-    """Ascending numbers as first and last (excluded) of those that follow one another."""
+    """Split ascending numbers into runs of consecutive ones: first and last (excluded) of each."""
     if not len(numbers):
         return ()
     breaks = np.flatnonzero(np.diff(numbers) != 1)
@@ -203,7 +203,7 @@ def _light(incident: Incident, which: NDArray[np.integer], n: int) -> LightPart:
 
 
 def _with_fourth(colours: Float32Array) -> Float32Array:
-    """Colours (N, 3) as (N, 4)."""
+    """Pad colours (N, 3) to (N, 4)."""
     return np.concatenate([colours, np.zeros((len(colours), 1), np.float32)], axis=1)
 
 

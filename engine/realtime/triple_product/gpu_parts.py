@@ -1,8 +1,8 @@
-"""What moving pictures are drawn of, part by part, for a graphics card that draws them: arrays as buffers have them.
+"""The data of moving pictures, part by part, as arrays in the layout of GPU buffers.
 
-The parts are the points' own functions and the terms that `view_radiance.view_radiance` sums of them for a moving
-picture; the camera is in none of them. Numbers of 32 bits stand in rows of words, so that floats, whole numbers and
-pairs of bfloat16 lie side by side. They are told by `gpu_export`, and kept where slow libraries are not imported.
+The parts hold the points' light and the terms that `view_radiance.view_radiance` sums for a moving picture; none
+depends on the camera. Rows consist of 32-bit words, so that floats, integers and pairs of bfloat16 lie side by side.
+`gpu_export` makes the parts; this module imports no slow libraries, so that the window's process can use it.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from engine.texture.gpu_export import ExportedMaps, Words
 Float32Array = NDArray[np.float32]
 Range = tuple[int, int]
 
-# Of a row of `LightPart.rows`: before the coefficients stand how many there are, two moments, and the suns.
+# Words of a row of `LightPart.rows` before the coefficients: their number, two moments, and the peaks.
 N_HEAD = 168
 
 
 @dataclass(frozen=True, eq=False)
 class MeshPart:
-    """points (S, 12): position, row among those with gloss (bits of an int, −1 for none), normal, 0, tangent, 0;
-    corners (3 T, 16) of the triangles between them, by object: position, normal of the face, texture coordinates, the
-    point on the side that the winding faces and on the other (bits, −1 for none), and what bumps lean along, see
-    `BumpNormals.ways`; triangles, points: first and last of each object's, of the points in several runs; origin (3,):
-    what positions are relative to; a ball around all, its centre and radius; n_rows: of those with gloss, and
-    n_coefficients of each."""
+    """points (S, 12): position, row of glossy points in `LightPart.rows` (bits of an int, −1 for none), normal, 0,
+    tangent, 0; corners (3 T, 16) of the triangles between points, sorted by object: position, face normal, texture
+    coordinates, the point on the side that the winding faces and on the other (bits, −1 for none), and the axes along
+    which bumps offset the normal, see `BumpNormals.offset_axes`; triangle_ranges, point_ranges: first and last
+    (excluded) of each object's, with several runs of points; origin (3,): the world position of the coordinates'
+    origin; centre and radius of a bounding sphere; n_rows: glossy points, and n_coefficients of each."""
 
     points: Words
     corners: Words
@@ -44,9 +44,9 @@ class MeshPart:
 
 @dataclass(frozen=True, eq=False)
 class LightPart:
-    """What points (N,) keep by now: irradiance (N, 4); rows (K, 168 + 2 n) of those with gloss, by their place (K,):
-    how many coefficients, Σ power × x (3) and Σ power × z (3), the suns' triangles (40), −1 for none, their power
-    (40 × 3), 0, and the coefficients, two words each: number and red, green and blue, 16 bits each, the lower first."""
+    """Light of the points in which (N,): irradiance (N, 4); rows (K, 168 + 2 n) of the glossy ones at place (K,): the
+    number of coefficients, Σ power × x (3) and Σ power × z (3), the peaks' triangles (40), −1 for none, their power (40
+    × 3), 0, and the coefficients, two words each: number, red, green and blue, 16 bits each, the lower half first."""
 
     which: NDArray[np.int32]
     irradiance: Float32Array
@@ -56,14 +56,14 @@ class LightPart:
 
 @dataclass(frozen=True, eq=False)
 class BouncedPart:
-    """indirect (S, 4): irradiance of light that was reflected before, of all points."""
+    """indirect (S, 4): indirect irradiance of all points."""
 
     indirect: Float32Array
 
 
 @dataclass(frozen=True, eq=False)
 class SkyPart:
-    """What stands behind all: image (H, W, 3), None for the one before, times scale, turned by radians."""
+    """The background: image (H, W, 3), None if unchanged, times scale, rotated by turn radians."""
 
     image: Float32Array | None
     turn: float
@@ -72,8 +72,8 @@ class SkyPart:
 
 @dataclass(frozen=True, eq=False)
 class TablePart:
-    """Slices of the layers of a term, see `_slice_kernels.Tables`: by coefficient and by triangle, (E, 2): red, green
-    and blue, 16 bits each, the lower first."""
+    """Slices of a term's layers, see `_slice_kernels.Tables`: coefficients and values (E, 2), each entry red, green and
+    blue, 16 bits each, the lower half first."""
 
     coefficients: Words
     values: Words
@@ -86,7 +86,7 @@ class TablePart:
 
 @dataclass(frozen=True)
 class ExportedBumps:
-    """Where an object's slopes begin among the images, how often they repeat, and what they are multiplied by."""
+    """Bumps of an object: offset of its slopes among the images, their repeats, and the factor of the slopes."""
 
     slopes: int
     repeats: tuple[float, float]
@@ -96,8 +96,8 @@ class ExportedBumps:
 
 @dataclass(frozen=True)
 class ExportedTerm:
-    """One sum: what irradiance is multiplied by (3,), and what indirect irradiance is; the serial of its tables, 0 for
-    none; where an object has bumps they lean its irradiance."""
+    """One term of the sum: the factors of irradiance and of indirect irradiance (3,); the serial of its tables, 0 for
+    none; the bumps that perturb its irradiance."""
 
     i_object: int
     reflectance: tuple[float, float, float]
@@ -109,8 +109,8 @@ class ExportedTerm:
 
 @dataclass(frozen=True, eq=False)
 class TermsPart:
-    """What is drawn of the points: terms; tables that are new, by serial, others are known; images and strokes (words),
-    None where they are as before; emission (M, 3)."""
+    """What is drawn at the points: terms; the new tables by serial (others are known already); images and strokes
+    (words), None if unchanged; emission (M, 3)."""
 
     terms: tuple[ExportedTerm, ...]
     tables: Mapping[int, TablePart]

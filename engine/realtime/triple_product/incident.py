@@ -1,12 +1,13 @@
-"""Light times visibility at the shading points, in wavelets: what changes with the light, but not with camera or curve.
+"""Light times visibility at the shading points, in wavelets: depends on the light, but not on camera or curve.
 
-The triple product of light, visibility and BRDF [Ma06, eq. 3] is taken in two steps, as its factors change at different
-times: L·V here, exactly, triangle by triangle, when the light turns; the product with the BRDF's slices in every frame.
-Of L·V the n largest coefficients stay. Truncating the product loses less than truncating its factors (measured in
-docs/orbit.md), and a frame costs n multiplications a channel instead of a walk through three trees.
+The triple product of light, visibility and BRDF [Ma06, eq. 3] is computed in two steps, because its factors change at
+different times. L·V is computed here, exactly, triangle by triangle, when the light changes; the product with the
+BRDF's slices is computed in every frame. The n largest coefficients of L·V are stored. Truncating the product loses
+less than truncating its factors (measured in docs/orbit.md), and a frame costs n multiplications a channel instead of a
+traversal of three trees.
 
-What is matt asks for irradiance alone, and keeps nothing else. Suns are in the irradiance, but not in the coefficients:
-each reflects in its own direction.
+Diffuse objects need only irradiance and store nothing else. Irradiance includes the peaks; the coefficients do not,
+because each peak is reflected in its own direction.
 """
 
 from __future__ import annotations
@@ -36,15 +37,15 @@ _CHILDREN_SIDE = 384  # a quarter of a degree
 
 @dataclass(frozen=True, eq=False)
 class Incident:
-    """What points keep of the light, see `_incident_kernels.StoredLight`; slot (S,): the row of those that reflect with
-    gloss, −1 of others."""
+    """The light that points store, see `_incident_kernels.StoredLight`; slot (S,): the row of glossy points, −1 for
+    others."""
 
     slot: NDArray[np.int32]
     stored: kernels.StoredLight
 
     @property
     def irradiance(self) -> Float32Array:
-        """(S, 3) float32, W/m² where the light has W/m²/sr: Σ power × cosine, suns and all."""
+        """(S, 3) float32, W/m² if the light is in W/m²/sr: Σ power × cosine, peaks included."""
         return self.stored.irradiance
 
     @property
@@ -52,14 +53,14 @@ class Incident:
         return self.slot.nbytes + sum(array.nbytes for array in self.stored)
 
     def coefficients(self, p: int) -> tuple[NDArray[np.int16], Float32Array]:
-        """Numbers (n,) and values (n, 3) that point p keeps."""
+        """Numbers (n,) and values (n, 3) of the coefficients of point p."""
         words = self.stored.value[self.slot[p]].astype(np.uint32) << 16
         return self.stored.number[self.slot[p]], words.view(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
 class SceneEmitters:
-    """Emitters inside the scene: L patches, which of them each point sees (S, ⌈L / 8⌉), as
+    """Emitters in the scene: L patches, and bits (S, ⌈L / 8⌉) of those that each point sees, as in
     `visibility.trace_patches`."""
 
     patches: EmitterPatches
@@ -67,7 +68,7 @@ class SceneEmitters:
 
 
 def empty_incident(is_glossy: NDArray[np.bool_], n: int) -> Incident:
-    """Room for the irradiance of S points, and for n coefficients, 20 to 5,120, of those that are glossy (S,)."""
+    """Allocate irradiance for S points, and n coefficients, 20 to 5,120, for those that are glossy (S,)."""
     n, n_glossy = min(max(n, kernels.N_ROOTS), geodesic(LEVEL).n_triangles), int(is_glossy.sum())
     slot = np.where(is_glossy, np.cumsum(is_glossy) - 1, -1).astype(np.int32)
     return Incident(slot, kernels.StoredLight(
@@ -79,7 +80,7 @@ def empty_incident(is_glossy: NDArray[np.bool_], n: int) -> Incident:
 
 
 def with_glossy_points(incident: Incident, new: NDArray[np.bool_], n_more: int = 0) -> Incident:
-    """The same with room for the coefficients of points that are new to gloss (S,), and for n_more matt points."""
+    """Extend by coefficients for points that become glossy (S,), and by n_more diffuse points."""
     slot, stored = incident.slot.copy(), incident.stored
     slot[new] = len(stored.number) + np.arange(new.sum())
 
@@ -98,10 +99,10 @@ def light_points(
     points: ShadingPoints, bits: Bits, sky: SkyMap, incident: Incident, lamps: SceneEmitters | None = None,
     which: NDArray[np.integer] | None = None, is_coarse: bool = False, peaks: NDArray[np.int16] | None = None,
 ) -> None:  # fmt: skip
-    """Fill `incident` at all points, or at those which (N,) are named.
+    """Fill `incident` at all points, or at those in which (N,).
 
-    bits: as `visibility.trace_hemispheres` gives them; is_coarse: by triangles of level 2, in a sixth of the time.
-    Lamps are not distant: their directions and distances are each point's own. suns (S,): see `visible_peaks`.
+    bits: as from `visibility.trace_hemispheres`; is_coarse: by triangles of level 2, in a sixth of the time. Lamps are
+    not distant: each point has its own directions and distances to them. peaks (S,): see `visible_peaks`.
     """
     asked = np.arange(len(points)) if which is None else np.asarray(which, np.int64)
     tables: Any = (
@@ -121,7 +122,8 @@ def light_points(
 def evenly_lit(
     points: ShadingPoints, bits: Bits, patches: EmitterPatches | None, patch_bits: Bits
 ) -> Float32Array:  # fmt: skip
-    """Irradiance (S, 3) under three lights that hang on geometry alone: an even sky, all patches alike, and none."""
+    """Irradiance (S, 3) under three lights that depend on geometry alone: a uniform sky, all patches at equal radiance,
+    and none."""
     found, none = np.zeros((len(points), 3), np.float32), np.zeros((0, 3), np.float32)
     white, black = np.ones((8, 8, 4), np.float32), np.zeros((8, 8, 4), np.float32)
     lamps = None
@@ -143,9 +145,10 @@ def evenly_lit(
 def visible_peaks(
     points: ShadingPoints, caster: RayCaster, sky: SkyMap, which: NDArray[np.integer]
 ) -> NDArray[np.int16]:
-    """Bits (S,) of the brightest suns that points (N,) see, −1 at the others; caster: of the scene's triangles.
+    """Find the brightest peaks that points (N,) see, as bits (S,), −1 at all other points; caster: intersects the
+    scene's triangles.
 
-    A triangle of the sphere says that to 1.4 degrees, by which the shadow of a slat may lie beside it.
+    The visibility bits would give this to 1.4 degrees, an error that can move the shadow of a slat beside it.
     """
     found, directions = np.full(len(points), -1, np.int16), sky.peak_direction[: kernels.N_QUERIED]
     found[which] = 0
@@ -160,14 +163,14 @@ def kernel_places(
     points: ShadingPoints, bits: Bits, slot: NDArray[np.int32], lamps: SceneEmitters | None,
     peaks: NDArray[np.int16] | None = None,
 ) -> kernels.Places:  # fmt: skip
-    """Points as the kernels take them."""
+    """Points in the kernels' form."""
     patch_bits = lamps.bits if lamps else np.zeros((len(points), 0), np.uint8)
     asked = np.full(len(points), -1, np.int16) if peaks is None else peaks
     return kernels.Places(points.position, points.frames, bits, patch_bits, slot, asked)
 
 
 def kernel_lights(sky: SkyMap, lamps: SceneEmitters | None) -> kernels.Light:
-    """What shines as the kernels take it."""
+    """Light in the kernels' form."""
     none = np.zeros((0, 3), np.float32)
     patches: Any = (none, none, none)
     if lamps is not None:
@@ -180,7 +183,7 @@ def kernel_lights(sky: SkyMap, lamps: SceneEmitters | None) -> kernels.Light:
 
 @lru_cache(maxsize=1)
 def hemisphere() -> kernels.Hemisphere:
-    """The triangles above the surface, as the kernels take them."""
+    """The triangles above the surface in the kernels' form."""
     above, sphere = upper_triangles(), geodesic(LEVEL)
     place = np.full(sphere.n_triangles, -1, np.int32)
     place[above] = np.arange(len(above))
@@ -200,7 +203,7 @@ def _upper_triangles(level: int) -> tuple[Float32Array, Float32Array, Float32Arr
 
 
 def _children(place: NDArray[np.int32]) -> NDArray[np.int16]:
-    """`Hemisphere.children`: over a square in which the hemisphere's octahedron lies on its corners."""
+    """Make `Hemisphere.children` over the square in which the hemisphere's octahedron stands on its corners."""
     row, column = np.divmod(np.arange(_CHILDREN_SIDE**2), _CHILDREN_SIDE)
     total, difference = ((i + 0.5) / _CHILDREN_SIDE * 2.0 - 1.0 for i in (column, row))
     x, z = (total + difference) / 2.0, (total - difference) / 2.0

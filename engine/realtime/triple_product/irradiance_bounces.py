@@ -1,22 +1,23 @@
-"""Light that is reflected on and on, as far as it does not depend on the eye: irradiance by albedo.
+"""Indirect light between diffuse reflections, independent of the camera: irradiance by equivalent albedo.
 
-Some thousand of the shading points gather: each sends cosine-distributed rays, once, that end at other shading points
-(one of the three around the hit, by chance as near as it is). Whatever the light and the materials are then,
+Some thousand of the shading points gather: each traces cosine-distributed rays once, and stores for each ray a shading
+point at the hit (one of the three around it, chosen with a probability that rises with nearness). For any light and any
+materials afterwards
 
     E_(b+1)(p) = mean over p's rays of  d(q) E_b(q),       indirect irradiance = E_2 + ... + E_N,
 
-with E_1 the irradiance of the points and d the equivalent albedo of what the ray meets [BenArtzi07, 5.2.4]. Between
-gathering points it is interpolated as in an irradiance cache [Ward88]: with weights that fall with the distance over
-the mean distance of what they meet, and with the angle between normals, and never from one that stands behind a wall,
-where it may be a hundred times as bright. Points that none is close to gather as well. It costs some milliseconds, so
-it follows every change.
+where E_1 is the points' direct irradiance and d the equivalent albedo at the hit [BenArtzi07, 5.2.4]. Irradiance
+is interpolated between gathering points as in an irradiance cache [Ward88]: weights fall with the distance over the
+mean distance of the surfaces that rays meet, and with the angle between normals. A point never takes irradiance from
+one behind a wall, which may be a hundred times as bright. Points far from all gathering points gather as well. An
+update takes some milliseconds, so it follows every change.
 
-Backs that a camera alone has asked for gather as well, by rays of their own, that may end at them; no others' do. So
-what is known of light elsewhere does not depend on where cameras have been.
+Back faces that only a camera requested gather by rays of their own, which may end at them; no other rays do. So the
+light elsewhere does not depend on where cameras have been.
 
-Behind a door that stands ajar it falls to a tenth within a hand's breadth, though all that points meet is far away. So
-when all shadows are known, more points gather where those around them do not agree on what an even sky, and all
-emitters alike, would send: whatever shines, the same points gather.
+Near a door that is ajar, irradiance falls to a tenth within centimetres, although all surfaces that rays meet are far
+away. So once all shadows are known, more points gather where their neighbours disagree under two probes, an even sky
+and all emitters at equal radiance. The choice of gathering points thus does not depend on the actual light.
 """
 
 from __future__ import annotations
@@ -36,32 +37,32 @@ from engine.realtime.triple_product.view_samples import PointMesh
 Float32Array = NDArray[np.float32]
 Rows = NDArray[np.int64]
 N_GATHERING = 3072
-N_MORE, _ROUNDS = 1024, 2  # where none is close
-N_OF_BACKS = 512  # of backs that a camera has asked for
+N_MORE, _ROUNDS = 1024, 2  # where no gathering point is close
+N_OF_BACKS = 512  # for backs that a camera requested
 N_RAYS = 512
 _AT_ONCE = 64  # gathering points: 32,768 rays
 _BESIDE, _CANDIDATES = 8, 12
 _INTERPOLATED = 8192  # points at a time
-# By how much of the scene's size two opposite normals are apart.
+# Distance that counts for opposite normals, as a share of the scene's size.
 _TURNED = 0.25
-# An irradiance is off by about this much, as a share, where it is interpolated from a point as close [Ward88, eq. 3].
+# Largest accepted relative error of irradiance that is interpolated from one record [Ward88, eq. 3].
 _CLOSE = 0.35
-# The mean distance of what a point meets is taken for more than this share of the scene's size, and for less than that.
+# The mean distance of the surfaces around a point is clamped to this range, as shares of the scene's size.
 _LEAST_REACH, _MOST_REACH = 0.003, 0.1
-# Points around which gathered light differs by this share gather as well.
+# Relative difference between gathered values above which points in between gather as well.
 _UNLIKE, _FURTHER_ROUNDS = 0.15, 2
-_FAINT = 0.25  # of the mean, by which faint light counts as if it were as bright
-# Rays from point to point leave their surfaces by this share of their length: they lie in them, and would hit them.
+_FAINT = 0.25  # share of the mean that is added to brightness, so that faint light needs no accuracy
+# Rays from point to point start and end this share of their length off their surfaces, which they would hit otherwise.
 _RAISED = 0.002
-# Objects are worth points on their backs from this share of all rays on.
+# An object's backs get points if they receive more than this share of all rays.
 _BACK_SHARE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class Gathering:
-    """Points (G,) that gather: the shading points at which their rays end (G, R), −1 where they meet none; how far they
-    reach (G,), harmonic means as a share of the scene's size; and how many rays met each object (M,) from behind where
-    it has no points that they may end at."""
+    """Gathering points (G,), as indices: ends (G, R), the shading points at the ends of their rays, −1 where a ray met
+    none; reach (G,), the harmonic mean distance of what the rays met, as a share of the scene's size; behind (M,), how
+    many rays met each object from behind where it has no points to end at."""
 
     points: Rows
     ends: NDArray[np.int32]
@@ -69,13 +70,13 @@ class Gathering:
     behind: Rows
 
     def with_more(self, other: Gathering) -> Gathering:
-        """These and others."""
+        """Concatenate with another set."""
         both = ((getattr(self, name), getattr(other, name)) for name in ("points", "ends", "reach"))
         points, ends, reach = map(np.concatenate, both)
         return Gathering(points, ends, reach, self.behind + other.behind)
 
     def gathered(self, sent: Float32Array) -> Float32Array:
-        """Of what all points send (S, 3), (G, 3)."""
+        """Gather (G, 3) from the radiosity of all points (S, 3)."""
         found = np.empty((len(self.ends), 3), np.float32)
         kernels.gather(self.ends, np.ascontiguousarray(sent), found)
         return found
@@ -83,15 +84,15 @@ class Gathering:
 
 @dataclass(frozen=True, eq=False)
 class Around:
-    """Of some points (N,): the gathering ones around each, beside (N, K), by their share (N, K), and by which share
-    irradiance is off that is taken from the best of them, error (N,), infinite where none is in sight."""
+    """Neighbours of points (N,): the gathering points beside (N, K) with weights share (N, K), and error (N,), the
+    relative error of irradiance from the best of them; infinite if none is in sight."""
 
     beside: NDArray[np.int32]
     share: Float32Array
     error: Float32Array
 
     def between(self, gathered: Float32Array) -> Float32Array:
-        """What is gathered (G, 3) at the points, (N, 3)."""
+        """Interpolate gathered values (G, 3) at the points, (N, 3)."""
         found = np.empty((len(self.beside), 3), np.float32)
         kernels.spread(self.beside, self.share, gathered, found)
         return found
@@ -99,8 +100,8 @@ class Around:
 
 @dataclass(frozen=True, eq=False)
 class Exchange:
-    """Points (N,) that have light from each other: who of them gathers, and who takes it from whom; is_refined: whether
-    more gather where light has an edge."""
+    """Points (N,) that exchange light: which of them gather, and which neighbours the others interpolate; is_refined:
+    whether more points gather at edges of light."""
 
     rows: Rows
     gathering: Gathering
@@ -114,22 +115,24 @@ class Exchange:
         return frozenset(np.flatnonzero(often).tolist())
 
     def gathered(self, sent: Float32Array, found: Float32Array) -> None:
-        """Write to found (S, 3) at the points what they gather of what all send (S, 3)."""
+        """Write to found (S, 3) what the points gather from the radiosity of all points (S, 3)."""
         found[self.rows] = self.around.between(self.gathering.gathered(sent))
 
 
 @dataclass(frozen=True, eq=False)
 class Bounces:
-    """How light goes on: between all points that may light others, and to backs that a camera alone has asked for."""
+    """The paths of indirect light: between all points that may light others, and to backs that only a camera
+    requested."""
 
     between: Exchange
     to_backs: tuple[Exchange, ...] = ()
 
     def indirect(self, direct: Float32Array, albedo: Float32Array, n_bounces: int) -> tuple[Float32Array, Float32Array]:
-        """Irradiance (S, 3) after the first bounce and up to n_bounces, from that of the lights (S, 3); and of the
-        lights and up to one bounce less, which is what others show in a mirror.
+        """Return the indirect irradiance (S, 3) of bounces 2 to n_bounces, given the direct irradiance (S, 3); and the
+        sum of direct and indirect irradiance up to one bounce less, which mirrors show of other surfaces.
 
-        albedo (S, 3): of what the points lie on; above 1 it counts as 1: light must not grow from bounce to bounce.
+        albedo (S, 3): of the surface at each point; values above 1 count as 1, so that light does not grow from bounce
+        to bounce.
         """
         total, latest, bounded = np.zeros_like(direct), direct, np.minimum(albedo, 1.0)
         for _ in range(n_bounces - 1):
@@ -143,10 +146,11 @@ class Bounces:
 def trace_bounce_rays(
     points: ShadingPoints, mesh: PointMesh, late: Int32Array | None = None, i_object: int = -1, rows: Rows | None = None
 ) -> Generator[None, None, Exchange]:
-    """Send the rays of some points, rows (N,), in pieces; None: of all.
+    """Trace the rays of the points in rows (N,), or of all if None, in pieces.
 
-    late (S,): the object of whose back points are that a camera alone has asked for, else −1; i_object: the one whose
-    late points these are, or −1."""
+    late (S,): the object of points on backs that only a camera requested, else −1; i_object: the object whose late
+    points these are, or −1.
+    """
     late = np.full(len(points), -1, np.int32) if late is None else late
     rows = np.arange(len(points)) if rows is None else rows
     space, n_most = _Space.of(points, rows), N_GATHERING if i_object < 0 else N_OF_BACKS
@@ -166,8 +170,8 @@ def trace_bounce_rays(
 def refining(
     exchange: Exchange, points: ShadingPoints, mesh: PointMesh, shone: Float32Array, late: Int32Array
 ) -> Generator[None, None, Exchange]:
-    """More rays, where those that gather around a point do not agree; shone (S, 3): irradiance of three lights that
-    stand for all that may shine there; late: see `trace_bounce_rays`."""
+    """Trace rays of more points where the gathering points around them disagree; shone (S, 3): irradiance under three
+    probe lights, one per channel, which represent all possible light; late: see `trace_bounce_rays`."""
     rows, space = exchange.rows, _Space.of(points, exchange.rows)
     for _ in range(_FURTHER_ROUNDS):
         unlike, around = _unlike(exchange, shone), exchange.around
@@ -186,8 +190,8 @@ def refining(
 
 @dataclass(frozen=True, eq=False)
 class _Space:
-    """Where points are in place and normal, where (S, 6); rows (N,): those between which light is exchanged, from low
-    (6,) on and as wide as span, and is_open (N,) which of them are not buried; size: of the scene."""
+    """Coordinates of points: where (S, 6) holds position and normal; rows (N,), the points that exchange light, lie
+    within span from low (6,) on; is_open (N,): which of them are not buried; size: of the scene."""
 
     size: float
     where: Float32Array
@@ -207,8 +211,8 @@ class _Space:
 
 
 def _unlike(exchange: Exchange, shone: Float32Array) -> Float32Array:
-    """By which share (N,) those that gather around each point differ in light that was reflected once and twice, by
-    half each time."""
+    """Relative difference (N,) among the gathering points around each point, in light that was reflected once and twice
+    with an albedo of ½."""
     gathering, around, sent = exchange.gathering, exchange.around, np.zeros_like(shone)
     once = gathering.gathered(0.5 * shone)
     sent[exchange.rows] = 0.5 * around.between(once)
@@ -222,7 +226,7 @@ def _unlike(exchange: Exchange, shone: Float32Array) -> Float32Array:
 def _trace_rays(
     points: ShadingPoints, mesh: PointMesh, chosen: Rows, space: _Space, late: Int32Array, i_object: int = -1
 ) -> Generator[None, None, Gathering]:
-    """Rays of some points (G,), that end at late ones (S,) of their own object alone."""
+    """Trace rays of the chosen points (G,). Late points (S,) are ends only for rays of their own object."""
     ends, tables = np.empty((len(chosen), N_RAYS), np.int32), cosine_tables(N_RAYS)
     nearness, behind = np.empty(len(chosen)), np.zeros(len(points.sides), np.int64)
     chance = np.random.default_rng(2)
@@ -248,8 +252,8 @@ def _interpolate(
     points: ShadingPoints, mesh: PointMesh, space: _Space, gathering: Gathering,
     before: Around | None = None, among: Rows | None = None,
 ) -> Generator[None, None, Around]:  # fmt: skip
-    """What is gathered, at some points (N,), between those that gather; before, among: as it was with fewer of these,
-    and which of the N others are to be found for."""
+    """Find the interpolation weights at points (N,) between the gathering points; before, among: the result with fewer
+    gathering points, and which of the N points need a new one."""
     rows, n = space.rows, len(space.rows)
     tree, k = cKDTree(space.where[gathering.points]), min(_CANDIDATES, len(gathering.points))
     beside, share = np.zeros((n, _BESIDE), np.int32), np.zeros((n, _BESIDE), np.float32)
@@ -274,7 +278,8 @@ def _interpolate(
         ends = points.lifted[there] + raised * points.normal[there]
         seen = mesh.visibility.sees(origins.reshape(-1, 3), ends.reshape(-1, 3)).reshape(there.shape)
         inverse = 1.0 / (off + 1e-6)
-        weights = np.where(seen, (inverse - 0.999 * inverse[:, -1:]) ** 2, 0.0)  # [Shepard68], the farthest fading out
+        # [Shepard68], with the farthest fading out.
+        weights = np.where(seen, (inverse - 0.999 * inverse[:, -1:]) ** 2, 0.0)
         alone = ~weights.any(axis=1)
         weights[alone] = inverse[alone] ** 2
         beside[at, :most], share[at, :most] = number, weights / weights.sum(axis=1, keepdims=True)
@@ -284,7 +289,7 @@ def _interpolate(
 
 
 def _choose_evenly(points: ShadingPoints, space: _Space, wanted: NDArray[np.bool_], n_most: int) -> Rows:
-    """About n_most of the points that are wanted (N,), in cubes over place and normal, one of each."""
+    """Choose about n_most of the wanted points (N,): one in each occupied cell of a grid over position and normal."""
     chosen, cells = np.flatnonzero(wanted), 1024.0
     while len(chosen) > n_most:
         cells *= 0.8

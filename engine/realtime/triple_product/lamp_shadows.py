@@ -1,7 +1,7 @@
-"""Shadows of emitters within the scene, pixel by pixel: what falls through a slit is narrower than points are close.
+"""Shadows of emitters in the scene, pixel by pixel: light through a slit is narrower than the distance between points.
 
-Pixels of a picture at rest send rays to the patches that their points do not agree on. Those of stills send some to all
-patches first; where one of these finds what no point told, the pixel asks as if it had none.
+Pixels of pictures at rest trace rays to the patches that their points disagree about. Pixels of stills first trace some
+rays to all patches; where one of these contradicts the points, the pixel tests all patches itself.
 """
 
 from __future__ import annotations
@@ -23,16 +23,17 @@ from engine.realtime.triple_product.visibility import SHORT
 from engine.scene.raycaster import RayCaster
 
 Floats = NDArray[np.float32]
-# Rays of a sample at most: that look whether all is known, and that find out what is not, at rest and in stills.
+# Rays of a sample at most: to check the points' visibility, and to replace it, at rest and in stills.
 _LOOKING, _MOST = 16, {"rest": 4, "still": 256}
-_NARROW = 0.25  # of the rays of stills that arrive: where it is less, all patches are asked
-_LEAST = 4  # where a pixel has several samples
+_NARROW = 0.25  # share of a still's rays that arrive, below which all patches are tested
+_LEAST = 4  # for each of several samples of a pixel
 _AT_ONCE = 1 << 20  # rays
 
 
 @dataclass(frozen=True, eq=False)
 class _Asking:
-    """Samples (N,) that ask: corners and weights (N, 3), places, normals and where rays leave (N, 3), phase (N,)."""
+    """Samples (N,) that trace rays: corners and weights (N, 3); places, normals and ray origins lifted (N, 3); phase
+    (N,)."""
 
     corners: NDArray[np.int32]
     weights: Floats
@@ -45,7 +46,8 @@ class _Asking:
         self, how: NDArray[np.uint8], most: NDArray[np.int64], known: kernels.Known, patches: EmitterPatches,
         caster: RayCaster,
     ) -> tuple[kernels.Asked, NDArray[np.bool_]]:  # fmt: skip
-        """At most so many (N,) rays a sample, to what `how` (N,) tells; and which of them arrive."""
+        """Trace at most `most` (N,) rays a sample to the patches that `how` (N,) selects; return the rays and which of
+        them arrive."""
         around = self.corners, self.weights, self.places, self.normals
         asked = _room(int(most.sum()))
         n = kernels.patches_in_question(*around, how, self.phase, most, known, asked)
@@ -62,8 +64,8 @@ class _Asking:
 def lamp_shadows(
     seen: ViewSamples, which: Rows, lamps: SceneEmitters, caster: RayCaster, quality: str
 ) -> Iterator[Wrong]:
-    """What samples (N,) see of patches that their points do not know, some at a time; caster: of the scene's triangles;
-    quality: "rest" or "still"."""
+    """Find the corrections for patches whose visibility samples (N,) do not know from their points, some at a time;
+    caster: intersects the scene's triangles; quality: "rest" or "still"."""
     patches, points, step = lamps.patches, seen.points, max(_AT_ONCE // _MOST[quality], 1)
     known = kernels.Known(points.position, points.normal, lamps.bits, patches.centre, patches.normal)
     if quality == "rest":
@@ -99,7 +101,7 @@ def lamp_shadows(
 
 
 def _disagree(seen: ViewSamples, which: Rows, lamps: SceneEmitters) -> NDArray[np.bool_]:
-    """Whether points around samples (N,) see other patches than one another."""
+    """Whether the points around samples (N,) see different patches."""
     found = np.empty(len(which), bool)
 
     def part(start: int, stop: int) -> None:
@@ -110,6 +112,6 @@ def _disagree(seen: ViewSamples, which: Rows, lamps: SceneEmitters) -> NDArray[n
 
 
 def _room(n: int) -> kernels.Asked:
-    """For n rays."""
+    """Allocate n rays."""
     whole, real = np.empty((2, n), np.int32), np.empty((4, n), np.float32)
     return kernels.Asked(whole[0], whole[1], real[0], real[1], real[2], real[3], np.empty(n, bool))

@@ -1,10 +1,11 @@
-"""On which sides light can reach the objects of a scene: by winding alone nobody can tell.
+"""Finds the sides of objects that light can reach; winding alone does not tell.
 
-A room may be wound outwards, a floor downwards, and half of a shell against the other half; a solid's inside, which its
-winding faces as little, is no side that anybody will see. So a few thousand paths start at all emitters and from far
-away, whether or not something shines there now, and wander from surface to surface as light does [Veach97, ch. 8];
-sides that they hardly meet are taken for dark. That depends on geometry alone, and so does which backs send light on to
-other surfaces: those of a room's walls that are wound outwards, and no floor's underside.
+A room may be wound outwards, a floor downwards, and half of a shell against the other half; and the inside of a solid,
+which the winding faces away from as well, is no side that anybody sees. So a few thousand random walks start at all
+emitters and from far away, whether or not there is light now, and continue from surface to surface as light does
+[Veach97, ch. 8]; sides that they rarely meet count as dark. The result depends on geometry alone. So does the second
+result: which backs pass light on to other surfaces. The walls of a room that is wound outwards do; the underside of a
+floor does not.
 """
 
 from __future__ import annotations
@@ -19,22 +20,22 @@ from engine.scene.scene_loader import Scene
 
 Float64Array = NDArray[np.float64]
 _PATHS = 8192  # from far away, and as many from emitters
-_LENGTH = 5  # surfaces that a path meets
-# Of the paths that meet an object, those through a crack between two triangles are fewer than this share.
+_LENGTH = 5  # surfaces that a walk meets
+# Walks that pass through a crack between two triangles are fewer than this share of those that meet the object.
 _LEAST_SHARE, _LEAST = 0.005, 8
-_RELAYED = 0.02  # of what all surfaces send on to others, that backs which light is asked for send
+_RELAYED = 0.02  # share of all light between surfaces that a back must pass on
 
 
 class Sides(NamedTuple):
     """reached (M, 2): whether light can reach objects on the side that their winding faces, and on the other; the first
-    alone where it reaches neither. relays (M,): whether their backs send much of it on to other surfaces."""
+    side alone if it reaches neither. relays (M,): whether an object's back passes much of it on to other surfaces."""
 
     reached: NDArray[np.bool_]
     relays: NDArray[np.bool_]
 
 
 def lit_sides(scene: Scene, caster: RayCaster) -> Sides:
-    """Of a scene; caster: of its triangles."""
+    """Find the lit sides of a scene; caster: intersects its triangles."""
     chance = np.random.default_rng(3)
     counts, sent = np.zeros((2, len(scene.smooth), 2), np.int64)
     last: NDArray[np.intp] | None = None
@@ -61,18 +62,18 @@ def lit_sides(scene: Scene, caster: RayCaster) -> Sides:
 
 
 def _from_afar(scene: Scene, chance: np.random.Generator) -> tuple[Float64Array, Float64Array]:
-    """Parallel to every direction, through all of a ball around the scene."""
+    """Start rays in every direction, spread over the disc of the scene's bounding sphere."""
     corners = scene.vertices[scene.triangles].reshape(-1, 3).astype(np.float64)
     low, high = corners.min(axis=0), corners.max(axis=0)
     centre, radius = (low + high) / 2.0, float(np.linalg.norm(high - low)) / 2.0
     towards = _unit(chance.normal(size=(_PATHS, 3)))
-    across = _unit(np.cross(towards, _unit(chance.normal(size=(_PATHS, 3)))))  # even around the direction
+    across = _unit(np.cross(towards, _unit(chance.normal(size=(_PATHS, 3)))))  # uniform around the direction
     away = radius * np.sqrt(chance.random((_PATHS, 1)))
     return centre - 1.01 * radius * towards + away * across, towards
 
 
 def _from_emitters(scene: Scene, caster: RayCaster, chance: np.random.Generator) -> tuple[Float64Array, Float64Array]:
-    """From all over the fronts of what may shine, by area."""
+    """Start rays on the fronts of all potential emitters, uniformly by area."""
     mine = np.flatnonzero(scene.emitters[scene.object_of_triangle])
     corners = scene.vertices[scene.triangles[mine]].astype(np.float64)
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
@@ -83,7 +84,7 @@ def _from_emitters(scene: Scene, caster: RayCaster, chance: np.random.Generator)
 
 
 def _diffusely(normals: Float64Array, chance: np.random.Generator) -> Float64Array:
-    """Directions (N, 3) by the cosine to normals (N, 3): a unit sphere stands on the surface."""
+    """Cosine-distributed directions (N, 3) about normals (N, 3): a point on a unit sphere that touches the surface."""
     return _unit(normals + 0.999 * _unit(chance.normal(size=normals.shape)))
 
 

@@ -1,4 +1,4 @@
-"""The shading points of one scene, and what is known of the light there by now."""
+"""The shading points of one scene, and the light there as far as it is known."""
 
 from __future__ import annotations
 
@@ -34,21 +34,21 @@ UNLIT, COARSELY, EXACTLY = 0, 1, 2
 
 
 class LitPoints:
-    """Points that are traced and lit a few at a time.
+    """Shading points whose visibility and light are computed a few at a time.
 
-    state (S,): how the light that is wanted is known; traced (S,): whether shadows are; seen (S,): what the last
-    picture saw; behind: objects whose backs are to have points, as a picture saw them or light goes on from them;
-    is_bounced: of which light the indirect irradiance (S, 3) is, and the radiance sent_on (S, 3) that gloss shows of
-    points; known (S,): whether it was lit once, by whatever light; shadowed (S,): whether that light had the point's
-    shadows; n_traced: points that were traced since this was stored; untold (S,): whose light has changed since
-    `gpu_parts` told it. caster: of the scene's triangles.
+    state (S,): how well the current light is known, UNLIT, COARSELY or EXACTLY; traced (S,): whether visibility is
+    known; seen (S,): points of the last picture; behind: objects whose backs should get points, because a picture saw
+    them or they pass light on; is_bounced: which state of the light the indirect irradiance (S, 3) belongs to, and the
+    radiosity sent_on (S, 3) that mirrors show; known (S,): whether the point was ever lit, by any light; shadowed (S,):
+    whether that light included the point's visibility; n_traced: points traced since the visibility was last stored;
+    untold (S,): points whose light changed since `gpu_export` exported it. caster: intersects the scene's triangles.
     """
 
     def __init__(
         self, scene: Scene, caster: RayCaster, points: ShadingPoints, n_coefficients: int, n_patches: int,
         is_glossy: NDArray[np.bool_],
     ) -> None:  # fmt: skip
-        """caster: of the scene's triangles; is_glossy (M,): objects that do not reflect evenly."""
+        """caster: intersects the scene's triangles; is_glossy (M,): objects that are not diffuse."""
         self._scene, self.caster, self._n = scene, caster, len(points)
         self.points, self.mesh = points, PointMesh(scene, points)
         self.bits: Bits = np.full((self._n, N_UPPER // 2), 255, np.uint8)
@@ -59,7 +59,7 @@ class LitPoints:
         self.state = np.zeros(self._n, np.uint8)
         self.traced, self.seen, self.known, self.shadowed, self.untold = np.zeros((5, self._n), bool)
         self._skip_enclosed()
-        # Irradiance of each object's points, summed, before they had their shadows and after.
+        # Irradiance of each object's points, summed: before and after they had their shadows.
         self._unshaded, self._shaded = np.zeros((2, len(is_glossy), 3))
         self.n_traced = 0
         self.behind: set[int] = set()
@@ -75,7 +75,7 @@ class LitPoints:
 
     @property
     def is_lit(self) -> int:
-        """How the light of all points is known that has shadows."""
+        """How well the light of all traced points is known."""
         if (self.state == UNLIT).any():
             return UNLIT
         return EXACTLY if self.is_done else COARSELY
@@ -86,7 +86,7 @@ class LitPoints:
 
     @property
     def is_outdated(self) -> bool:
-        """Whether points that are seen were traced after they were lit."""
+        """Whether visible points were traced after they were lit."""
         return bool((self.seen & self.traced & self.known & ~self.shadowed).any())
 
     @property
@@ -94,7 +94,7 @@ class LitPoints:
         return float(0.75 * self.traced.mean() + 0.25 * (self.state / EXACTLY).mean()) if self._n else 1.0
 
     def next_points(self, wanted: NDArray[np.bool_], n: int) -> NDArray[np.int64]:
-        """n of the points that are wanted (S,), those that are seen before others."""
+        """Choose n of the wanted points (S,), visible ones first."""
         found = np.flatnonzero(wanted & self.seen)[:n]
         return found if len(found) else np.flatnonzero(wanted)[:n]
 
@@ -120,7 +120,7 @@ class LitPoints:
         self.n_traced += len(which)
 
     def restore(self, bits: Bits, patch_bits: Bits, backs: list[int], is_glossy: NDArray[np.bool_]) -> None:
-        """Take over what was seen before; nothing where it is of other points."""
+        """Restore stored visibility; has no effect if it belongs to other points."""
         if backs:
             self.add_backs(backs, is_glossy)
         if len(bits) == len(self.points):
@@ -129,11 +129,11 @@ class LitPoints:
 
     @property
     def is_refined(self) -> bool:
-        """Whether more points gather where light has an edge."""
+        """Whether more points gather where indirect light has an edge."""
         return self.bounces is not None and self.bounces.between.is_refined
 
     def send_rays(self) -> None:
-        """A part of those by which light bounces on."""
+        """Trace part of the bounce rays."""
         if self._bounce_steps is None:
             self._bounce_steps = StepRunner(self._sending())
         if self._bounce_steps.advance():
@@ -141,15 +141,15 @@ class LitPoints:
 
     @property
     def late(self) -> NDArray[np.int32]:
-        """The object of whose back points (S,) are that cameras alone have asked for: they light nothing else. Others
-        have −1."""
+        """The object of each point (S,) on a back that only cameras requested: such points light nothing else. −1 for
+        all others."""
         found = np.full(self._n, -1, np.int32)
         for i_object in self._backs.keys() - self._needed:
             found[self._backs[i_object]] = i_object
         return found
 
     def _sending(self) -> Generator[None, None, Bounces | None]:
-        """None where more backs need points first."""
+        """Step through the tracing of bounce rays; the result is None if more backs need points first."""
         late = self.late
         if self._needed <= self._backs.keys():
             if self._between is None:
@@ -166,7 +166,7 @@ class LitPoints:
         return None
 
     def refine_rays(self, patches: EmitterPatches | None) -> None:
-        """A part of more of them, when all shadows are known."""
+        """Trace part of the additional bounce rays, once all shadows are known."""
         if self._bounce_steps is None:
             self._bounce_steps = StepRunner(self._refining(patches))
         if self._bounce_steps.advance():
@@ -179,7 +179,7 @@ class LitPoints:
         return replace(self.bounces, between=self._between)
 
     def bounce(self, albedos: Float32Array, n_bounces: int) -> None:
-        """Find the indirect light; albedos (M, 3)."""
+        """Compute the indirect light; albedos (M, 3)."""
         assert self.bounces is not None
         self.is_bounced = self.is_lit
         albedo = albedos[self.points.i_object]
@@ -187,8 +187,8 @@ class LitPoints:
         self.sent_on = (before * albedo / np.float32(np.pi)).astype(np.float32)
 
     def _direct(self) -> Float32Array:
-        """Irradiance (S, 3) of the lights. Points that are not traced yet get the share of it that shadows leave, on
-        the average, to those of their object that are; to all others where none of it is."""
+        """Direct irradiance (S, 3). Points that are not traced yet are scaled by the mean shadowing of their object's
+        traced points, or of all traced points if the object has none."""
         if self.traced.all():
             return self.incident.irradiance
         of_all = self._unshaded == 0.0
@@ -201,8 +201,8 @@ class LitPoints:
         self, which: NDArray[np.int64], reflectance: Sequence[float] | None, albedo: NDArray[np.floating] | None,
         n_bounces: int,
     ) -> Float32Array:  # fmt: skip
-        """What points (N,) send the same everywhere, (N, 3): of the lights by their reflectance (3,), and of further
-        bounces by their albedo (3,), None for what shows these in a mirror."""
+        """Radiance (N, 3) that points send equally in all directions: of direct light by their reflectance (3,), and of
+        further bounces by their albedo (3,), None if mirrored light shows these."""
         sent = np.zeros((len(which), 3), np.float32)
         if reflectance is not None:
             sent += self.incident.irradiance[which] * np.asarray(reflectance, np.float32)
@@ -211,7 +211,7 @@ class LitPoints:
         return sent
 
     def add_gloss(self, is_glossy: NDArray[np.bool_]) -> None:
-        """Keep coefficients of light for objects (M,) that reflect with gloss by now."""
+        """Allocate coefficients of light for objects (M,) that have become glossy."""
         new = is_glossy[self.points.i_object] & (self.incident.slot < 0)
         if new.any():
             self.incident = with_glossy_points(self.incident, new)
@@ -219,7 +219,8 @@ class LitPoints:
             self.state[new] = UNLIT
 
     def add_backs(self, objects: Sequence[int], is_glossy: NDArray[np.bool_]) -> None:
-        """One object's after the other, so that `restore` finds those that came at several times where they were."""
+        """Add points for the backs of objects, one object after the other, so that `restore` finds them in the same
+        places if they came at different times."""
         before = self._n
         for each in objects:
             n = len(self.points)
@@ -244,12 +245,12 @@ class LitPoints:
         self.add_gloss(is_glossy)
 
     def _skip_enclosed(self) -> None:
-        """What is within something solid sees nothing, and no ray needs to find that out."""
+        """Points inside something solid see nothing: mark them as traced without rays."""
         if self.points.buried is not None:
             self.traced |= self.points.buried
             self.bits[self.points.buried] = self.patch_bits[self.points.buried] = 0
 
 
 def _longer(array: NDArray, n: int, value: int) -> NDArray:
-    """The array with as many rows more, all of a value, as make it n."""
+    """Extend an array to n rows, filled with a value."""
     return np.concatenate([array, np.full((n - len(array), *array.shape[1:]), value, array.dtype)])

@@ -1,8 +1,8 @@
-"""What gloss shows of the light that other surfaces reflect: rooms in a mirror ball, shelves in a varnished floor.
+"""Glossy reflection of other surfaces: rooms in a mirror ball, shelves in a varnished floor.
 
-Coefficients of light hold what shines, and nothing that is shone on. Pixels at rest send a few rays as their layers
-reflect, to the points that they meet, and take what these send on. While something moves, gloss reflects that light as
-a matt surface of its equivalent albedo does.
+The coefficients of light hold emitters and sky, not surfaces that these light. So pixels at rest trace a few rays,
+importance-sampled by their layers, to other shading points, and add the radiance of these. In moving pictures, a glossy
+surface reflects that light as a diffuse one of its equivalent albedo does.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from engine.scene.scene_loader import Scene
 Float32Array = NDArray[np.float32]
 N_RAYS = {"rest": 4, "still": 32}
 _AT_ONCE = 65536  # rays
-_BRIGHTEST = 1e4  # of what a ray brings, by what the surface that it meets sends
+_BRIGHTEST = 1e4  # limit of a ray's contribution, relative to the radiance of the surface that it meets
 
 
 def mirrored_light(
     seen: ViewSamples, which: Rows, lit: LitPoints, scene: Scene, i_object: int, layers: Sequence[Layer], quality: str,
     normals: Float32Array | None = None,
 ) -> Float32Array:  # fmt: skip
-    """Radiance (N, 3) that layers of an object send to the eye from samples (N,) of what other surfaces send on.
+    """Radiance (N, 3) from other surfaces that an object's layers reflect to the camera at samples (N,).
 
-    normals (N, 3): as bumps turn them; None for those between points.
+    normals (N, 3): perturbed by bumps; None for those interpolated between points.
     """
     found, n_rays = np.zeros((len(which), 3), np.float32), N_RAYS[quality]
     scattering, step = Scattering(layers), max(_AT_ONCE // n_rays, 1)
     chance = np.random.default_rng(4)
     pattern, shifts = chance.random((n_rays, N_NUMBERS)), chance.random((len(which), N_NUMBERS))
     late = lit.late
-    pattern[:, 0] = (np.arange(n_rays) + pattern[:, 0]) / n_rays  # which lobe: in turn
+    pattern[:, 0] = (np.arange(n_rays) + pattern[:, 0]) / n_rays  # the lobes in turn
 
     def part(start: int) -> None:
         some = which[start : start + step]

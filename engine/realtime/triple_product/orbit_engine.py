@@ -1,17 +1,17 @@
-"""Orbit, kept: one scene seen from anywhere, its materials and light changed at any time, computed piece by piece.
+"""Orbit's renderer: draws one scene from any camera while its light and materials change, and works in small pieces.
 
     orbit = Orbit(scene)
-    orbit.set_light(sky)              what is wanted: costs nothing, and may be said again at any time
+    orbit.set_light(sky)              declares the desired state: costs nothing, may be repeated at any time
     orbit.set_layers(layers_of)
-    for progress in orbit.work():     what is wanted and not there, the most urgent first, in pieces of some 30 ms
-        ...                           between two pieces anything may be set or drawn
+    for progress in orbit.work():     computes what is missing, the most urgent first, in pieces of about 30 ms
+        ...                           between two pieces the caller may set or draw anything
     picture = orbit.draw(camera, (512, 384), "moving")
 
-What is drawn is what is known by then: at first without shadows, light coarse before fine, reflections coarse before
-fine, where the last picture looked before elsewhere. Shadows appear all at once, with the light that bounces. `version`
-rises with all that changes pictures, so that a window knows when another is worth drawing; it rests while some points
-have their shadows and others wait for them. An object of this class belongs to one thread, holds neither window nor
-process, and may be dropped between any two pieces; so may its generators.
+A picture shows what is known when it is drawn: at first unshadowed light, coarse light before fine, coarse reflections
+before fine ones, and the points of the last picture before all others. Shadows and indirect light appear together, all
+at once. `version` rises with every change that affects pictures, so that a window knows when to draw again; it does not
+rise while some visible points have their shadows and others still lack them. One thread uses an object of this class.
+The object refers to no window and no process, and may be dropped between any two pieces; so may its generators.
 """
 
 from __future__ import annotations
@@ -47,33 +47,34 @@ from engine.scene.scene_loader import Scene
 Float32Array = NDArray[np.float32]
 Steps = Iterator[StillProgress]
 
-N_POINTS = 40_000  # besides the meshes' own vertices
+N_POINTS = 40_000  # in addition to the meshes' vertices
 N_COEFFICIENTS = 320
 N_PATCHES = 64
-N_BOUNCES = 4  # where a scene does not say
+N_BOUNCES = 4  # if the scene gives no number
 MOST_BYTES = 3 << 29
 MOST_SLICE_BYTES = 1 << 29
 _LEAST_COEFFICIENTS = 20
 _BYTES_A_COEFFICIENT = 8
-# Points a piece and thread: some 15 ms.
+# Points a piece and thread: about 15 ms.
 _COARSE, _FINE, _TRACED = 1536, 256, 96
-# Of a picture: for silhouettes a pixel wide, which turned normals show from behind, no hand waits half a second.
+# Share of a picture. Back faces below it wait until the user is idle: perturbed normals show them at silhouettes one
+# pixel wide.
 _LEAST_BACK = 0.005
 _EDGE_RAYS = {"moving": 0, "rest": 4, "still": 16}
-_FIRST_VIEW_SIDE = 256  # pixels across, to find which points come first
+_FIRST_VIEW_SIDE = 256  # pixels across, to find the points that come first
 
 
 class Orbit:
-    """A scene of which pictures are drawn from anywhere; see above."""
+    """Draws a scene from any camera; see the module."""
 
     def __init__(
         self, scene: Scene, caster: RayCaster | None = None, n_points: int = N_POINTS,
         n_coefficients: int = N_COEFFICIENTS, n_patches: int = N_PATCHES, most_bytes: int = MOST_BYTES,
         most_slice_bytes: int = MOST_SLICE_BYTES,
     ) -> None:  # fmt: skip
-        """caster: of the scene's triangles, where there is one; n_points: besides the meshes' vertices; n_coefficients:
-        of light, 20 to 5,120 a point; n_patches: of all emitters; most_bytes: what points may keep, and
-        most_slice_bytes: what the layers' slices may, see `notes`."""
+        """caster: intersects the scene's triangles, made here if None; n_points: in addition to the meshes' vertices;
+        n_coefficients: of light at each point, 20 to 5,120; n_patches: of all emitters together; most_bytes: limit for
+        the points' data, most_slice_bytes: limit for the layers' slices, see `notes`."""
         self.scene = scene
         self.version = 0
         self._notes: tuple[str, ...] = ()
@@ -88,22 +89,23 @@ class Orbit:
         self._light, self._sky = SkyState(None), make_sky(None, 0.0)
         self._reflections = Reflections(most_slice_bytes)
 
-    # ------------------------------------------------------------------------------------------- what can be kept
+    # ------------------------------------------------------------------------------------------ stored visibility
 
     @property
     def geometry(self) -> tuple[NDArray[np.generic] | int, ...]:
-        """All that visibility hangs on."""
+        """Everything that visibility depends on."""
         scene = self.scene
         arrays = scene.vertices, scene.normals, scene.triangles, scene.object_of_triangle, scene.smooth
         return (*arrays, scene.emitters, scene.reflecting, self._n_points, self._n_patches)
 
     @property
     def has_traced(self) -> bool:
-        """Whether all that was asked for so far is seen, some of it traced and not restored."""
+        """Whether the visibility of all points that exist so far is known, and some of it was traced and not
+        restored."""
         return self._lit is not None and self._lit.n_traced > 0 and bool(self._lit.traced.all())
 
     def stored_visibility(self) -> dict[str, NDArray[np.generic]]:
-        """The visibility of all points, to be kept by `geometry`. Raises ValueError before any are there."""
+        """Return the visibility of all points, to be stored under `geometry`. Raises ValueError before points exist."""
         if self._lit is None:
             raise ValueError("nothing is seen yet: expected some steps of work before")
         lit = self._lit
@@ -115,7 +117,7 @@ class Orbit:
         return arrays | deflate_bits("bits", lit.bits) | deflate_bits("patch_bits", lit.patch_bits)
 
     def restore(self, arrays: Arrays) -> None:
-        """Become what sees as `stored_visibility` gave it, of the same geometry; before any work. Raises
+        """Take over visibility that `stored_visibility` returned for the same geometry; before any work. Raises
         UnsoundArrays."""
         reader = ArrayReader(arrays)
         n = int(reader.take("n_points", np.int64, 1)[0])
@@ -124,16 +126,16 @@ class Orbit:
         n_patches = 0 if self._patches is None else len(self._patches[0])
         self._kept = bits, inflate_bits("patch_bits", reader, n, (n_patches + 7) // 8), backs.tolist()
 
-    # ------------------------------------------------------------------------------------------------ what is wanted
+    # ---------------------------------------------------------------------------------------------- desired state
 
     def set_light(self, sky: SkyState) -> None:
-        """The distant light from now on."""
+        """Set the distant light."""
         if sky != self._light:
             self._light, self._sky = sky, make_sky(sky.environment, sky.rotation, sky.scale)
             self._stale()
 
     def set_emission(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
-        """Give emitters, by name, this radiance from now on, see `Scene.with_emission`."""
+        """Set the radiance of emitters, by name; see `Scene.with_emission`."""
         scene = self.scene.with_emission(emission)
         if not np.array_equal(scene.emission, self.scene.emission):
             self.scene = scene
@@ -142,7 +144,7 @@ class Orbit:
             self._stale()
 
     def set_bumps(self, bumps: Mapping[str, Bumps]) -> None:
-        """What turns normals of objects, by name, from now on, see `Scene.with_bumps`."""
+        """Set the bump or normal maps of objects, by name; see `Scene.with_bumps`."""
         scene = self.scene.with_bumps(bumps)
         if scene.description != self.scene.description:
             self.scene = scene
@@ -151,25 +153,25 @@ class Orbit:
             self.version += 1
 
     def set_bounces(self, n_bounces: int) -> None:
-        """How often light is reflected between light and eye from now on; 0: as at first, as the scene says, or 4
-        times."""
+        """Set the number of reflections between light and camera; 0 restores the scene's own number, or 4 if it has
+        none."""
         n_bounces = n_bounces or self.scene.description.bounces or N_BOUNCES
         if n_bounces != self._n_bounces:
             self._n_bounces = n_bounces
             self._reset_bounces()
 
     def set_layers(self, layers_of: LayersOf) -> None:
-        """The layers of each object, by its index, from now on; what did not change is not computed again."""
+        """Set the layers of each object, by its index. Layers that did not change are not computed again."""
         if self._reflections.set_layers({i: own for i, own in layers_of.items() if self.scene.reflecting[i]}):
             if self._lit is not None:
                 self._lit.add_gloss(self._are_glossy)
             self._reset_bounces()
 
-    # ---------------------------------------------------------------------------------------- what pictures are made of
+    # ----------------------------------------------------------------------------------------- inputs of a picture
 
     @property
     def lit(self) -> LitPoints | None:
-        """The points and their light; None before they are placed."""
+        """The shading points and their light; None before they are placed."""
         return self._lit
 
     @property
@@ -179,30 +181,30 @@ class Orbit:
 
     @property
     def reflections(self) -> Reflections:
-        """What objects reflect."""
+        """The objects' reflections."""
         return self._reflections
 
     @property
     def n_bounces(self) -> int:
-        """How often light is reflected between light and eye."""
+        """Number of reflections between light and camera."""
         return self._n_bounces
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is coarser than it was to be, for want of memory."""
+        """Messages about what was made coarser to stay within memory."""
         return (*self._notes, *self._reflections.notes)
 
     # ----------------------------------------------------------------------------------------------------- the work
 
     @property
     def is_ready(self) -> bool:
-        """Whether a picture shows more than black: all points that are seen have been lit once, if only without
-        shadows; at first those that the scene's own camera sees."""
+        """Whether a picture shows more than black: all visible points have been lit once, if only without shadows.
+        Before the first picture, these are the points that the scene's own camera sees."""
         return self._lit is not None and bool(self._lit.known[self._lit.seen].all())
 
     @property
     def is_done(self) -> bool:
-        """Whether there is no work left."""
+        """Whether no work is left."""
         lit = self._lit
         if lit is None or not lit.is_done or not self._reflections.is_done:
             return False
@@ -210,29 +212,30 @@ class Orbit:
 
     @property
     def fraction(self) -> float:
-        """How much of the work is done."""
+        """Share of the work that is done, 0 to 1."""
         return 0.0 if self._lit is None else self._lit.fraction
 
     @property
     def n_bytes(self) -> int:
-        """What points keep."""
+        """Bytes that the points' data take."""
         lit = self._lit
         return 0 if lit is None else lit.bits.nbytes + lit.patch_bits.nbytes + lit.incident.n_bytes
 
     def work(self) -> Steps:
-        """All that is missing, piece by piece; ends where nothing is. What is set meanwhile is taken up at once.
+        """Compute what is missing, piece by piece, until nothing is. Changes made meanwhile take effect at once.
 
-        Raises InsituError where the meshes have too many vertices.
+        Raises InsituError if the meshes have too many vertices.
         """
         while self._lit is None:
             yield StillProgress(0.0, "shading points")
             self._place()
         while (told := self._do_next_piece()) is not None:
-            self.version += not self._lit.is_outdated  # the light without shadows stays until all is replaced
+            # The unshadowed light stays in the picture until all of it is replaced.
+            self.version += not self._lit.is_outdated
             yield StillProgress(self.fraction, told)
 
     def _do_next_piece(self) -> str | None:
-        """Do what is most urgent; what that was, or None where nothing is left."""
+        """Do the most urgent piece and return its name; None if nothing is left."""
         lit = self._lit
         assert lit is not None
         if self._reflections.find_coarse():
@@ -248,8 +251,8 @@ class Orbit:
             return "reflection"
         if not lit.is_outdated and self._bounce(lit):
             return "bounces"
-        # Shadows alone would blacken metal that sees itself, point by point: they wait for all shadows that are seen,
-        # and for the light that bounces, and the picture shows them together.
+        # Light with shadows but without bounces would blacken metal that reflects itself, point by point. So the light
+        # waits for the shadows of all visible points and for the bounce rays, and the picture shows them together.
         waits = bool((lit.seen & ~lit.traced).any()) or self._n_bounces > 1 and lit.bounces is None
         ripe = lit.traced & (lit.state != EXACTLY)
         if len(which := lit.next_points(ripe & lit.shadowed if waits else ripe, _FINE * n_threads())):
@@ -276,7 +279,8 @@ class Orbit:
         return None
 
     def _bounce(self, lit: LitPoints) -> bool:
-        """Find the indirect light anew where it is wanted and the direct light is known better; whether it was."""
+        """Recompute indirect light if it is desired and direct light is known better than before; return whether it
+        did."""
         if self._n_bounces == 1 or lit.bounces is None or lit.is_bounced >= lit.is_lit:
             return False
         lit.bounce(self._reflections.albedos(self.scene), self._n_bounces)
@@ -288,10 +292,10 @@ class Orbit:
         self, camera: CameraDescription, resolution: tuple[int, int], quality: Quality = "rest",
         n_moving: int = N_MOVING,
     ) -> Float32Array:  # fmt: skip
-        """Radiance (H, W, 3) as it is known by now; resolution (width, height).
+        """Draw radiance (H, W, 3) as it is known now; resolution (width, height).
 
-        quality: "moving", as quick as it gets, by n_moving coefficients a point; "rest", every pixel on its own;
-        "still", every sun exactly as well. Raises ValueError before `is_ready`.
+        quality: "moving" is the fastest, with n_moving coefficients a point; "rest" evaluates the reflection at every
+        pixel; "still" evaluates every peak exactly as well. Raises ValueError before `is_ready`.
         """
         return run_to_end(self.draw_steps(camera, resolution, quality, n_moving))
 
@@ -299,14 +303,16 @@ class Orbit:
         self, camera: CameraDescription, resolution: tuple[int, int], quality: Quality = "rest",
         n_moving: int = N_MOVING, has_soft_edges: bool = False,
     ) -> Generator[StillProgress, None, Float32Array]:  # fmt: skip
-        """The same, piece by piece; has_soft_edges: also while something moves, for a fifth of its time more."""
+        """As `draw`, piece by piece; has_soft_edges: antialias edges in "moving" pictures as well, which takes a fifth
+        longer."""
         lit = self._lit
         if lit is None:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
         least = 0.0 if quality == "still" else _LEAST_BACK
         n_edge_rays = _EDGE_RAYS[quality] or (_EDGE_RAYS["rest"] if has_soft_edges else 0)
         seen = self._prioritize(lit, camera, resolution, n_edge_rays, quality != "moving", least)
-        # Where no light has been found yet, because the camera was led away at once or backs came in sight: black.
+        # Points without any light, because the camera jumped or back faces came into view, would be black: light them
+        # now.
         while len(which := np.flatnonzero(lit.seen & ~lit.known)[: _COARSE * n_threads()]):
             lit.light(which, self._sky, self._lamps(lit), is_coarse=True)
             yield StillProgress(0.0, "light")
@@ -315,12 +321,12 @@ class Orbit:
         sky = self._light
         return assemble_picture(seen, radiance, sky.environment, sky.rotation, sky.scale)
 
-    # ------------------------------------------------------------------------------------------------------ within
+    # ---------------------------------------------------------------------------------------------------- private
 
     @property
     def _are_glossy(self) -> NDArray[np.bool_]:
         found = self._reflections.are_glossy(len(self.scene.smooth))
-        found[list(self.scene.bump_normals.objects)] = True  # in each pixel's own frame, matt or not
+        found[list(self.scene.bump_normals.objects)] = True  # each pixel has its own frame there, diffuse or not
         return found
 
     def _stale(self) -> None:
@@ -334,9 +340,9 @@ class Orbit:
         self.version += 1
 
     def _place(self) -> None:
-        """A piece of placing points."""
+        """Do one piece of placing points."""
         if self._placing is None:
-            self._check_memory(self._n_least())  # a search that takes minutes would only find more of them
+            self._check_memory(self._n_least())  # do not search for minutes only to find more of them
             self._placing = StepRunner(self._points(self._n_points))
         if not self._placing.advance():
             return
@@ -362,7 +368,7 @@ class Orbit:
         return replace(points, buried=found)
 
     def prioritize_view(self, camera: CameraDescription) -> None:
-        """What a camera sees comes first from now on."""
+        """Give priority to the points that this camera sees."""
         lit = self._lit
         if lit is not None:
             width, height = self.scene.resolution
@@ -372,8 +378,9 @@ class Orbit:
         self, lit: LitPoints, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int,
         in_sight: bool = False, least: float = 0.0,
     ) -> ViewSamples:  # fmt: skip
-        """What a picture sees comes first from now on; backs that no other has seen get points, without shadows yet,
-        where they are more than a share of it, and the others while nobody waits."""
+        """Give priority to the points of this picture, and sample it. Add points to back faces that no picture has seen
+        yet: at once, without shadows, if they cover more than `least` of the picture, else when nothing more urgent is
+        left."""
         seen = lit.mesh.sample_view(camera, resolution, n_edge_rays, in_sight)
         if behind := seen.from_behind(least):
             lit.add_backs(behind, self._are_glossy)
@@ -383,20 +390,20 @@ class Orbit:
         return seen
 
     def _within_memory(self, n_points: int) -> int:
-        """So many coefficients, at most those wanted, go into memory."""
+        """How many coefficients a point fit into memory, at most the desired number."""
         rest = self._most_bytes - n_points * (N_UPPER // 2 + self._n_patches // 8 + 128)
         return min(self._n_coefficients, rest // (n_points or 1) // _BYTES_A_COEFFICIENT)
 
     def _n_least(self) -> int:
-        """So many points there are at least: the places of vertices that reflect."""
+        """Least number of points: distinct positions of vertices on reflecting objects."""
         scene = self.scene
         used = np.zeros(len(scene.vertices), bool)
         used[scene.triangles[scene.reflecting[scene.object_of_triangle]]] = True
-        bits = (scene.vertices[used] + np.float32(0.0)).view(np.int32).astype(np.int64)  # of -0 as of 0
-        return len(np.unique(bits @ np.array([1, 0x9E3779B1, 0x85EBCA6B0001])))  # sums that wrap around: a hash
+        bits = (scene.vertices[used] + np.float32(0.0)).view(np.int32).astype(np.int64)  # −0 as 0
+        return len(np.unique(bits @ np.array([1, 0x9E3779B1, 0x85EBCA6B0001])))  # a hash: the sums wrap around
 
     def _check_memory(self, n_points: int) -> None:
-        """InsituError where so many points do not go into memory."""
+        """Raise InsituError if so many points do not fit into memory."""
         if self._within_memory(n_points) < _LEAST_COEFFICIENTS:
             raise InsituError(
                 f"{self.scene.file}: {n_points} vertices, of which Orbit would keep more than "
@@ -414,12 +421,13 @@ class Orbit:
 
 
 def _emitters(scene: Scene, n_patches: int) -> tuple[EmitterPatches, NDArray[np.intp]] | None:
-    """About n_patches patches of all that may shine, now or later, and the object of each; None where nothing may."""
+    """Split everything that may ever emit into about n_patches patches; also return each patch's object. None if
+    nothing may emit."""
     mine = scene.emitters[scene.object_of_triangle]
     if not mine.any():
         return None
     corners = scene.vertices[scene.triangles[mine]].astype(np.float64)
     corners, owner = merged_by_object(corners, scene.object_of_triangle[mine], n_patches)
-    number = np.repeat(owner[:, None] + 1.0, 3, axis=1)  # where radiance stands in patches
+    number = np.repeat(owner[:, None] + 1.0, 3, axis=1)  # carry the owner's index in the patches' radiance
     patches = emitter_patches(corners, number, n_patches)
     return patches, np.rint(patches.radiance[:, 0]).astype(np.intp) - 1

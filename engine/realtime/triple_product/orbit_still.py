@@ -1,4 +1,4 @@
-"""A still in Orbit's way, from geometry to pixels."""
+"""Renders a still with Orbit's method, from geometry to pixels."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from engine.realtime.triple_product.orbit_engine import MOST_BYTES, MOST_SLICE_B
 from engine.realtime.triple_product.reflections import LayersOf
 from engine.render.still import StillProgress
 
-_DRAWING = 0.97  # how far it is when drawing begins
+_DRAWING = 0.97  # progress when drawing begins
 
 
 def render_orbit(
@@ -26,10 +26,10 @@ def render_orbit(
     most_bytes: int = MOST_BYTES,
     most_slice_bytes: int = MOST_SLICE_BYTES,
 ) -> Generator[StillProgress, None, NDArray[np.float32]]:
-    """Radiance (H, W, 3) after up to n_bounces reflections, as Orbit shows it at rest; yields how far it is.
+    """Render radiance (H, W, 3) after up to n_bounces reflections, as Orbit shows it at rest; yield the progress.
 
-    layers_of: the layers of each object, by its index; most_bytes: what points may keep, most_slice_bytes: what
-    slices may, see `Orbit`.
+    layers_of: the layers of each object, by its index; most_bytes and most_slice_bytes: limits for the points' data and
+    for the slices, see `Orbit`.
     """
     orbit = Orbit(placement.scene, placement.caster, n_points, n_coefficients, n_patches, most_bytes, most_slice_bytes)
     orbit.set_light(sky)
@@ -39,7 +39,7 @@ def render_orbit(
     for step in orbit.work():
         yield StillProgress(_DRAWING * step.fraction, step.text)
     picture = orbit.draw(camera, resolution, "still")
-    if not orbit.is_done:  # the backs of some objects are seen
+    if not orbit.is_done:  # the picture shows the backs of some objects
         for step in orbit.work():
             yield StillProgress(_DRAWING * step.fraction, step.text)
         picture = orbit.draw(camera, resolution, "still")

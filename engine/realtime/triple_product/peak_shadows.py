@@ -1,8 +1,8 @@
-"""Shadows of the brightest suns, pixel by pixel: between points that are further apart than they are sharp.
+"""Shadows of the brightest peaks, pixel by pixel, because they are sharper than the distance between points.
 
-What stands before a window throws shadows finer than any points; interpolated between those they are torn. So pixels of
-a picture at rest send rays to each of the few suns that its points do not agree on, and stills to all of these: to
-several places of each, as a shadow is as blurred as its sun is wide.
+Occluders in front of a window cast shadows finer than any set of points; interpolated between points, the shadows look
+torn. So pixels of pictures at rest trace rays to each of the few peaks that their points disagree about, and pixels of
+stills to all of these, each to several places of the peak, because the width of a peak blurs its shadow.
 """
 
 from __future__ import annotations
@@ -22,14 +22,15 @@ from engine.scene.raycaster import RayCaster
 
 Float32Array = NDArray[np.float32]
 _AT_ONCE = 16384  # samples
-_AT_REST, _FEW = 2, 4  # rays to a sun, the latter in stills at first
+_AT_REST, _FEW = 2, 4  # rays to a peak; the latter in stills at first
 
 
 def peak_shadows(
     seen: ViewSamples, which: Rows, incident: Incident, sky: SkyMap, caster: RayCaster, everywhere: bool
 ) -> Iterator[Wrong]:
-    """What samples (N,) see of suns that their points do not know, some at a time; caster: of the scene's triangles;
-    everywhere: whether pixels whose points agree are asked as well, and by all rays where few of them tell an edge."""
+    """Find the corrections for peaks whose visibility samples (N,) do not know from their points, some at a time;
+    caster: intersects the scene's triangles; everywhere: also test pixels whose points agree, and add all rays where a
+    few reveal an edge."""
     peaks, n_peaks = peak_lights_of(sky, incident, 0.0), len(sky.sun_places)
     for start in range(0, len(which) if n_peaks else 0, _AT_ONCE):
         some = which[start : start + _AT_ONCE]
@@ -40,7 +41,7 @@ def peak_shadows(
             row, peak, share, cosine,
         )  # fmt: skip
         row, peak, share, cosine = row[:n], peak[:n], share[:n], cosine[:n]
-        is_first = np.diff(row, prepend=-1) > 0  # of the suns of a sample, which stand together
+        is_first = np.diff(row, prepend=-1) > 0  # of a sample's peaks, which are consecutive
         asked, place = some[row[is_first]], np.cumsum(is_first) - 1
         normals = seen.normals(asked)
         above = np.einsum("ni,ni->n", normals[place], sky.peak_direction[peak])
@@ -61,7 +62,7 @@ def peak_shadows(
 def _free(
     caster: RayCaster, origins: Float32Array, places: Float32Array, first: NDArray[np.int64], n: int
 ) -> NDArray[np.floating]:  # fmt: skip
-    """Which share (R,) of n of the places (R, 16, 3) of suns is seen from origins (R, 3), from `first` (R,) on."""
+    """Share (R,) of n of the peak's places (R, 16, 3), from `first` (R,) on, that origins (R, 3) see."""
     chosen = (first[:, None] + np.arange(n) * (N_PLACES // n)) % N_PLACES
     ways = np.take_along_axis(places, chosen[..., None], axis=1).reshape(-1, 3)
     return 1.0 - caster.occluded(np.repeat(origins, n, axis=0), ways).reshape(-1, n).mean(axis=1)

@@ -1,9 +1,9 @@
-"""What is reflected where bumps turn normals: each pixel in a frame of its own, by the light of the points around it.
+"""Reflection where bumps perturb normals: each pixel has its own frame, and uses the light of the points around it.
 
-Light times visibility stays by position, in the points' frames, and slices are looked up in the pixel's. In stills that
-is done triangle by triangle. Where a window waits, a broad reflection takes larger triangles, and a highlight is looked
-up from where the surface as it is without bumps would show in the mirror what the turned one shows: its place is true
-then, and its shape all but that. Suns are looked up one by one in any case.
+Light times visibility stays in the points' frames, and slices are looked up in the pixel's frame. Stills do this
+triangle by triangle. Where a window waits, a broad reflection uses larger triangles, and a highlight is looked up along
+the outgoing direction for which the unperturbed surface has the same mirror direction: its position is then exact, and
+its shape nearly so. Peaks are always looked up one by one.
 """
 
 from __future__ import annotations
@@ -31,16 +31,17 @@ from engine.sphere.geodesic import geodesic, triangle_first_moments
 Float32Array = NDArray[np.float32]
 Rows = NDArray[np.int64]
 Float64Array = NDArray[np.float64]
-# A slice whose peak is so many times its mean is a highlight.
+# A slice whose peak is this many times its mean is a highlight.
 _HIGHLIGHT = 4.0
-# Coefficients of a highlight from elsewhere: more show detail that is not there (*rings*: 96 are 3.7 % off, 320 4.8 %).
+# Coefficients of a relocated highlight: more show detail that is wrong there (*rings*: 96 give an error of 3.7 %, 320
+# of 4.8 %).
 N_MIRRORED = 96
 _DIFFUSE_LEVEL, _BROAD_LEVEL, _STILL_LEVEL = 2, 2, 4
 
 
 @dataclass(frozen=True, eq=False)
 class PerturbedSamples:
-    """Samples (N,) of one object, and their frames (N, 3, 3) as `ShadingPoints.frames`, turned."""
+    """Samples (N,) of one object, and their perturbed frames (N, 3, 3), as `ShadingPoints.frames`."""
 
     which: Rows
     frames: Float32Array
@@ -48,7 +49,7 @@ class PerturbedSamples:
 
 
 def perturb_samples(seen: ViewSamples, which: Rows, scene: Scene, i_object: int) -> PerturbedSamples:
-    """The frames of samples (N,) of an object under its bumps, averaged over their pixels."""
+    """Frames of samples (N,) of an object under its bumps, averaged over the pixels."""
     footprints, samples = footprints_of(seen, which, scene, i_object), seen.samples
     frames = np.empty((len(which), 3, 3), np.float32)
 
@@ -66,8 +67,8 @@ def perturb_samples(seen: ViewSamples, which: Rows, scene: Scene, i_object: int)
 
 
 def quick_irradiance(seen: ViewSamples, which: Rows, incident: Incident, scene: Scene, i_object: int) -> Float32Array:
-    """Irradiance (N, 3) of samples (N,) of an object under its bumps, while something moves: by the three sums that
-    points keep of all their light."""
+    """Irradiance (N, 3) of samples (N,) of an object under its bumps, for moving pictures: by the three moments of
+    light that points store."""
     out, leans = np.empty((len(which), 3), np.float32), _quick_normal_offsets(seen, which, scene, i_object)
 
     def part(start: int, stop: int) -> None:
@@ -81,7 +82,7 @@ def quick_irradiance(seen: ViewSamples, which: Rows, incident: Incident, scene: 
 
 
 def _quick_normal_offsets(seen: ViewSamples, which: Rows, scene: Scene, i_object: int) -> Float32Array:
-    """By how much bumps lean normals (N, 3), without much care for what a pixel covers; found once."""
+    """Offsets of the normals (N, 3) by bumps, with a rough estimate of a pixel's footprint; cached."""
     key = i_object, scene.description.objects[i_object].bumps
     if key not in seen.leans:
         leans, footprints = np.empty((len(which), 3), np.float32), footprints_of(seen, which, scene, i_object)
@@ -99,7 +100,7 @@ def _quick_normal_offsets(seen: ViewSamples, which: Rows, scene: Scene, i_object
 
 
 def _places(seen: ViewSamples, which: Rows) -> tuple[Rows, Float64Array, Float64Array, Float64Array]:
-    """Triangle, u and v of samples (N,) in the scene, and the normals (N, 3) of points between these."""
+    """Triangle, u and v of samples (N,) in the scene, and their interpolated normals (N, 3)."""
     n, samples, points = len(which), seen.samples, seen.points
     out = np.empty(n, np.int64), np.empty(n), np.empty(n), np.empty((n, 3))
     footprint_kernels.places(
@@ -109,7 +110,7 @@ def _places(seen: ViewSamples, which: Rows) -> tuple[Rows, Float64Array, Float64
 
 
 def perturbed_irradiance(seen: ViewSamples, samples: PerturbedSamples, incident: Incident, sky: SkyMap) -> Float32Array:
-    """Irradiance (N, 3) of turned surfaces at rest."""
+    """Irradiance (N, 3) of perturbed surfaces at rest."""
     normals, met = np.ascontiguousarray(samples.frames[:, 1]), seen.samples
 
     def fill(start: int, stop: int, points: Rows, first: Rows, members: Rows, out: Float32Array) -> None:
@@ -139,7 +140,7 @@ def perturbed_reflection(
     tables: _slice_kernels.Tables,
     still: bool,
 ) -> Float32Array:
-    """Radiance (N, 3) that turned surfaces with gloss send to the eye."""
+    """Radiance (N, 3) that perturbed glossy surfaces send to the camera."""
     lit = _peak_radiance(seen, samples, incident, sky, tables)
     if not still and _is_highlight(tables):
         ways, apart = (
@@ -164,7 +165,7 @@ _Fill = Callable[[int, int, Rows, Rows, Rows, Float32Array], None]
 
 
 def _by_points(seen: ViewSamples, samples: PerturbedSamples, fill: _Fill) -> Float32Array:
-    """What is found at samples' corners, (N, 3), point by point."""
+    """Fill values at the samples' corners, point by point, and interpolate them, (N, 3)."""
     asked, first, members = _picture_kernels.by_point(samples.which, seen.samples.corners, len(seen.points))
     at_corners = np.empty((3 * len(samples.which), 3), np.float32)
     on_threads(lambda start, stop: fill(start, stop, asked, first, members, at_corners), *even_parts(len(asked)))
@@ -189,7 +190,7 @@ def _peak_radiance(
 
 
 def _in_rows(sky: SkyMap) -> tuple[Float32Array, Float32Array]:
-    """Direction and power (3, M) of a sky's suns, and of some without power, up to a multiple of 8."""
+    """Direction and power (3, M) of a sky's peaks, padded with peaks without power to a multiple of 8."""
     n_more = -len(sky.peak_power) % 8
     more = np.zeros((n_more, 3), np.float32)
     direction, power = (np.concatenate([each, more]).T for each in (sky.peak_direction, sky.peak_power))
@@ -206,7 +207,7 @@ def _is_highlight(tables: _slice_kernels.Tables) -> bool:
 
 
 def _directions(level: int) -> Float32Array:
-    """Of a level's triangles, as long as their mean cosines ask for, (20·4^level, 3)."""
+    """Directions of a level's triangles, scaled to the length of their mean cosines, (20·4^level, 3)."""
     sphere = geodesic(level)
     moments = triangle_first_moments(sphere.vertices[sphere.triangles]) / sphere.solid_angles[:, None]
     return np.ascontiguousarray(moments, np.float32)

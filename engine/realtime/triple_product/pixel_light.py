@@ -1,4 +1,4 @@
-"""What pixels at rest find out about direct light by rays of their own, beyond what lies between their points."""
+"""Corrections of direct light that pixels at rest find with rays of their own, beyond what their points know."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _AT_ONCE = 65536  # rows
 
 @dataclass(frozen=True, eq=False)
 class PixelLight:
-    """Where points are wrong about suns and patches of emitters. irradiance (R, 3): what is to be added at each sample;
-    sample (N,), direction (N, 3) and power (N, 3): what is to be added of samples with gloss, of either sign."""
+    """Corrections where points are wrong about peaks and emitters' patches. irradiance (R, 3): to be added at each
+    sample; sample (N,), direction (N, 3) and power (N, 3): to be added at glossy samples, of either sign."""
 
     irradiance: Floats
     sample: Rows
@@ -29,7 +29,7 @@ class PixelLight:
     power: Floats
 
     def reflected(self, seen: ViewSamples, scene: Scene, i_object: int, layers: Sequence[Layer]) -> Floats:
-        """What is to be added of an object's layers to the radiance of its samples (N,), (N, 3)."""
+        """Radiance (N, 3) to be added to an object's samples, reflected by its layers."""
         which = seen.of(i_object)
         found = np.zeros((len(which), 3), np.float32)
         mine = np.flatnonzero(seen.samples.i_object[self.sample] == i_object)
@@ -41,15 +41,15 @@ class PixelLight:
             wo[:, 2] = np.maximum(wo[:, 2], LEAST_COSINE)
             wi = np.einsum("nij,nj->ni", frames, self.direction[some])
             value = evaluate_layers(layers, wi, wo / np.linalg.norm(wo, axis=1, keepdims=True)) * self.power[some]
-            place = np.searchsorted(which, self.sample[some])  # an object's samples stand in their order
+            place = np.searchsorted(which, self.sample[some])  # an object's samples are in ascending order
             found += np.stack([np.bincount(place, value[:, i], len(which)) for i in range(3)], axis=1)
         return found
 
 
 @dataclass(frozen=True, eq=False)
 class Wrong:
-    """A few rows of it: sample (N,), direction (N, 3) and power (N, 3) of what shines, and what is to be added: the
-    share (N,) of it, of either sign, and that times its cosine (N,)."""
+    """Some corrections: sample (N,), direction (N, 3) and power (N, 3) of the light; share (N,) of it to be added, of
+    either sign, and cosine (N,), the same times the cosine."""
 
     sample: Rows
     direction: Floats
@@ -59,7 +59,7 @@ class Wrong:
 
 
 def added_up(seen: ViewSamples, parts: Iterable[Wrong], has_gloss: NDArray[np.bool_]) -> PixelLight:
-    """Of all parts; has_gloss (R,): samples of which directions are kept."""
+    """Sum all parts; has_gloss (R,): samples whose directions are stored."""
     irradiance = np.zeros((len(seen.pixel), 3))
     none = np.zeros((0, 3), np.float32)
     stored = [(np.zeros(0, np.int64), none, none)]
@@ -78,12 +78,12 @@ def added_up(seen: ViewSamples, parts: Iterable[Wrong], has_gloss: NDArray[np.bo
 
 
 def phases(seen: ViewSamples, samples: Rows) -> NDArray[np.int64]:
-    """A number from 0 to 15 for each of some samples (N,), by which few rays of each are others than its neighbours':
-    the sixteen of four pixels by four, and of an edge's rays, are all different."""
+    """Assign a number from 0 to 15 to each of some samples (N,), which selects its few rays differently from its
+    neighbours'. The sixteen numbers of 4 × 4 pixels, and of an edge's rays, are all different."""
     row, column = np.divmod(seen.pixel[samples], seen.resolution[0])
     of_pixel = _BAYER[row & 3, column & 3]
     return np.asarray(np.where(seen.share[samples] < 1.0, 5 * samples, of_pixel) & 15)
 
 
-# Dispersed dots [Bayer73]: of neighbours, numbers that are far apart.
+# Ordered dither matrix [Bayer73]: the numbers of neighbours are far apart.
 _BAYER = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])

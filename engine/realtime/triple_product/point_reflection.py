@@ -1,8 +1,8 @@
-"""What shading points and pixels reflect to the eye with gloss.
+"""Glossy reflection towards the camera, at shading points and at pixels.
 
-While something moves, the points that are seen are shaded, each towards the eye, and colours are interpolated; at rest,
-and where gloss is sharper than points are dense, every pixel takes the light of its three points and reflects it
-towards its own eye [Ma06, 3.3: functions, not colours].
+In moving pictures, the visible points are shaded and their colours are interpolated. At rest, and where gloss is
+sharper than the points' spacing, every pixel interpolates functions, not colours [Ma06, 3.3]: it reflects the light of
+its three points in its own direction.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ MOST_COEFFICIENTS = 5120
 
 
 def empty_shades(incident: Incident) -> kernels.Shades:
-    """Room for what glossy points send to an eye."""
+    """Allocate a cache of what glossy points send to the camera."""
     n = len(incident.stored.number)
     return kernels.Shades(np.full(n, -1, np.int64), np.empty((n, 4, 4), np.float32))
 
@@ -39,8 +39,8 @@ def shade_points(
     seen: ViewSamples, points: NDArray[np.int64], incident: Incident, tables: kernels.Tables, n: int,
     shades: kernels.Shades, colours: Float32Array,
 ) -> None:  # fmt: skip
-    """Add to colours (S, 3) of points (N,) what they send to the eye, by n coefficients and by suns. shades: what they
-    sent before, to be forgotten where light changes."""
+    """Add to colours (S, 3) of points (N,) what they send to the camera, by n coefficients and by peaks. shades: a
+    cache, which must be invalidated where light changes."""
     at, frames = seen.points.position, seen.points.frames
 
     def part(start: int, stop: int) -> None:
@@ -66,12 +66,11 @@ def reflect_at_rest(
     seen: ViewSamples, which: Rows, incident: Incident, sky: SkyMap, layers: Sequence[Layer], tables: kernels.Tables,
     little: float,
 ) -> Float32Array:  # fmt: skip
-    """Radiance (N, 3) that samples (N,) of one object reflect to the eye at rest.
+    """Radiance (N, 3) that samples (N,) of one object reflect to the camera at rest.
 
-    tables: the layers' slices, in which suns are looked up that differ less between them than this little share of all
-    that is reflected. The others are reflected by the layers' formulas, each in its own direction: a highlight as sharp
-    as the layers are, where slices know it to a triangle's 2.8 degrees. What a pixel sees of a sun is what its points
-    see.
+    tables: the layers' slices. They reflect peaks about which neighbouring slices disagree by less than `little` of all
+    reflected light. The layers' formulas reflect the other peaks, each in its own direction: highlights are thus as
+    sharp as the layers, where slices resolve a triangle's 2.8 degrees. A pixel sees of a peak what its points see.
     """
     peaks = peak_lights_of(sky, incident, little)
     sharp = np.zeros((3 * len(which) if len(peaks.power) else 0, 2), np.uint64)
@@ -85,7 +84,7 @@ def reflect_at_rest(
 def reflect_moving(
     seen: ViewSamples, which: Rows, incident: Incident, sky: SkyMap, tables: kernels.Tables, n: int
 ) -> Float32Array:
-    """The same while something moves: by n coefficients, and of all suns by slices."""
+    """The same for moving pictures: by n coefficients, and all peaks by slices."""
     directions, no_bits = mirror_directions(seen.samples.wo[which], seen.normals(which)), np.zeros((0, 2), np.uint64)
     return reflect_at_corners(
         seen, which, directions, incident, peak_lights_of(sky, incident, np.inf), tables, no_bits, n
@@ -93,14 +92,14 @@ def reflect_moving(
 
 
 def peak_lights_of(sky: SkyMap, incident: Incident, little: float) -> corner_kernels.PeakLights:
-    """A sky's suns as points see them."""
+    """A sky's peaks as points see them."""
     return corner_kernels.PeakLights(
         sky.peak_direction, sky.peak_power, incident.stored.peak_bits, hemisphere().children, little
     )  # fmt: skip
 
 
 def mirror_directions(wo: Float32Array, normals: Float32Array) -> Float32Array:
-    """What surfaces of normals (N, 3) show in the mirror to eyes in the directions wo (N, 3)."""
+    """Mirror directions of wo (N, 3) at surfaces with normals (N, 3)."""
     along = np.einsum("ni,ni->n", normals, wo)
     return np.asarray(2.0 * along[:, None] * normals - wo, np.float32)
 
@@ -110,11 +109,12 @@ def reflect_at_corners(
     tables: kernels.Tables,
     sharp: NDArray[np.uint64], n_most: int = MOST_COEFFICIENTS,
 ) -> Float32Array:  # fmt: skip
-    """What samples (N,) send that show in the mirror the directions `ways` (N, 3), between the points around them,
-    (N, 3); see `shade_corners`.
+    """Radiance (N, 3) that samples (N,) with these mirror directions (N, 3) send, interpolated between the points
+    around them; see `shade_corners`.
 
-    Each point is asked from where it shows the same: so a highlight stands where it belongs, also where normals bend
-    between points by more than it is wide, and what else there is changes by a square of that bend alone.
+    Each point is evaluated in the outgoing direction that has the same mirror direction there. So a highlight keeps its
+    position even where normals turn between points by more than its width; everything else changes only by the square
+    of that angle.
     """
     samples = seen.samples
     asked, first, members = picture_kernels.by_point(which, samples.corners, len(seen.points))
@@ -136,7 +136,7 @@ def _add_sharp(
     layers: Sequence[Layer],
     radiance: Float32Array,
 ) -> None:  # fmt: skip
-    """Add what layers reflect of sharp suns to radiance (N, 3)."""
+    """Add the layers' reflection of sharp peaks to radiance (N, 3)."""
     samples, frames = seen.samples, seen.points.frames
 
     def part(start: int) -> None:
@@ -153,7 +153,7 @@ def _add_sharp(
 
 
 def _room(n: int) -> sun_kernels.BrdfQueries:
-    """For n suns at most, of a few samples."""
+    """Allocate n peaks at most, for a few samples."""
     return sun_kernels.BrdfQueries(
         np.empty(n, np.int32), np.empty((n, 3), np.float32), np.empty((n, 3)), np.empty((n, 3))
     )  # fmt: skip

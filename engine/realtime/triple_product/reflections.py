@@ -1,8 +1,8 @@
-"""What the objects of a scene reflect, as sums that are drawn; their layers' slices, which are found piece by piece.
+"""The reflections of a scene's objects as sums of terms; computes their layers' slices piece by piece.
 
-Slices take at most so many bytes: of many layers they stand over larger triangles
-(`engine.realtime.triple_product.slice_levels`). To drop those that were used least recently, and to find them again,
-was rejected: a picture asks for all that it shows, and 500 metals took 160 s of processor time for each.
+Slices take a limited number of bytes: with many layers they use larger triangles
+(`engine.realtime.triple_product.slice_levels`). An LRU cache that recomputes dropped slices was rejected: a picture
+needs all that it shows, and 500 metals took 160 s of processor time for each.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from engine.render.map_sampler import mean_factor
 from engine.scene.scene_loader import Scene
 
 LayersOf = Mapping[int, Sequence[Layer]]
-# Steradians: less have copper of the tea tray (Ashikhmin and Shirley's 320 and 70) and Beckmann's roughness of 0.12.
+# Steradians. Below it are the copper of the tea tray (Ashikhmin-Shirley, 320 and 70) and Beckmann with roughness 0.12.
 SHARP = 0.4
 
 
 @dataclass(frozen=True)
 class Term:
-    """What an object reflects in one sum: layers that are matt, of reflectance ρ (3,), or layers with gloss; and which
-    of its visible layers' maps multiply it."""
+    """One term of an object's reflection: diffuse layers, with reflectance ρ (3,), or glossy layers; factor: which of
+    the object's visible maps multiplies it."""
 
     i_object: int
     layers: tuple[Layer, ...]
@@ -41,10 +41,10 @@ class Term:
 
 
 class Reflections:
-    """The terms of all objects, and the slices of their layers: none, coarse ones, fine ones."""
+    """The terms of all objects and the slices of their layers, which are missing, coarse or fine."""
 
     def __init__(self, most_bytes: int) -> None:
-        """most_bytes: that slices take."""
+        """most_bytes: limit for the slices."""
         self.layers_of: dict[int, tuple[Layer, ...]] = {}
         self.terms: tuple[Term, ...] = ()
         self._levels = SliceLevels(most_bytes)
@@ -55,7 +55,8 @@ class Reflections:
         self._means: dict[tuple[object, ...], NDArray[np.floating]] = {}
 
     def set_layers(self, layers_of: LayersOf) -> bool:
-        """The layers of each object, by its index, from now on; whether they are others. What stays keeps slices."""
+        """Set the layers of each object, by its index; return whether they changed. Unchanged layers keep their
+        slices."""
         layers = {i: tuple(own) for i, own in layers_of.items()}
         if layers == self.layers_of:
             return False
@@ -78,34 +79,34 @@ class Reflections:
 
     @property
     def n_slices(self) -> int:
-        """Layers of which there are slices."""
+        """Number of layers that have slices."""
         return len(self._slices)
 
     @property
     def slice_bytes(self) -> int:
-        """What slices take now."""
+        """Bytes that slices take now."""
         arrays = [slices.flat for slices in self._slices.values()]
         arrays += [array for tables in self._tables.values() for array in (tables.table, tables.values)]
         return sum({id(array): array.nbytes for array in arrays}.values())
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is coarser for want of memory."""
+        """Messages about what was made coarser to stay within memory."""
         return self._levels.notes
 
     @property
     def is_done(self) -> bool:
-        """Whether all slices are as fine as they are to be."""
+        """Whether all slices are as fine as intended."""
         return not self._rough and all(layer in self._slices for layer in self._wanted)
 
     def are_glossy(self, n_objects: int) -> NDArray[np.bool_]:
-        """Which objects (M,) do not reflect evenly."""
+        """Which objects (M,) are not diffuse."""
         found = np.zeros(n_objects, bool)
         found[[term.i_object for term in self.terms if term.reflectance is None]] = True
         return found
 
     def find_coarse(self) -> bool:
-        """Find the coarse slices of a layer that has none; whether there was one."""
+        """Compute the coarse slices of a layer that has none; return whether there was one."""
         missing = next((layer for layer in self._wanted if layer not in self._slices), None)
         if missing is None:
             return False
@@ -114,7 +115,7 @@ class Reflections:
         return True
 
     def refine(self) -> bool:
-        """A step towards the fine slices of a layer whose are coarse; whether it was the last of them."""
+        """Do a step towards the fine slices of a layer; return whether it was the layer's last step."""
         rough = self._rough
         if self._slice_steps is None or self._slice_steps[0] not in rough:
             self._slice_steps = rough[0], StepRunner(slice_steps(rough[0]))
@@ -127,7 +128,7 @@ class Reflections:
         return True
 
     def tables(self, layers: tuple[Layer, ...]) -> _slice_kernels.Tables | None:
-        """The slices of layers that lie on one another; None while they are not known."""
+        """The slices of a stack of layers; None until they are known."""
         if layers not in self._tables:
             if any(layer not in self._slices for layer in layers):
                 return None
@@ -138,18 +139,18 @@ class Reflections:
         return self._tables[layers]
 
     def is_sharp(self, layers: tuple[Layer, ...]) -> bool:
-        """Whether one of the layers whose slices are known has highlights that points are too far apart for."""
+        """Whether one of the layers whose slices are known has highlights too sharp for the points' spacing."""
         return any(layer in self._slices and self._slices[layer].lobe < SHARP for layer in layers)
 
     def albedo(self, term: Term) -> NDArray[np.float64]:
-        """Of the matt reflection that stands for a term's, (3,); without its maps."""
+        """Equivalent albedo of a term (3,), without its maps."""
         if term.reflectance is not None:
             return np.pi * np.array(term.reflectance)
         known = (self._slices[layer].albedo for layer in term.layers if layer in self._slices)
         return sum(known, start=np.zeros(3))
 
     def albedos(self, scene: Scene) -> NDArray[np.float32]:
-        """The same of all objects, (M, 3), with the means of their maps."""
+        """Equivalent albedos of all objects (M, 3), with the means of their maps."""
         albedos = np.zeros((len(scene.smooth), 3))
         for term in self.terms:
             maps = term.layers[0].maps
@@ -158,7 +159,7 @@ class Reflections:
         return albedos.astype(np.float32)
 
     def _mean_factor(self, scene: Scene, i_object: int, maps: LayerMaps) -> NDArray[np.floating]:
-        """By what maps multiply an object on average, (3,); kept while its files are the same."""
+        """Mean factor of maps over an object (3,); cached while its files stay the same."""
         images = scene.textures.texture(maps.images), scene.textures.weight(maps.images)
         key = i_object, maps, images
         if key not in self._means:
@@ -172,12 +173,12 @@ class Reflections:
 
     @property
     def _wanted(self) -> list[Layer]:
-        """The layers that want slices."""
+        """The layers that need slices."""
         return list(self._levels.of)
 
     @property
     def _rough(self) -> list[Layer]:
-        """Those that are to have fine ones, and have not."""
+        """The layers whose slices are still to be refined."""
         return [layer for layer, level in self._levels.of.items() if level == LEVEL and layer not in self._fine]
 
     def _take(self, layer: Layer, slices: Slices) -> None:
@@ -186,7 +187,8 @@ class Reflections:
 
 
 def _terms(layers_of: Mapping[int, Sequence[Layer]]) -> Iterator[Term]:
-    """What is reflected: of each object all matt layers without maps together, all others without, and each with."""
+    """Group the layers of each object into terms: all diffuse layers without maps, all glossy ones without, and each
+    layer with maps by itself."""
     for i, layers in layers_of.items():
         visible = [layer for layer in layers if layer.visible]
         plain = [layer for layer in visible if layer.maps.is_plain]

@@ -1,8 +1,9 @@
-"""Where Orbit sums light: the vertices of the scene's meshes, and between them where a mesh is coarse for its shadows.
+"""Places the points at which Orbit computes light: at mesh vertices, and between them where a mesh is too coarse for
+its shadows.
 
-A triangle that is large beside its distance to what may shade it is cut in four, again and again. So a floor of two
-triangles gets its texels, most of them where shadows are sharp: what visibility textures over an atlas are for
-[Ma06, 3.3], without an atlas. Nothing is stretched, and there are neither seams nor meshes that cannot be unwrapped.
+A triangle that is large relative to its distance from possible occluders is split in four, repeatedly. A floor of two
+triangles thus gets its texels, most of them where shadows are sharp. This replaces the atlas of visibility textures of
+[Ma06, 3.3]: there is no stretching, there are no seams, and no mesh fails to unwrap.
 """
 
 from __future__ import annotations
@@ -23,35 +24,36 @@ from engine.scene.scene_loader import Scene
 
 Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]
-# Corners and normals (T, 3, 3), where they lie within the scene's triangle (T, 3, 2), and which (T,) that is.
+# Corners and normals (T, 3, 3), their place within the scene's triangle (T, 3, 2), and that triangle's index (T,).
 Parts = tuple[Float64Array, Float64Array, Float64Array, NDArray[np.intp]]
 Int32Array = NDArray[np.int32]
 
-# What is finer than a 32nd of the distance to a caster, near visibility's own 1.4 degrees, shows nothing more.
+# Detail below 1/32 of the distance to an occluder, about visibility's own 1.4 degrees, shows nothing more.
 _HALVINGS = 5
-# By which the bound falls above which parts are cut.
+# Factor by which the error threshold for splitting falls.
 _STEP = 0.7
-# Cosine between two normals of a triangle: what is rounder is cut.
+# Cosine between two normals of a triangle: triangles that bend further are split.
 _MOST_BEND = np.cos(np.radians(15.0))
-_AT_ONCE = 8192  # parts
+_AT_ONCE = 8192  # triangles
 _INWARDS = 0.1
-# Samples of casters by area, and as many by object.
+# Random samples of occluders, chosen by area; as many again are divided evenly over the objects.
 _SAMPLES = 20_000
-# Corners of one object that agree to this share of the scene's size, and normals to this, are one point.
+# Corners of one object become one point if positions agree to this share of the scene's size, and normals to this.
 _SAME_PLACE, _SAME_NORMAL = 1e-6, 1e-4
 
 
 @dataclass(frozen=True, eq=False)
 class ShadingPoints:
-    """S points and the T triangles between them, that cover the surfaces of all objects that reflect.
+    """S points and the T triangles between them, which cover the surfaces of all reflecting objects.
 
-    position (S, 3) on the surface, lifted (S, 3) off it for shadow rays, normal (S, 3) and tangent (S, 3), unit, on the
-    side that they are for; i_object (S,). triangles (T, 2, 3) into the points: those on the side that the winding
-    faces, and those on the other, −1 where light is not asked for; corners (T, 3, 3) float64 in space; source (T,): the
-    scene's triangle that each is a part of, within (T, 3, 2): u and v of its corners there. An object's points stand
-    together, neighbours mostly close. sides (M, 2): on which sides light can reach objects, relays (M,): whose backs
-    send it on, see `engine.realtime.triple_product.lit_faces`. buried (S,): points within something solid, of which no
-    picture is drawn, see `engine.realtime.triple_product.enclosed_points`; None where nobody has looked.
+    position (S, 3) on the surface; lifted (S, 3), offset from it for shadow rays; normal and tangent (S, 3), unit, on
+    the side that the point belongs to; i_object (S,). triangles (T, 2, 3): indices of points, on the side that the
+    winding faces and on the other, −1 where light is not computed; corners (T, 3, 3) float64 in world space; source
+    (T,): the scene's triangle that contains each, and within (T, 3, 2): u and v of the corners in it. The points of an
+    object are consecutive, and neighbours are mostly close in memory. sides (M, 2): the sides of objects that light can
+    reach, relays (M,): objects whose backs pass light on, see `engine.realtime.triple_product.lit_faces`. buried (S,):
+    points inside something solid, which pictures never show, see `engine.realtime.triple_product.enclosed_points`; None
+    before that is known.
     """
 
     position: Float32Array
@@ -72,17 +74,18 @@ class ShadingPoints:
 
     @cached_property
     def frames(self) -> Float32Array:
-        """(S, 3, 3): rows tangent, normal, and across; world direction · row is its x, y, z on the geodesic sphere.
+        """(S, 3, 3): rows tangent, normal and across. The dot products of a world direction with the rows are its x, y,
+        z on the geodesic sphere.
 
-        The sphere's +Y is the normal: a triangle of it then is either above the surface or below.
+        The normal is the sphere's +Y, so every triangle of the sphere lies either above the surface or below it.
         """
         return np.stack([self.tangent, self.normal, np.cross(self.tangent, self.normal)], axis=1)
 
     @cached_property
     def shown(self) -> Int32Array:
-        """`triangles` for pictures: where some corners are buried the nearest of the others stands in for each.
+        """`triangles` for pictures: replaces each buried corner by the nearest corner that is not buried.
 
-        A floor goes on beneath the walls; its points there are black, and would draw a dark line along each wall.
+        A floor continues beneath the walls. Its points there are black, and would draw a dark line along each wall.
         """
         if self.buried is None or not self.buried.any():
             return self.triangles
@@ -95,19 +98,19 @@ class ShadingPoints:
         return shown
 
     def caster(self) -> RayCaster:
-        """Rays against the triangles (T, 3)."""
+        """Ray caster against the triangles (T, 3)."""
         return RayCaster(self.corners.reshape(-1, 3), np.arange(3 * len(self.corners)).reshape(-1, 3))
 
 
 def shading_points(
     scene: Scene, caster: RayCaster, n_points: int, even: NDArray[np.bool_] | None = None, is_whole: bool = False
 ) -> ShadingPoints:
-    """About `n_points` points besides the meshes' own vertices, spread evenly over what is coarse; on the side that the
-    winding faces.
+    """Place about `n_points` points in addition to the meshes' vertices, with an even error on coarse triangles, on the
+    side that the winding faces.
 
-    caster: of the scene's triangles; even (M,): objects of which all triangles are cut as often, or none; is_whole:
-    where a triangle is cut, those beside it have the same corners, so that none part when points move. Raises
-    ValueError unless n_points ≥ 0.
+    caster: intersects the scene's triangles; even (M,): objects whose triangles are all split equally often, or None;
+    is_whole: also split the neighbours of split triangles so that they share corners, and no gap opens when points
+    move. Raises ValueError unless n_points ≥ 0.
     """
     return run_to_end(place_points(scene, caster, n_points, even, is_whole))
 
@@ -115,7 +118,7 @@ def shading_points(
 def place_points(
     scene: Scene, caster: RayCaster, n_points: int, even: NDArray[np.bool_] | None = None, is_whole: bool = False
 ) -> Generator[None, None, ShadingPoints]:
-    """The same in pieces of some 30 ms."""
+    """As `shading_points`, in pieces of about 30 ms."""
     if n_points < 0:
         raise ValueError(f"n_points = {n_points}, expected 0 or more")
     reflects = scene.reflecting[scene.object_of_triangle]
@@ -152,7 +155,7 @@ def place_points(
 
 
 def with_backs(points: ShadingPoints, behind: NDArray[np.bool_]) -> ShadingPoints:
-    """The points, and behind them others for the backs of objects (M,) that are named and have none yet."""
+    """Append points for the backs of objects (M,) that have none yet."""
     front, back = points.triangles[:, 0], points.triangles[:, 1]
     mine = (front[:, 0] >= 0) & (back[:, 0] < 0) & behind[points.i_object[front[:, 0]]]
     twins, number = np.unique(front[mine], return_inverse=True)
@@ -170,16 +173,17 @@ def with_backs(points: ShadingPoints, behind: NDArray[np.bool_]) -> ShadingPoint
 
 
 def _towards_middles(corners: Float64Array, numbers: NDArray[np.intp], n_points: int) -> Float64Array:
-    """From points (S, 3) a tenth of the way to the middles of the triangles around them, whose corners (T, 3, 3) have
-    these numbers (T, 3): off an edge, where two walls meet and a ray may miss both, and nowhere where it goes on."""
+    """Move points (S, 3) a tenth of the way to the centres of the triangles around them; corners (T, 3, 3) have the
+    indices (T, 3). This moves a point off an edge where two walls meet and a ray might miss both; a point in the middle
+    of a surface stays in place."""
     steps, at = corners.mean(axis=1, keepdims=True) - corners, numbers.ravel()
     total = np.stack([np.bincount(at, steps[..., i].ravel(), n_points) for i in range(3)], axis=1)
     return np.asarray(_INWARDS * total / np.bincount(at, minlength=n_points)[:, None])
 
 
 def _quarters(corners: NDArray, middles: NDArray) -> NDArray:
-    """(T, 4, 3, k): what stands at corners of the four parts of triangles, by what stands at theirs and in the middle
-    of their edges (T, 3, k)."""
+    """(T, 4, 3, k): values at the corners of the four parts of triangles, given the values at the corners and at the
+    edges' midpoints (T, 3, k)."""
     (a, b, c), (ab, bc, ca) = np.moveaxis(corners, 1, 0), np.moveaxis(middles, 1, 0)
     return np.stack([np.stack(part, axis=1) for part in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))], axis=1)
 
@@ -187,11 +191,12 @@ def _quarters(corners: NDArray, middles: NDArray) -> NDArray:
 def _cut_where_coarse(
     scene: Scene, reflects: NDArray[np.bool_], sides: NDArray[np.bool_], even: NDArray[np.bool_], n_points: int
 ) -> Generator[None, None, Parts]:
-    """The scene's triangles, those of them quartered that are large beside their distance to what may shade them on the
-    sides (M, 2) that light reaches, and of objects that stay even (M,) all or none.
+    """Split the scene's triangles in four where they are large relative to their distance from possible occluders, on
+    the sides (M, 2) that light reaches. Objects in even (M,) are split as a whole.
 
-    A shadow varies over lengths in proportion to the distance to its caster. So the error of a part is taken for its
-    area times its longest edge over that distance, and the largest is cut, until there are n_points more.
+    The scale on which a shadow varies is proportional to the distance of its occluder. So the error of a triangle is
+    estimated as its area times its longest edge over that distance, and the largest is split, until there are n_points
+    more points.
     """
     casters = cKDTree(_samples(scene))
     n = len(scene.triangles)
@@ -214,13 +219,14 @@ def _cut_where_coarse(
         corners, normals, source = parts[0][n_whole:], parts[1][n_whole:], parts[3][n_whole:]
         of_new = yield from _errors(casters, corners, normals, sides[i_object[source]])
         errors = np.concatenate([errors[~cut], of_new])
-    for i in np.flatnonzero(even):  # in the place of what it was cut to, for which the others are cut as they were
+    # The others were split as if this object's parts existed; replace its parts by an even split.
+    for i in np.flatnonzero(even):
         parts = _with_even(parts, i_object == i, whole, n_points)
     return parts
 
 
 def _with_even(parts: Parts, mine: NDArray[np.bool_], whole: Parts, n_points: int) -> Parts:
-    """The parts with those of an object, whose triangles (T,) are told, cut as often; whole: as they were at first."""
+    """Replace the parts of one object, given by `mine` (T,), by an even split of its original triangles `whole`."""
     own = whole[0][mine], whole[1][mine], whole[2][mine], whole[3][mine]
     while 0 < 4 * len(own[3]) <= n_points:
         own = _cut(own, np.ones(len(own[3]), bool))
@@ -232,7 +238,7 @@ def _with_even(parts: Parts, mine: NDArray[np.bool_], whole: Parts, n_points: in
 
 
 def _cut(parts: Parts, cut: NDArray[np.bool_]) -> Parts:
-    """The parts that are not to be cut, and behind them four of each that is."""
+    """Return the parts that are not split, followed by the four parts of each that is."""
     corners, normals, within = (
         np.concatenate([a[~cut], _quarters(a[cut], _middles(a[cut])).reshape(-1, *a.shape[1:])]) for a in parts[:3]
     )
@@ -240,11 +246,11 @@ def _cut(parts: Parts, cut: NDArray[np.bool_]) -> Parts:
 
 
 def _joined_at_edges(parts: Parts) -> Parts:
-    """The parts, halved wherever others have a corner in the middle of one of their edges; no corner is a new one."""
+    """Halve parts until no other part has a corner inside one of their edges. This adds no corner."""
     there, halved = np.unique(_places(parts[0], parts[0])), parts
     while (hangs := _has_hanging_vertices(halved[0], parts[0], there)).any():
         which = hangs.any(axis=1)
-        turn = (np.argmax(hangs[which], axis=1)[:, None] + np.arange(3)) % 3  # that edge first
+        turn = (np.argmax(hangs[which], axis=1)[:, None] + np.arange(3)) % 3  # start at that edge
         corners, normals, within = (
             np.concatenate([a[~which], _halves(np.take_along_axis(a[which], turn[..., None], 1))]) for a in halved[:3]
         )
@@ -253,20 +259,20 @@ def _joined_at_edges(parts: Parts) -> Parts:
 
 
 def _has_hanging_vertices(corners: Float64Array, among: Float64Array, there: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which edges (T, 3) have one of these places between their ends; one without length has nothing between them."""
+    """Which edges (T, 3) contain one of these positions in their interior; edges of zero length never do."""
     ends, middles = _places(corners, among), _places(_middles(corners), among)
     return np.isin(middles, there) & (middles != ends) & (middles != np.roll(ends, -1, axis=1))
 
 
 def _halves(corners: NDArray) -> NDArray:
-    """(2 T, 3, k): what stands at corners of triangles (T, 3, k) that are halved at their first edge."""
+    """(2 T, 3, k): values at the corners after triangles (T, 3, k) are halved at their first edge."""
     a, b, c = np.moveaxis(corners, 1, 0)
     middle = (a + b) / 2.0
     return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
 
 
 def _places(places: Float64Array, among: Float64Array) -> NDArray[np.int64]:
-    """Numbers of places (..., 3), the same for the same place; among: (..., 3) in whose box they lie."""
+    """Index positions (..., 3) so that equal positions get equal indices; among: (..., 3), whose box contains them."""
     low = among.min(axis=(0, 1))
     size = float((among.max(axis=(0, 1)) - low).max()) or 1.0
     x, y, z = np.moveaxis(np.round((places - low) / size * (2**20 - 1)).astype(np.int64), -1, 0)
@@ -276,9 +282,9 @@ def _places(places: Float64Array, among: Float64Array) -> NDArray[np.int64]:
 def _errors(
     casters: cKDTree, corners: Float64Array, normals: Float64Array, lit: NDArray[np.bool_]
 ) -> Generator[None, None, NDArray[np.float64]]:
-    """What parts (T, 3, 3) are off by if they are not cut: area × longest edge / distance to casters, at most the area,
-    and that where they bend; 0 for what is fine enough. Of casters on the sides that light reaches, lit (T, 2), the
-    nearer counts."""
+    """Estimate the errors of parts (T, 3, 3) that are not split: area × longest edge / distance to occluders, at most
+    the area; the area where normals bend; 0 where the part is fine enough. Of the occluders on the lit sides, lit (T,
+    2), the nearer one counts."""
     sides = corners - np.roll(corners, 1, axis=1)
     twice = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
     longest = np.linalg.norm(sides, axis=2).max(axis=1)
@@ -296,10 +302,10 @@ def _errors(
 def _nearness(
     casters: cKDTree, places: Float64Array, normals: Float64Array, lengths: NDArray[np.float64]
 ) -> Generator[None, None, NDArray[np.float64]]:
-    """Lengths (N,) over the distance to what may shade places (N, 3): 1, ½, ¼, ... or 0.
+    """Lengths (N,) over the distance of possible occluders from places (N, 3), rounded to 1, ½, ¼, ... or 0.
 
-    A ball that touches the surface from above and has the distance for its radius then holds a sample of something; of
-    the surface itself, flat or bulging, it cannot.
+    The test is whether a ball that touches the surface from above, with the distance as its radius, contains a sample.
+    Samples of the surface itself, flat or convex, are never inside.
     """
     found = np.zeros(len(places))
     for k in range(_HALVINGS + 1):
@@ -314,7 +320,7 @@ def _nearness(
 
 
 def _samples(scene: Scene) -> Float64Array:
-    """Places all over the surfaces, in a fixed order of chance."""
+    """Random positions all over the surfaces, always the same."""
     random = np.random.default_rng(1)
     corners = scene.vertices[scene.triangles].astype(np.float64)
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
@@ -325,7 +331,7 @@ def _samples(scene: Scene) -> Float64Array:
 
 
 def _close_together(positions: Float64Array, i_object: NDArray[np.integer]) -> NDArray[np.intp]:
-    """An order in which what belongs to an object stands together, along a Z-curve through space."""
+    """Order points by object, and within each object along a Z-order curve."""
     low = positions.min(axis=0, initial=np.inf)
     size = float((positions.max(axis=0, initial=-np.inf) - low).max(initial=0.0)) if len(positions) else 1.0
     places = ((positions - low) / (size or 1.0) * 1023.0).astype(np.int64)
@@ -341,8 +347,8 @@ def _middles(corners: Float64Array) -> Float64Array:
 
 
 def _corner_normals(scene: Scene) -> NDArray[np.float64]:
-    """(T, 3, 3): the vertices' normals where an object is smooth and they are of use, else the face's; on the side that
-    the winding faces, also where that is against them."""
+    """(T, 3, 3): vertex normals if the object is smooth and they are usable, else face normals; always on the side that
+    the winding faces."""
     faces = np.repeat(scene.geometric_normals[:, None].astype(np.float64), 3, axis=1)
     own = scene.normals[scene.triangles].astype(np.float64)
     along = np.einsum("tki,tki->tk", own, faces)
@@ -354,7 +360,8 @@ def _corner_normals(scene: Scene) -> NDArray[np.float64]:
 def _joined(
     corners: NDArray[np.float64], normals: NDArray[np.float64], i_object: NDArray[np.integer]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Which corners stand for all that share place, normal and object, and of which of these each corner is one."""
+    """Merge corners that share position, normal and object: return one representative for each, and each corner's index
+    among these."""
     flat = corners.reshape(-1, 3)
     size = float(np.abs(flat).max(initial=0.0)) or 1.0
     keys = np.concatenate([

@@ -1,10 +1,11 @@
-"""The distant light as Orbit looks it up: a direction's radiance, averaged over a disc as large as a triangle.
+"""The distant light in the form in which Orbit looks it up: radiance by direction, averaged over a disc the size of a
+triangle.
 
-Every shading point has a frame of its own, so its triangles lie across those of the environment. Light tables for some
-frames with others interpolated between them [Ma06, 3.2] put 6 % of error on a teapot under a sunny sky, with frames as
-many as the paper's, as each shows a sun of its own; a look-up for each triangle costs about as much as reading such
-tables, and a sky that turns is looked up elsewhere. Averages over discs would spread a sun over several triangles, so
-the brightest directions are kept apart.
+Every shading point has its own frame, so its triangles do not coincide with those of the environment. Tables of light
+for some frames with interpolation between them [Ma06, 3.2] gave an error of 6 % on a teapot under a sunny sky, with as
+many frames as in the paper, because each frame shows its own sun. A look-up for each triangle costs about as much as
+reading such tables, and a rotating sky only rotates the look-ups. Averages over discs would spread the sun over several
+triangles, so the brightest directions, the peaks, are split from the map as directional lights.
 """
 
 from __future__ import annotations
@@ -24,27 +25,27 @@ from engine.realtime.triple_product._incident_kernels import N_QUERIED
 from engine.sphere.geodesic import geodesic, triangle_solid_angles
 
 MAP_SIDE = 256
-_COARSE = 8  # texels of the map a side that one of the coarse map covers
+_COARSE = 8  # texels of the map along a side that one texel of the coarse map covers
 MAX_PEAKS = 96
-_PARTS = 16  # in which texels are averaged
+_PARTS = 16  # parts of the texels that are averaged one by one
 _FINE = 6  # level of the triangles that are averaged
-# A direction is a sun if it holds so many times the mean power of the triangles beside it would have.
+# A triangle is a peak if its power is this many times the mean.
 _SUN = 4.0
-# Of each of the suns that are asked by rays.
+# Directions in each of the peaks that are tested with rays.
 N_PLACES = 16
-_CUTS = 4  # times that a sun is cut in four to find them
+_CUTS = 4  # times that a peak is split in four to find them
 
 Float32Array = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
 class SkyMap:
-    """map (256, 256, 4) and coarse_map (32, 32, 4) float32: radiance by octahedral direction, without the suns (the
-    fourth is empty), to be turned by `turn` radians counter-clockwise about +Y as seen from above.
+    """map (256, 256, 4) and coarse_map (32, 32, 4) float32: radiance by octahedral direction, without the peaks (the
+    fourth channel is unused), to be rotated by `turn` radians counter-clockwise about +Y as seen from above.
 
-    sun_direction (M, 3) and peak_power (M, 3) float32: of the brightest places, turned already; power is radiance times
-    solid angle. sun_places (min(M, 8), 16, 3): directions in the brightest suns, of as much power each, neighbours side
-    by side.
+    peak_direction (M, 3) and peak_power (M, 3) float32: the brightest triangles, rotated already; power is radiance
+    times solid angle. sun_places (min(M, 8), 16, 3): directions in the brightest peaks, each for an equal share of the
+    power, neighbours in order.
     """
 
     map: Float32Array
@@ -56,7 +57,7 @@ class SkyMap:
 
 
 def make_sky(environment: Environment | None, rotation: float, scale: float = 1.0) -> SkyMap:
-    """The sky of an environment turned by `rotation` degrees, times scale; black without one."""
+    """Make the sky of an environment rotated by `rotation` degrees, times scale; black without an environment."""
     averaged, coarse, directions, power, places = _map_and_peaks(environment)
     turn = math.radians(rotation % 360.0)
     if scale != 1.0:
@@ -65,7 +66,7 @@ def make_sky(environment: Environment | None, rotation: float, scale: float = 1.
 
 
 def _turned(directions: Float32Array, turn: float) -> Float32Array:
-    """Directions (..., 3), counter-clockwise about +Y as seen from above."""
+    """Rotate directions (..., 3) counter-clockwise about +Y as seen from above."""
     x, y, z = np.moveaxis(directions, -1, 0)
     turned = np.stack([math.cos(turn) * x + math.sin(turn) * z, y, math.cos(turn) * z - math.sin(turn) * x], axis=-1)
     return turned.astype(np.float32)
@@ -75,7 +76,8 @@ def _turned(directions: Float32Array, turn: float) -> Float32Array:
 def _map_and_peaks(
     environment: Environment | None,
 ) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array, Float32Array]:
-    """Map, coarse map, and the suns' directions, powers and places of an environment as it is."""
+    """Make map and coarse map, and the directions, powers and places of the peaks, of an environment that is not
+    rotated."""
     fine = geodesic(_FINE)
     powers = np.zeros((fine.n_triangles, 3))
     if environment is not None:
@@ -99,15 +101,17 @@ def _map_and_peaks(
 
 
 def _find_peaks(powers: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Of the triangles one level coarser those far brighter than the mean, at most MOST_SUNS, brightest first."""
+    """Choose the triangles one level coarser that are far brighter than the mean, at most MAX_PEAKS, brightest
+    first."""
     luminance = powers.reshape(-1, 4, 3).sum(axis=1) @ LUMINANCE
     candidates = np.argsort(-luminance, kind="stable")[:MAX_PEAKS]
     return np.asarray(candidates[luminance[candidates] > _SUN * luminance.mean()])
 
 
 def _places(environment: Environment, peaks: NDArray[np.intp]) -> Float32Array:
-    """Directions (K, 16, 3) of as much power each in suns (K,), triangles one level coarser than the finest: of their
-    parts, in the order in which they are cut, those in which every sixteenth of the power has its middle."""
+    """Choose directions (K, 16, 3) in peaks (K,), which are triangles one level coarser than the finest, each for an
+    equal share of the power. The peak is split into parts in a fixed order; a direction is the part at which the
+    cumulative power reaches the middle of each sixteenth."""
     sphere = geodesic(_FINE - 1)
     parts = sphere.vertices[sphere.triangles[peaks]].astype(np.float64)
     for _ in range(_CUTS):
@@ -126,7 +130,8 @@ def _places(environment: Environment, peaks: NDArray[np.intp]) -> Float32Array:
 
 
 def preparing_sky(environment: Environment | None) -> Generator[None, None, None]:
-    """What `make_sky` of an environment needs, and remembers: in steps, for the first takes a second and more."""
+    """Compute and cache what `make_sky` of an environment needs, in steps, because the first call takes over a
+    second."""
     yield
     for part in range(_PARTS):
         _averaging_matrix(part)
@@ -136,9 +141,9 @@ def preparing_sky(environment: Environment | None) -> Generator[None, None, None
 
 @lru_cache(maxsize=_PARTS)
 def _averaging_matrix(part: int) -> sparse.csr_matrix:
-    """(texels / _PARTS, triangles), of that part of the texels: power of the fine triangles to mean radiance around
-    each texel, falling off to twice the radius of a disc as large as a triangle: as wide as that, as what is small has
-    to reach about one triangle's middle, wherever it lies between them."""
+    """(texels / _PARTS, triangles) for one part of the texels: a matrix from power of the fine triangles to mean
+    radiance around each texel. The kernel falls to 0 at twice the radius of a disc the size of a triangle. This width
+    is needed: a small light must reach about one triangle's centre, wherever it lies between centres."""
     fine = geodesic(_FINE)
     radius = 2.0 * np.sqrt(4.0 / (20 * 4**4))
     texels = np.array_split(texel_directions(MAP_SIDE), _PARTS)[part]
@@ -150,7 +155,8 @@ def _averaging_matrix(part: int) -> sparse.csr_matrix:
 
 
 def texel_directions(side: int) -> NDArray[np.float64]:
-    """Unit directions (side², 3) of an octahedral map's texels: |x| + |y| + |z| = 1 unfolded on a square, +Y inside."""
+    """Unit directions (side², 3) of an octahedral map's texels: |x| + |y| + |z| = 1 unfolded to a square, +Y at its
+    centre."""
     v, u = np.divmod(np.arange(side * side), side)
     x, z = (u + 0.5) / side * 2.0 - 1.0, (v + 0.5) / side * 2.0 - 1.0
     y = 1.0 - np.abs(x) - np.abs(z)

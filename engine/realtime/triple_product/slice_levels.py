@@ -1,4 +1,4 @@
-"""Over how fine triangles each layer's slices stand, so that all of them together take no more than so much memory."""
+"""Chooses the level of triangles for each layer's slices, so that all of them together fit into a given memory."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _NOTE = "Orbit: so many glossy layers do not fit into memory; their highlights a
 class SliceLevels:
     """The level of each layer, `slices.LEAST_LEVEL` to 4: `of`.
 
-    All layers have the finest level at which they fit; then as many as still fit, the first ones, have one more. Of the
-    coarsest level an isotropic layer takes 0.1 MB, one with a grain 0.5, whether or not they fit: in 512 MiB 5,000 or
-    1,100 layers do.
+    All layers get the finest level at which they all fit; then the first ones, as many as fit, get one level more. At
+    the coarsest level an isotropic layer takes 0.1 MB and an anisotropic one 0.5 MB, whether or not they fit: 512 MiB
+    hold 5,000 or 1,100 layers.
     """
 
     def __init__(self, most_bytes: int) -> None:
@@ -28,7 +28,7 @@ class SliceLevels:
         self.notes: tuple[str, ...] = ()
 
     def choose(self, terms: Sequence[Layers]) -> None:
-        """The levels for layers that are summed so, each sum once."""
+        """Choose the levels for layers that are summed in these terms, each distinct sum once."""
         layers = dict.fromkeys(layer for term in terms for layer in term)
         known = self._isotropic
         self._isotropic = {each: known[each] if each in known else has_isotropic_reflection(each) for each in layers}
@@ -37,7 +37,7 @@ class SliceLevels:
             finer = {layer for term in terms[:n_finer] for layer in term}
             return {layer: level + (layer in finer) for layer in layers}
 
-        # Both are more bytes from one to the next: the last that fits is searched for by halves.
+        # Both sequences need more bytes from one entry to the next: find the last that fits by bisection.
         fits = bisect_right(
             range(LEAST_LEVEL + 1, LEVEL + 1), self._most_bytes, key=lambda level: self._n_bytes(terms, at(level, 0))
         )
@@ -51,7 +51,7 @@ class SliceLevels:
         self.notes = (_NOTE,) if is_coarse else ()
 
     def _n_bytes(self, terms: Sequence[Layers], of: dict[Layer, int]) -> int:
-        """What slices and tables of all sums take at these levels."""
+        """Bytes that slices and tables of all sums take at these levels."""
         total = sum(slice_bytes_of(level, self._isotropic[layer]) for layer, level in of.items())
         for term in terms:
             made = max(of[layer] for layer in term), all(self._isotropic[layer] for layer in term)

@@ -1,11 +1,13 @@
-"""The reflection of a layer as Orbit reads it: BRDF times cosine for a grid of outgoing directions.
+"""A layer's reflection as Orbit reads it: BRDF times cosine for a grid of outgoing directions.
 
-Slices stand over the angle of ωo to the normal and its azimuth [Ma06, 3.2 and 3.3]. An isotropic BRDF is the same
-function turned about the normal, and the sphere has ten symmetries about it, so that slices over 36 degrees of azimuth,
-4.5 apart, serve all of them; one with a grain is the same mirrored across it, and has slices over half a turn.
+Slices are sampled over the angle of ωo to the normal and over its azimuth [Ma06, 3.2 and 3.3]. An isotropic BRDF is
+invariant under rotation about the normal, and the geodesic sphere has ten symmetries about it; so slices over 36
+degrees of azimuth, 4.5 apart, suffice. An anisotropic BRDF is symmetric under reflection, and has slices over half a
+turn.
 
-A slice has the means over the triangles of a level of the geodesic sphere, 1 to 4; each level less takes a quarter of
-the memory. Fewer angles instead were rejected: between slices further apart a highlight fades out and in again.
+A slice holds means over the triangles of one level of the geodesic sphere, 1 to 4; each level less takes a quarter of
+the memory. Fewer outgoing angles instead were rejected: between slices that are further apart a highlight fades out and
+in again.
 """
 
 from __future__ import annotations
@@ -29,22 +31,21 @@ from engine.sphere.symmetry import N_TURNS, SECTOR, images_of_triangles, images_
 
 Float32Array = NDArray[np.float32]
 
-# Angles to the normal and azimuths: of an isotropic reflection, and of one with a grain.
+# Polar angles and azimuths: of an isotropic reflection, and azimuths of an anisotropic one.
 N_POLAR, N_AZIMUTHS, N_GRAINED = 24, 9, 41
 _STEEPEST = np.radians(89.0)
 _SERIALS = count(1)
-# The coarsest triangles that lie above the surface or below it as a whole.
+# The coarsest triangles that lie entirely above the surface or below it.
 LEAST_LEVEL = 1
-# Of the most that is reflected: by which triangles beside one another may differ and be even in themselves.
+# Share of the largest value by which adjacent triangles may differ and count as constant inside.
 _EVEN = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class Slices:
-    """packed (polar, columns, U, 3): the mean of ρ cos θ over each upper triangle of a level, bfloat16 as
-    `kernels.packed` makes them; is_isotropic: the columns are azimuths to 36 degrees; otherwise they go to 180. flat:
-    packed with one number behind the last, as the kernels take it.
-    """
+    """packed (polar, columns, U, 3): means of ρ cos θ over each upper triangle of a level, bfloat16 as from
+    `kernels.packed`; is_isotropic: the columns are azimuths up to 36 degrees, otherwise up to 180. flat: packed with
+    one number appended, as the kernels take it."""
 
     flat: NDArray[np.uint16]
     n_columns: int
@@ -52,26 +53,26 @@ class Slices:
 
     @classmethod
     def of(cls, packed: NDArray[np.uint16], is_isotropic: bool) -> Slices:
-        """Of these values."""
+        """Make slices of packed values."""
         return cls(np.append(packed, np.uint16(0)), packed.shape[1], is_isotropic)
 
     @property
     def packed(self) -> NDArray[np.uint16]:
-        """See above."""
+        """See the class."""
         return self.flat[:-1].reshape(N_POLAR, self.n_columns, -1, 3)
 
     @property
     def values(self) -> Float32Array:
-        """packed as float32."""
+        """The packed values as float32."""
         return kernels.unpacked(self.packed)
 
     @property
     def level(self) -> int:
-        """Of the triangles, `LEAST_LEVEL` to 4."""
+        """Level of the triangles, `LEAST_LEVEL` to 4."""
         return next(k for k in range(LEAST_LEVEL, LEVEL + 1) if len(_above(k)) == self.packed.shape[2])
 
     def at_level(self, level: int) -> Slices:
-        """The same over the triangles of another level; over larger ones by the means of four [Haar]."""
+        """Resample to the triangles of another level: larger ones get the mean of four, which is exact."""
         finer = level - self.level
         if finer == 0:
             return self
@@ -81,10 +82,11 @@ class Slices:
         return Slices.of(kernels.packed(parts.mean(axis=3)), self.is_isotropic)
 
     def make_tables(self) -> kernels.Tables:
-        """With the coefficients of each slice, times 4^(L − level), so that the integral of powers times a slice is the
-        sum of products of coefficients. Of those of the lower hemisphere, where all slices are 0, there are none."""
+        """Make the tables of wavelet coefficients [Ma06, 3.1], times 4^(L − level), so that the integral of powers
+        times a slice is the sum of the coefficients' products. Coefficients of the lower hemisphere, where all slices
+        are 0, are left out."""
         level, rows = self.level, _rows(self.level)
-        # One row more is 0: it stands for all coefficients of finer levels.
+        # An additional row of 0 serves all coefficients of finer levels.
         flat = np.zeros(N_POLAR * self.n_columns * (len(rows) + 1) * 3 + 1, np.uint16)
         table = flat[:-1].reshape(N_POLAR, self.n_columns, -1, 3)
         scale = (4.0 ** (LEVEL - levels_of_coefficients(level)))[rows].astype(np.float32)[:, None, None]
@@ -104,7 +106,7 @@ class Slices:
 
     @cached_property
     def albedo(self) -> NDArray[np.float64]:
-        """Of the matt reflection that sends as much light on [BenArtzi07, 5.2.4], (3,): 1/π ∫∫ ρ cos cos."""
+        """Equivalent albedo [BenArtzi07, 5.2.4], (3,): 1/π ∫∫ ρ cos cos."""
         solid_angles = geodesic(self.level).solid_angles[_above(self.level)].astype(np.float32)
         sent = np.einsum("k,paki->pai", solid_angles, self.values).astype(np.float64)
         sent = np.trapezoid(sent, axis=1) / (self.n_columns - 1)
@@ -113,14 +115,15 @@ class Slices:
 
     @cached_property
     def lobe(self) -> float:
-        """Solid angle of the even lobe that is as sharp as what light along the normal becomes: (∫ f)² / ∫ f²."""
+        """Solid angle of the constant lobe with the same sharpness as the reflection at normal incidence: (∫ f)² / ∫
+        f²."""
         solid_angles = geodesic(self.level).solid_angles[_above(self.level)]
         sent = kernels.unpacked(self.packed[:1, :1])[0, 0].sum(axis=1, dtype=np.float64)
         square = float(solid_angles @ sent**2)
         return float(solid_angles @ sent) ** 2 / square if square > 0.0 else 2.0 * np.pi
 
     def __add__(self, other: Slices) -> Slices:
-        """Of both one above the other."""
+        """Sum of both."""
         if self.is_isotropic != other.is_isotropic:
             return self.half_around() + other.half_around()
         if self.level != other.level:
@@ -129,12 +132,12 @@ class Slices:
         return Slices.of(kernels.packed(self.values + other.values), self.is_isotropic)
 
     def half_around(self) -> Slices:
-        """The same with slices over half a turn."""
+        """Convert to slices over half a turn."""
         if not self.is_isotropic:
             return self
         places = _place_images(self.level)
         turned = np.empty((N_POLAR, N_GRAINED, places.shape[1], 3), np.uint16)
-        half = N_AZIMUTHS - 1  # of a fifth of a turn: from there on it is mirrored
+        half = N_AZIMUTHS - 1  # of a fifth of a turn: mirrored from there on
         for i in range(N_GRAINED):
             turn, inside = divmod(i, 2 * half)
             symmetry, at = (turn, inside) if inside <= half else (N_TURNS + (turn + 1) % N_TURNS, 2 * half - inside)
@@ -143,12 +146,12 @@ class Slices:
 
 
 def slice_bytes_of(level: int, is_isotropic: bool) -> int:
-    """Of slices over the triangles of a level, `Slices.flat`."""
+    """Bytes of slices over the triangles of a level, `Slices.flat`."""
     return 2 * (_n_slices(is_isotropic) * len(_above(level)) * 3 + 1)
 
 
 def table_bytes_of(level: int, is_isotropic: bool) -> int:
-    """Of the coefficients of such slices, `Tables.table`."""
+    """Bytes of the coefficients of such slices, `Tables.table`."""
     return 2 * (_n_slices(is_isotropic) * (len(_rows(level)) + 1) * 3 + 1)
 
 
@@ -157,8 +160,8 @@ def _n_slices(is_isotropic: bool) -> int:
 
 
 def slice_steps(layer: Layer, finer: int = 1) -> Generator[float, None, Slices]:
-    """The slices of a layer, yielding how much is done; each triangle's mean is taken over 4^finer parts of it, or, −1,
-    by the triangles of the level before, in a quarter of the time of 0."""
+    """Compute the slices of a layer and yield the progress; each triangle's mean is over 4^finer parts of it, or, if
+    −1, by the triangles of the next coarser level, in a quarter of the time of 0."""
     is_isotropic = has_isotropic_reflection(layer)
     n_azimuths, span = (N_AZIMUTHS, SECTOR) if is_isotropic else (N_GRAINED, np.pi)
     polar, azimuth = np.linspace(0.0, _STEEPEST, N_POLAR), np.linspace(0.0, span, n_azimuths)
@@ -166,11 +169,11 @@ def slice_steps(layer: Layer, finer: int = 1) -> Generator[float, None, Slices]:
 
     def part(i: int) -> None:
         around = spherical(np.full(n_azimuths, polar[i]), azimuth)
-        if finer < 0:  # together: of so few triangles each call costs more than they do
+        if finer < 0:  # all at once: for so few triangles the calls cost most
             packed[i] = kernels.packed(_in_middles(layer, around, LEVEL - 1).astype(np.float32))
             return
         for j in range(n_azimuths):
-            # Straight from above every azimuth is the same.
+            # At normal incidence all azimuths are the same.
             packed[i, j] = packed[0, 0] if i == 0 < j else kernels.packed(_reflected(layer, around[j], finer))
 
     step = N_POLAR if finer < 0 else n_threads()
@@ -187,7 +190,7 @@ def spherical(polar: NDArray[np.floating], azimuth: NDArray[np.floating]) -> NDA
 
 
 def has_isotropic_reflection(layer: Layer) -> bool:
-    """Whether turning both directions about the normal, and mirroring them, changes nothing: asked of 256 pairs."""
+    """Whether rotating both directions about the normal, and mirroring them, changes nothing, tested on 256 pairs."""
     wi, wo = _pairs()
     turn, mirror = np.array([[0.6, 0, 0.8], [0, 1, 0], [-0.8, 0, 0.6]]), np.array([-1.0, 1.0, 1.0])
     before = evaluate_layer(layer, to_shading_frame(wi), to_shading_frame(wo))
@@ -196,7 +199,8 @@ def has_isotropic_reflection(layer: Layer) -> bool:
 
 
 def diffuse_reflectance(layer: Layer) -> NDArray[np.float64] | None:
-    """ρ (3,) of a layer that sends the same everywhere, wherever the light comes from; None of any other."""
+    """ρ (3,) of a layer that reflects equally in all directions, for any incident direction; None for any other
+    layer."""
     wi, wo = _pairs()
     brdf = evaluate_layer(layer, to_shading_frame(wi), to_shading_frame(wo)) / wi[:, 1:2]
     mean = brdf.mean(axis=0)
@@ -204,7 +208,7 @@ def diffuse_reflectance(layer: Layer) -> NDArray[np.float64] | None:
 
 
 def to_shading_frame(directions: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Directions on the sphere, +Y the normal, to tangent, bitangent, normal as the layers take them."""
+    """Convert directions on the sphere, whose +Y is the normal, to tangent, bitangent, normal, as layers take them."""
     # `ShadingPoints.frames` has tangent × normal for z, which is minus the bitangent.
     return directions[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
 
@@ -224,21 +228,21 @@ def _above(level: int) -> NDArray[np.int32]:
 
 @lru_cache(maxsize=4)
 def _rows(level: int) -> NDArray[np.int64]:
-    """The coefficients of functions that are 0 below the surface that need not be 0, ascending."""
+    """The coefficients that may be nonzero for functions that are 0 below the surface, ascending."""
     above = np.zeros((geodesic(level).n_triangles, 1))
     above[_above(level), 0] = np.random.default_rng(1).random(len(_above(level)))
     return np.flatnonzero(forward(above)[:, 0])
 
 
 def _inverse_turns() -> list[int]:
-    """Of each symmetry the one that undoes it; mirrors undo themselves."""
+    """The inverse of each symmetry; mirrors are their own inverses."""
     return [*((N_TURNS - k) % N_TURNS for k in range(N_TURNS)), *range(N_TURNS, 2 * N_TURNS)]
 
 
 @lru_cache(maxsize=4)
 def _row_images(level: int) -> NDArray[np.int32]:
-    """(10, 5120): of an unmoved function the row of `_rows` of a level that becomes each coefficient when a symmetry
-    moves it; the row behind the last of those that have none."""
+    """(10, 5120): the row of `_rows` of a level, in the stored function, that each coefficient reads after a symmetry
+    was applied; the additional last row if there is none."""
     row = np.full(geodesic(LEVEL).n_triangles, len(_rows(level)), np.int32)
     row[_rows(level)] = np.arange(len(_rows(level)))
     return np.ascontiguousarray(row[images_of_wavelets(LEVEL)[_inverse_turns()]])
@@ -246,21 +250,21 @@ def _row_images(level: int) -> NDArray[np.int32]:
 
 @lru_cache(maxsize=4)
 def _place_images(level: int) -> NDArray[np.int32]:
-    """(10, 10 * 4^level): of an unmoved function the upper triangle of a level, by its place, that becomes each when a
-    symmetry moves it."""
+    """(10, 10 * 4^level): the upper triangle of a level, in the stored function, that each upper triangle reads after a
+    symmetry was applied."""
     triangles = images_of_triangles(level)[_inverse_turns()][:, _above(level)]
     return np.searchsorted(_above(level), triangles).astype(np.int32)
 
 
 def _reflected(layer: Layer, wo: NDArray[np.float64], finer: int) -> Float32Array:
-    """The mean of ρ cos θ (U, 3) over each upper triangle, for one outgoing direction (3,)."""
+    """Means of ρ cos θ (U, 3) over each upper triangle, for one outgoing direction (3,)."""
     [values] = _in_middles(layer, wo[None], LEVEL)
     if finer == 0:
         return values.astype(np.float32)
-    # Where four that stand together are about alike, each of them is even.
+    # Siblings that are nearly equal count as constant inside; only the others are subdivided.
     four = values.reshape(-1, 4, 3)
     uneven = np.abs(four - four.mean(axis=1, keepdims=True)).max(axis=(1, 2)) > _EVEN * values.max()
-    uneven |= (uneven[_beside()] & (_beside() >= 0)).any(axis=1)  # where a peak ends
+    uneven |= (uneven[_beside()] & (_beside() >= 0)).any(axis=1)  # at the foot of a peak
     chosen = np.repeat(uneven, 4)
     [parts] = _in_middles(layer, wo[None], LEVEL + finer, np.repeat(chosen, 4**finer))
     parts = parts.reshape(-1, 4**finer, 3)
@@ -272,7 +276,8 @@ def _reflected(layer: Layer, wo: NDArray[np.float64], finer: int) -> Float32Arra
 def _in_middles(
     layer: Layer, wo: NDArray[np.float64], level: int, which: NDArray[np.bool_] | slice = slice(None)
 ) -> NDArray[np.float64]:
-    """ρ cos θ (W, N, 3) for outgoing directions (W, 3), in the middle of all triangles above the surface or some."""
+    """ρ cos θ (W, N, 3) for outgoing directions (W, 3), at the centres of all triangles above the surface or of those
+    in which."""
     wi = _middles_above(level)[which]
     pairs = np.tile(wi, (len(wo), 1)), np.repeat(to_shading_frame(wo), len(wi), axis=0)
     return evaluate_layer(layer, *pairs).reshape(len(wo), len(wi), 3)
@@ -280,14 +285,14 @@ def _in_middles(
 
 @lru_cache(maxsize=4)
 def _middles_above(level: int) -> NDArray[np.floating]:
-    """Those of all triangles above the surface, as the layers take directions."""
+    """Centres of all triangles above the surface, in the layers' frame."""
     centres = geodesic(level).centres
     return to_shading_frame(centres[centres[:, 1] > 0.0])
 
 
 @lru_cache(maxsize=1)
 def _beside() -> NDArray[np.int32]:
-    """Of the upper triangles one level coarser those with an edge in common (U / 4, 3), −1 for those below."""
+    """Neighbours across edges of the upper triangles one level coarser (U / 4, 3), −1 for those below the surface."""
     parents = _above(LEVEL - 1)
     place = np.full(geodesic(LEVEL - 1).n_triangles, -1, np.int32)
     place[parents] = np.arange(len(parents))

@@ -1,7 +1,7 @@
-"""Visibility as it is kept on disk: bits, most of which are as those beside them, deflated.
+"""Visibility in stored form: deflated bits.
 
 Bits are better than wavelets here: 1,280 bytes a point hold every edge to 1.4 degrees, and deflated they are smaller
-than 80 coefficients of a byte with their numbers are (docs/orbit.md), at no error.
+than 80 coefficients of one byte with their indices (docs/orbit.md), without any error.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ _LEVEL = 1
 
 
 def deflate_bits(name: str, bits: Bits) -> dict[str, NDArray[np.generic]]:
-    """Bits (S, B) as arrays to be stored under names that begin with `name`."""
-    # Turned, so that neighbours among the points, which see about the same, stand side by side.
+    """Deflate bits (S, B) into arrays to be stored under names that begin with `name`."""
+    # Transposed, so that the bits of neighbouring points, which see about the same, are adjacent.
     parts = on_threads(lambda at: zlib.compress(bits[at : at + _PART].T.tobytes(), _LEVEL), range(0, len(bits), _PART))
     ends = np.cumsum([0, *map(len, parts)], dtype=np.int64)
     return {f"{name}_data": np.frombuffer(b"".join(parts), np.uint8), f"{name}_starts": ends}
 
 
 def inflate_bits(name: str, reader: ArrayReader, n_points: int, n_bytes: int) -> Bits:
-    """What `deflate_bits` made of bits (S, B). Raises UnsoundArrays."""
+    """Inflate what `deflate_bits` made of bits (S, B). Raises UnsoundArrays."""
     begins = range(0, n_points, _PART)
     reader.sizes[f"{name} parts"] = len(begins)
     starts = reader.runs(f"{name}_starts", f"{name} parts", f"{name} bytes")

@@ -1,4 +1,4 @@
-"""By what textures and weight maps multiply what a picture sees: filtered over the pixel, as in Placement."""
+"""The factors of textures and weight maps in a picture, filtered over each pixel as in Placement."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ MOVING_PROBES = 2
 def factors(
     seen: ViewSamples, which: Rows, scene: Scene, i_object: int, layers: Sequence[Layer], quality: str
 ) -> dict[int, Float32Array]:
-    """By what maps multiply an object's visible layers that have any, by their number: (N, 3) at samples (N,).
+    """Factors of an object's visible layers that have maps, by the layer's number: (N, 3) at samples (N,).
 
-    While something moves, a pixel seen at a slant is covered by fewer look-ups, each in one level of the image.
+    In moving pictures, fewer look-ups cover an oblique pixel, each in one level of the image pyramid.
     """
     visible = [layer for layer in layers if layer.visible]
     mapped = {k: layer.maps for k, layer in enumerate(visible) if not layer.maps.is_plain}
@@ -36,8 +36,7 @@ def factors(
 
 
 class _Places:
-    """Where samples of one object lie on its images; what layers share, and pictures of one camera, is looked up
-    once."""
+    """Texture coordinates of one object's samples; caches look-ups that layers and pictures of one camera share."""
 
     def __init__(self, seen: ViewSamples, which: Rows, scene: Scene, i_object: int, is_quick: bool) -> None:
         self._seen, self._which, self._scene, self._i_object = seen, which, scene, i_object
@@ -60,8 +59,8 @@ class _Places:
 
 
 def footprints_of(seen: ViewSamples, which: Rows, scene: Scene, i_object: int) -> Footprints:
-    """Texture coordinates of the samples of an object, and their change over a pixel to the left and upwards, (N, 2);
-    found once."""
+    """Texture coordinates of an object's samples, and their differences over a pixel to the left and upwards, (N, 2);
+    cached."""
     if i_object not in seen.footprints:
         seen.footprints[i_object] = _footprints(seen, which, scene, i_object)
     uv, left, up = seen.footprints[i_object]

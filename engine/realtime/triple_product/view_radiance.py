@@ -1,4 +1,4 @@
-"""What is reflected to the eye in one picture, term by term."""
+"""The radiance that one picture shows, term by term."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ from engine.scene.scene_loader import Scene
 Float32Array = NDArray[np.float32]
 Quality = Literal["moving", "rest", "still"]
 
-N_MOVING = 64  # coefficients of a point, while something moves
-_N_SHARP = 96  # the same at least of sharp gloss, which fewer would blur again
-# Of what a pixel reflects: by which a sun may differ among the slices around it and be looked up in them.
+N_MOVING = 64  # coefficients of a point in moving pictures
+_N_SHARP = 96  # the same, at least, for sharp gloss, which fewer would blur
+# Share of a pixel's radiance by which slices may disagree about a peak before the BRDF is evaluated for it.
 _LITTLE = {"rest": 0.005, "still": 0.001}
 
 
@@ -44,13 +44,13 @@ def view_radiance(
     lamps: SceneEmitters | None, n_bounces: int,
     quality: Quality, n_moving: int,
 ) -> Generator[StillProgress, None, Float32Array]:  # fmt: skip
-    """Radiance (R, 3) that samples reflect to the eye, found term by term; see `Orbit.draw`."""
+    """Radiance (R, 3) that samples reflect to the camera, computed term by term; see `Orbit.draw`."""
     radiance = np.zeros((len(seen.pixel), 3), np.float32)
     everywhere, mapped = np.ones((1, 3), np.float32), dict[int, dict[int, Float32Array]]()
     turned: dict[int, PerturbedSamples] = {}
 
     def reflected_by_bumps(which: NDArray[np.int64], term: Term) -> Float32Array:
-        """What a term sends of direct light where bumps turn normals, without its maps, (N, 3)."""
+        """Reflection of direct light by a term where bumps perturb normals, without its maps, (N, 3)."""
         if quality == "moving":
             light = quick_irradiance(seen, which, lit.incident, scene, term.i_object)
             return light * np.array(term.reflectance, np.float32)
@@ -78,7 +78,7 @@ def view_radiance(
             mapped[term.i_object] = factors(seen, which, scene, term.i_object, layers, quality)
         factor = everywhere if term.factor is None else mapped[term.i_object][term.factor]
         points = np.flatnonzero(lit.seen & (lit.points.i_object == term.i_object))
-        # While something moves, gloss is as without bumps: it is shaded at points, which are further apart than these.
+        # In moving pictures gloss ignores bumps: it is shaded at points, whose spacing exceeds the bumps.
         bumpy = term.i_object in scene.bump_normals.objects and (quality != "moving" or term.reflectance is not None)
         evenly = None if bumpy else term.reflectance
         tables = None if bumpy or term.reflectance is not None else reflections.tables(term.layers)
@@ -110,7 +110,7 @@ def view_radiance(
 def _found_out(
     seen: ViewSamples, lit: LitPoints, sky: SkyMap, lamps: SceneEmitters | None, quality: Quality
 ) -> PixelLight:
-    """What samples learn of suns and lamps by rays of their own."""
+    """Corrections for peaks and lamps that samples find with rays of their own."""
     reflects = np.flatnonzero(seen.samples.corners[:, 0] >= 0)
     of_suns = peak_shadows(seen, reflects, lit.incident, sky, lit.caster, quality == "still")
     of_lamps = lamp_shadows(seen, reflects, lamps, lit.caster, quality) if lamps is not None else ()

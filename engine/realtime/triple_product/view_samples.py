@@ -1,4 +1,5 @@
-"""What a picture from anywhere sees: the shading points around each pixel; at rest, edges by several rays a pixel."""
+"""Samples what a picture shows from any camera: the shading points around each pixel and, at rest, several rays at
+edges."""
 
 from __future__ import annotations
 
@@ -25,14 +26,14 @@ from engine.scene.scene_loader import Scene
 Float32Array = NDArray[np.float32]
 Rows = NDArray[np.int64]
 _RAYS = 16384  # at a time
-_FEW_EDGE_RAYS = 4  # a pixel, up to which edges are silhouettes alone
+_FEW_EDGE_RAYS = 4  # a pixel; with so few, only silhouettes count as edges
 
 
 class PointMesh:
-    """The surface between shading points, ready for rays from any eye."""
+    """The surface between shading points, ready for rays from any camera."""
 
     def __init__(self, scene: Scene, points: ShadingPoints, caster: RayCaster | None = None) -> None:
-        """caster: of the triangles between the points, where there is one."""
+        """caster: intersects the triangles between the points; made here if None."""
         self._scene, self._points = scene, points
         self._last: tuple[tuple[object, ...], ViewSamples] | None = None
         self._caster = caster or points.caster()
@@ -44,7 +45,7 @@ class PointMesh:
         )  # fmt: skip
 
     def of(self, points: ShadingPoints) -> PointMesh:
-        """The same surface, with other points on its sides."""
+        """The same surface with other points on its sides."""
         other = PointMesh(self._scene, points, self._caster)
         other._charts = self._charts
         return other
@@ -52,10 +53,10 @@ class PointMesh:
     def sample_view(
         self, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int = 0, in_sight: bool = False
     ) -> ViewSamples:
-        """What the eye sees in a picture of resolution (width, height), one ray through each pixel's centre; where
-        edges are to be soft 4, 8 or 16 through the pixels at them, which by more than 4 are also those where an object
-        bends or breaks off; in_sight: of points that see what they are asked about alone. The last is kept, as the
-        camera stays while a material or the light moves."""
+        """Sample a picture of resolution (width, height) with one ray through each pixel's centre and, to antialias
+        edges, with 4, 8 or 16 rays through pixels there. More than 4 rays also cover creases and borders of an object.
+        in_sight: interpolate only points that are visible from the sample. The last result is cached, because the
+        camera rests while a material or the light changes."""
         asked = camera, resolution, n_edge_rays, in_sight
         if self._last is None or self._last[0] != asked:
             self._last = asked, self._sample_view(*asked)
@@ -93,7 +94,7 @@ class PointMesh:
     def _edges(
         self, samples: kernels.Samples, found: tuple[NDArray, ...], resolution: tuple[int, int]
     ) -> NDArray[np.bool_]:  # fmt: skip
-        """Which pixels (R,) are at edges as Placement has them: also where one object breaks off or bends."""
+        """Find pixels (R,) at edges as Placement defines them: also where one object breaks off or bends."""
         reflects = np.flatnonzero(samples.corners[:, 0] >= 0)
         ids = np.where(samples.corners[:, 0] >= 0, samples.i_object, -1)
         position, normal = np.zeros((2, len(ids), 3), np.float32)
@@ -105,11 +106,11 @@ class PointMesh:
         return edge_pixels(samples.i_object, surface, turn_of(_FEW_EDGE_RAYS), resolution)
 
     def set_emission(self, scene: Scene) -> None:
-        """Take over what objects emit."""
+        """Update the objects' emission."""
         self._scene, self._surface, self._last = scene, self._surface._replace(emission=scene.emission), None
 
     def trace(self, origins: Float32Array, directions: Float32Array) -> tuple[kernels.Samples, Float32Array]:
-        """What a few rays (R, 3) from anywhere meet, and how far away (R,)."""
+        """Trace a few rays (R, 3) from anywhere: return their samples and distances (R,)."""
         out, hits = _room(len(origins)), self._caster.intersect(origins, directions)
         kernels.resolve(0, hits.triangle, hits.u, hits.v, directions, self._surface, out)
         self.visibility.fix_corners(out, hits.triangle)
@@ -118,7 +119,7 @@ class PointMesh:
     def _trace(
         self, camera: CameraDescription, resolution: tuple[int, int], places: NDArray[np.float64], n: int
     ) -> tuple[kernels.Samples, tuple[NDArray, ...]]:
-        """Samples of n rays, and their triangle, u and v."""
+        """Trace n rays: return samples, triangle, u and v."""
         axes, eye = _plane(camera, resolution), np.subtract(camera.position, self._scene.origin).astype(np.float32)
         directions = np.empty((n, 3), np.float32)
         out = _room(n)
@@ -139,10 +140,10 @@ class PointMesh:
 
 @dataclass(frozen=True, eq=False)
 class ViewSamples:
-    """Samples (R,) of a picture: resolution (width, height), eye (3,), axes (3, 3) of its plane, what they meet, their
-    pixel (R,) and share of it (R,). order (N,): those that reflect, by object, whose ranges are bounds (M + 1,); found:
-    triangle, u, v of the points' triangles; footprints, sampled, leans: what `view_maps` and `perturbed_normals` have
-    found for it; charts: how objects' triangles lie on images, shared by all pictures."""
+    """Samples (R,) of a picture: resolution (width, height), camera_position (3,), axes (3, 3) of its plane, the
+    samples, their pixel (R,) and share of it (R,). order (N,): reflecting samples by object, with ranges bounds (M +
+    1,); found: triangle, u, v on the triangles between points; footprints, sampled, leans: caches of `view_maps` and
+    `perturbed_normals`; charts: how objects' triangles lie on images, shared by all pictures."""
 
     resolution: tuple[int, int]
     camera_position: Float32Array
@@ -161,12 +162,13 @@ class ViewSamples:
 
     @cached_property
     def shares(self) -> Float32Array:
-        """(R, 3): how near samples are to the corners of their triangle; weights differ where not all are in sight."""
+        """Barycentric weights (R, 3) of samples in their triangle; `weights` differs where some corners are not
+        visible."""
         _, u, v = self.found
         return np.stack([1.0 - u - v, u, v], axis=1)
 
     def places(self, which: Rows) -> Float32Array:
-        """Where samples (N,) lie, (N, 3)."""
+        """Positions (N, 3) of samples (N,)."""
         corners = self.points.corners[self.found[0][which]]
         return np.asarray(np.einsum("nk,nki->ni", self.shares[which], corners), np.float32)
 
@@ -175,7 +177,7 @@ class ViewSamples:
         return self.order[self.bounds[i_object] : self.bounds[i_object + 1]]
 
     def from_behind(self, least: float = 0.0) -> tuple[int, ...]:
-        """Objects that are seen where they have no points, in more than this share of what is seen."""
+        """Objects that are seen where they have no points, in more than a share `least` of the picture."""
         n_samples = np.bincount(self.samples.i_object[self.samples.behind])
         return tuple(np.flatnonzero(n_samples > least * len(self.samples.behind)).tolist())
 
@@ -186,7 +188,7 @@ class ViewSamples:
         return seen
 
     def normals(self, which: Rows) -> Float32Array:
-        """Those of points, unit, between the corners of samples (N,): (N, 3)."""
+        """Normals (N, 3) of samples (N,), unit, interpolated between the points."""
         corners, weights = self.samples.corners[which], self.samples.weights[which]
         between = np.einsum("nk,nki->ni", weights, self.points.normal[corners])
         length = np.linalg.norm(between, axis=1, keepdims=True)
@@ -195,13 +197,13 @@ class ViewSamples:
     def frames(
         self, which: Rows, scene: Scene, i_object: int, normals: Float32Array | None = None
     ) -> NDArray[np.float64]:
-        """Of samples (N,) of an object, (N, 3, 3): rows tangent, bitangent, normal; normals (N, 3): others than those
-        between points."""
+        """Frames (N, 3, 3) of samples (N,) of an object: rows tangent, bitangent, normal; normals (N, 3): used instead
+        of the interpolated ones."""
         own = (self.normals(which) if normals is None else normals).astype(np.float64)
         return local_frames(object_tangents(scene, np.full(len(which), i_object), own), own)
 
     def in_scene(self, which: Rows) -> Intersections:
-        """Where samples (N,) lie on the scene's own triangles; without distances."""
+        """Hits of samples (N,) on the scene's own triangles, without distances."""
         triangle = self.found[0][which]
         u, v = np.einsum("nk,nki->in", self.shares[which], self.points.within[triangle])
         return Intersections(self.points.source[triangle], u, v, np.zeros(len(u), np.float32))
@@ -210,7 +212,7 @@ class ViewSamples:
 def interpolate(
     seen: ViewSamples, which: Rows, values: Float32Array, factor: Float32Array, radiance: Float32Array
 ) -> None:
-    """Add values (S, 3) of shading points between the corners of samples (N,), times factor (N or 1, 3), to
+    """Interpolate values (S, 3) of shading points at samples (N,) and add them, times factor (N or 1, 3), to
     `radiance`."""
     samples = seen.samples
 
@@ -232,8 +234,8 @@ def add_values(which: Rows, values: Float32Array, factor: Float32Array, radiance
 def assemble_picture(
     seen: ViewSamples, radiance: Float32Array, environment: Environment | None, rotation: float, scale: float = 1.0
 ) -> Float32Array:
-    """The picture (H, W, 3) of samples' reflected radiance (R, 3), which is written over: what shines and the sky
-    behind it all are added."""
+    """Assemble the picture (H, W, 3) from the samples' reflected radiance (R, 3), which is overwritten, their emission,
+    and the sky behind."""
     radiance += seen.samples.emitted
     if environment is not None:
         image, turn = environment.radiance, math.radians(rotation % 360.0)
@@ -251,7 +253,7 @@ def assemble_picture(
 
 
 def _room(n: int) -> kernels.Samples:
-    """For n samples."""
+    """Allocate n samples."""
     return kernels.Samples(
         np.empty((n, 3), np.int32), np.zeros((n, 3), np.float32), np.empty((n, 3), np.float32),
         np.empty((n, 3), np.float32), np.empty(n, np.int32), np.empty(n, bool),

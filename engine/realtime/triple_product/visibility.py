@@ -1,10 +1,10 @@
-"""What each shading point sees of its hemisphere: four bits a triangle of the sphere in the point's own frame.
+"""The visible hemisphere of each shading point: four bits for each triangle of the sphere, in the point's own frame.
 
-It hangs on geometry alone, neither on light nor on camera. Rays go where there is something to find out: through the
-middle of each of the 640 triangles of level 3 above the surface; where one of them and one of those around it differ,
-through all four of its children; where one of these and one beside it differ, through its four children in turn. So a
-shadow's edge is found to 1.4 degrees (one ray a triangle shifts a sun's shadow by up to half of it: 9 % of error on the
-bunny's floor), with half the rays of asking all 2,560 triangles first.
+Visibility depends on geometry alone, neither on light nor on camera. Rays are traced adaptively: through the middle of
+each of the 640 triangles of level 3 above the surface; where a triangle differs from one around it, through all four of
+its children; where a child differs from an adjacent one, through its four children in turn. This finds a shadow's edge
+to 1.4 degrees with half the rays of tracing all 2,560 triangles first. (One ray a triangle moves a sun's shadow by up
+to half a triangle: an error of 9 % on the bunny's floor.)
 """
 
 from __future__ import annotations
@@ -26,23 +26,24 @@ N_UPPER = 10 * 4**LEVEL
 
 _CHUNK = 32  # points at a time and thread
 _MOST_RAYS = 1 << 20
-# A ray to an emitter ends this share before it.
+# Rays to an emitter end this share of their length before it.
 SHORT = 1e-4
 Bits = NDArray[np.uint8]
 
 
 @lru_cache(maxsize=1)
 def upper_triangles() -> NDArray[np.int32]:
-    """The triangles above the surface (2560,), ascending: four children of one parent stand together. Read-only."""
+    """The triangles above the surface (2560,), ascending: the four children of a parent are consecutive. Read-only."""
     above = np.flatnonzero(geodesic(LEVEL).centres[:, 1] > 0.0).astype(np.int32)
     above.flags.writeable = False
     return above
 
 
 def trace_hemispheres(points: ShadingPoints, caster: RayCaster, which: NDArray[np.integer], bits: Bits) -> None:
-    """Fill the bits (S, 1280) of points (N,); caster: of the scene's triangles.
+    """Fill the bits (S, 1280) of points (N,); caster: intersects the scene's triangles.
 
-    Half a byte is a triangle of upper(), the first in the low half; bit c of it is child c, and 1 is free.
+    Each triangle of `upper_triangles` has half a byte, the first in the low half; bit c belongs to child c, and 1 is
+    visible.
     """
     asked = np.asarray(which, np.int64)
 
@@ -55,7 +56,7 @@ def trace_hemispheres(points: ShadingPoints, caster: RayCaster, which: NDArray[n
 def trace_patches(
     points: ShadingPoints, caster: RayCaster, patches: EmitterPatches, which: NDArray[np.integer], bits: Bits
 ) -> None:
-    """Fill the bits (S, ⌈L / 8⌉) of points (N,), which of L patches of emitters each sees: a ray to a place on each."""
+    """Fill the bits (S, ⌈L / 8⌉) of points (N,), the emitters' patches that each sees: one ray to a place on each."""
     step = max(_MOST_RAYS // n_threads() // max(len(patches), 1), 1)
 
     def part(start: int) -> None:
@@ -89,7 +90,7 @@ def _trace_batch(points: ShadingPoints, caster: RayCaster, which: NDArray[np.int
 @lru_cache(maxsize=1)
 def _tables() -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
     """Directions of the upper triangles (2560, 3) and of their children (10240, 3); the triangles that share a corner
-    with each of the parents (640, 13), and those beside each (2560, 3), −1 for none and for those below."""
+    with each parent (640, 13), and those adjacent to each triangle (2560, 3), −1 for none and for those below."""
     above = upper_triangles()
     way4 = geodesic(LEVEL).centres[above].astype(np.float32)
     way5 = geodesic(LEVEL + 1).centres.reshape(-1, 4, 3)[above].reshape(-1, 3).astype(np.float32)
