@@ -1,4 +1,4 @@
-"""`python -m app.worker`: the worker process. First it leaves to the window what is the window's."""
+"""`python -m app.worker`: the worker process. Before anything else it gives way to the window's process."""
 
 from app.worker.background import yield_to_window
 

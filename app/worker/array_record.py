@@ -33,12 +33,12 @@ _MOST_AXES = 8
 
 
 class RecordError(Exception):
-    """Not a record of ours, incomplete or damaged."""
+    """The bytes are not a record of this format, or incomplete or damaged."""
 
 
 @dataclass(frozen=True)
 class ArrayEntry:
-    """Where in a record an array lies."""
+    """Where an array is in a record."""
 
     name: str
     dtype: np.dtype[np.generic]
@@ -53,7 +53,7 @@ class ArrayEntry:
 
 @dataclass(frozen=True)
 class Record:
-    """What was read: arrays are read-only views of the buffer."""
+    """A record that was read: arrays are read-only views of the buffer."""
 
     label: str
     arrays: dict[str, NDArray[np.generic]]
@@ -67,7 +67,8 @@ def record_size(arrays: Writable, label: str) -> int:
 
 
 def write_record(file: BinaryIO, label: str, arrays: Writable) -> int:
-    """Write a record where the file stands, which can be sought in; returns its size. Each piece is asked for once.
+    """Write a record at the position of the file, which must be seekable; returns its size. Each piece is requested
+    once.
 
     Raises TypeError for arrays that hold neither numbers nor booleans, ValueError for pieces that are not as announced.
     """
@@ -86,7 +87,7 @@ def write_record(file: BinaryIO, label: str, arrays: Writable) -> int:
 
 
 def _write_array(file: BinaryIO, array: NDArray[np.generic] | ArrayInPieces, entry: ArrayEntry) -> int:
-    """Write it and what aligns the next; its checksum."""
+    """Write it and the padding before the next; returns its checksum."""
     crc = n_bytes = 0
     for piece in _pieces(array):
         if piece.dtype != entry.dtype or piece.shape[1:] != entry.shape[1:]:
@@ -101,8 +102,8 @@ def _write_array(file: BinaryIO, array: NDArray[np.generic] | ArrayInPieces, ent
 
 
 def read_record(buffer: memoryview) -> Record:
-    """The record at the start of `buffer`; every byte is checked, and so is what the header says: a checksum finds
-    accidents, not a header that somebody has made. Raises RecordError when anything disagrees."""
+    """The record at the start of `buffer`. Every byte is checked, and the header's content as well: a checksum finds
+    accidents, not a header that somebody has forged. Raises RecordError when anything disagrees."""
     label, entries, size = _read_header(buffer)
     arrays = {}
     for entry in entries:
@@ -114,7 +115,7 @@ def read_record(buffer: memoryview) -> Record:
 
 
 def _lay_out(arrays: Writable) -> list[ArrayEntry]:
-    """Entries with offsets from the end of the header and no checksums yet, on which its size does not depend."""
+    """Entries with offsets from the end of the header and without checksums; its size depends on neither."""
     entries, offset = [], 0
     for name, array in arrays.items():
         if array.dtype.kind not in _KINDS:
@@ -145,7 +146,8 @@ def _read_header(buffer: memoryview) -> tuple[str, list[ArrayEntry], int]:
 
 
 def _content(header: bytes, start: int, end: int) -> tuple[str, list[ArrayEntry]]:
-    """What the JSON says, if it is as we write it: arrays that follow each other from byte `start` to `end`."""
+    """The content of the JSON, if it is as this module writes it: arrays that follow each other from `start` to
+    `end`."""
     try:
         content = json.loads(header)
     except (ValueError, RecursionError):

@@ -1,20 +1,20 @@
-"""Which work of ours has the processors first: what a person waits for as others have them, all else after that.
+"""Which of Insitu's processes and threads get the processors first: those that the user waits for, then all others.
 
     window                                                                                as any process
     worker; the compiling of what first pictures need, direct and indirect light          a little behind
     a worker's thread for what nobody waits for (`Request.is_foreground`)                    behind
-    the compiling of what is wanted later                                                 behind all
+    the compiling of what is needed later                                                 behind all
 
-A process that has stepped back cannot step forward again, but on Linux each thread stands for itself: the worker's
-first thread never steps back, and lets another take the steps of what nobody waits for. One of both works at a time.
-Where threads have no priority of their own, all the worker does is waited for.
+A process that has lowered its priority cannot raise it again, but on Linux each thread has its own: the worker's first
+thread never lowers it, and lets another take the steps of what nobody waits for. One of the two works at a time. Where
+threads have no priority of their own, all the worker does counts as waited for.
 
 The window's thread sleeps between frames and has to run at once when something happens, so those of the worker do not
 take a processor from one that runs (SCHED_BATCH). Where OpenGL is software, a frame is also 20 ms of work for threads
-of its own, which the worker's get in the way of: from a little behind, these leave it two thirds (frames at a start
-took 0.6 of their time). Rejected: a worker that steps back by 10, which beside a busy program of another kind had a
-tenth of a processor for the picture that a person waited for.
-Light to import, for it is imported first of all.
+of its own, which compete with the worker's: at a slightly lower priority, the worker leaves them two thirds (frames at
+a start took 0.6 of their time). Rejected: a worker at niceness 10, which beside a busy program of another kind got a
+tenth of a processor for the picture that the user waited for. This module imports little, because it is imported first
+of all.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ Result = TypeVar("Result")
 LITTLE = 3
 NICENESS = 10
 LAST = 19
-_OOM_SCORE = "800"  # the system, short of memory, ends us before the window
+_OOM_SCORE = "800"  # when memory runs out, the system ends the worker before the window
 
 
 def yield_to_window(last: bool = False) -> None:
-    """Leave Ctrl-C, a little of the processor and, when memory runs out, survival to the window; `last`: the processor
-    to everybody."""
+    """Give way to the window: ignore Ctrl-C, lower the priority a little, and be the first to end when memory runs out;
+    `last`: lower the priority below everybody's."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     use_batch_scheduling()
     lower_priority(LAST if last else LITTLE)
@@ -45,13 +45,13 @@ def yield_to_window(last: bool = False) -> None:
 
 
 class Background:
-    """A thread that has stepped back, and those that it shares its work with."""
+    """A thread of lower priority, and those that it shares its work with."""
 
     def __init__(self) -> None:
         self._thread: ThreadPoolExecutor | None = None
 
     def run(self, step: Callable[[], Result]) -> Result:
-        """Have it take a step, and wait for that; raises what the step raises."""
+        """Let it take a step, and wait for that; raises what the step raises."""
         if not HAS_THREAD_PRIORITIES:
             return step()
         if self._thread is None:
@@ -60,8 +60,8 @@ class Background:
 
 
 def step_behind(niceness: int = NICENESS) -> None:
-    """Have this thread, and those that it shares its work with from now on, leave the processors to others."""
-    from engine.core.threads import use_own_threads  # late: it brings NumPy
+    """Lower the priority of this thread, and of those that it shares its work with from now on."""
+    from engine.core.threads import use_own_threads  # late: it imports NumPy
 
     lower_priority(niceness)
     use_own_threads()

@@ -1,4 +1,4 @@
-"""The worker's share of planning how many bands layers need (`app.modes.placement.band_plans`)."""
+"""The worker's part of planning how many bands layers need (`app.modes.placement.band_plans`)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from engine.planner import band_counts
 
 
 def plan_bands(request: PlanBands) -> Iterator[Response | None]:
-    """One layer a step: some 10 to 40 ms each."""
+    """Plan one layer a step: some 10 to 40 ms each."""
     bands = []
     for layer in request.layers:
         bands.append(band_counts(layer))

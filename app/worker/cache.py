@@ -1,10 +1,9 @@
-"""The transport cache: arrays on disk under a key, so that a scene seen before opens at once.
+"""The transport cache: arrays on disk under a key, so that a scene opened before opens at once.
 
-A key is a hash of all that the arrays depend on (`content_key`), so an entry is never out of date, only absent.
-Entries are written to a temporary name and renamed, checked byte by byte before they are
-handed out, held against what they have to be by who takes them, and deleted when anything is wrong with them. The least
-recently used go when the bound is exceeded. The cache only ever saves time: what goes wrong with it becomes a note,
-said once, never an error.
+A key is a hash of all that the arrays depend on (`content_key`), so an entry is never out of date, only absent. Entries
+are written to a temporary name and renamed; they are checked byte by byte before they are handed out, then validated by
+the caller, and deleted when anything is wrong with them. The least recently used ones are deleted when the size limit
+is exceeded. The cache only ever saves time: a fault of it becomes a warning, shown once, never an error.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ KeyPart = str | bytes | int | float | bool | None | NDArray[np.generic] | tuple[
 
 
 def cache_folder() -> Path:
-    """`$INSITU_CACHE`, or the platform's place for caches."""
+    """`$INSITU_CACHE`, or the platform's folder for caches."""
     configured = os.environ.get(CACHE_VARIABLE)
     if configured:
         return Path(configured)
@@ -60,7 +59,7 @@ def content_key(*parts: KeyPart) -> str:
 class ArrayCache:
     """Arrays by key in one folder, at most `bound` bytes of them.
 
-    Several processes may use one folder at a time: entries appear and go as wholes.
+    Several processes may use one folder at a time: entries appear and disappear whole.
     """
 
     def __init__(self, folder: Path | None = None, bound: int = DEFAULT_BOUND) -> None:
@@ -73,14 +72,14 @@ class ArrayCache:
         sweep_temporaries(self._folder)
 
     def take_notes(self) -> tuple[str, ...]:
-        """What a person should know about the cache and has not been told yet."""
+        """Warnings about the cache that have not been shown yet."""
         notes = tuple(note for note in dict.fromkeys(self._notes) if note not in self._reported)
         self._notes = []
         self._reported.update(notes)
         return notes
 
     def require(self) -> None:
-        """Raises InsituError where nothing can be kept."""
+        """Raise InsituError where nothing can be stored."""
         probe = self._path("probe", _ENTRY)
         try:
             make_private_folder(self._folder)
@@ -91,7 +90,7 @@ class ArrayCache:
         _remove(probe)
 
     def require_stored(self) -> None:
-        """Raises InsituError where something is not there, or no longer, that this process has put or looked for."""
+        """Raise InsituError where an entry is missing, or missing again, that this process has stored or looked up."""
         missing = [path for path in self._accessed_keys if not path.exists()]
         if missing:
             lost = f"({len(missing)} of {len(self._accessed_keys)} parts are not kept)"
@@ -101,8 +100,8 @@ class ArrayCache:
     def get(self, key: str, read: Callable[[Arrays], Made]) -> Made | None:
         """What `read` makes of the arrays under the key; None when there are none, or no sound ones.
 
-        They are read-only, and what was checked: the file may change. `read` raises UnsoundArrays where they are not
-        what it needs.
+        They are read-only copies of what was checked: the file may change. `read` raises UnsoundArrays where they are
+        not what it needs.
         """
         path = self._path(key, _ENTRY)
         try:
@@ -114,7 +113,7 @@ class ArrayCache:
             self._notes.append(f"part of the cache in {self._folder} was damaged and is computed again")
             _remove(path)
             return None
-        except OSError as error:  # no right to read it, a disk that fails: it may be sound
+        except OSError as error:  # no permission to read it, or a disk error: the entry may be sound
             self._notes.append(f"the cache in {self._folder} cannot be read ({error.strerror}); all is computed again")
             return None
         self._accessed_keys.add(path)
@@ -122,7 +121,7 @@ class ArrayCache:
         return made
 
     def put(self, key: str, arrays: Writable) -> bool:
-        """Keep the arrays, or note why not. What is `ArrayInPieces` goes to the disk without being whole in memory."""
+        """Store the arrays, or note why not. An `ArrayInPieces` goes to the disk without being whole in memory."""
         size = record_size(arrays, key)
         path = self._path(key, _ENTRY)
         self._accessed_keys.add(path)
@@ -158,7 +157,7 @@ class ArrayCache:
             _remove(path)
 
     def _shrink(self, keep: Path) -> None:
-        """Delete the least recently used entries until the bound is kept."""
+        """Delete the least recently used entries until the limit is met."""
         entries = self._entries()
         total = sum(n_bytes for _, n_bytes, _ in entries)
         for _, n_bytes, path in sorted(entries):
@@ -200,7 +199,7 @@ def _read_entry(path: Path, key: str) -> dict[str, NDArray[np.generic]]:
         size = os.fstat(file.fileno()).st_size
         if not size:
             raise RecordError("empty")
-        content = file.read()  # what is checked is what is used, whatever becomes of the file
+        content = file.read()  # what is checked is what is used, even if the file changes
     record = read_record(memoryview(content))
     if (record.label, record.n_bytes) != (key, size):
         raise RecordError(f"{size} bytes of {record.label!r}, expected {record.n_bytes} of {key!r}")
@@ -208,7 +207,7 @@ def _read_entry(path: Path, key: str) -> dict[str, NDArray[np.generic]]:
 
 
 def _reserve(file: BinaryIO, size: int) -> None:
-    """Have a full disk refuse before anything is written."""
+    """Make a full disk refuse before anything is written."""
     if hasattr(os, "posix_fallocate"):
         os.posix_fallocate(file.fileno(), 0, size)
 
@@ -218,7 +217,7 @@ def _cannot_write(error: OSError) -> str:
 
 
 def _feed(digest: hashlib.blake2b, part: KeyPart | tuple[KeyPart, ...]) -> None:
-    """Each part with its type and length, so that no two lists of parts read the same."""
+    """Hash each part with its type and length, so that no two lists of parts have the same bytes."""
     if isinstance(part, tuple):
         digest.update(f"tuple {len(part)};".encode())
         for inner in part:

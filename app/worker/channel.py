@@ -1,13 +1,12 @@
-"""Messages over one socket between two processes of ours.
+"""Messages over one socket between the window's process and the worker.
 
 A frame is a fixed header, a pickled message and, beside it (SCM_RIGHTS), the descriptor of one shared block with the
-message's large buffers (pickle protocol 5, out of band); where descriptors do not travel, its name stands in the
-header. Only the two ends of a socket pair that we opened ourselves
-ever speak here, which is why pickle is safe.
+message's large buffers (pickle protocol 5, out of band); where descriptors cannot be sent, the header has its name.
+Only the two ends of a socket pair that this program opened exchange frames, which is why pickle is safe.
 
 The socket never blocks. `receive` takes what is there and works on it until a deadline, checksum included: the window
-calls it in every frame. `send`, for the worker, waits while the window is behind; the socket's buffer is kept short,
-so that only a few tens of messages (and their blocks) are ever on the way.
+calls it in every frame. `send`, for the worker, waits while the window is behind; the socket's buffer is short, so that
+only a few tens of messages (and their blocks) are ever under way.
 
 `multiprocessing`'s Queue and Connection were rejected: a process killed in the middle of a message leaves locks taken
 and readers waiting for the rest.
@@ -33,7 +32,7 @@ from app.messages.worker_messages import Message
 from app.system.system import has_hung_up, receive_with, send_with
 from app.worker.shared_arrays import Block, Method, create_block, kept_block_name, open_kept_block
 
-SHARED_FROM = 4096  # bytes: smaller buffers travel inside the message
+SHARED_FROM = 4096  # bytes: smaller buffers go inside the message
 _MAGIC = b"INSF"
 # Magic, bytes of the pickle, generation of the block (0: none) and its bytes; the process and serial that name it.
 _HEADER = struct.Struct("<4sIQQQQ")
@@ -48,11 +47,12 @@ class ChannelClosed(Exception):
 
 
 class ChannelError(Exception):
-    """What arrived is no message of ours; nothing more can be read."""
+    """The bytes that arrived are no valid message; nothing more can be read."""
 
 
 class _Frame:
-    """Bytes to send and the block: a descriptor, which goes with the first of them, or a file for their reader."""
+    """Bytes to send and the block: a descriptor, which goes with the first of them, or a file that the receiver
+    opens."""
 
     def __init__(self, data: bytes, block: int | Path | None) -> None:
         self.data = memoryview(data)
@@ -63,7 +63,7 @@ class _Frame:
         return self._block if isinstance(self._block, int) else None
 
     def sent(self, n_bytes: int) -> None:
-        """So many bytes have gone, and the block with them."""
+        """Note that so many bytes were sent, and the block with them."""
         self.data = self.data[n_bytes:]
         if self.descriptor is not None:
             os.close(self.descriptor)
@@ -72,7 +72,7 @@ class _Frame:
             self._block = None
 
     def close(self) -> None:
-        """It is not sent, or not to the end: nobody will open the block."""
+        """Drop the frame, unsent or sent in part: nobody will open the block."""
         if isinstance(self._block, Path):
             self._block.unlink(missing_ok=True)
         elif self._block is not None:
@@ -106,7 +106,7 @@ class Channel:
         self._outgoing.append(self._encode(message))
 
     def flush(self) -> bool:
-        """Send what the socket takes now: True when nothing is left. Raises ChannelClosed."""
+        """Send what the socket takes now; True when nothing is left. Raises ChannelClosed."""
         while self._outgoing:
             frame = self._outgoing[0]
             if not self._send_some(frame):
@@ -160,8 +160,8 @@ class Channel:
     def receive(self, deadline: float) -> Message | None:
         """The next message that is complete and verified by the monotonic time `deadline`, else None.
 
-        Raises ChannelClosed once the other end is gone and all it completed was handed out; ChannelError and
-        BlockError when what arrived cannot be trusted.
+        Raises ChannelClosed once the other end is gone and all its complete messages were handed out; ChannelError and
+        BlockError when what arrived is not valid.
         """
         while True:
             if self._checking is not None:
@@ -177,11 +177,11 @@ class Channel:
 
     @property
     def is_checking(self) -> bool:
-        """Whether a message has arrived of which `receive` has yet to check more."""
+        """Whether a message has arrived that `receive` has not checked to its end."""
         return self._checking is not None
 
     def wait(self, timeout: float | None) -> bool:
-        """Sleep until something can be received, or for `timeout` seconds: whether there is something."""
+        """Sleep until something can be received, or for `timeout` seconds; returns whether there is something."""
         if self._checking is not None or self._frame_is_complete():
             return True
         return bool(select.select([self._socket], [], [], timeout)[0])
@@ -234,7 +234,7 @@ class Channel:
         return self._descriptors.popleft()
 
     def _read(self) -> bool:
-        """Take bytes and descriptors from the socket: False when there are none now."""
+        """Read bytes and descriptors from the socket; False when there are none now."""
         if self._ended:
             raise ChannelClosed("the other end closed the connection")
         try:
@@ -252,7 +252,7 @@ class Channel:
 
 
 class _Pickler(pickle.Pickler):
-    """Every large array leaves as a plain contiguous buffer, also slices and memory maps."""
+    """Every large array is sent as a plain contiguous buffer, also slices and memory maps."""
 
     def reducer_override(self, value: Any) -> Any:
         plain = type(value) is np.ndarray and value.flags.forc

@@ -1,8 +1,8 @@
-"""The window's side of the process boundary: send requests, poll for answers, never block, never lose the worker.
+"""The window's side of the process boundary: send requests, poll for responses, never block, never lose the worker.
 
 No threads: the window calls `poll` once a frame. A worker that dies, hangs or sends something damaged is replaced in
-the same call, is given the standing requests again (all of them may be repeated: the answers are values), and a
-WorkerRestarted among the answers says so. A request on which the worker dies again and again is given up.
+the same call and gets the pending requests again (all of them may be repeated: the responses are values); a
+WorkerRestarted among the responses says so. A request on which the worker dies again and again is given up.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class _CrashCounter:
         self._begun = False
 
     def crashed(self, beat: Heartbeat) -> int:
-        """Count a crash; an idle worker's has no culprit."""
+        """Count a crash; an idle worker's belongs to no request."""
         self._begun = False
         if beat.state == "idle":
             return 0
@@ -51,7 +51,7 @@ class _CrashCounter:
         return self._n_crashes
 
     def note(self, beat: Heartbeat) -> None:
-        """Forget the crashes of a request that was begun again and has come to its end."""
+        """Reset the count of a request that was begun again and has finished."""
         if beat.state == "busy" and beat.id == self._id:
             self._begun = True
         if beat.state == "idle" and (self._begun or self._id == 0):
@@ -59,12 +59,12 @@ class _CrashCounter:
 
 
 class Client:
-    """A worker process and what was asked of it; the worker starts at once and imports while the window opens.
+    """A worker process and its pending requests; the worker starts at once and imports while the window opens.
 
-    Create it in the thread that lives longest: on Linux the worker dies with the thread that started it.
-    handlers: `module:name` of what makes the object that does the work; hang_timeout: seconds without a sign of life
-    before the worker is replaced; heartbeat: seconds between signs of life; method: where shared blocks live (see
-    `shared_arrays`); started: the first worker, where it was started before, with the same settings.
+    Create it in the thread that lives longest: on Linux the worker dies with the thread that started it. handlers:
+    `module:name` of what makes the object that does the work; hang_timeout: seconds without a sign of life before the
+    worker is replaced; heartbeat: seconds between signs of life; method: where shared blocks are (see `shared_arrays`);
+    started: the first worker, where it was started before, with the same settings.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class Client:
         self._dying: list[WorkerProcess] = []
         self._process: WorkerProcess | None = None
         self._closed = False
-        self._gave_up = False  # the worker has said that it cannot start
+        self._gave_up = False  # the worker has reported that it cannot start
         self._has_spoken = False  # whether this worker has given a sign of life
         self._beat = Heartbeat("starting")
         self._polled = self._heard = time.monotonic()
@@ -102,11 +102,11 @@ class Client:
 
     @property
     def busy(self) -> bool:
-        """Whether the worker, by its last word, is at work or still starting."""
+        """Whether the worker, by its last heartbeat, is at work or still starting."""
         return self.alive and self._beat.state != "idle"
 
     def send(self, request: Request) -> int:
-        """Hand a request over, without waiting: the number its answers will carry. Leave `request.id` out.
+        """Send a request without waiting; returns the number its responses will carry. Leave `request.id` out.
 
         A worker that was given up is started again.
         """
@@ -123,13 +123,13 @@ class Client:
         return request.id
 
     def poll(self, budget_s: float = 0.004) -> list[Response]:
-        """The answers that have arrived and still count; takes about `budget_s` seconds, at most."""
+        """The responses that have arrived and are not stale; takes at most about `budget_s` seconds."""
         responses, self._due = self._due, []
         self._dying = [process for process in self._dying if not process.reaped()]
         if self._process is None:
             return responses
         now = time.monotonic()
-        if now - self._polled > self._hang_timeout / 2:  # we ourselves were stopped: its silence proves nothing
+        if now - self._polled > self._hang_timeout / 2:  # this process was stopped: silence proves nothing
             self._heard = now
         self._polled = now
         try:
@@ -142,7 +142,7 @@ class Client:
 
     @property
     def arriving(self) -> bool:
-        """Whether an answer is here that `poll` had no time to check to its end."""
+        """Whether a response is here that `poll` had no time to check to its end."""
         return self._process is not None and self._process.channel.is_checking
 
     def wait(self, timeout_s: float) -> bool:
@@ -175,7 +175,7 @@ class Client:
         self.close()
 
     def _exchange(self, process: WorkerProcess, deadline: float, responses: list[Response]) -> None:
-        """Send what waits, take what has come, and look whether the worker hangs."""
+        """Send what waits, receive what has come, and check whether the worker hangs."""
         process.channel.flush()
         while (message := process.channel.receive(deadline)) is not None:
             self._heard = self._polled
@@ -206,10 +206,10 @@ class Client:
                 self._pending.settle(message)
                 responses.append(message)
             if isinstance(message, RequestFailed):
-                self._post_pending()  # the scene that stands again may be one that this worker has not opened
+                self._post_pending()  # the scene that is pending again may be one that this worker has not opened
 
     def _replace(self, reason: str, responses: list[Response]) -> None:
-        """Put a new worker in the place of one that died or hangs, unless that would never end."""
+        """Replace a worker that died or hangs, unless it would die again and again."""
         assert self._process is not None
         self._process.end(0)
         self._dying.append(self._process)
@@ -239,7 +239,7 @@ class Client:
         self._post_pending()
 
     def _post_pending(self) -> None:
-        """Send the standing requests that this worker has not been sent."""
+        """Send the pending requests that this worker has not received."""
         for request in self._pending.unsent():
             self._post(request)
 
@@ -251,5 +251,5 @@ class Client:
         except OutOfMemory as error:
             self._pending.drop(request.id)
             self._due.append(RequestFailed(str(error), id=request.id, revision=request.revision))
-        except ChannelClosed:  # the next poll finds out why and sends the request again
+        except ChannelClosed:  # the next poll finds the reason and sends the request again
             pass

@@ -1,6 +1,6 @@
-"""Deform in the worker: transfer of the scene at rest made ready, and pictures of any pose between the steps of that.
+"""Deform in the worker: precomputes transfer of the scene at rest, and between the steps draws pictures of any pose.
 
-Making ready goes on where it was left off, whoever ended that; what was fitted once is kept on disk, object by object.
+Precomputation continues where it was left off, whatever ended it; fitted transfer is cached on disk, object by object.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _ROUNDING = 1e-5  # of axes in single precision
 
 
 class DeformWorker(ModeWorker):
-    """What pictures of the open scene are drawn of, and by which request that is to be changed last."""
+    """What pictures of the open scene are drawn of, and the request that changes it next."""
 
     n_points: int | None = None
     n_rays: int | None = None
@@ -65,7 +65,7 @@ class DeformWorker(ModeWorker):
 
     def view_traced(self) -> None:
         scene = self._context.rest_scene
-        if scene is not self._scene:  # another one, not the same from elsewhere or in another pose
+        if scene is not self._scene:  # another one, not the same from another camera or in another pose
             self._deform, self._scene, self._reference = None, scene, None
 
     def _prepare(self, request: PrepareDeform) -> Steps:
@@ -89,7 +89,7 @@ class DeformWorker(ModeWorker):
         self._prepared = request.id
         for step in deform.work():
             if deform.is_ready and deform.version != told:
-                if told is None and first_time:  # compile what pictures are drawn with before a quick request does
+                if told is None and first_time:  # compile the drawing before a quick request does
                     deform.draw(deform.scene.description.camera, (8, 8))
                 told = deform.version
                 yield OrbitProgress(deform.version, deform.is_done, deform.n_bytes)
@@ -103,7 +103,7 @@ class DeformWorker(ModeWorker):
             yield from self._trace(deform, request, sky, request.traced)
 
     def _trace(self, deform: Deform, request: PrepareDeform, sky: SkyState, wanted: PathPreview) -> Steps:
-        """By paths, pass by pass; goes on where it was left off."""
+        """Trace paths, pass by pass; continues where it was left off."""
         from engine.realtime.zonal_harmonics.path_reference import N_PASSES, PathReference
 
         layers, n_bounces = layers_by_object(deform.scene, request.scene.layers), request.n_bounces or 1
@@ -159,7 +159,7 @@ class DeformWorker(ModeWorker):
         self, picture: NDArray[np.float32], deform: Deform, camera: CameraDescription, request: DrawDeform,
         split: tuple[float, float],
     ) -> NDArray[np.float32]:  # fmt: skip
-        """The picture, right of what paths show of the same and of transfer that does not turn."""
+        """The picture, split: to its right paths show the same, and transfer that does not rotate."""
         from engine.realtime.zonal_harmonics.path_reference import compose_split
 
         stays = deform.draw(camera, request.resolution, request.poses, request.quality, turned=False)
@@ -180,13 +180,13 @@ class DeformWorker(ModeWorker):
 
 
 class StoredLobes:
-    """Fitted transfer in the cache on disk."""
+    """Fitted transfer, cached on disk."""
 
     def __init__(self, store: ArrayCache) -> None:
         self._store = store
 
     def get(self, made_of: tuple[object, ...], n_places: int) -> Zonal | None:
-        """What was kept of so many places; None where there is nothing, or nothing sound."""
+        """The cached transfer of so many places; None where there is none, or none that is sound."""
         return self._store.get(_key(made_of), lambda arrays: stored_lobes(arrays, n_places))
 
     def put(self, made_of: tuple[object, ...], zonal: Zonal) -> None:
@@ -201,7 +201,7 @@ def _key(made_of: tuple[object, ...]) -> str:
 
 
 def stored_lobes(arrays: Arrays, n_places: int) -> Zonal:
-    """Lobes of so many places, as pictures are drawn of. Raises UnsoundArrays."""
+    """Zonal lobes of so many places, as pictures are drawn of. Raises UnsoundArrays."""
     from engine.realtime.zonal_harmonics.deform_engine import N_LOBES
     from engine.realtime.zonal_harmonics.object_transfer import ORDER
     from engine.realtime.zonal_harmonics.zonal import Zonal

@@ -1,4 +1,5 @@
-"""What the worker does with each request: scenes and files here, all else the modes' works (`app.modes.mode`)."""
+"""Dispatches each request of the worker: scenes and files here, all else to the workers of the modes
+(`app.modes.mode`)."""
 
 from __future__ import annotations
 
@@ -35,7 +36,7 @@ from engine.scene.scene_loader import load_scene
 
 
 class RequestDispatcher:
-    """The worker's state, and who carries out which request. Arguments: see `WorkerContext`."""
+    """The worker's state, and the handler of each request. Arguments: see `WorkerContext`."""
 
     def __init__(
         self, store: ArrayCache | None = None, kernels: Kernels | None = None, fills: bool = False,
@@ -54,7 +55,7 @@ class RequestDispatcher:
             self._handlers |= work.handlers
 
     def handle(self, request: Request) -> Steps:
-        """The answers to a request, step by step."""
+        """The responses to a request, step by step."""
         yield from self._handlers[type(request)](request)
         yield from self.context.new_warnings()
 

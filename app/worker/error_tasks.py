@@ -1,7 +1,7 @@
-"""The worker's estimate of the error of a picture that it made: its radiance once more, and how far off that is.
+"""Estimates the error of a picture that the worker made, by computing its radiance again at sample points.
 
-What the window shows of Placement is the same sums: transport under the curves as they are, and indirect light as it
-was found. What other modes draw is held against the same truth, of the view that is open.
+The window shows the same sums in Placement: transport under the present curves, and indirect light as it was found.
+Pictures of other modes are compared with the same reference, for the open view.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ DrawSteps = Generator[object, None, NDArray[np.float32]]
 def estimate_error(
     request: EstimateError, context: WorkerContext, held: Mapping[str, LayerData], found: IndirectLight | None
 ) -> Iterator[Response | None]:
-    """The answer. held: transport by layer; found: indirect light, None where there is none. Raises InsituError where
+    """The response. held: transport by layer; found: indirect light, None where there is none. Raises InsituError where
     not every pixel has been computed."""
     placement, states = context.open_placement, request.scene.visible
     if not states:
-        yield ErrorEstimated(ErrorEstimate(0.0))  # nothing reflects: there is nothing to be off
+        yield ErrorEstimated(ErrorEstimate(0.0))  # nothing reflects: there is no error
         return
     if not all(state.key in held and STAGES[held[state.key].stage].stride == 1 for state in states):
         raise InsituError("the error is estimated of a whole picture, and not every pixel of this one is computed yet")
@@ -68,14 +68,14 @@ def estimate_error(
     judging = estimate_point_errors(
         placement, layers, sky, quality, n_bounces, radiance, indirect, n_points=n_points, noise=noise
     )
-    judged = yield from map_steps(judging, lambda step: None)  # without a word: nobody waits for it
+    judged = yield from map_steps(judging, lambda step: None)  # without progress: nobody waits for it
     yield ErrorEstimated(judged.estimate, (yield from _colours(request.has_map, placement, judged)))
 
 
 def estimate_drawn_error(
     request: EstimateDrawn, context: WorkerContext, n_bounces: int, drawing: Callable[[Any], DrawSteps]
 ) -> Iterator[Response | None]:
-    """The answer. drawing: makes a picture (h, w, 3) that is asked for. n_bounces: after how many reflections."""
+    """The response. drawing: makes a requested picture (h, w, 3). n_bounces: the number of reflections in it."""
     if context.kernels is not None:
         for _ in context.kernels.until_ready(ESTIMATE):
             yield None
@@ -94,7 +94,7 @@ def estimate_drawn_error(
 
 
 def _colours(is_wanted: bool, placement: Placement, judged: PointErrors) -> Generator[None, None, Colours | None]:
-    """Where the picture is off."""
+    """The error map of the picture."""
     return (yield from error_colours(placement.hits, judged)) if is_wanted else None
 
 
@@ -105,13 +105,13 @@ def _with_own_bands(state: LayerState, placement: Placement) -> StillLayer:
 
 
 def _quality(data: LayerData) -> Quality:
-    """How finely a layer's light was computed; of few lights the preview is the last stage."""
+    """How finely a layer's light was computed; with few lights the preview is the last stage."""
     stage, settings = STAGES[data.stage], data.lit_by.planned_settings or data.lit_by.settings
     return final_quality(settings) if stage is FINAL else replace(stage, n_lights=settings.n_lights)
 
 
 def _with_present_curves(data: LayerData, state: LayerState) -> LayerData:
-    """What is held of a layer, under its curves as they are by now: the window edits them without asking anybody."""
+    """The stored transport of a layer with its present curves: the window edits them without a request."""
     return data if data.is_fixed else data.with_curves(replace(state, bands=data.work.bands))
 
 

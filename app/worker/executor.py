@@ -1,5 +1,4 @@
-"""Who does the long work on a view of a scene: this process, or others that are asked to
-(`app.cluster.cluster_executor`)."""
+"""Who does the long work on a view of a scene: this process, or others (`app.cluster.cluster_executor`)."""
 
 from __future__ import annotations
 
@@ -22,26 +21,27 @@ IndirectSteps = Generator["Response | None", None, "Arrays"]
 
 
 class Executor(Protocol):
-    """What is computed comes out the same, to the last bit, whoever computes it."""
+    """Does the long work; the result is the same to the last bit for each executor."""
 
     def compute_light(self, placement: Placement, sky: SkyState, quality: Quality) -> LightSteps:
-        """See all the light of a stage; yields how much of that is done. A final one leaves the sphere's visibility
-        in `placement_worker`."""
+        """Compute all the light of a stage; yields the fraction done. A final stage leaves the sphere's visibility in
+        `placement_worker`."""
 
     def project_tiles(
         self, placement: Placement, rows: np.ndarray, light: VisibleLight, layer: LayerShape,
         skip: frozenset[int] = frozenset(),
     ) -> Iterator[BandTile | None]:  # fmt: skip
-        """The tiles of a layer's points as they are made, in any order, but those to skip; None while there is none."""
+        """The tiles of a layer's points as they are made, in any order, except those to skip; None while there is
+        none."""
 
     def find_indirect(
         self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int
     ) -> IndirectSteps | None:
-        """The fine indirect light, as it is kept on disk; None: it is to be found here."""
+        """The fine indirect light, cached on disk; None: it is to be computed here."""
 
 
 class LocalExecutor:
-    """This process does it all."""
+    """Does all the work in this process."""
 
     def compute_light(self, placement: Placement, sky: SkyState, quality: Quality) -> LightSteps:
         return placement.light(sky, quality)

@@ -1,4 +1,4 @@
-"""The worker's share of exporting a scene to another program."""
+"""The worker's part of exporting a scene to another program."""
 
 from __future__ import annotations
 

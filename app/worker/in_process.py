@@ -1,4 +1,4 @@
-"""The same requests served in this process: for commands without a window, and for most tests."""
+"""Serves the same requests in this process: for commands without a window, and for most tests."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from app.worker.schedule import RequestHandler, Schedule
 
 
 class InProcessClient:
-    """Looks like `client.Client`; `poll` itself does the work, one step at least, until its budget is used up."""
+    """Has the interface of `client.Client`; `poll` itself does the work, one step at least, until its budget is used
+    up."""
 
     alive = True
     pid: int | None = None
@@ -41,12 +42,12 @@ class InProcessClient:
 
     @property
     def arriving(self) -> bool:
-        """Never: answers are handed over whole."""
+        """Always False: responses are handed over whole."""
         return False
 
     def wait(self, timeout_s: float) -> bool:
-        """Whether `poll` has something to do; there is nobody to wait for."""
+        """Whether `poll` has something to do; there is no other process to wait for."""
         return self._schedule.choose() is not None
 
     def close(self) -> None:
-        """Nothing to end."""
+        """Does nothing: there is no process to end."""

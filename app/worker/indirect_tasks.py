@@ -1,10 +1,10 @@
-"""The worker's share of indirect light: found once for scene and camera, lit anew, frozen for what is being edited.
+"""The worker's part of indirect light: computed once for scene and camera, lit anew, frozen for what is being edited.
 
-Found roughly after the first picture, finely after the last stage of the direct light, so that a person waits for
-neither; where the rays of a fine one are still there, another light lights their cells anew, at once, and what glossy
-surfaces send goes by albedo until the end. Fine light is kept on disk, where a scene that is opened again, or a worker
-after one that died, finds it with the first picture; while it is being found its finished parts are, from which either
-goes on.
+It is computed coarsely after the first picture, and finely after the last stage of the direct light, so that the user
+waits for neither. Where the rays of a fine one are still there, another light lights their records anew, at once; the
+glossy second bounce then depends on albedo alone until the end. Fine light is cached on disk, where a scene that is
+opened again, or a worker that follows one that died, finds it with the first picture; while it is being computed its
+finished parts are cached, from which either continues.
 """
 
 from __future__ import annotations
@@ -48,28 +48,28 @@ from engine.render.still_indirect import direct_mean
 Steps = Iterator[Response | None]
 RemoteSolve = Callable[[Sequence[LayerState], str, int, int], IndirectSteps | None]
 Value = TypeVar("Value")
-# Raised when anything changes the numbers in what is kept on disk.
+# Raised when anything changes the numbers in what is cached on disk.
 STORED_VERSION = 10
 MOST_PARTS = 1024
-# Of the work on indirect light, the share until it is found; then surfaces reflect it, and its noise is told.
+# The share of the work until indirect light is found; then surfaces reflect it, and its noise is estimated.
 FOUND_AT = 0.9
 
 
 @dataclass(frozen=True, eq=False)
 class _FoundLight:
-    """Indirect light, what its rays and what its irradiance were found for; n_rays: 0 for as many as it needs."""
+    """Indirect light, and what its rays and its irradiance were computed for; n_rays: 0 for as many as it needs."""
 
     light: IndirectLight
     settings: SamplingSettings
     n_rays: int
     models: tuple[tuple[str, str], ...]
     lit_by: str
-    depth: int  # bounces that the rays were found for
+    depth: int  # bounces that the rays were traced for
     number: int = 0
 
 
 class _Checkpoints:
-    """The finished parts of light that is being found, as the solver keeps them."""
+    """The finished parts of light that is being computed, as the solver stores them."""
 
     def __init__(self, tiles: Tiles) -> None:
         self._tiles = tiles
@@ -83,14 +83,14 @@ class _Checkpoints:
 
 
 class IndirectTasks:
-    """Indirect light of the scene that is open, and the freezing that was asked for last."""
+    """Indirect light of the open scene, and the freezing that was requested last."""
 
     def __init__(
         self, placement: Placement, store: ArrayCache | None = None, scene_key: str = "", scene_id: int = 0,
         elsewhere: RemoteSolve | None = None,
     ) -> None:  # fmt: skip
-        """store: where fine light is kept for the next time, under keys of the scene, None for nowhere; scene_id: the
-        number of the request that opened it; elsewhere: who may find fine light for this process, see `Executor`."""
+        """store: where fine light is cached, under keys of the scene, None for nowhere; scene_id: the number of the
+        request that opened it; elsewhere: what may compute fine light for this process, see `Executor`."""
         self._placement, self._store, self._scene_key, self._elsewhere = placement, store, scene_key, elsewhere
         self._found: _FoundLight | None = None
         self._freeze_request: FreezeIndirect | None = None
@@ -99,26 +99,26 @@ class IndirectTasks:
         self._sent = 0
         self._noise_found: tuple[_FoundLight, FreezeIndirect, tuple[float, float]] | None = None
         self._representations: GatherPolynomial | None = None
-        self._numbers = itertools.count(time.time_ns())  # none that a worker before this one gave
+        self._numbers = itertools.count(time.time_ns())  # none that a worker before this one used
 
     @property
     def n_bytes(self) -> int:
-        """Memory of what was found, and of what freezings keep."""
+        """Memory of the light that was found, and of stored freezings."""
         kept = 0 if self._representations is None else self._representations.n_bytes
         return kept + (0 if self._found is None else self._found.light.n_bytes)
 
     @property
     def light(self) -> IndirectLight | None:
-        """The light that was found for the transport asked for last; None while there is none."""
+        """The light that was found for the transport requested last; None while there is none."""
         return self._found.light if self._found is not None and self._is_requested_light(self._found) else None
 
     def transport_requested(self, lit_by: str, n_bounces: int) -> None:
-        """Another transport was asked for, under the light of that key: its freezing comes after it. No bounces: as
-        many as will be planned."""
+        """Note that other transport was requested, under the light of that key: its freezing comes after it. No
+        bounces: as many as will be planned."""
         self._freeze_request, self._requested, self._sent = None, (lit_by, n_bounces), 0
 
     def plan_bounces(self, layers: Sequence[LayerState], n_bounces: int = 0) -> BouncesPlanned:
-        """How many bounces the scene requires with these layers; or what of the light `n_bounces` leave out."""
+        """How many bounces the scene requires with these layers; or how much of the light `n_bounces` leave out."""
         indexed = [(self._object(each), each.layer) for each in layers]
         plan = planned_bounces(self._placement, indexed, n_bounces or None)
         return BouncesPlanned(plan.n_bounces, plan.reason, plan.warning)
@@ -126,9 +126,9 @@ class IndirectTasks:
     def find(
         self, layers: Sequence[LayerState], sky: SkyState, lit_by: str, n_bounces: int, is_last: bool, n_rays: int = 0
     ) -> Steps:
-        """What a stage of the direct light calls for: `is_last` all that can be had, else what can be had at once.
+        """Compute what a stage of the direct light calls for: `is_last` all light, else what is quick.
 
-        lit_by: a key of the light; n_rays: a fan of fine light, 0 for as many as are needed.
+        lit_by: a key of the light; n_rays: hemisphere samples of fine light, 0 for as many as are needed.
         """
         fine = FINE.with_rays(n_rays)
         self._requested = lit_by, n_bounces
@@ -150,7 +150,8 @@ class IndirectTasks:
             by_object.setdefault(self._object(each), []).append(each.layer)
         of_object = {i_object: [layer.model.name for layer in those] for i_object, those in by_object.items()}
         solver = partial(Solver, self._placement, of_object, sky, n_bounces)
-        # The curves that decided where light is finest do not count: within a session they do not either.
+        # The curves that decided where light is finest are not part of the key: within a session they do not count
+        # either.
         key = content_key(
             "indirect", STORED_VERSION, NAMES, self._scene_key, models, lit_by, n_bounces, repr(fine), n_rays
         )
@@ -182,7 +183,7 @@ class IndirectTasks:
                 tiles.finish()
 
     def freeze(self, request: FreezeIndirect) -> Steps:
-        """The answer, if there is anything to answer with; it is given again when there is something finer."""
+        """The response, if there is light to freeze; it is repeated when there is finer light."""
         self._freeze_request = request
         if self._found is not None and self._is_requested_light(self._found):
             if self._found.number != self._sent:
@@ -191,7 +192,7 @@ class IndirectTasks:
             yield from self._noise(self._found, request)
 
     def _is_requested_light(self, found: _FoundLight) -> bool:
-        """Whether it is the light of the transport asked for last."""
+        """Whether it is the light of the transport requested last."""
         lit_by, n_bounces = self._requested or (found.lit_by, found.light.n_bounces)
         return found.lit_by == lit_by and n_bounces in (0, found.light.n_bounces)
 
@@ -238,7 +239,8 @@ class IndirectTasks:
         )
 
     def _noise(self, found: _FoundLight, desired: FreezeIndirect) -> Steps:
-        """Of the light as its layers look: a curve that is lifted may show what was lost in the rest."""
+        """The noise of the light with its layers as they are: a curve that is raised may show what was hidden by the
+        rest."""
         known = self._noise_found
         if known is None or known[0] is not found or not _same_appearance(known[1], desired):
             layers = [self._reflecting(each, desired.second_bands) for each in desired.scene.visible]
@@ -259,7 +261,7 @@ def _layer_visibility(found: _FoundLight, desired: FreezeIndirect) -> IndirectLi
 
 
 def _same_appearance(one: FreezeIndirect, two: FreezeIndirect) -> bool:
-    """Whether all layers look the same in both."""
+    """Whether all layers reflect the same in both."""
     return (one.second_bands, one.scene.visible) == (two.second_bands, two.scene.visible)
 
 
@@ -270,7 +272,7 @@ def _drop_progress(steps: Generator[object, None, Value]) -> Generator[None, Non
 def _as_progress(
     steps: Generator[tuple[float, str], None, IndirectLight],
 ) -> Generator[Response | None, None, IndirectLight]:
-    """The steps of a solver as progress, which goes on where it begins anew."""
+    """The steps of a solver as progress, which continues where it resumes."""
     most = 0.0
 
     def progress(step: tuple[float, str]) -> Progress:

@@ -1,5 +1,5 @@
-"""What a scene first wants some time after its first picture, compiled by a process that has nothing else to do: the
-worker's own tasks carried out on a few pixels, so that each kernel gets exactly the types it will be called with."""
+"""Compiles the kernels that a scene needs some time after its first picture, in a process that has nothing else to do:
+the worker's own tasks run on a few pixels, so that each kernel gets exactly the types it will be called with."""
 
 from __future__ import annotations
 
@@ -66,9 +66,9 @@ primitive = "quad"
 transform = [1,0,0,0, 0,0,-1,2, 0,1,0,0, 0,0,0,1]
 emission = [5, 5, 5]
 """
-# Beside those of the ball, whose shadow has an edge that asks for suns.
+# Besides those of the ball, whose shadow has an edge that requires directional lights split from the environment.
 _N_POINTS = 100
-# What Orbit reads besides: an image, bumps, and a sky with suns, a brushed layer.
+# What else Orbit reads: an image, bumps, a sky with directional lights split from it, a brushed layer.
 _ORBIT_CHANGES = (
     ("radiance = 0.5", 'file = "sky.exr"'),
     ('{ model = "rough_conductor", alpha = 0.2 }', '{ model = "ward_anisotropic" }, { model = "rough_conductor" }'),
@@ -79,7 +79,7 @@ _ORBIT_CHANGES = (
     ),
 )
 
-# Few vertices, each of which has transfer of its own, and an animation.
+# Few vertices, each of which has its own transfer, and an animation.
 _DEFORM_CHANGES = (
     ('primitive = "sphere"', 'primitive = "cube"'),
     ('[[object]]\nname = "lamp"', '[[object]]\nname = "bat"\nmesh = "bat.glb"\npart = 0\n[[object]]\nname = "lamp"'),
@@ -94,7 +94,7 @@ _SURFACES = (
     DeformSurface(subsurface=Subsurface(scattering=10.0)),
     DeformSurface(patch=Detail(file="patch.png")),
 )
-_N_TEXELS = 8  # each way, of the patch
+_N_TEXELS = 8  # per side of the patch
 
 
 class SmallDeform(DeformWorker):
@@ -104,7 +104,7 @@ class SmallDeform(DeformWorker):
 
 
 def warm_up_later(first: str = "") -> Iterator[str]:
-    """Go through them, `first` (Orbit or Deform) before the others, of these the quickest first; yields each of
+    """Compile all, `first` (Orbit or Deform) before the others, of these the quickest first; yields each of
     `kernels.LATER` when it is compiled."""
     if first == DEFORM:
         rehearse_deform()
@@ -123,7 +123,7 @@ def warm_up_later(first: str = "") -> Iterator[str]:
         yield PAINTING
         description = parse_description(parse_toml(_SCENE, scene.name), scene.name)
         state = scene_state(document_from_description(str(scene), description), _with_bands)
-        # A preview, and a final picture that sees the whole sphere, without which there is nothing to light anew.
+        # A preview, and a final picture that samples the whole sphere, which relighting requires.
         _ask(client, ComputeTransport(state, "ball.1", "theta_h", 50, RenderSettings(100, 64, 3)))
         _ask(client, FreezeIndirect(state, "ball.1", 0))
         _ask(client, FreezeIndirect(state))
@@ -150,7 +150,7 @@ def _warm_up_orbit(client: InProcessClient, folder: Path) -> None:
 
 
 def rehearse_deform() -> None:
-    """Go through what Deform needs, by a worker's tasks of few points."""
+    """Compile what Deform needs, by a worker's tasks on few points."""
     modes = [
         replace(mode, worker="app.worker.kernel_warm_up:SmallDeform") if mode is DEFORM_MODE else mode for mode in MODES
     ]
@@ -160,7 +160,7 @@ def rehearse_deform() -> None:
 
 
 def _draw_bent(client: InProcessClient, folder: Path) -> None:
-    """A small scene with each kind of surface, in each kind of picture."""
+    """Draw a small scene with each kind of surface, in each kind of picture."""
     description, state = _opened(client, folder, (*_ORBIT_CHANGES, *_DEFORM_CHANGES))
     camera, size = description.camera, (24, 24)
     posed = tuple(name for name, _ in _POSES)
@@ -173,13 +173,13 @@ def _draw_bent(client: InProcessClient, folder: Path) -> None:
     _ask(client, DrawDeform(camera, size, "moving", _POSES, fit_error=True))
     _ask(client, PrepareDeform(state, 3, posed, traced=PathPreview(camera, (4, 4), _POSES)))
     _ask(client, DrawDeform(camera, size, "moving", _POSES, split=(0.3, 0.6)))
-    run_to_end(wrinkles(side=2))  # a scene's are fitted for half a minute
+    run_to_end(wrinkles(side=2))  # those of a real scene are fitted for half a minute
 
 
 def _opened(
     client: InProcessClient, folder: Path, changes: tuple[tuple[str, str], ...]
 ) -> tuple[SceneDescription, SceneState]:
-    """The scene with other text in some places and the files that this names."""
+    """The opened scene, with other text in some places and the files that this names."""
     text = _SCENE
     for before, after in changes:
         text = text.replace(before, after)
@@ -198,7 +198,7 @@ def _with_bands(document: Document, key: str) -> LayerState:
 
 
 def _ask(client: InProcessClient, request: Request) -> None:
-    """Have a request carried out. Raises RuntimeError where it cannot be: then not all is compiled."""
+    """Have a request carried out. Raises RuntimeError where that fails: then not all is compiled."""
     client.send(request)
     while client.wait(0.0):
         for answer in client.poll():

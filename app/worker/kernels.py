@@ -1,16 +1,16 @@
-"""Compiled kernels made ready while the scene is being opened; the first time on a machine, compiled by two processes.
+"""Loads compiled kernels while the scene is being opened; the first time on a machine two processes compile them.
 
     worker:  opens the scene ─► waits ─► coarse picture ─► ... indirect light ─► estimate ─► other light, cameras
       a thread of it:  waits ─► reads what is compiled
       two processes:   compile, a part each, where nothing is compiled yet
-      then another:    compiles what is wanted later (`app.worker.kernel_warm_up`)
+      then another:    compiles what is needed later (`app.worker.kernel_warm_up`)
 
 Numba compiles under one lock and mostly in Python, so that threads would take turns; processes share what they have
 compiled through the folder of `app.system.kernel_cache`, which begins with what the installation has
-(`app.system.installed_kernels`). A file in it, left when all was ready, says that no other process is needed; others
-say so of each of `LATER`. Who wants one of those meanwhile waits in steps (`Kernels.until_ready`), so that other
-requests are answered; Orbit and Deform, which a scene may be opened in, have theirs compiled before the others.
-Whatever goes wrong here costs time alone: a kernel that is not ready is compiled when it is called.
+(`app.system.installed_kernels`). A file in it, written when all was ready, tells that no other process is needed; there
+is one for each of `LATER` as well. Requests that need one of those meanwhile wait in steps (`Kernels.until_ready`), so
+that others are answered; Orbit and Deform, which a scene may be opened in, have theirs compiled before the others. A
+fault here costs only time: a kernel that is not ready is compiled when it is called.
 """
 
 from __future__ import annotations
@@ -38,28 +38,28 @@ from app.worker.background import LAST, step_behind, yield_to_window
 if TYPE_CHECKING:
     from app.worker.dispatcher import RequestDispatcher
 
-# Compiling allocates many objects that stay; looking through them again and again takes a tenth of the time.
+# Compiling allocates many objects that stay; collecting garbage among them again and again takes a tenth of the time.
 GC_THRESHOLD = 100_000
-# About equally long to compile: 16 s of processor time each. The first begins with what needs nothing of the second,
-# which has compiled the first's details when it comes to them.
+# About equally long to compile: 16 s of processor time each. The first begins with kernels that need nothing of the
+# second, which has compiled the details of the first by the time they are needed.
 PARTS = ("projection", "the rest")
-# What a scene may want some time after its first picture, in the order in which it is compiled.
+# Kernels that a scene may need some time after its first picture, in the order in which they are compiled.
 PAINTING, INDIRECT, ESTIMATE, RELIGHTING, ORBIT, DEFORM = LATER = (
     "painting", "indirect", "estimate", "relighting", "orbit", "deform",
 )  # fmt: skip
 LATER_PART = "later"
 COMPILING = "compiling, first start only"
 FIRST_TIME = "compiling for this computer, kept for later starts"
-# How many files the compiled kernels of the first picture are, about equally long to make.
+# The number of files of the compiled kernels of the first picture; each takes about equally long to make.
 N_FILES = 64
 _COMPILER_SECONDS = 300.0
-# How long one step of waiting for them takes.
+# The length of one step of waiting for them.
 _STEP_SECONDS = 0.05
 _log = logging.getLogger("insitu.jobs")
 
 
 class Kernels:
-    """What the first picture needs compiled. `first_time`: whether nothing was, when this began."""
+    """The kernels that the first picture needs. `first_time`: whether none was compiled when this began."""
 
     def __init__(self) -> None:
         """Start the other processes where there is something for them to do."""
@@ -73,27 +73,28 @@ class Kernels:
         self._first = ""
 
     def prepare(self) -> None:
-        """Begin to make all ready, in a thread; import the engine before."""
+        """Begin to load all, in a thread; import the engine before."""
         threading.Thread(target=self.prepare_and_wait, name="kernels", daemon=True).start()
 
     @property
     def fraction(self) -> float:
-        """How much of it is compiled, by the files that are there; below 1 until all is."""
+        """The fraction that is compiled, by the files that are there; below 1 until all is."""
         folder = os.environ.get(NUMBA_VARIABLE)
         n_files = sum(1 for name in kernel_folders() for _ in Path(folder, name).glob("*.nbc")) if folder else 0
         return min(n_files / N_FILES, 0.99)
 
     def wait(self, timeout_s: float) -> bool:
-        """Whether all is ready, waiting for it so long at most."""
+        """Whether all is ready, after waiting at most this long."""
         return self._ready.wait(timeout_s)
 
     def is_ready(self, what: str) -> bool:
-        """Whether there is nothing to wait for: one of `LATER` is compiled, or nobody is compiling it."""
+        """Whether there is nothing to wait for: one of `LATER` is compiled, or no process is compiling it."""
         return self._later is None or are_compiled(what)
 
     def until_ready(self, what: str, goes_first: bool = False) -> Iterator[None]:
-        """Wait for one of `LATER`, a step each time; before that for the first picture's kernels, for only then the
-        process that compiles it is started. goes_first: whether it is Orbit or Deform, and the others come later."""
+        """Wait for one of `LATER`, a step each time, and before that for the first picture's kernels, because only then
+        the process that compiles it is started. goes_first: whether it is Orbit or Deform, compiled before the
+        others."""
         while not are_compiled(what) and not self.wait(_STEP_SECONDS):
             yield
         if goes_first and not self.is_ready(what):
@@ -105,21 +106,21 @@ class Kernels:
             yield
 
     def _put_first(self, what: str) -> None:
-        """Start the process that compiles `LATER` anew with this as its first, unless it is at it already. Of what it
-        has compiled it loses one kernel at most."""
+        """Restart the process that compiles `LATER` with this as its first, unless it is compiling it already. It loses
+        at most one kernel of what it has compiled."""
         if self._first != what and not all(map(are_compiled, LATER[: LATER.index(what)])):
             self.close()
             self._first, self._later = what, _start_compiler(LATER_PART, what)
 
     def close(self) -> None:
-        """End the process that still compiles what is wanted later; what it has compiled is kept."""
+        """End the process that still compiles what is needed later; what it has compiled stays on disk."""
         if self._later is not None:
             self._later.kill()
             self._later.wait()
             self._later = None
 
     def prepare_and_wait(self, patience_s: float | None = _COMPILER_SECONDS) -> None:
-        """Make all ready, and wait for it; for each of the other processes so long, None for as long as it takes."""
+        """Load all, and wait for it; for each of the other processes so long, None for as long as it takes."""
         try:
             for compiler in self._compilers:
                 compiler.wait(patience_s)
@@ -135,7 +136,7 @@ class Kernels:
 
 
 def prepared_tasks() -> RequestDispatcher:
-    """The worker's tasks, their kernels on the way."""
+    """The worker's dispatcher, with its kernels being loaded."""
     gc.set_threshold(GC_THRESHOLD)
     kernels = Kernels()
     load_compiler()
@@ -146,7 +147,7 @@ def prepared_tasks() -> RequestDispatcher:
 
 
 def load_compiler() -> None:
-    """Import numba without SciPy: it would take 0.2 s of imports to look for a BLAS that no kernel of ours calls."""
+    """Import numba without SciPy: it would take 0.2 s of imports to look for a BLAS that no kernel here calls."""
     hidden = "scipy" not in sys.modules
     if hidden:
         sys.modules["scipy"] = None  # type: ignore[assignment]  # importing it is an ImportError now
@@ -158,13 +159,13 @@ def load_compiler() -> None:
 
 
 def are_compiled(what: str = "") -> bool:
-    """Whether the kernels of the first picture, or one of `LATER`, were compiled before; also where none are kept."""
+    """Whether the kernels of the first picture, or one of `LATER`, were compiled before; True where none are cached."""
     mark = _marker_file(what)
     return mark is None or mark.exists()
 
 
 def note_compiled(what: str = "") -> None:
-    """They are compiled now."""
+    """Note that they are compiled now."""
     mark = _marker_file(what)
     if mark is not None:
         with contextlib.suppress(OSError):
@@ -172,7 +173,7 @@ def note_compiled(what: str = "") -> None:
 
 
 def _marker_file(what: str) -> Path | None:
-    """The file that says so: by these sources, these compilers, this machine."""
+    """The file that marks it as compiled: by these sources, these compilers, this machine."""
     if NUMBA_VARIABLE not in os.environ:
         return None
     return Path(os.environ[NUMBA_VARIABLE]) / f"ready{what}-{kernel_digest()}-{_compiler()}"
@@ -180,12 +181,12 @@ def _marker_file(what: str) -> Path | None:
 
 @functools.cache
 def _compiler() -> str:
-    """What compiles here; found among the installed packages, which takes milliseconds."""
+    """The compiler's version, read from the installed packages, which takes milliseconds."""
     return "-".join((importlib.metadata.version("numba"), platform.python_version(), platform.node()))
 
 
 def compile_all() -> None:
-    """All that the first picture needs, in two processes, where it is not there; then what is wanted later."""
+    """Compile all that the first picture needs, in two processes, where it is missing; then what is needed later."""
     if are_compiled() and all(map(are_compiled, LATER)):
         return
     kernels = Kernels()
@@ -206,7 +207,7 @@ def _start_compiler(part: str, first: str = "") -> subprocess.Popen[bytes] | Non
 
 
 def warm_up(part: str, first: str = "") -> None:
-    """Compile or read one of `PARTS`, or all of `LATER`, of which Orbit or Deform may be the first."""
+    """Compile or load one of `PARTS`, or all of `LATER`, of which Orbit or Deform may be the first."""
     from engine.precompute.direct import kernel_calls
 
     if part == LATER_PART:
@@ -228,12 +229,12 @@ def _warm_up_later(first: str) -> None:
         for what in warm_up_later(first):
             note_compiled(what)
             if what == INDIRECT:
-                step_behind(LAST)  # up to here a person may wait, for light between surfaces
+                step_behind(LAST)  # up to here the user may be waiting, for indirect light
 
 
 def main() -> None:
-    """Another process: compile one part for the process of a number and end; without either all, and keep it with the
-    installation, as `make setup` does while nobody waits."""
+    """Another process: compile one part for the process of a number and end; without either compile all, and store it
+    with the installation, as `make setup` does."""
     yield_to_window(last=len(sys.argv) == 1)
     use_kernel_cache()
     if len(sys.argv) == 1:
@@ -241,7 +242,7 @@ def main() -> None:
         keep_installed()
         return
     end_with_parent(int(sys.argv[2]))
-    gc.set_threshold(GC_THRESHOLD if sys.argv[1] == LATER_PART else 0)  # the parts end before it would be worth while
+    gc.set_threshold(GC_THRESHOLD if sys.argv[1] == LATER_PART else 0)  # the parts are too short for it
     load_compiler()
     with compile_lock(sys.argv[1]):
         warm_up(sys.argv[1], *sys.argv[3:])
@@ -250,8 +251,8 @@ def main() -> None:
 @contextlib.contextmanager
 def compile_lock(part: str) -> Iterator[None]:
     """While one process compiles a part, others wait and then read it: an editor that is started while `make setup`
-    still compiles would do all of it a second time, beside that. Where no lock can be had, it does."""
-    from filelock import FileLock  # late: the worker has no use for it
+    still compiles would do all of it a second time, beside that. Without a lock, it does."""
+    from filelock import FileLock  # late: the worker does not need it
 
     with contextlib.ExitStack() as held:
         with contextlib.suppress(OSError, KeyError):

@@ -1,7 +1,7 @@
-"""The transport that the worker holds of a layer: what it was made of, what it answers, and when it need not be made.
+"""The transport that the worker holds of a layer: what it was made of, its responses, and when it need not be made.
 
 A request for transport seldom changes all of it: a roughness changes one layer, and an object that becomes editable
-needs bands under the same light. What is held and as fine as a stage would make it is not made again; and a layer that
+needs bands under the same light. Transport that is as fine as a stage would make it is not made again; and a layer that
 only gets bands keeps its picture until the last stage brings them.
 """
 
@@ -34,9 +34,9 @@ Part = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class LightingState:
-    """What light a layer's transport was asked for: equal ones light equally in the same stage.
+    """The light that a layer's transport was requested for: equal ones light equally in the same stage.
 
-    decided: how much of it the last stage has, where that need not be all that was asked for.
+    planned_settings: those of the last stage, where it needs less light than requested.
     """
 
     light: LightState
@@ -47,9 +47,9 @@ class LightingState:
 
 @dataclass(frozen=True, eq=False)
 class LayerData:
-    """The newest transport of a layer: what it was asked with, its stage, what is kept, and its radiance's unit.
+    """The newest transport of a layer: what it was requested with, its stage, what is stored, and its radiance's unit.
 
-    bent: the layer whose curves it is contracted with, where those were edited since.
+    edited: the layer whose curves it is contracted with, where those were edited since.
     """
 
     work: LayerState
@@ -65,7 +65,7 @@ class LayerData:
 
     @property
     def radiance(self) -> np.ndarray:
-        """What it reflects (p, 3) under its coefficients, without f_q and f_o."""
+        """The reflected radiance (p, 3) under its coefficients, without f_q and f_o."""
         return np.asarray(self.store.radiance(*both_curves(self._curves_of)) * np.float32(self.unit))
 
     @property
@@ -73,7 +73,7 @@ class LayerData:
         return self.edited or self.work
 
     def is_picture_of(self, work: LayerState, lit_by: LightingState) -> bool:
-        """Whether the picture of this work in this light can be had from it, in the stage it has."""
+        """Whether it yields the picture of this work in this light, in its own stage."""
         if (self.work.quotient, self.lit_by) != (work.quotient, lit_by):
             return False
         if self.is_fixed:
@@ -86,14 +86,14 @@ class LayerData:
         return as_fine and (work.fixed or not (is_last and self.is_fixed))
 
     def taken_over_by(self, work: LayerState) -> LayerData:
-        """The same for the work that asks for its picture; without bands where that is fixed."""
+        """The same for the work that requests its picture; without bands where that is fixed."""
         data = replace(self, work=work, edited=None)
         if work.fixed and not self.is_fixed:
             return replace(data, store=FixedPicture(self.store.radiance(*both_curves(work))))
         return data
 
     def fits_curves(self, layer: LayerState) -> bool:
-        """Whether it can be contracted with the curves of this one."""
+        """Whether it can be contracted with the curves of this layer."""
         return not self.is_fixed and (self.work.factors, self.work.bands) == (layer.factors, layer.bands)
 
     def with_curves(self, layer: LayerState) -> LayerData:
@@ -101,7 +101,7 @@ class LayerData:
         return replace(self, edited=layer)
 
     def responses(self, factor: str | None, precision: Precision, picture: bool = True) -> Iterator[Response]:
-        """The layer's picture, if that is wanted, and its transport along a curve where one is named.
+        """The layer's picture, if that is requested, and its transport along a curve where one is named.
 
         Both come from one contraction.
         """
@@ -123,40 +123,40 @@ def both_curves(work: LayerState) -> tuple[np.ndarray, np.ndarray]:
 
 
 def shape_of(work: LayerState) -> LayerShape:
-    """What the projection needs to know of the work."""
+    """What the projection needs of the work."""
     bands = (work.bands[0], work.bands[1] if len(work.bands) > 1 else 1)
     return LayerShape(work.model, work.quotient_parameters, bands)
 
 
 def tile_content(work: LayerState, tile: BandTile) -> Part:
-    """What of a tile is kept: its bands, or of a fixed layer its picture."""
+    """What is stored of a tile: its bands, or of a fixed layer its picture."""
     if work.fixed:
         return {"picture": picture_of_tile(tile, shape_of(work).bands, both_curves(work))}
     return tile.arrays()
 
 
 def picture_of_part(work: LayerState, part: Part) -> np.ndarray:
-    """A tile's picture (p, 3) under the layer's coefficients, of what is kept of it."""
+    """A tile's picture (p, 3) under the layer's coefficients, from its stored content."""
     return (
         part["picture"] if work.fixed else picture_of_tile(BandTile(0, **part), shape_of(work).bands, both_curves(work))
     )
 
 
 def join_tile_contents(work: LayerState, parts: Mapping[int, Arrays]) -> BandStore | FixedPicture:
-    """The whole of what is kept of the tiles, by their first point."""
+    """The stored content of all tiles, given by their first point, joined."""
     if work.fixed:
         return join_pictures({begin: np.asarray(part["picture"]) for begin, part in parts.items()})
     return join_tiles(shape_of(work).bands, (BandTile(begin, **part) for begin, part in parts.items()))
 
 
 def part_of_file(work: LayerState, n_points: int, arrays: Arrays) -> Part:
-    """What was kept of a tile, or of all of the layer, of so many points. Raises UnsoundArrays."""
+    """The stored content of a tile, or of all of the layer, of so many points. Raises UnsoundArrays."""
     if work.fixed:
         return {"picture": picture_of_file(n_points, arrays)}
     return arrays_of_file(shape_of(work).bands, n_points, arrays)
 
 
 def store_of(work: LayerState, n_points: int, arrays: Arrays) -> BandStore | FixedPicture:
-    """All of a layer, as it comes from a file. Raises UnsoundArrays."""
+    """All of a layer, read from a file. Raises UnsoundArrays."""
     part = part_of_file(work, n_points, arrays)
     return FixedPicture(part["picture"]) if work.fixed else store_from_arrays(shape_of(work).bands, part)

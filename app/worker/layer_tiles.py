@@ -1,7 +1,7 @@
-"""The parts of a layer's transport while it is made, tile by tile: on disk, and held where somebody asks for them.
+"""The parts of a layer's transport while it is made, tile by tile: on disk, and in memory for an editor.
 
-An editor bends curves over the bands, so its worker holds them. Who only fills the cache holds none: memory does not
-grow with the transport then, whose tiles lie in their file until the whole is put together from there.
+An editor contracts the bands with its curves, so its worker holds them in memory. A process that only fills the cache
+holds none: its memory does not grow with the transport, whose tiles stay in their file until they are joined there.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from engine.precompute.direct.projection import TILE
 
 
 class LayerTiles:
-    """What is kept of a layer's P points, in tiles of 256; of a run that was interrupted it has what that one kept."""
+    """The content of a layer's P points, in tiles of 256; after an interrupted run it has that run's tiles."""
 
     def __init__(self, work: LayerState, n_points: int, file: Tiles, held: bool) -> None:
-        """held: whether all parts stay in memory; what the file does not take does in any case."""
+        """held: whether all parts stay in memory; parts that the file does not take stay there in any case."""
         self._work, self._n_points, self._file, self._holds = work, n_points, file, held
         self._held: dict[int, Part] = {}
         self._pictures: dict[int, np.ndarray] = {}
@@ -39,23 +39,23 @@ class LayerTiles:
         return frozenset(self._n_values)
 
     def add(self, tile: BandTile) -> None:
-        """Keep another one."""
+        """Add another tile."""
         i, part = tile.begin // TILE, tile_content(self._work, tile)
         self._note(i, part, in_file=self._file.append_tile(i, part))
 
     def arrays(self) -> Writable:
-        """All of the layer, as it goes to the disk, when its tiles are complete."""
+        """All of the layer, in the form that is written to disk, when its tiles are complete."""
         if self._work.fixed:
             return join_pictures({i: np.asarray(self._part(i)["picture"]) for i in self._n_values}).arrays()
         n_values = [self._n_values[i] for i in sorted(self._n_values)]
         return arrays_in_pieces(shape_of(self._work).bands, self._n_points, n_values, self._part)
 
     def store(self) -> BandStore | FixedPicture:
-        """All of the layer, to ask it for pictures; of parts that are not held it is read."""
+        """All of the layer, to make pictures; parts that are not in memory are read."""
         return join_tile_contents(self._work, {i * TILE: self._part(i) for i in self._n_values})
 
     def picture(self) -> FixedPicture:
-        """The layer's picture under its curves as they are; kept only of a layer whose parts are not."""
+        """The layer's picture under its present curves; stored only of a layer whose parts are not in memory."""
         return join_pictures(self._pictures)
 
     def _note(self, i: int, part: Part, in_file: bool) -> None:
@@ -67,7 +67,7 @@ class LayerTiles:
 
     def _part(self, i: int) -> Part:
         part = self._held.get(i) or self._from_file(i)
-        if part is None:  # a disk that takes and does not give back
+        if part is None:  # a disk that accepts data and does not return it
             raise OSError(f"tile {i} of {self._work.key} cannot be read again")
         return part
 

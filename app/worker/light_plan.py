@@ -1,10 +1,10 @@
-"""How many lights and patches the pictures of the view that is open need: tried once, and kept as long as edits leave
-what the answer hangs on, in a file too, so that whoever opens the scene again looks for the transport that there is.
+"""The number of lights and patches that the pictures of the open view need. It is tried once, and stored as long as
+edits leave its inputs as they are, in a file too: a scene that is opened again then finds the cached transport.
 
-It hangs on the view, on what shines, on which layers can be edited and on their models; not on curves and parameters,
-which change under a hand, nor on where a sky has been turned to: another number of lights would be another transport
-for all of the picture. So it is tried with the layers and under the sky as the scene's file has them, layers that are
-not there as their models begin, whatever was edited by then: the same document has as many lights in every window.
+Its inputs are the view, the emitters, which layers can be edited and their models; not curves and parameters, which
+change during a drag, nor the rotation of a sky: another number of lights would be another transport for all of the
+picture. So it is tried with the layers and under the sky of the scene's file, and with the initial parameters of layers
+that are not in it, whatever was edited by then: the same document has as many lights in every window.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ LINES = tuple(LEAST)
 
 
 class LightBudgets:
-    """What is known of the view that is open on the bench."""
+    """What is known of the open view."""
 
     def __init__(self, context: WorkerContext) -> None:
         self._context = context
         self._budgets: dict[str, LightBudget] = {}
 
     def cached_budget(self, request: ComputeTransport, sky: SkyState) -> LightBudget | None:
-        """What the picture of a request needs, None where that was not tried yet."""
+        """The budget that the picture of a request needs, None where that was not tried yet."""
         settings = request.settings
         if not is_worthwhile(self._context.open_placement) or settings.overridden >= set(LINES):
             return LightBudget(settings.n_lights, settings.n_patches)
@@ -65,13 +65,13 @@ class LightBudgets:
         return need
 
     def _unedited(self, request: ComputeTransport) -> list[Layer]:
-        """The visible layers of a request as the scene's file has them, or as their models begin."""
+        """The visible layers of a request as the scene's file has them, or with their models' initial parameters."""
         scene = self._context.open_placement.scene
         there = dict(document_from_description(str(scene.file), scene.description).layers())
         return [_of_file(each, there.get(each.key)) for each in request.scene.visible]
 
     def _unturned(self, sky: SkyState) -> SkyState:
-        """The sky where the scene's file has turned it."""
+        """The sky with the rotation of the scene's file."""
         described = self._context.open_placement.scene.description.environment
         return replace(sky, rotation=0.0 if described is None else described.rotation)
 
@@ -90,8 +90,8 @@ class LightBudgets:
 
 
 def _of_file(state: LayerState, there: Layer | None) -> Layer:
-    """A layer as the file has it, where one of its kind stands there; else with the parameters that its model begins
-    with, but for the measurement that it is of."""
+    """A layer as the file has it, where it has one of the same kind; else with the initial parameters of its model, but
+    its own measurement."""
     layer = state.layer
     if there is not None and (there.model, there.rises) == (layer.model, layer.rises):
         return there

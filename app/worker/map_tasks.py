@@ -1,5 +1,5 @@
-"""The worker's share of textures and weight maps: images sampled where the eye sees them, strokes painted on them, and
-their thumbnails."""
+"""The worker's part of textures and weight maps: images sampled where the camera sees them, strokes painted on them,
+and their thumbnails."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from engine.texture.pyramid import Pyramid
 
 THUMBNAIL_SIDE = 64
 MAX_PAINTED = 4
-NOTHING = 64  # the grey of what is not the object
+NOTHING = 64  # the grey of pixels outside the object
 
 
 class MapTasks:
-    """The images of one scene's layers. What a brush works on is kept, so that a dab costs itself alone."""
+    """The images of one scene's layers. Those of a stroke are stored, so that each dab costs only itself."""
 
     def __init__(self, placement: Placement) -> None:
         self._placement = placement
         self._painted_layers: dict[tuple[int, Images], _PaintedLayer] = {}
 
     def answers(self, request: SampleMaps) -> Iterator[Response | None]:
-        """Each layer's images at all pixels of its object, or why there are none."""
+        """Each layer's images at all pixels of its object, or the reason why there are none."""
         placement = self._placement
         sampler = MapSampler(placement.scene, placement.caster, placement.hits)
         for key, images in request.layers:
@@ -62,7 +62,7 @@ class MapTasks:
         return MapsSampled(key, images, samples, seen.means, thumbnails, note)
 
     def _work(self, sampler: MapSampler, i_object: int, images: Images) -> _PaintedLayer:
-        """What strokes are painted on; made anew where they are those of the last time: files were written since."""
+        """What strokes are painted on; made anew for unchanged strokes, because files were written since."""
         place = (i_object, images.without_strokes)
         begun = self._painted_layers.pop(place, None)
         if begun is None or begun.last == images or not images.strokes:
@@ -77,8 +77,8 @@ class MapTasks:
 
 @dataclass(frozen=True, eq=False)
 class _PaintedLayer:
-    """A layer's images that a brush is at work on: as they were asked for last, their canvas, their samples (p, 4)
-    without strokes (float16: converting them takes longer than painting), and the thumbnail of what is painted."""
+    """A layer's images during a stroke: as requested last, their canvas, their samples (p, 4) without strokes (float16:
+    converting them takes longer than painting), and the thumbnail of the painted map."""
 
     last: Images
     canvas: Canvas
@@ -87,8 +87,8 @@ class _PaintedLayer:
 
 
 class MapThumbnail:
-    """A painted map, which has no texels, as the eye sees it on its object: at most 64 pixels wide and high, grey where
-    the object is not."""
+    """A painted map, which has no texels, as the camera sees it on its object: at most 64 pixels wide and high, grey
+    outside the object."""
 
     def __init__(self, hits: PrimaryHits, i_object: int) -> None:
         pixel = hits.pixel[slice(*hits.object_ranges[i_object])]
@@ -108,7 +108,7 @@ class MapThumbnail:
 
 
 def thumbnail(pyramid: Pyramid) -> NDArray[np.uint8]:
-    """An image at most 64 texels wide and high, (h, w, 3) as a screen shows it, its aspect kept."""
+    """An image at most 64 texels wide and high, (h, w, 3) in sRGB, with its aspect ratio."""
     width, height = pyramid.size
     shrink = max(width, height, THUMBNAIL_SIDE) / THUMBNAIL_SIDE
     columns, rows = max(1, round(width / shrink)), max(1, round(height / shrink))

@@ -1,5 +1,5 @@
-"""The worker's share of measured BRDFs: files read into tables, once, and kept on disk as what was made of them; and
-materials written as such files."""
+"""The worker's part of measured BRDFs: files read into tables, once, and cached on disk; and materials written as such
+files."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ ReadSteps = Generator[Response | None, None, dict[str, Measurement]]
 
 
 def read_files(files: Mapping[str, Path], store: ArrayStore | None) -> ReadSteps:
-    """The measurements of files, by the names they are asked for by. Raises LoadError."""
+    """The measurements of files, by the names of the request. Raises LoadError."""
     found: dict[str, Measurement] = {}
     for name, path in files.items():
         found[name] = yield from map_steps(
@@ -45,7 +45,7 @@ def read_files(files: Mapping[str, Path], store: ArrayStore | None) -> ReadSteps
 
 
 def read_for(request: ReadMeasured, store: ArrayStore | None) -> Generator[Response | None, None, None]:
-    """The measurements of files, and what the layers that wait for them need. Raises LoadError."""
+    """The measurements of files, and the plans of the layers that wait for them. Raises LoadError."""
     found = yield from read_files({file: Path(file) for file in request.files}, store)
     bands = []
     for layer in with_measurements(request.layers, found):
@@ -55,12 +55,12 @@ def read_for(request: ReadMeasured, store: ArrayStore | None) -> Generator[Respo
 
 
 def described_paths(names: Iterable[str], folder: Path, scene: Path) -> dict[str, Path]:
-    """Where files that a scene names are: in its folder. Raises LoadError for any other place."""
+    """The paths of files that a scene names: in its folder. Raises LoadError for any other place."""
     return {name: resolve_inside(folder, name, scene, "layer: file") for name in names}
 
 
 def ensure_tables(layers: Iterable[Layer], store: ArrayStore | None) -> Generator[Response | None, None, None]:
-    """Read what these layers were measured as where this process has no table of it, as one that has just been started.
+    """Read the measurements of these layers where this process has no table of them, as one that has just started.
     Raises InsituError where a file has changed since."""
     missing = [(file, number) for file, number in measured_files(layers) if not is_table_loaded(number)]
     found = yield from read_files({file: Path(file) for file, _ in missing}, store)
@@ -69,7 +69,7 @@ def ensure_tables(layers: Iterable[Layer], store: ArrayStore | None) -> Generato
 
 
 def fetch_table(request: FetchTable, store: ArrayStore | None) -> Generator[Response | None, None, None]:
-    """The table of a file. Raises InsituError, as for one that is not the file that was asked for any more."""
+    """The table of a file. Raises InsituError, also where the file has changed since."""
     if is_table_loaded(request.number):
         measurement = replace(table_of(request.number).measurement, file=request.file)
     else:

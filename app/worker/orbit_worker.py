@@ -1,7 +1,7 @@
-"""Orbit in the worker: one scene made ready to be drawn from anywhere, and pictures of it between the steps of that.
+"""Orbit in the worker: precomputes what one scene is drawn of from any camera, and between the steps draws pictures.
 
-Making ready is a long job that begins where the last one left off, whoever ended that: another camera, another
-material, a person. A picture is a quick one; it never waits for more than a step.
+Precomputation is a long job that continues where the last one was left off, whatever ended that: another camera,
+another material, the user. A picture is a quick one; it never waits for more than a step.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ STAGE = "orbit"
 
 
 class OrbitWorker(ModeWorker):
-    """What pictures of the open scene are drawn of, and by which request that is to be changed last."""
+    """What pictures of the open scene are drawn of, and the request that changes it next."""
 
     n_points: int | None = None
 
@@ -92,7 +92,7 @@ class OrbitWorker(ModeWorker):
         first_time, told = not are_compiled(ORBIT), None  # still, where nobody else compiles
         yield from _prepared_sky(sky, FIRST_TIME if first_time else "light")
         orbit = self._open_orbit(self.n_points or request.n_points, request.n_coefficients)
-        if not orbit.n_bytes:  # nothing is placed yet
+        if not orbit.n_bytes:  # there are no points yet
             self._context.store.get(_key(orbit), orbit.restore)
         if scene.emission != self._emission:
             orbit.set_emission(dict(scene.emission))
@@ -122,7 +122,7 @@ class OrbitWorker(ModeWorker):
             self._context.store.put(_key(orbit), orbit.stored_visibility())
 
     def _export_parts(self, orbit: Orbit, request: PrepareOrbit) -> Steps:
-        """What the listener does not know yet."""
+        """Export the parts that the listener does not have yet."""
         from engine.realtime.triple_product.gpu_export import PointExporter
 
         if not request.listener:
@@ -148,7 +148,7 @@ class OrbitWorker(ModeWorker):
             return
         started, prepared, version, was_done = time.monotonic(), self._prepared, orbit.version, orbit.is_done
         picture = yield from map_steps(_draw_steps(orbit, request), lambda step: None)
-        is_done = was_done and orbit.is_done  # it may have seen what nothing was made ready for, such as backs
+        is_done = was_done and orbit.is_done  # it may have seen parts that are not ready, such as back faces
         yield OrbitPictureDrawn(picture, prepared, version, is_done, time.monotonic() - started)
 
     def _draw_headlight(self, request: DrawHeadlight) -> Steps:
@@ -180,7 +180,7 @@ class OrbitWorker(ModeWorker):
         )
 
     def _posed_scene(self, poses: Poses | None) -> tuple[Scene, RayCaster]:
-        """The scene in these poses, None: as it is open, and its rays."""
+        """The scene in these poses, None: as it is open, and its ray caster."""
         if poses is None:
             return self._context.open_placement.scene, self._context.open_placement.caster
         made_of = self._context.rest_scene, poses
@@ -190,7 +190,7 @@ class OrbitWorker(ModeWorker):
         return self._posed[1:]
 
     def _open_orbit(self, n_points: int, n_coefficients: int) -> Orbit:
-        """That of the scene which is open; another one where it is to have other points, or coefficients at each."""
+        """The precomputation of the open scene; a new one where it is to have other points, or coefficients at each."""
         effort = n_points, n_coefficients
         if self._orbit is None or effort != self._effort:
             from engine.realtime.triple_product.orbit_engine import Orbit
@@ -206,7 +206,7 @@ class OrbitWorker(ModeWorker):
 
 
 def until_compiled(context: WorkerContext, what: str) -> Steps:
-    """Until another process has compiled what Orbit or Deform needs, before all else that comes later; between the
+    """Wait until another process has compiled what Orbit or Deform needs, before all else that comes later; between the
     steps other requests are answered."""
     if context.kernels is not None and not are_compiled(what):
         for _ in context.kernels.until_ready(what, goes_first=True):
@@ -214,7 +214,7 @@ def until_compiled(context: WorkerContext, what: str) -> Steps:
 
 
 def _prepared_sky(sky: SkyState, text: str) -> Steps:
-    """In steps, between which the window is drawn objects in light from the eye."""
+    """The sky, prepared in steps, between which the window gets pictures of objects lit from the camera."""
     yield Progress(STAGE, 0.0, text=text)
     from engine.realtime.triple_product.sky_map import preparing_sky
 
@@ -223,23 +223,23 @@ def _prepared_sky(sky: SkyState, text: str) -> Steps:
 
 
 def _draw_steps(orbit: Orbit, wanted: DrawOrbit) -> Generator[StillProgress, None, NDArray[np.float32]]:
-    """The picture that is asked for, piece by piece."""
+    """The requested picture, piece by piece."""
     camera = orbit.scene.from_camera(wanted.camera).description.camera
     return orbit.draw_steps(camera, wanted.resolution, wanted.quality, wanted.n_coefficients, has_soft_edges=True)
 
 
 def _key(orbit: Orbit) -> str:
-    """Under which its visibility is kept."""
+    """The key of its visibility in the cache."""
     return content_key("orbit visibility 4", *orbit.geometry)
 
 
 def _bumps(scene: Scene) -> dict[str, Bumps]:
-    """What turns normals of its objects, by name."""
+    """The bumps of its objects, by name."""
     return {described.name: described.bumps for described in scene.description.objects}
 
 
 def _warm_up(orbit: Orbit) -> Steps:
-    """Compile what pictures are drawn with before the first is asked for, which is a quick request."""
+    """Compile the drawing before the first picture is requested, which is a quick request."""
     camera = orbit.scene.description.camera
     for quality in ("moving", "rest"):
         yield Progress(STAGE, orbit.fraction, text=FIRST_TIME)

@@ -1,13 +1,13 @@
-"""Placement in the worker: transport, indirect light and images, the engine's generators told as messages.
+"""Placement in the worker: transport, indirect light and images, the engine's generators turned into messages.
 
 A transport runs through stages, each a whole picture: *coarse* (every fourth pixel, 400 lights) within a second or two,
-*preview* (every pixel, 400 lights), *final* (4,000 lights). A light on the move gets one *drag* stage instead (every
-eighth pixel, nothing traced); a sky that turns or is exchanged over a scene that was ready for it lights it anew, at
-every pixel (`relighting`). Within a stage the selected layer comes first. What a stage has replaced is dropped, and
+*preview* (every pixel, 400 lights), *final* (4,000 lights). A dragged light gets one *drag* stage instead (every eighth
+pixel, nothing traced); a sky that is rotated or exchanged over a scene that was prepared for it lights it anew, at
+every pixel (`relighting`). Within a stage the selected layer comes first. A stage's results replace those before, and
 what is there already in such quality is not made again (see `layer_data`).
 
-Visibility, final transport and fine indirect light are kept on disk, the latter two part by part while they are made,
-so that a scene seen before opens at once and a worker that died goes on where it was.
+Visibility, final transport and fine indirect light are cached on disk, the latter two part by part while they are made,
+so that a scene opened before opens at once and a worker that follows one that died continues where that was.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ KERNEL_SECONDS = 0.05
 
 
 class PlacementWorker(ModeWorker):
-    """The newest transport of the view that is open."""
+    """The newest transport of the open view."""
 
     def __init__(self, context: WorkerContext) -> None:
         self._context, self._cache = context, context.store
@@ -121,7 +121,8 @@ class PlacementWorker(ModeWorker):
     def _contract(self, request: ContractTransport) -> Steps:
         """One layer's picture, and its transport along one curve ("curve switching", [BenArtzi07, eq. 4.16]).
 
-        While a transport is under way that is not far enough yet, the wish is noted, and it answers later."""
+        While a transport is under way that is not far enough yet, the request is noted, and answered later.
+        """
         if request.factor is not None:
             others = self._selected if request.beside else {}
             self._selected, self._precision = {**others, request.layer.key: request.factor}, request.precision
@@ -142,7 +143,7 @@ class PlacementWorker(ModeWorker):
             self._maps = MapTasks(self._context.open_placement)
         yield from self._maps.answers(request)
 
-    # ------------------------------------------------------------------------------------------------- at the very last
+    # ---------------------------------------------------------------------------------------- when nothing else is left
 
     def _estimate_error(self, request: EstimateError) -> Steps:
         yield from self._until_compiled(ESTIMATE)
@@ -211,7 +212,7 @@ class PlacementWorker(ModeWorker):
                 planned = self._indirect_tasks().plan_bounces(scene.visible, n_bounces)
                 n_bounces, bounces_told = planned.n_bounces, True
                 yield planned
-            # Roughly as soon as it is compiled: until then the direct light goes first.
+            # Coarsely as soon as it is compiled: until then the direct light goes first.
             is_rough = not (exact or bounces_found) and self._is_compiled(INDIRECT)
             if n_bounces > 1 and quality is not DRAG and (exact or is_rough):
                 bounces_found = True
@@ -220,7 +221,7 @@ class PlacementWorker(ModeWorker):
                 yield from tasks.find(
                     scene.visible, sky, _lit_key(sky, placement.scene), n_bounces, exact, settings.n_rays
                 )
-            # A picture that was kept waits for the light between surfaces that comes at first, and for nothing else.
+            # A cached picture waits for the first indirect light, and for nothing else.
             if due or exact or quality.name == COARSE.name and n_bounces > 1:
                 spent = time.process_time() - begun
                 yield StageDone(quality.name, exact, time.monotonic() - started, self._n_bytes, spent)
@@ -233,7 +234,7 @@ class PlacementWorker(ModeWorker):
         return n_bytes + self._relighting.n_bytes + (0 if self._indirect is None else self._indirect.n_bytes)
 
     def _indirect_tasks(self) -> IndirectTasks:
-        """Made, and its kernels read, when a scene first wants more than direct light."""
+        """The indirect light's tasks, made and their kernels loaded when a scene first needs more than direct light."""
         if self._indirect is None:
             from app.worker.indirect_tasks import IndirectTasks
 
@@ -247,7 +248,7 @@ class PlacementWorker(ModeWorker):
         return sorted(request.scene.layers, key=lambda work: self._selected_factor(work.key) is None)
 
     def _send_held(self, placement: Placement, request: ComputeTransport, lit_by: LightingState) -> Steps:
-        """Answer with what is there already, as far as the window does not have it."""
+        """Answer with what is held already, as far as the window does not have it."""
         for work in self._selected_first(request):
             data = self._layers.get(work.key)
             if data is not None and data.is_picture_of(work, lit_by):
@@ -259,7 +260,7 @@ class PlacementWorker(ModeWorker):
     def _send_cached(
         self, placement: Placement, request: ComputeTransport, sky: SkyState, lit_by: LightingState
     ) -> Steps:
-        """Answer with what the disk has of the last stage: a view that was computed before is there at once."""
+        """Answer with what is cached of the last stage: a view that was computed before is there at once."""
         quality, _ = _stages(request)[-1]
         if quality.name == FINAL.name and lit_by.planned_settings is not None:
             quality = final_quality(lit_by.planned_settings)
@@ -279,7 +280,7 @@ class PlacementWorker(ModeWorker):
                 yield from self._answers(data, self._selected_factor(work.key), self._precision)
 
     def _send_relit(self, request: ComputeTransport, sky: SkyState, lit_by: LightingState) -> Steps:
-        """Answer with what is lit anew, where nothing better is there."""
+        """Answer with relit pictures, where nothing better is there."""
         light = None
         for work in self._selected_first(request):
             if self._is_needless(work, lit_by, RELIT.name, False) or not self._relighting.takes(work, lit_by):
@@ -291,11 +292,11 @@ class PlacementWorker(ModeWorker):
     def _is_needless(self, work: LayerState, lit_by: LightingState, stage: str, is_last: bool) -> bool:
         data = self._layers.get(work.key)
         if stage == DRAG.name and data is not None and data.stage == RELIT.name:
-            is_last = False  # nobody asks for bands while the light is on the move
+            is_last = False  # no bands are needed while the light is being dragged
         return data is not None and data.is_picture_of(work, lit_by) and data.makes_needless(work, stage, is_last)
 
     def _kernels_ready(self) -> Steps:
-        """Until the kernels are there; the first time on a machine that is worth a word."""
+        """Wait for the kernels; the first time on a machine with a message."""
         kernels = self._context.kernels
         if kernels is None:
             return
@@ -307,8 +308,8 @@ class PlacementWorker(ModeWorker):
         return self._context.kernels is None or self._context.kernels.is_ready(what)
 
     def _until_compiled(self, what: str, stage: str = "") -> Steps:
-        """Until the kernels of one of `LATER` are there, so that other requests are answered meanwhile; stage: of what
-        a person waits for."""
+        """Wait for the kernels of one of `LATER`, so that other requests are answered meanwhile; stage: the one that
+        the user waits for."""
         if self._context.kernels is not None:
             for _ in self._context.kernels.until_ready(what):
                 yield Progress(stage, 0.0, text=FIRST_TIME) if stage else None
@@ -340,7 +341,7 @@ class PlacementWorker(ModeWorker):
     def _final_light(
         self, placement: Placement, sky: SkyState, quality: Quality, key: str, clock: _Clock
     ) -> Generator[Response | None, None, VisibleLight]:
-        """The light of a stage; that of the last final stage is kept, for layers that change under it."""
+        """The light of a stage; that of the last final stage is stored, for layers that change under it."""
         if key and self._light is not None and self._light[0] == key:
             return self._light[1]
         self._light = None
@@ -366,7 +367,7 @@ class PlacementWorker(ModeWorker):
         self, placement: Placement, rows: np.ndarray, work: LayerState, light: VisibleLight, light_key: str,
         clock: _Clock, done: int, total: int,
     ) -> Generator[Response | None, None, BandStore | FixedPicture]:  # fmt: skip
-        """The layer's transport; or its picture, where nobody asks for it but the cache."""
+        """The layer's transport; or its picture, where only the cache needs it."""
         shape = shape_of(work)
         parts: dict[int, dict[str, np.ndarray]] = {}
         if not light_key or not len(rows):
@@ -397,13 +398,14 @@ class PlacementWorker(ModeWorker):
             return tiles.picture()
 
     def _selected_factor(self, key: str) -> str | None:
-        """The curve that was selected last of a layer."""
+        """The curve of a layer that was selected last."""
         return self._selected.get(key)
 
     def _hold(self, data: LayerData) -> LayerData:
-        """Keep it as what the newest request is answered from, with the coefficients asked for last.
+        """Store it as what the newest request is answered from, with the coefficients requested last.
 
-        A Contract may have come since."""
+        A contraction may have been requested since.
+        """
         given = self._contracted.get(data.work.key)
         if given is not None and data.fits_curves(given):
             data = data.with_curves(given)
@@ -413,12 +415,12 @@ class PlacementWorker(ModeWorker):
     def _answers(
         self, data: LayerData, factor: str | None, precision: Precision, picture: bool = True
     ) -> Iterator[Response]:
-        """What a layer answers; before the first one of a coarse stage, which samples stand for each pixel in it."""
+        """The responses for a layer; before the first one of a coarse stage, the footprint of its samples."""
         stride = STAGES[data.stage].stride
         if stride > 1 and data.stage not in self._sent:
             self._sent.add(data.stage)
             yield StageFootprint(*self._context.open_placement.footprint(stride), data.stage, id=self._context.view_id)
-        # What was selected may be a curve of the model that the layer had before.
+        # The selected curve may belong to the model that the layer had before.
         yield from data.responses(factor if factor in data.work.factors else None, precision, picture)
 
     def _light_key(self, sky: SkyState, scene: Scene, quality: Quality) -> str:
@@ -475,7 +477,7 @@ def _transport_key(light_key: str, work: LayerState) -> str:
 
 
 def _unit_key(light_key: str) -> str:
-    """Of the unit that transport under this light is in."""
+    """The key of the unit that transport under this light is in."""
     return content_key("unit", light_key)
 
 
@@ -484,7 +486,7 @@ def _unit(arrays: Arrays) -> float:
 
 
 def _lit_key(sky: SkyState, scene: Scene) -> str:
-    """Of all the light there is."""
+    """The key of all light in the scene."""
     radiance = None if sky.environment is None else sky.environment.radiance
     return content_key(radiance, sky.rotation, sky.scale, scene.emission)
 

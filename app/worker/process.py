@@ -1,6 +1,6 @@
-"""Starting and ending the worker process; no decision about when.
+"""Starts and ends the worker process; `client` decides when.
 
-Light to import, so that the worker can be started before all else and imports its libraries while we import ours.
+This module imports little, so that the worker can be started before all else and imports its libraries meanwhile.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ HEARTBEAT_SECONDS = 0.25
 
 @dataclass(frozen=True)
 class StartedWorker:
-    """A process that was started, and our end of its socket; nobody has spoken yet."""
+    """A process that was started, and this end of its socket; no message has been exchanged yet."""
 
     process: subprocess.Popen[bytes]
     socket: socket.socket
@@ -36,7 +36,7 @@ class StartedWorker:
 def start_worker(
     handlers: str = TASKS, heartbeat: float = HEARTBEAT_SECONDS, method: Method | None = None
 ) -> StartedWorker:
-    """Start the process, which takes a few milliseconds here; raises OSError when the system refuses."""
+    """Start the process, which takes this process a few milliseconds; raises OSError when the system refuses."""
     ours, theirs = socket.socketpair()
     with theirs:
         command = [sys.executable, "-P", "-m", qualified("app.worker")]
@@ -51,10 +51,10 @@ def start_worker(
 
 
 class WorkerProcess:
-    """One worker and our end of its channel."""
+    """One worker and this end of its channel."""
 
     def __init__(self, started: StartedWorker) -> None:
-        from app.worker.channel import Channel  # late: it brings NumPy
+        from app.worker.channel import Channel  # late: it imports NumPy
 
         self._process = started.process
         self.channel = Channel(started.socket, started.method)
@@ -64,7 +64,7 @@ class WorkerProcess:
         return self._process.pid
 
     def end(self, grace_s: float) -> None:
-        """Close the channel, on which the worker ends by itself; what still runs after `grace_s` is killed."""
+        """Close the channel, which ends the worker; one that still runs after `grace_s` is killed."""
         self.channel.close()
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(grace_s)
@@ -80,7 +80,7 @@ class WorkerProcess:
             self._process.wait(timeout_s)
 
     def how_it_ended(self) -> str:
-        """In words, for a process whose channel has closed."""
+        """How a process ended whose channel has closed, in words."""
         self.wait_until_gone(0.02)
         status = self._process.returncode
         if status is None:
@@ -91,7 +91,7 @@ class WorkerProcess:
 
 
 def _environment() -> dict[str, str]:
-    """Ours, and the places from which this process imports."""
+    """This process's environment, and the places from which it imports."""
     places = dict.fromkeys([str(IMPORT_FOLDER), *(place for place in sys.path if place)])
     return {**os.environ, "PYTHONPATH": os.pathsep.join(places)}
 

@@ -1,8 +1,7 @@
-"""A scene that is lit anew at once: rows over a lighting basis for each layer, made when there is nothing else to do.
+"""Lights a scene anew at once: rows over a lighting basis for each layer, made when there is nothing else to do.
 
-They hold for the layers' materials as they are: when one changes, that layer's are made again, and until then the
-picture of a light on the move is the quick one. The sky that was there while they were made chose what they hold;
-another one makes them anew in the end.
+They hold for the layers' materials as they are: when one changes, that layer's are made again, and until then a dragged
+light gets the quick picture. The basis was chosen for the sky at the time; another sky makes them anew in the end.
 """
 
 from __future__ import annotations
@@ -24,13 +23,13 @@ from engine.precompute.direct.relight import LightRows, RowMaker, joined_rows, l
 
 Steps = Iterator[Response | None]
 MOST_BYTES = 256e6
-# Of the memory that is free.
+# Of the free memory.
 SHARE_OF_MEMORY = 0.25
 
 
 @dataclass(frozen=True, eq=False)
 class _LayerRows:
-    """A layer's rows, of its material as it was, and what its exact picture (p, 3) had beside them under a light."""
+    """A layer's rows, for its material then, and what its exact picture (p, 3) adds to them under a light."""
 
     work: LayerState
     maker: RowMaker
@@ -39,7 +38,7 @@ class _LayerRows:
     lit_by: LightingState | None = None
 
     def is_of(self, work: LayerState) -> bool:
-        """Whether it reflects the same."""
+        """Whether the work reflects the same."""
         mine, theirs = self.work, work
         if mine.layer == theirs.layer:
             return True
@@ -48,7 +47,7 @@ class _LayerRows:
 
 
 class Relighting:
-    """The rows of the picture that is open."""
+    """The rows of the open picture."""
 
     def __init__(self) -> None:
         self._ready: dict[str, _LayerRows] = {}
@@ -57,16 +56,16 @@ class Relighting:
 
     @property
     def n_bytes(self) -> int:
-        """Memory of the rows and what is beside them."""
+        """Memory of the rows and what is stored with them."""
         rests = (0 if each.rest is None else each.rest.nbytes for each in self._ready.values())
         return sum(each.rows.n_bytes for each in self._ready.values()) + sum(rests)
 
-    # ----------------------------------------------------------------------------------------------------- making ready
+    # -------------------------------------------------------------------------------------------------------- preparing
 
     def prepare(
         self, placement: Placement, scene: SceneState, sky: SkyState, current: Mapping[str, LayerData]
     ) -> Steps:
-        """Make rows for the layers as they are, as far as there are none, and hold them to their final pictures."""
+        """Make the rows that the layers lack, and compare them with their final pictures."""
         pictures = {key: data for key, data in current.items() if data.stage == FINAL.name}
         works = [work for work in scene.layers if work.key in pictures]
         if sky.environment is None or not placement.sphere.done.all() or not works:
@@ -94,7 +93,7 @@ class Relighting:
         self, placement: Placement, environment: Environment, scale: float, works: list[LayerState],
         rows_of: Mapping[str, NDArray[np.integer]],
     ) -> Generator[None, None, RowMaker]:  # fmt: skip
-        """That of this sky."""
+        """The row maker for this sky."""
         if self._maker is None or self._made_under != (environment, scale):
             effects = yield from turning_effects(environment, scale)
             all_of_it = RowMaker(placement.hits, placement.sphere, effects)
@@ -103,26 +102,26 @@ class Relighting:
             self._made_under = environment, scale
         return self._maker
 
-    # ---------------------------------------------------------------------------------------------------- lighting anew
+    # ------------------------------------------------------------------------------------------------------- relighting
 
     def takes(self, work: LayerState, lit_by: LightingState) -> bool:
-        """Whether a layer can be lit anew: its material is that of its rows, and emitters are as they were."""
+        """Whether a layer can be relit: its material is that of its rows, and emitters are as they were."""
         ready = self._ready.get(work.key)
         if ready is None or not ready.is_of(work) or ready.rest is None or ready.lit_by is None:
             return False
         return ready.lit_by.emission == lit_by.emission
 
     def light_of(self, sky: SkyState) -> NDArray[np.float32]:
-        """A sky in the rows' basis."""
+        """A sky's coefficients in the rows' basis."""
         if sky.environment is None:
             return np.zeros((1, 3), np.float32)
         return light_coefficients(sky.environment, sky.rotation, sky.scale)
 
     def picture(self, work: LayerState, lit_by: LightingState, light: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The radiance (p, 3) of a layer that can be lit anew.
+        """The radiance (p, 3) of a relit layer.
 
-        Beside the rows' is what the exact picture had more under the light before: emitters', and while the sky is the
-        same what is finer than its basis. Of another sky the latter would be ghosts.
+        It adds to the rows' radiance what the exact picture had more under the light before: emitters', and while the
+        sky is the same what is finer than its basis. Under another sky the latter would be ghosts.
         """
         ready = self._ready[work.key]
         radiance = ready.rows.lit(light)

@@ -1,9 +1,9 @@
-"""What the worker does next: one long job and one quick one of each kind, all advanced step by step.
+"""Schedules the worker: one long job and one quick one of each kind, all advanced step by step.
 
 A job is the iterator that a handler returns; each `next` is one step, short enough (about 100 ms) that a new request is
 noticed soon. Quick ones are served between the steps of a long one that is under way. There are no threads and no queue
-but a place for the newest request of each kind, so an old request cannot pile up. What a kind of request is, and which
-others it cancels, it says itself (`messages.Request`).
+but a place for the newest request of each kind, so old requests cannot pile up. Each class of request defines its kind
+and which others it cancels (`messages.Request`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Handlers = Mapping[type[Request], Callable[[Any], Steps]]
 
 
 class RequestHandler(Protocol):
-    """What does the work. A step may yield None when it has nothing to tell; errors are raised.
+    """Does the work of requests. A step may yield None when it has no response; errors are raised.
 
     A quick request may be handled while a long one is suspended between two steps. A job that is cancelled is closed:
     GeneratorExit is raised where it is suspended.
@@ -41,7 +41,7 @@ class _Job:
         return self._steps is not None
 
     def step(self) -> Response | None:
-        """The next answer or None; StopIteration when the job is done."""
+        """The next response or None; StopIteration when the job is done."""
         if self._steps is None:
             self._steps = iter(self._start(self.request))
         response = next(self._steps)
@@ -59,7 +59,7 @@ class _Job:
 
 
 class Schedule:
-    """The jobs of one handler. `details` tells a person where the traceback of a defect is."""
+    """The jobs of one handler. `details` tells the user where the traceback of a defect is."""
 
     def __init__(self, handler: RequestHandler, details: str = "") -> None:
         self._handler = handler
@@ -69,7 +69,7 @@ class Schedule:
         self._quick: dict[type[Request], _Job] = {}
 
     def accept(self, request: Request) -> None:
-        """Take a request in; it cancels the older of its kind and what was built on that."""
+        """Accept a request; it cancels the older of its kind and what was built on that."""
         self._cancel(request)
         if not isinstance(request, CancelRequests):
             self._queued[type(request)] = request
@@ -92,7 +92,7 @@ class Schedule:
         return self._long if first is None else self._quick[first]
 
     def step(self) -> Response | None:
-        """Advance the chosen job by one step; an error in it becomes a Failed answer and ends that job alone."""
+        """Advance the chosen job by one step; an error in it becomes a RequestFailed and ends only that job."""
         if self.choose() is None:
             return None
         job = self._chosen
@@ -124,7 +124,7 @@ class Schedule:
             self._long = None
 
     def _cancel(self, request: Request) -> None:
-        """Drop what is void once this request is there, or has failed."""
+        """Drop what this request makes void, when it is there or has failed."""
         self._queued = {kind: each for kind, each in self._queued.items() if not request.cancels(kind)}
         for job in (*self._quick.values(), self._long):
             if job is not None and request.cancels(type(job.request)):
@@ -133,7 +133,7 @@ class Schedule:
 
 
 def _line_for(error: Exception, request: Request, details: str) -> str:
-    """One line for the person; what is no fault of theirs goes to the log with its traceback."""
+    """One line for the user; a defect of the program goes to the log with its traceback."""
     if isinstance(error, InsituError):
         return str(error)
     _log.error("%s failed", type(request).__name__, exc_info=error)

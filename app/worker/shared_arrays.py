@@ -4,14 +4,14 @@
     receiver:  check the size ─► map read-only ─► checksum, a slice at a time ─► numpy arrays
 
 A block holds the large buffers of one message. It has no name that could be left behind: `memfd_create` on Linux,
-elsewhere a file whose name (tagged with the process id) is removed as soon as it is open; the descriptor travels
-through the socket and the kernel frees the memory with the last mapping, whoever dies first. Where descriptors do not
-travel (Windows) the file keeps its name until the receiver has opened it; what nobody opened is swept at the next
-start. The arrays own the mapping, so no view outlives its memory. Data is written to its place after the space was
-reserved: a full disk or memory is an OSError here, never a SIGBUS there.
+elsewhere a file whose name (tagged with the process id) is removed as soon as it is open; the descriptor is sent
+through the socket and the kernel frees the memory with the last mapping, whichever process dies first. Where
+descriptors cannot be sent (Windows) the file keeps its name until the receiver has opened it; files that nobody opened
+are removed at the next start. The arrays own the mapping, so no view outlives its memory. Data is written after the
+space was reserved: a full disk or memory is an OSError here, never a SIGBUS there.
 
-The checksum is the sum of all 64-bit words. It finds what can happen here, a block half written or of another time, at
-the speed of memory; CRC-32 on both sides took a tenth of a curve's switch.
+The checksum is the sum of all 64-bit words. It finds what can happen here, a block half written or an older one, at the
+speed of memory; CRC-32 on both sides took a tenth of the time of switching curves.
 
 `multiprocessing.shared_memory` was rejected: its names survive a killed process group, its tracker process unlinks
 blocks still in use, and a view that outlives the object is a segmentation fault.
@@ -44,7 +44,7 @@ _MAGIC = b"INSITUB2"
 _HEADER = struct.Struct("<8sQQQQ")  # magic, generation, bytes of the data, number of buffers, checksum
 _EXTENT = struct.Struct("<QQ")  # offset from the start of the block, bytes
 _ALIGNMENT = 64
-_SLICE = 1 << 20  # bytes checked between two looks at the clock: about 0.1 ms
+_SLICE = 1 << 20  # bytes checked between two readings of the clock: about 0.1 ms
 _WORD = (1 << 64) - 1
 _NAME = re.compile(r"insitu-(\d+)-(\d+)\.block")
 _CHECK_MEMORY_FROM = 16 << 20
@@ -92,14 +92,14 @@ def create_block(buffers: Sequence[Buffer], generation: int, method: Method | No
 
 
 def kept_block_name(file: Path) -> tuple[int, int]:
-    """The two numbers that say which file a `kept` block is in: whose process it is of, and which it is there."""
+    """The two numbers that identify the file of a `kept` block: its process, and its serial number there."""
     match = _NAME.fullmatch(file.name)
     assert match is not None
     return int(match[1]), int(match[2])
 
 
 def open_kept_block(process: int, serial: int) -> int:
-    """The descriptor of a `kept` block, whose file goes. Raises BlockError when there is none."""
+    """The descriptor of a `kept` block, whose file is removed. Raises BlockError when there is none."""
     try:
         return system.open_last(_file_of(process, serial))
     except OSError as error:
@@ -127,9 +127,9 @@ class Block:
         self._sum = _sum_of_numbers(generation, self._n_buffers)
 
     def verify(self, deadline: float) -> bool:
-        """Check on until the monotonic time `deadline` (one slice at least): True when all agrees.
+        """Check until the monotonic time `deadline` (one slice at least); returns True when all agrees.
 
-        Raises BlockError when the checksum does not.
+        Raises BlockError when the checksum does not agree.
         """
         with memoryview(self._map) as view:
             while self._position < self._size:
@@ -154,7 +154,7 @@ class Block:
 
 
 def sweep_dead_blocks(folder: Path | None = None) -> None:
-    """Remove the names that processes killed between opening a block and removing its name have left."""
+    """Remove the names left by processes that were killed between opening a block and removing its name."""
     folder = folder or system.memory_folder()
     for name in os.listdir(folder):
         match = _NAME.fullmatch(name)
@@ -191,7 +191,7 @@ def _file_of(process: int, serial: int) -> Path:
 def _write(
     descriptor: int, buffers: Sequence[Buffer], extents: Sequence[tuple[int, int]], generation: int, total: int
 ) -> None:
-    """The table, the buffers and last the header, so that an unfinished block has none."""
+    """Write the table, the buffers and last the header, so that an unfinished block has none."""
     checksum = _sum_of_numbers(generation, len(buffers))
     table = b"".join(_EXTENT.pack(*extent) for extent in extents)
     for start, buffer in [(_HEADER.size, table), *((at, b) for (at, _), b in zip(extents, buffers, strict=True))]:
@@ -213,7 +213,7 @@ def _sum_of_numbers(generation: int, n_buffers: int) -> int:
 
 
 def _sum(data: Buffer) -> int:
-    """Of the 64-bit words of data that begins on one; bytes missing at the end are 0."""
+    """The sum of the 64-bit words of data that begins on one; bytes missing at the end are 0."""
     n_words, n_left = divmod(len(data), 8)
     words = np.frombuffer(data, "<u8", n_words)
     left = int.from_bytes(data[len(data) - n_left :], "little")
@@ -221,7 +221,7 @@ def _sum(data: Buffer) -> int:
 
 
 def _check_available_memory(total: int) -> None:
-    """Refuse what would drive the system out of memory: reserving a memfd would succeed, and then kill."""
+    """Refuse what would drive the system out of memory: reserving a memfd would succeed, and the process be killed."""
     if total < _CHECK_MEMORY_FROM:
         return
     available = available_memory()

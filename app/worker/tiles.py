@@ -1,9 +1,9 @@
-"""Tiles of an unfinished computation, kept so that a worker that dies resumes after the last complete one.
+"""Tiles of an unfinished computation, stored so that a worker that dies resumes after the last complete one.
 
 A tiles file is a row of records (see `array_record`), each labelled with the key, the number of tiles and its own
-index, and appended in one piece. Whatever a kill left half-written disagrees with its checksum: opening the file cuts
-it off there, and all before it counts. One process at a time writes a file (by a lock beside it, which the system
-lifts when the process dies); a second one computes without.
+index, and appended in one piece. What a killed process left half-written disagrees with its checksum: opening the file
+cuts it off there, and all before it counts. One process at a time writes a file (by a lock beside it, which the system
+releases when the process dies); a second one computes without it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Made = TypeVar("Made")
 class Tiles:
     """The complete tiles of one key. Close it, or use `with`; `finish` when the whole is stored elsewhere.
 
-    note_failure hears once of a file that cannot be written; from then on no further tiles are kept.
+    note_failure is called once for a file that cannot be written; from then on no further tiles are stored.
     """
 
     def __init__(self, path: Path, key: str, n_tiles: int, note_failure: Callable[[OSError], None]) -> None:
@@ -52,7 +52,7 @@ class Tiles:
         return frozenset(self._extents)
 
     def append_tile(self, index: int, arrays: Arrays) -> bool:
-        """Keep a tile: whether that worked. Raises IndexError, TypeError (see `write_record`)."""
+        """Store a tile; returns whether that worked. Raises IndexError, TypeError (see `write_record`)."""
         if not 0 <= index < self._n_tiles:
             raise IndexError(f"tile {index}, expected 0 to {self._n_tiles - 1}")
         if self._file is None or not self._writable:
@@ -77,7 +77,7 @@ class Tiles:
         offset, size = self._extents[index]
         try:
             return read(read_record(memoryview(read_at(self._file.fileno(), size, offset))).arrays)
-        except (OSError, RecordError, UnsoundArrays):  # sound when the file was opened, or never: found anew
+        except (OSError, RecordError, UnsoundArrays):  # sound when the file was opened, or never: computed anew
             return None
 
     def finish(self) -> None:
@@ -120,7 +120,7 @@ class Tiles:
     def _unlock(self) -> None:
         if self._lock.is_locked:
             with contextlib.suppress(OSError):
-                Path(self._lock.lock_file).unlink()  # whoever waits for it looks again
+                Path(self._lock.lock_file).unlink()  # who waits for it tries again
             self._lock.release()
 
     def _scan(self, file: FileIO) -> None:
@@ -137,7 +137,7 @@ class Tiles:
             self._end += record.n_bytes
 
     def _append(self, file: FileIO, record: memoryview) -> None:
-        """All of the record, or an OSError and the file as it was."""
+        """Append all of the record, or raise an OSError and leave the file as it was."""
         try:
             while len(record):
                 record = record[file.write(record) :]

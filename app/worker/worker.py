@@ -1,10 +1,10 @@
 """The second process, which does all the slow work: `python -m app.worker`, started by `client`.
 
-One thread at a time works: it looks for new requests, advances a job by one step, sends what came out, and begins
-again; what nobody waits for another takes a step of, which has stepped back (`background`). A small one says every
-quarter of a second that the process lives, and ends it when the window is gone: whichever way the window died, no
-orphan computes on. On Linux the kernel ends the worker with its parent besides (PR_SET_PDEATHSIG). Spawned, never
-forked: a fork of a process with threads and a GL context is undefined.
+One thread at a time works: it checks for new requests, advances a job by one step, sends what came out, and begins
+again; work that nobody waits for goes to another thread, of lower priority (`background`). A small one sends a sign of
+life every quarter of a second, and ends the process when the window is gone: however the window died, no orphan
+computes on. On Linux the kernel also ends the worker with its parent (PR_SET_PDEATHSIG). Spawned, never forked: a fork
+of a process with threads and a GL context is undefined.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Worker:
                 self._channel.wait(None)
 
     def _take_requests(self, schedule: Schedule) -> bool:
-        """Accept what has arrived: False on Shutdown."""
+        """Accept what has arrived; False on Shutdown."""
         while (message := self._channel.receive(deadline=float("inf"))) is not None:
             if isinstance(message, Shutdown):
                 return False
@@ -66,7 +66,7 @@ class Worker:
         return True
 
     def _announce(self, request: Request | None) -> None:
-        """Tell the client which request is worked on, so that it knows what to blame should this process die."""
+        """Tell the client which request is worked on, so that it knows the culprit should this process die."""
         beat = Heartbeat("busy", id=request.id, revision=request.revision) if request else Heartbeat("idle")
         if beat != self.heartbeat:
             self.heartbeat = beat
@@ -83,7 +83,7 @@ class Worker:
 
 
 def beat(worker: Worker, channel: Channel, interval: float, parent: int) -> None:
-    """Say that the process lives, each `interval` seconds; end the process once the window is gone."""
+    """Send a sign of life each `interval` seconds; end the process once the window is gone."""
     while True:
         if channel.has_hung_up(interval) or os.getppid() != parent:
             os._exit(0)
@@ -92,7 +92,7 @@ def beat(worker: Worker, channel: Channel, interval: float, parent: int) -> None
 
 
 def log_to_file() -> str:
-    """Send the log and everything on stderr to the log file: its name for messages, "" when there is none."""
+    """Send the log and everything on stderr to the log file; returns its name for messages, "" when there is none."""
     try:
         path = log_directory() / "worker.log"
         too_long = path.exists() and path.stat().st_size > _LARGEST_LOG
@@ -115,7 +115,7 @@ def arguments(argv: Sequence[str] | None) -> Any:
 
 
 def serve(channel: Channel, options: Any) -> None:
-    """Start the heartbeat, load the handlers, serve; handlers that cannot be loaded are reported in words."""
+    """Start the heartbeat, load the handlers, serve; handlers that cannot be loaded are reported in a message."""
     details = log_to_file()
     logging.basicConfig(format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     faulthandler.enable()

@@ -1,8 +1,8 @@
-"""What all work in the worker shares: the cache, the scene that is open, and its light.
+"""What all work in the worker shares: the cache, the open scene, and its light.
 
 A scene is open as a camera sees it: its surfaces, what can be traced in them, the primary hits and, as far as it has
-been found, what of the sphere each of those sees. One that is only loaded takes the place of the one that is open when
-it is looked at.
+been computed, the part of the sphere that each of those sees. A scene that is only loaded replaces the open one when
+its first view is traced.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ BACKGROUND_HEIGHT = 1024
 class WorkerContext:
     """The shared state of the worker.
 
-    kernels: what is to be ready before the first picture; None where nobody prepares them. fills: only fill the cache;
-    results are neither held nor answered with. labour: who does the long work, None for this process.
+    kernels: what is to be ready before the first picture; None where nothing prepares them. fills: only fill the cache;
+    results are neither held nor sent. executor: who does the long work, None for this process.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class WorkerContext:
 
     @property
     def open_placement(self) -> Placement:
-        """The scene that is open; InsituError where none is."""
+        """The open scene, as its camera sees it; InsituError where none is."""
         if self._placement is None:
             raise InsituError("no scene is open")
         return self._placement
@@ -70,18 +70,17 @@ class WorkerContext:
 
     @property
     def rest_scene(self) -> Scene:
-        """The scene that is open as its file has it, whatever pose it is in; InsituError where none is."""
+        """The open scene as its file has it, whatever pose it is in; InsituError where none is."""
         if self._scene.scene is None:
             raise InsituError("no scene is open")
         return self._scene.scene
 
     def load(self, scene: Scene, id: int) -> None:
-        """This scene is there to be looked at, by the request of that number."""
+        """Note that a scene is loaded and can be traced, by the request of that number."""
         self._loaded = _LoadedScene(id, scene)
 
     def set_camera(self, request: SetCamera) -> Generator[None, None, None]:
-        """A scene that is there is open as this camera sees it, after some steps; what it sees may be the background
-        alone."""
+        """Open a loaded scene as this camera sees it, after some steps; that may be the background alone."""
         seen = next((each for each in (self._loaded, self._scene) if each.id == request.scene), _LoadedScene())
         if seen.scene is None:
             raise InsituError("no scene is open")
@@ -97,7 +96,7 @@ class WorkerContext:
         self._sent_sky = None
 
     def new_warnings(self) -> Iterator[WorkerWarnings]:
-        """What is wrong with the cache, and which images are shown smaller, as soon as there is something new."""
+        """Warnings about the cache and about images that are shown smaller, as soon as there are new ones."""
         lines = self.store.take_notes()
         if self._placement is not None:
             lines += self._placement.scene.textures.take_notes()
@@ -105,11 +104,11 @@ class WorkerContext:
             yield WorkerWarnings(lines)
 
     def sky(self, light: LightState) -> SkyState:
-        """The sky of the scene that is open, under a document's light. Raises LoadError."""
+        """The sky of the open scene, under a document's light. Raises LoadError."""
         return sky_of(self.open_placement.scene, light, self._environment)
 
     def sky_image(self, sky: SkyState, light: LightState) -> SkyImage | None:
-        """The background, when it is not the one that was sent last."""
+        """The image of the sky, when it is not the one that was sent last."""
         shown = (light.environment, light.mapping, light.radiance)
         if shown == self._sent_sky:
             return None
@@ -130,14 +129,14 @@ class WorkerContext:
 
 @dataclass
 class _LoadedScene:
-    """A scene as its file has it, the number of the request for it, and the pose it is in with the rays of that."""
+    """A scene as its file has it, the number of its request, and its present pose with the ray caster of that."""
 
     id: int = -1
     scene: Scene | None = None
     pose: tuple[Poses, Scene, RayCaster] | None = None
 
     def in_poses(self, poses: Poses) -> tuple[Scene, RayCaster]:
-        """The scene in these poses, and its rays: the same ones as long as the poses are."""
+        """The scene in these poses, and its ray caster: the same ones as long as the poses are."""
         assert self.scene is not None
         if self.pose is None or self.pose[0] != poses:
             scene = pose_scene(self.scene, poses)
@@ -146,14 +145,14 @@ class _LoadedScene:
 
 
 def _view_key(placement: Placement, geometry: str) -> str:
-    """What transport hangs on of the view: the surfaces, and where bumps turn their normals these as well."""
+    """The key of what transport depends on of the view: the surfaces, and the bumps that perturb their normals."""
     if not placement.scene.bump_normals.objects:
         return geometry
     return content_key(geometry, placement.hits.normal)
 
 
 def _geometry_key(scene: Scene, n_edge_rays: int) -> str:
-    """What visibility hangs on of the view."""
+    """The key of what visibility depends on of the view."""
     camera = scene.description.camera.model_dump_json()
     return content_key(
         CACHE_VERSION, camera, scene.origin, scene.resolution, n_edge_rays, scene.vertices, scene.normals,
