@@ -1,8 +1,9 @@
-"""Angles and quotients of many directions at once, in single precision and in loops that the compiler vectorises.
+"""Compiled: angles and quotients of many directions at once, in single precision, in loops that the compiler
+vectorises.
 
 `engine.material._kernels` states every formula once, for one pair of directions, in double precision; it takes 10 to 70
-nanoseconds a call, these loops one to three. Where a model or an angle has no loop here, the scalar form is called. A
-parity test ties the two.
+nanoseconds a call, these loops one to three. A model or an angle without a loop here uses the scalar form. A parity
+test compares the two.
 """
 
 import math
@@ -52,7 +53,7 @@ def _log1p(t):
     large = mantissa > np.float32(1.41421356)
     mantissa = mantissa * np.float32(0.5) if large else mantissa
     exponent = exponent + np.float32(1.0) if large else exponent
-    # Below 1/8 the argument itself is used, so that small t keep their digits.
+    # Below 1/8 use the argument itself, so that small t retain their digits.
     small = t < np.float32(0.125)
     w = t / (t + np.float32(2.0)) if small else (mantissa - np.float32(1.0)) / (mantissa + np.float32(1.0))
     w2 = w * w
@@ -79,35 +80,39 @@ def _exp(x):
 def fill_gammas(kind, q, x, y, z, ox, oy, oz, out):
     """γ in [0, π/2] of each direction (x, y, z): `gamma` in single precision, in loops that the compiler vectorises.
 
-    Error 1e-4 rad, a hundredth of the narrowest band of a 128-band curve; the angle of a narrow lobe's tip keeps its
-    digits because 1 - cos is formed without cancellation.
+    Error 1e-4 rad, a hundredth of the narrowest band of a 128-band curve. Near the axis of a narrow lobe the angle
+    retains its digits, because 1 - cos is computed without cancellation.
     """
     one = np.float32(1.0)
     if kind == THETA_I:
+        # 1 - cos θ_i = sin² θ_i / (1 + cos θ_i).
         for v in range(x.shape[0]):
             c = min(max(z[v], np.float32(0.0)), one)
             flat2 = x[v] * x[v] + y[v] * y[v]
             part = flat2 / (one + c) if z[v] > np.float32(0.0) else one
             out[v] = _arc(np.sqrt(min(part, one)), c)
     elif kind == THETA_H:
+        # θ_h of the half vector ω_i + ω_o.
         for v in range(x.shape[0]):
             sx, sy, sz = x[v] + ox, y[v] + oy, max(z[v] + oz, np.float32(0.0))
             flat2 = sx * sx + sy * sy
             length = np.sqrt(flat2 + sz * sz + TINY)
             out[v] = _arc(np.sqrt(min(flat2 / (length * (length + sz)), one)), sz / length)
     elif kind == THETA_D:
+        # sin² θ_d = |ω_i - ω_o|² / 4.
         for v in range(x.shape[0]):
             dx, dy, dz = x[v] - ox, y[v] - oy, z[v] - oz
             sin2 = min(np.float32(0.25) * (dx * dx + dy * dy + dz * dz), one)
             c = np.sqrt(one - sin2)
             out[v] = _arc(np.sqrt(sin2 / (one + c)), c)
     elif kind == GAMMA_ALPHA or kind == GAMMA_BETA:
+        # γ_α and γ_β: cos γ = (cos θ_h) to the power cos² φ_h or sin² φ_h [BenArtzi07, eq. 3.7, 3.8].
         for v in range(x.shape[0]):
             sx, sy, sz = x[v] + ox, y[v] + oy, max(z[v] + oz, np.float32(1e-6))
             x2, y2, z2 = sx * sx, sy * sy, sz * sz
             flat2 = x2 + y2
             share = (x2 if kind == GAMMA_ALPHA else y2) / (flat2 + TINY)
-            # ln cos² = -ln(1 + tan²): no cancellation for narrow lobes.
+            # ln cos² = -ln(1 + tan²) avoids cancellation for narrow lobes.
             logarithm = np.float32(-0.5) * share * _log1p(flat2 / z2)
             power = _exp(logarithm)
             near = -logarithm * (one + np.float32(0.5) * logarithm)  # 1 - e^x for small x
@@ -131,7 +136,8 @@ def _beckmann_g1(cosine, alpha):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def weigh(model_kind, q, x, y, z, ox, oy, oz, weights):
-    """weights (n,) *= ρ_q cosθ of each direction (x, y, z): `quotient_cosine`, the common models in vector loops."""
+    """weights (n,) *= ρ_q cosθ of each direction (x, y, z): `quotient_cosine`, with vectorised loops for the common
+    models."""
     if model_kind == LAMBERT:
         for i in range(x.shape[0]):
             weights[i] *= max(z[i], np.float32(0.0)) * np.float32(1.0 / math.pi)
@@ -165,10 +171,10 @@ def weigh(model_kind, q, x, y, z, ox, oy, oz, weights):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def tint(colours_number, q, lights, x, y, z, ox, oy, oz, weights, colours, quotients, tinted):
-    """tinted[m] = ρ_q cosθ · colours[m] of each light m, of a model whose quotient differs by colour.
+    """tinted[m] = ρ_q cosθ · colours[m] of each light m, for a model whose quotient differs by colour channel.
 
-    colours_number: where that is looked up (`engine.material._kernels.colours_number`), into quotients (n, 3); weights
-    (n,) take what is the same in all colours.
+    colours_number: the look-up (`engine.material._kernels.colours_number`), which writes quotients (n, 3); weights (n,)
+    take the factors common to all channels.
     """
     n = x.shape[0]
     call_colours(colours_number, q, n, x, y, z, ox, oy, oz, quotients)
@@ -180,7 +186,7 @@ def tint(colours_number, q, lights, x, y, z, ox, oy, oz, weights, colours, quoti
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
 def _rise(q, x, y, z, ox, oy, oz, weights):
-    """weights (n,) *= (1 - cos θ_d)^5 where the layer is a second Fresnel term."""
+    """weights (n,) *= (1 - cos θ_d)^5 where the layer is the second Fresnel term."""
     if q[FRESNEL_TERM] > 0.0:
         for i in range(x.shape[0]):
             sx, sy, sz = x[i] + ox, y[i] + oy, z[i] + oz
@@ -191,9 +197,10 @@ def _rise(q, x, y, z, ox, oy, oz, weights):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def slope(kind):
-    """How much γ changes with the light's direction where it is a cone around a pole; 0 for angles that have none.
+    """The rate of change of γ with the light's direction, where γ is a cone about an axis; 0 for other angles.
 
-    γ_α and γ_β vanish along lines, not at points: there a triangle's corners tell all but the crease itself.
+    γ_α and γ_β vanish along lines, not at points: there the triangle's corners describe everything but the crease
+    itself.
     """
     if kind == THETA_H or kind == THETA_D:
         return np.float32(0.5)
@@ -202,11 +209,11 @@ def slope(kind):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def is_highlight(kind):
-    """Whether a curve over γ mirrors what is around: it may be as narrow as its bands."""
+    """Whether a curve over γ reflects the surroundings like a mirror: its lobe may be as narrow as its bands."""
     return kind != THETA_I and kind != THETA_D and kind != THETA_O
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def is_cone(kind):
-    """Whether γ is, but for a factor, the angle from one direction, so that it changes at the same rate everywhere."""
+    """Whether γ is, up to a factor, the angle from one direction, so that it changes at the same rate everywhere."""
     return kind == THETA_I or kind == THETA_R or kind == THETA_D

@@ -1,4 +1,4 @@
-"""Packing the bands of a point and summing its picture: see `bandstore` for the encoding."""
+"""Compiled: packs the bands of a point and sums its picture: see `bandstore` for the encoding."""
 
 import numba as nb
 import numpy as np
@@ -20,10 +20,11 @@ def _largest(bands, cells, maxima):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def encode_bands(bands, trim, cells, maxima, encoded, i, written):
-    """Append point i's bands to `values`; the ends of a row below trim · its maximum join the nearest kept entry.
+    """Appends point i's bands to `values`; the ends of a row below trim · its maximum are added to the nearest stored
+    entry.
 
-    cells (J, K) and maxima (J,) are scratch. Most of a row is empty, so its empty ends are passed by first: to carry
-    their nothing inwards took longer than to encode what is there.
+    cells (J, K) and maxima (J,) are scratch. Most of a row is empty, so its empty ends are skipped first: moving their
+    zeros inwards took longer than encoding the rest.
     """
     n_a, n_b = bands.shape[0], bands.shape[1]
     values = encoded.values
@@ -38,6 +39,7 @@ def encode_bands(bands, trim, cells, maxima, encoded, i, written):
             values[written + j] = encode(bands[j, 0, 0] * inverse, bands[j, 0, 1] * inverse, bands[j, 0, 2] * inverse)
         return written + n_a
     for j in range(n_a):
+        # The non-empty range of the row.
         low, high = 0, n_b
         if maxima[j] > 0.0:
             floor = trim * maxima[j]
@@ -45,6 +47,7 @@ def encode_bands(bands, trim, cells, maxima, encoded, i, written):
                 low += 1
             while cells[j, high - 1] == 0.0:
                 high -= 1
+            # Move small entries at both ends inwards, which preserves the sum.
             while max(bands[j, low, 0], bands[j, low, 1], bands[j, low, 2]) <= floor:
                 for c in range(3):
                     bands[j, low + 1, c] += bands[j, low, c]
@@ -65,7 +68,7 @@ def encode_bands(bands, trim, cells, maxima, encoded, i, written):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def encode(r, g, b):
-    """Three numbers in [0, 1] as nine-bit mantissas with one shared five-bit exponent (2^-30 … 2^1)."""
+    """Encodes three numbers in [0, 1] as nine-bit mantissas with one shared five-bit exponent (2^-30 … 2^1)."""
     largest = max(r, g, b)
     if not largest > np.float32(9.4e-13):
         return np.uint32(0)
@@ -80,7 +83,8 @@ def encode(r, g, b):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def radiance_tile(scale, first, count, start, values, n_a, n_b, c_a, c_b, out, at, units):
-    """out[at + i] = Σ_jk c_a[j] c_b[k] U_jk, summed in double precision: J·K terms of one sign."""
+    """out[at + i] = Σ_jk c_a[j] c_b[k] U_jk [BenArtzi07, eq. 4.13], summed in double precision: J·K terms of one
+    sign."""
     for i in range(scale.shape[0]):
         red, green, blue = 0.0, 0.0, 0.0
         at_value = start[i]

@@ -1,10 +1,11 @@
-"""The cut through the tree of emitters that one point needs: near lamps finely, far ones whole, hidden ones not at all.
+"""Compiled: the cut through the emitter tree for one point, fine for near lamps, coarse for far ones, without hidden
+ones.
 
-Which leaves of the tree a point sees is known beforehand, one bit each; a node counts by the share of its leaves that
-are seen. Solid angles of triangles are exact at any size [VanOosterom83], so a node that is seen whole errs only by
-taking angles and cosine at its middle, with the square of its extent; one seen in part does not know which part, and
-errs with the extent itself. A node is halved while that error, times its light, is more than a small part of all light
-that the point sees. Below the leaves halves are made as they are needed: they are seen where the leaf is.
+The visibility of each leaf is known beforehand, one bit each; a node is weighted by the visible share of its leaves.
+Solid angles of triangles are exact at any size [VanOosterom83], so a fully visible node errs only by evaluating angles
+and cosine at its centre, with the square of its extent. A partly visible node does not know which part is visible and
+errs with the extent itself. A node is split while that error, times its light, exceeds a small fraction of the point's
+total light. Below the leaves, halves are created on demand with the visibility of the leaf.
 """
 
 import math
@@ -17,10 +18,10 @@ from engine.material.kinds import THETA_R
 from engine.precompute.direct._angle_kernels import HALF_PI, TINY, is_highlight
 from engine.precompute.direct._split_kernels import distance_from_axis
 
-# How much of a point's light a node's error may be: of its middle for its whole, of the part that is seen.
+# The error of a node relative to a point's light: of its centre for the whole, and of its visible part.
 CUT_TOLERANCE = np.float32(0.003)
 PARTIAL_SHARE = np.float32(0.25)
-# How large a node that is seen in part may be in a highlight: of a band there, and of how far it is from the middle.
+# The largest size of a partly visible node in a highlight: relative to a band, and to its distance from the lobe axis.
 BAND_SHARE = np.float32(0.5)
 DISTANCE_SHARE = np.float32(0.1)
 _DEPTH = 48
@@ -28,8 +29,8 @@ _ROOM = 4096
 
 
 class Around(NamedTuple):
-    """Of N things some leaves each, as bits: those of thing i are the bits mask (K,) of the words word (K,), from
-    start[i] to start[i + 1] of start (N + 1,)."""
+    """Sets of leaves of N items, as bits: item i has the bits mask (K,) of the words word (K,), from start[i] to
+    start[i + 1] of start (N + 1,)."""
 
     start: np.ndarray
     word: np.ndarray
@@ -37,11 +38,12 @@ class Around(NamedTuple):
 
 
 class Leaves(NamedTuple):
-    """M leaves: node and root (M,) of each, part (M,) of its root's area, ball (M, 4): middle and squared longest edge,
-    and beside: which stand around it.
+    """M leaves: node and root (M,) of each, part (M,) of its root's area, ball (M, 4): centre and squared longest edge,
+    and beside: its neighbours.
 
-    What holds for each 64 of them, whose bits are one word: block (M / 64, 5): middle, how far from it theirs are at
-    most, and their longest edge, squared; and beside_block: which stand around any of them."""
+    For each group of 64 leaves, whose bits form one word: block (M / 64, 5): centre, largest distance of a leaf's
+    centre from it, and squared longest edge; and beside_block: the neighbours of any of them.
+    """
 
     node: np.ndarray
     root: np.ndarray
@@ -54,7 +56,7 @@ class Leaves(NamedTuple):
 
 class Emitters(NamedTuple):
     """N nodes, the first n_roots the triangles: corners (N, 3, 3), radiance (N, 3), brightness (N,); child, parent
-    (N,), and first (N,), the leaf of a node that is one, as in `EmitterTree`."""
+    (N,), and first (N,), the index of the leaf where a node is one, as in `EmitterTree`."""
 
     corners: np.ndarray
     radiance: np.ndarray
@@ -67,9 +69,9 @@ class Emitters(NamedTuple):
 
 
 class Cut(NamedTuple):
-    """Room for a point's cut beside what it is written to: shares (N,) of the nodes, a stack of triangles
-    (D, 3, 3) relative to the point, of nodes (D,), and unit directions (3, 3); sizes (N,) in radians and the
-    places (N, 3) of the corners of what is listed, three a piece."""
+    """Working memory for a point's cut: shares (N,) of the nodes; a stack of triangles (D, 3, 3) relative to the point,
+    and of nodes (D,); unit directions (3, 3); of the listed nodes the sizes (N,) in radians and the indices (N, 3) of
+    the corners, three each."""
 
     shares: np.ndarray
     stack: np.ndarray
@@ -83,7 +85,8 @@ class Cut(NamedTuple):
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def make_cut(n_nodes, n_roots):
     room = n_roots + _ROOM if n_roots > 0 else 0
-    corners = np.arange(3 * room).astype(np.int32)  # as the sky's are: of another type, all would be compiled twice
+    # same type as the sky's: another type would compile everything twice
+    corners = np.arange(3 * room).astype(np.int32)
     return Cut(
         np.empty(n_nodes, np.float32), np.empty((_DEPTH, 3, 3), np.float32), np.empty(_DEPTH, np.int64),
         np.empty((3, 3), np.float32), np.empty(room, np.float32), corners.reshape(room, 3), np.arange(room),
@@ -92,17 +95,19 @@ def make_cut(n_nodes, n_roots):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def cut_emitters(words, near, emitters, place, frame, optics, ox, oy, oz, cut, x, y, z, cx, cy, cz, colours, weights):
-    """List the cut for the point at `place` whose frame has tangent, bitangent, normal as rows; returns its number.
+    """Lists the cut for the point at `place`, whose frame has the rows tangent, bitangent, normal; returns the number
+    of nodes.
 
-    words: which leaves are seen; near: nodes and deltas, and where the point's begin and end among them, see
-    `engine.precompute.direct.near_leaves`; optics: the layer that reflects towards the eye, (ox, oy, oz) in the frame.
-    Written are corner directions x, y, z in the frame, three a node, directions of the middles cx, cy, cz, radiance
-    times solid angle, weights (the share seen), and into the cut sizes.
+    words: visibility bits of the leaves; near: nodes and deltas, and the point's range among them, see
+    `engine.precompute.direct.near_leaves`; optics: the layer that reflects towards the camera, (ox, oy, oz) in the
+    frame. Writes corner directions x, y, z in the frame, three per node; directions of the centres cx, cy, cz; radiance
+    times solid angle; weights (the visible share); and the sizes in `cut`.
     """
     stack, nodes, unit, sizes = cut.stack, cut.nodes, cut.unit, cut.sizes
     fill_shares(words, emitters, cut.shares)
     correct_shares(near, emitters.parent, cut.shares)
     bound, n = optics.tolerance * CUT_TOLERANCE * _unoccluded_light(emitters, place, cut), 0
+    # Depth-first traversal with a stack, reserving room for the remaining roots.
     for root in range(emitters.n_roots):
         if cut.shares[root] == np.float32(0.0):
             continue
@@ -115,15 +120,19 @@ def cut_emitters(words, near, emitters, place, frame, optics, ox, oy, oz, cut, x
             if share == np.float32(0.0):
                 top -= 1
                 continue
+            # Solid angle, extent and cosines of the node; skip it below the horizon.
             omega, size, spread2 = project_triangle(stack[top], unit)
             light = emitters.brightness[node] * omega * share
             low, high = cosine_range(unit, frame[2])
             if high <= np.float32(0.0):
                 top -= 1
                 continue
+            # The error is of second order in the size for a fully visible node, of first order for a partly visible
+            # one.
             partly = (child >= 0 and share < np.float32(1.0)) or low < np.float32(0.0)
             error = light * size * (max(size, PARTIAL_SHARE) if partly else size)
             blurred = child >= 0 and share < np.float32(1.0) and _is_blurred(unit, frame, size, optics, ox, oy, oz)
+            # Too large: replace it by its children, or below a leaf by the halves of its triangle.
             if (error > bound or blurred) and left > top + 2 and top + 2 < _DEPTH:
                 if child >= 0:
                     place_at(emitters.corners[child], place, stack[top])
@@ -134,6 +143,7 @@ def cut_emitters(words, near, emitters, place, frame, optics, ox, oy, oz, cut, x
                     nodes[top + 1] = node
                 top += 1
                 continue
+            # Accept: corner directions in the local frame, and their normalised mean as the centre.
             sx, sy, sz = np.float32(0.0), np.float32(0.0), np.float32(0.0)
             for k in range(3):
                 u, v, w = unit[k, 0], unit[k, 1], unit[k, 2]
@@ -146,7 +156,8 @@ def cut_emitters(words, near, emitters, place, frame, optics, ox, oy, oz, cut, x
             cx[n], cy[n], cz[n] = sx * inverse, sy * inverse, sz * inverse
             for channel in range(3):
                 colours[n, channel] = emitters.radiance[node, channel] * omega
-            # Directions that differ add up to less than their number: so much of the cosine at the middle is too much.
+            # The mean of different unit vectors is shorter than 1: the cosine at the centre is too large by this
+            # factor.
             weights[n], sizes[n] = share * (np.float32(1.0) - np.float32(0.5) * spread2), size
             n, left, top = n + 1, left - 1, top - 1
     return n
@@ -154,7 +165,7 @@ def cut_emitters(words, near, emitters, place, frame, optics, ox, oy, oz, cut, x
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _is_blurred(unit, frame, size, optics, ox, oy, oz):
-    """Whether a highlight could show which part of a node is seen."""
+    """Whether a highlight could reveal which part of a node is visible."""
     if not is_highlight(optics.kind_a):
         return False
     u, v, w = (
@@ -170,7 +181,7 @@ def _is_blurred(unit, frame, size, optics, ox, oy, oz):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _unoccluded_light(emitters, place, cut):
-    """The light of all that is seen, without cosines."""
+    """The light of everything visible, without cosines."""
     total = np.float32(0.0)
     for root in range(emitters.n_roots):
         if cut.shares[root] > np.float32(0.0):
@@ -181,7 +192,7 @@ def _unoccluded_light(emitters, place, cut):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def fill_shares(words, emitters, shares):
-    """The share (N,) of each node that is seen, its halves being equal in area, by the leaves' bits."""
+    """The visible share (N,) of each node, whose halves have equal areas, from the bits of the leaves."""
     child, first = emitters.child, emitters.first
     for node in range(child.shape[0] - 1, -1, -1):
         half = child[node]
@@ -194,7 +205,8 @@ def fill_shares(words, emitters, shares):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def correct_shares(near, parents, shares):
-    """Put in what is known better of some leaves: nodes, deltas, and where the point's begin and end among them."""
+    """Adds the deltas of leaves with known shares to them and their ancestors; near: nodes, deltas and the point's
+    range among them."""
     nodes, deltas, begin, end = near
     for k in range(begin, end):
         node, part = np.int64(nodes[k]), deltas[k]
@@ -213,8 +225,8 @@ def place_at(corners, place, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
 def project_triangle(triangle, unit):
-    """Solid angle, longest edge on the unit sphere, and mean square distance from its middle there, of a triangle about
-    the origin; its unit corners go to `unit`."""
+    """Solid angle, longest edge on the unit sphere, and mean squared distance from its centre there, of a triangle
+    relative to the origin; writes its unit corners to `unit`."""
     for k in range(3):
         dx, dy, dz = triangle[k, 0], triangle[k, 1], triangle[k, 2]
         inverse = np.float32(1.0) / np.sqrt(max(dx * dx + dy * dy + dz * dz, TINY))
@@ -222,10 +234,11 @@ def project_triangle(triangle, unit):
     ax, ay, az = unit[0, 0], unit[0, 1], unit[0, 2]
     bx, by, bz = unit[1, 0], unit[1, 1], unit[1, 2]
     cx, cy, cz = unit[2, 0], unit[2, 1], unit[2, 2]
-    # The triple product through edge vectors: corners seen from afar are nearly parallel and would cancel.
+    # The triple product of edge vectors: corners seen from afar are almost parallel and would cancel.
     ux, uy, uz, vx, vy, vz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
     triple = ax * (uy * vz - uz * vy) + ay * (uz * vx - ux * vz) + az * (ux * vy - uy * vx)
     cosines = (ax * bx + ay * by + az * bz) + (bx * cx + by * cy + bz * cz) + (cx * ax + cy * ay + cz * az)
+    # tan(Ω/2) = |a · (b × c)| / (1 + a·b + b·c + c·a) [VanOosterom83].
     omega = np.float32(2.0) * np.float32(math.atan2(abs(triple), np.float32(1.0) + cosines))
     wx, wy, wz = cx - bx, cy - by, cz - bz
     u2, v2, w2 = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz, wx * wx + wy * wy + wz * wz
@@ -234,7 +247,7 @@ def project_triangle(triangle, unit):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def cosine_range(unit, normal):
-    """Least and greatest cosine to the normal of three unit vectors."""
+    """Least and greatest cosine between the normal and three unit vectors."""
     a = normal[0] * unit[0, 0] + normal[1] * unit[0, 1] + normal[2] * unit[0, 2]
     b = normal[0] * unit[1, 0] + normal[1] * unit[1, 1] + normal[2] * unit[1, 2]
     c = normal[0] * unit[2, 0] + normal[1] * unit[2, 1] + normal[2] * unit[2, 2]
@@ -243,7 +256,7 @@ def cosine_range(unit, normal):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _halve(triangle, other):
-    """Cut a triangle (3, 3) at the middle of its longest edge: one half in its place, the other in `other`."""
+    """Bisects a triangle (3, 3) at its longest edge: one half in place, the other in `other`."""
     longest, start = np.float32(-1.0), 0
     for k in range(3):
         j = (k + 1) % 3

@@ -1,4 +1,4 @@
-"""Compiled search for the samples that stand for a point: see `footprint`."""
+"""Compiled: searches the samples that a point interpolates: see `footprint`."""
 
 import math
 
@@ -8,11 +8,12 @@ import numpy as np
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def nearest_samples(begin, end, pixel, normal, width, stride, normal_weight, samples, first, count, nodes, chosen, out):
-    """For rows begin to end, all of one object, its nearest samples: chosen (P, 4), counted from `first`; out (P, 4).
+    """The nearest samples of rows begin to end, all of one object: chosen (P, 4), counted from `first`; distances out
+    (P, 4).
 
-    out gets the distances in (column, row) / stride and normal · normal_weight, infinite where the object has fewer
-    samples than four. samples[first : first + count] are the object's rows; nodes (H / stride, W / stride) holds the
-    index in `samples` of each node of the lattice, -1 for none. Nodes are visited ring by ring around the point: those
+    The distance is measured in (column, row) / stride and normal · normal_weight; it is infinite where the object has
+    fewer than four samples. samples[first : first + count] are the object's rows; nodes (H / stride, W / stride) holds
+    the index in `samples` of each lattice node, -1 for none. Nodes are visited ring by ring around the point: those
     beyond ring r are more than r + 1/2 away, whatever their normal, so the search ends with the true nearest ones.
     """
     scale = 1.0 / stride
@@ -29,7 +30,7 @@ def nearest_samples(begin, end, pixel, normal, width, stride, normal_weight, sam
             column, row = int(math.floor(x + 0.5)), int(math.floor(y + 0.5))
             for ring in range(nodes.shape[0] + nodes.shape[1]):
                 for i in range(max(row - ring, 0), min(row + ring + 1, nodes.shape[0])):
-                    # Whole lines above and below, the two ends of those between.
+                    # Whole rows above and below, and both ends of the rows in between.
                     whole = i == row - ring or i == row + ring
                     step = 1 if whole else 2 * ring
                     for j in range(column - ring, column + ring + 1, step):
@@ -47,7 +48,7 @@ def nearest_samples(begin, end, pixel, normal, width, stride, normal_weight, sam
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _squared(x, y, p, q, pixel, normal, width, scale, normal_weight):
-    """Squared distance of point p, at (x, y) of the lattice, to the sample at row q."""
+    """Squared distance from point p, at (x, y) of the lattice, to the sample at row q."""
     dx, dy = pixel[q] % width * scale - x, pixel[q] // width * scale - y
     a, b, c = normal[q, 0] - normal[p, 0], normal[q, 1] - normal[p, 1], normal[q, 2] - normal[p, 2]
     return dx * dx + dy * dy + normal_weight * normal_weight * (a * a + b * b + c * c)
@@ -55,7 +56,7 @@ def _squared(x, y, p, q, pixel, normal, width, scale, normal_weight):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _insert(index, squared, best, which):
-    """Keep the four smallest, ascending."""
+    """Inserts into the four smallest, ascending."""
     k = best.shape[0]
     while k > 0 and squared < best[k - 1]:
         k -= 1

@@ -1,5 +1,5 @@
-"""Compiled loops of `engine.precompute.direct.near_leaves`: which leaves of the emitters a point sees in part, and by
-how much."""
+"""Compiled loops of `engine.precompute.direct.near_leaves`: find emitter leaves that a point sees partly, and trace
+their visible shares."""
 
 import math
 
@@ -14,20 +14,20 @@ _ZERO, _ONE, _TWO, _NONE = np.float32(0.0), np.float32(1.0), np.float32(2.0), np
 _THIRD, _SMALL = np.float32(1.0 / 3.0), np.float32(0.07)
 ROUGHNESS, FINE, MOST_DEPTH = np.float32(0.3), np.float32(0.01), 3
 _DISTANCE_SHARE = np.float32(4.0**-0.75)  # of the error, with four times as many rays
-_SHORTEST = np.float32(1e-30)  # of rays that do not count
+_SHORTEST = np.float32(1e-30)  # length of rays without weight
 _CHILDREN = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def list_near(rows, position, normal, bits, emitters, least, near, counts, nodes, depths):
-    """For each of the rows the leaves that are worth rays of their own: counts (B,), nodes (B, most), and how often
-    they are cut in four for these: depths (B,), 1 to `MOST_DEPTH`.
+    """Lists for each of the rows the leaves that deserve rays of their own: counts (B,), nodes (B, most), and depths
+    (B,), 1 to `MOST_DEPTH`: how often these leaves are split in four.
 
-    A leaf is, if all of it would bring the point more than `least` of the light that it is thought to see, and either
-    of those beside it some are seen and some are not, or it is larger than `near_leaves` radians.
+    A leaf is listed if it could contribute more than `least` of the light that the point is assumed to see, and either
+    its neighbours are partly visible and partly hidden, or it is larger than `near` radians.
 
-    Of n spread rays to a leaf that is seen in part, the share that is seen is off by about ROUGHNESS n^(-3/4), and
-    leaves are so independently: where hardly more than the edge of a lamp is seen, each gets more rays.
+    With n well-distributed rays to a partly visible leaf, the error of its share is about ROUGHNESS n^(-3/4),
+    independent between leaves: where little more than the edge of a lamp is visible, each leaf gets more rays.
     """
     triangle, unit = np.empty((3, 3), np.float32), np.empty((3, 3), np.float32)
     shares, marked = np.empty(emitters.n_roots, np.float32), np.empty(bits.shape[1], np.uint64)
@@ -45,7 +45,7 @@ def list_near(rows, position, normal, bits, emitters, least, near, counts, nodes
                 leaf = 64 * w + lowest_bit(ones)
                 ones &= ones - np.uint64(1)
                 node = emitters.leaves.node[leaf]
-                # No triangle has more than 0.44 of its longest edge's square; seen from near even that is not all.
+                # A triangle's area is at most 0.44 of its squared longest edge; from near, less of it counts.
                 if emitters.brightness[node] * ball[leaf, 3] < bound * _squared(ball, leaf, x, y, z):
                     continue
                 place_at(emitters.corners[node], place, triangle)
@@ -59,6 +59,7 @@ def list_near(rows, position, normal, bits, emitters, least, near, counts, nodes
                     squares += light * light
                     n += 1
         counts[b], depths[b] = n, 1
+        # Increase the depth until the error of the listed leaves is small relative to the point's light.
         error = ROUGHNESS * np.sqrt(squares) / max(total, np.float32(1e-30)) * _DISTANCE_SHARE
         while error > FINE and depths[b] < MOST_DEPTH:
             error *= _DISTANCE_SHARE
@@ -67,12 +68,11 @@ def list_near(rows, position, normal, bits, emitters, least, near, counts, nodes
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _mark_edges(words, leaves, place, near, shares, marked):
-    """Mark leaves beside which some are seen and some are not, and large ones; fill in the share of each root that is
-    seen.
+    """Marks leaves with both visible and hidden neighbours, and large ones; writes the visible share of each root.
 
-    A leaf's own bit has no say: it would be held against rays more often where it is the rarer one, and what is seen
-    through a railing would grow by that, or shrink. Most points see all or nothing of what stands around 64 leaves, and
-    are far from them: these are passed over at once.
+    A leaf's own bit is ignored: it would be compared with rays more often where it is the rarer value, and the visible
+    part behind a railing would grow by that, or shrink. Most points see all or none of the surroundings of 64 leaves
+    and are far from them: such groups are skipped at once.
     """
     shares[:], marked[:] = _ZERO, _NONE
     x, y, z = place[0], place[1], place[2]
@@ -97,7 +97,7 @@ def _mark_edges(words, leaves, place, near, shares, marked):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _is_parted(words, around, i):
-    """Whether of the leaves around thing i some are seen and some are not."""
+    """Whether the neighbours of item i are partly visible and partly hidden."""
     seen, unseen = _NONE, _NONE
     for k in range(around.start[i], around.start[i + 1]):
         word, mask = words[around.word[k]], around.mask[k]
@@ -108,14 +108,14 @@ def _is_parted(words, around, i):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _squared(ball, leaf, x, y, z):
-    """Squared distance from a place to the middle of a ball."""
+    """Squared distance from a position to the centre of a ball."""
     dx, dy, dz = ball[leaf, 0] - x, ball[leaf, 1] - y, ball[leaf, 2] - z
     return dx * dx + dy * dy + dz * dz
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _visible_light(shares, emitters, place, up, triangle, unit):
-    """The light that the leaves known to be seen bring, with cosines at the roots' middles."""
+    """The light of the leaves with visible bits, with cosines at the roots' centres."""
     total = _ZERO
     for root in range(emitters.n_roots):
         share = shares[root]
@@ -129,7 +129,7 @@ def _visible_light(shares, emitters, place, up, triangle, unit):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _is_front_facing(triangle):
-    """Whether a triangle relative to the point shows it its front."""
+    """Whether a triangle relative to the point faces it."""
     ux, uy, uz = triangle[1, 0] - triangle[0, 0], triangle[1, 1] - triangle[0, 1], triangle[1, 2] - triangle[0, 2]
     vx, vy, vz = triangle[2, 0] - triangle[0, 0], triangle[2, 1] - triangle[0, 1], triangle[2, 2] - triangle[0, 2]
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
@@ -138,17 +138,19 @@ def _is_front_facing(triangle):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def near_rays(rows, nodes, position, lifted, normal, corners, depth, origins, directions, distances, weights):
-    """Rays from points rows (K,) over nodes (K,) of corners (N, 3, 3), 4^depth a pair, each towards a place in one part
-    of the node that is even on the sphere; weights: solid angle times cosine, 0 below the horizon.
+    """Writes rays from points rows (K,) to nodes (K,) of corners (N, 3, 3), 4^depth per pair, each towards a position
+    in one of the equal parts of the node on the sphere; weights: solid angle times cosine, 0 below the horizon.
 
-    Places are spread [Roberts18], not the parts' middles: these stand in rows, and an edge that is parallel to them
-    passes a whole row at once, so that penumbrae came in steps."""
+    Positions are low-discrepancy points [Roberts18], not the parts' centres. The centres form rows, and an edge
+    parallel to them passes a whole row at once, which showed as steps in penumbrae.
+    """
     n_parts = 4**depth
     parts, spare = np.empty((n_parts, 3, 3), np.float32), np.empty((n_parts, 3, 3), np.float32)
     triangle = np.empty((3, 3), np.float32)
     for k in range(rows.shape[0]):
         r = rows[k]
         place_at(corners[nodes[k]], position[r], triangle)
+        # Project the node to the unit sphere and divide it into 4^depth spherical triangles.
         project_triangle(triangle, parts[0])
         _quarter(parts, spare, depth)
         ux, uy, uz = triangle[1, 0] - triangle[0, 0], triangle[1, 1] - triangle[0, 1], triangle[1, 2] - triangle[0, 2]
@@ -157,6 +159,7 @@ def near_rays(rows, nodes, position, lifted, normal, corners, depth, origins, di
         height = mx * triangle[0, 0] + my * triangle[0, 1] + mz * triangle[0, 2]
         for i in range(n_parts):
             omega = _solid_angle(parts, i)
+            # A point of the part from two low-discrepancy numbers, uniform in barycentric coordinates.
             number = np.float64(n_parts) * nodes[k] + i + 1.0
             u, other = 0.5 + number * R2[0], 0.5 + number * R2[1]
             root, other = np.sqrt(u - math.floor(u)), other - math.floor(other)
@@ -168,6 +171,7 @@ def near_rays(rows, nodes, position, lifted, normal, corners, depth, origins, di
             dx, dy, dz = dx * inverse, dy * inverse, dz * inverse
             at = n_parts * k + i
             cosine = dx * normal[r, 0] + dy * normal[r, 1] + dz * normal[r, 2]
+            # Weight: solid angle of the part times cosine.
             weights[at] = omega * max(cosine, _ZERO)
             lx, ly, lz = (
                 lifted[r, 0] - position[r, 0], lifted[r, 1] - position[r, 1], lifted[r, 2] - position[r, 2]
@@ -177,17 +181,19 @@ def near_rays(rows, nodes, position, lifted, normal, corners, depth, origins, di
                 position[r, 0] + side * lx, position[r, 1] + side * ly, position[r, 2] + side * lz
             )  # fmt: skip
             directions[at, 0], directions[at, 1], directions[at, 2] = dx, dy, dz
+            # Distance to the plane of the node.
             along = mx * dx + my * dy + mz * dz
             distance = np.float32(0.9999) * height / along if along < _ZERO else _ZERO
-            if not distance > _ZERO:  # the point lies in the node's plane: a lamp's own, but for rounding
+            # the point lies in the node's plane, for example on the lamp itself, up to rounding
+            if not distance > _ZERO:
                 distance, weights[at] = _SHORTEST, _ZERO
             distances[at] = distance
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _solid_angle(parts, i):
-    """Of a spherical triangle i with unit corners: 2 atan(q) [VanOosterom83], of a small one 2 (q - q^3 / 3), which is
-    within 5e-6 of it."""
+    """Solid angle of a spherical triangle i with unit corners: 2 atan(q) [VanOosterom83]; for a small one 2 (q - q^3 /
+    3), within 5e-6 of it."""
     ax, ay, az = parts[i, 0, 0], parts[i, 0, 1], parts[i, 0, 2]
     bx, by, bz = parts[i, 1, 0], parts[i, 1, 1], parts[i, 1, 2]
     cx, cy, cz = parts[i, 2, 0], parts[i, 2, 1], parts[i, 2, 2]
@@ -202,11 +208,12 @@ def _solid_angle(parts, i):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _quarter(parts, spare, depth):
-    """Cut the spherical triangle parts[0] into 4^depth."""
+    """Divides the spherical triangle parts[0] into 4^depth."""
     n = 1
     six = np.empty((6, 3), np.float32)
     for _ in range(depth):
         for i in range(n):
+            # The corners and the normalised midpoints of the edges.
             for c in range(3):
                 j = (c + 1) % 3
                 x = parts[i, c, 0] + parts[i, j, 0]
@@ -229,7 +236,7 @@ def _quarter(parts, spare, depth):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def near_shares(rows, nodes, bits, first, blocked, weights, n_parts, deltas):
-    """What the seen share of each node (K,), of its light on the point, is more than its one bit."""
+    """The visible share of each node (K,), weighted by its light on the point, minus its visibility bit."""
     for k in range(rows.shape[0]):
         total, seen = _ZERO, _ZERO
         for i in range(n_parts * k, n_parts * (k + 1)):

@@ -1,7 +1,7 @@
-"""Contracting packed transport into planes of half or single floats, a block of points at a time: see `planes`.
+"""Compiled: contracts packed transport into planes of half or single floats, a block of points at a time: see `planes`.
 
-A point's bands lie one after the other, a plane holds one coefficient of all points. So the bands of a block of points
-are turned on their side as they are contracted; from there on (wavelets, sums, halves) each row of the block is one
+The bands of a point are contiguous, whereas a plane holds one coefficient of all points. The bands of a block of points
+are therefore transposed while they are contracted. From there on (wavelets, sums, halves) each row of the block is one
 loop over its 3·BLOCK lanes that the compiler vectorises.
 """
 
@@ -19,7 +19,7 @@ _SUMS = {"nnan", "nsz", "reassoc", "contract"}
 
 
 class PackedTile(NamedTuple):
-    """A tile's arrays, see `bandstore`."""
+    """The arrays of a tile, see `bandstore`."""
 
     scale: np.ndarray
     first: np.ndarray
@@ -33,13 +33,13 @@ _INFINITE_HALF, _NO_HALF = np.int32(0x7C00), np.int32(0x7E00)
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def half_bits(x):
-    """The bits (uint16) of the half float nearest to the float32 x, ties to even, as IEEE 754 has it.
+    """The bits (uint16) of the half float nearest to the float32 x, ties to even (IEEE 754).
 
     Every step is cast: integers that numba widens to 64 bits would halve the width of the vector loops.
     """
     word = np.float32(x).view(np.int32)
     size = np.int32(word & np.int32(0x7FFFFFFF))
-    # Normal halves: exponents differ by 112; the carry of what is cut off rounds, and may go into the exponent.
+    # Normal halves: exponents differ by 112; the carry of the discarded bits rounds, possibly into the exponent.
     odd = np.int32(np.int32(size >> np.int32(13)) & np.int32(1))
     half = np.int32(np.int32(size + np.int32(odd + np.int32(0xFFF - (112 << 23)))) >> np.int32(13))
     # Below 2^-14 halves have the fixed step 2^-24, which is that of single floats in [0.5, 1): the addition rounds.
@@ -63,7 +63,7 @@ def daubechies4(block, scratch):
                 c, d = block[third, lane], block[fourth, lane]
                 scratch[i, lane] = D4[0] * a + D4[1] * b + D4[2] * c + D4[3] * d
                 scratch[half + i, lane] = D4[3] * a - D4[2] * b + D4[1] * c - D4[0] * d
-        for i in range(n):  # a slice assigned to a slice would do the same and take three seconds to compile
+        for i in range(n):  # assigning a slice to a slice does the same but takes three seconds to compile
             for lane in range(block.shape[1]):
                 block[i, lane] = scratch[i, lane]
         n = half
@@ -71,7 +71,7 @@ def daubechies4(block, scratch):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _unit(word):
-    """What the mantissas of an entry count: 2^(exponent - 39), put together from its bits."""
+    """The unit of an entry's mantissas, 2^(exponent - 39), assembled from its bits."""
     exponent = np.int32(np.int32(word >> np.int32(27)) & np.int32(31))
     return np.int32(np.int32(exponent + np.int32(127 - 39)) << np.int32(23)).view(np.float32)
 
@@ -83,7 +83,7 @@ def _mantissa(word, shift):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _run(tile, i, j, n_b):
-    """Which bands k a row holds: (first, count)."""
+    """The bands k that a row holds: (first, count)."""
     if n_b == 1:
         return np.int64(0), np.int64(1)
     return np.int64(tile.first[i, j]), np.int64(tile.length[i, j])
@@ -91,7 +91,7 @@ def _run(tile, i, j, n_b):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=_SUMS)
 def _contract_b(tile, i, n_b, dormant, block, lane):
-    """Σ_k U_jk c_k of point i into the three lanes from `lane` on; dormant (3, K)."""
+    """Σ_k U_jk c_k of point i into the three lanes from `lane` on [BenArtzi07, eq. 4.16]; dormant (3, K)."""
     at, scale = tile.start[i], tile.scale[i]
     for j in range(block.shape[0]):
         low, count = _run(tile, i, j, n_b)
@@ -134,7 +134,7 @@ def _contract_a(tile, i, n_b, dormant, row, block, lane):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _add_radiance(block, curve, sums, radiance):
-    """radiance = Σ_j c_j T_j for each lane, summed in double precision; curve (J, LANES)."""
+    """radiance = Σ_j c_j T_j for each lane [BenArtzi07, eq. 4.7], summed in double precision; curve (J, LANES)."""
     for lane in range(block.shape[1]):
         sums[lane] = 0.0
     for j in range(block.shape[0]):
@@ -146,7 +146,7 @@ def _add_radiance(block, curve, sums, radiance):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=_SUMS)
 def _measure(row, inverse, n_lanes, squares):
-    """The largest |number| of a scaled row; its squares are added lane by lane."""
+    """The largest |number| of a scaled row; adds its squares lane by lane."""
     largest = np.float32(0.0)
     for lane in range(n_lanes):
         number = row[lane] * inverse
@@ -157,7 +157,7 @@ def _measure(row, inverse, n_lanes, squares):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _write(row, inverse, numbers):
-    """A scaled row as half floats (numbers: uint16) or as it is (float32)."""
+    """Writes a scaled row as half floats (numbers: uint16) or as float32."""
     if numbers.itemsize == 2:
         for lane in range(numbers.shape[0]):
             numbers[lane] = half_bits(row[lane] * inverse)
@@ -168,12 +168,12 @@ def _write(row, inverse, numbers):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def contract_tile(tile, at, n_b, keep_a, wavelet, dormant, curve, inverse, numbers, radiance, maxima, squares):
-    """One tile's columns of all planes: numbers (J, 3P) = inverse (J,) · transport, from point `at` on.
+    """The columns of all planes for one tile: numbers (J, 3P) = inverse (J,) · transport, from point `at` on.
 
-    keep_a: whether the planes are those of factor A, `dormant` (3, K) being B's coefficients, or the other way round;
-    wavelet: Daubechies-4 coefficients rather than bands; radiance (3P,) gets Σ_j c_j T_j with curve (J, LANES), the
-    kept factor's coefficients once for each lane. maxima (J,) and squares (J, 3), zero before: the largest and the
-    summed squares of the tile's numbers.
+    keep_a: whether the planes are those of factor A, with `dormant` (3, K) the coefficients of B, or the reverse;
+    wavelet: Daubechies-4 coefficients instead of bands; radiance (3P,) = Σ_j c_j T_j with curve (J, LANES), the
+    coefficients repeated for each lane. maxima (J,) and squares (J, 3), zero on entry: the largest and the summed
+    squares of the tile's numbers.
     """
     n_kept, n_points = numbers.shape[0], tile.scale.shape[0]
     block, scratch = np.zeros((n_kept, LANES), np.float32), np.empty((n_kept, LANES), np.float32)
@@ -181,6 +181,7 @@ def contract_tile(tile, at, n_b, keep_a, wavelet, dormant, curve, inverse, numbe
     lane_squares = np.zeros((n_kept, LANES), np.float32)
     for begin in range(0, n_points, BLOCK):
         n_block = min(BLOCK, n_points - begin)
+        # Contract with the other curve's coefficients, one point to three lanes [BenArtzi07, eq. 4.16].
         for i in range(n_block):
             if keep_a:
                 _contract_b(tile, begin + i, n_b, dormant, block, 3 * i)
@@ -188,8 +189,10 @@ def contract_tile(tile, at, n_b, keep_a, wavelet, dormant, curve, inverse, numbe
                 _contract_a(tile, begin + i, n_b, dormant, row, block, 3 * i)
         first, last = 3 * (at + begin), 3 * (at + begin + n_block)
         _add_radiance(block, curve, sums, radiance[first:last])
+        # Transform all lanes to wavelets [BenArtzi07, eq. 4.18].
         if wavelet:
             daubechies4(block, scratch)
+        # Scale, measure and round each plane.
         for j in range(n_kept):
             maxima[j] = max(maxima[j], _measure(block[j], inverse[j], 3 * n_block, lane_squares[j]))
             _write(block[j], inverse[j], numbers[j, first:last])

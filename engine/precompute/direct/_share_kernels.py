@@ -1,9 +1,10 @@
-"""Sharing a light out among the hats of one curve or two (see `engine.curve.bands`).
+"""Compiled: distributes a light among the hat functions of one curve or two (see `engine.curve.bands`).
 
-A band's share of a light is the mean of its hat over the light. [BenArtzi07, eq. 4.10] has that in closed form where γ
-is linear over a triangle; here the triangle's γ is two points with its mean and its variance, and a wide one several
-such pairs. Against the closed form the picture changes by less than the lights' own discretisation does, and there is
-no branch, no division and no loop for most lights. Both keep a light's power, and its mean where γ is linear.
+A band's share of a light is the mean of its hat over the light [BenArtzi07, eq. 4.12]. [BenArtzi07, eq. 4.10] states it
+in closed form where γ is linear over a triangle. Here two points with the same mean and variance replace the triangle's
+γ, and several such pairs for a wide one. Compared with the closed form, the picture changes by less than the lights'
+own discretisation error, and most lights need no branch, no division and no loop. Both preserve a light's power, and
+its mean where γ is linear.
 """
 
 from typing import NamedTuple
@@ -27,9 +28,9 @@ def mean_and_spread(a, b, c):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
 def three_shares(mean, spread, last):
-    """First of three neighbouring hats and the share of each of the points mean ± spread, 0 ≤ spread ≤ 1/2.
+    """The first of three neighbouring hats, and their shares of the points mean ± spread, 0 ≤ spread ≤ 1/2.
 
-    mean in units of bands (hat j has its top at j + 1/2), last: the number of the last hat.
+    mean in units of bands (hat j has its peak at j + 1/2); last: the number of the last hat.
     """
     low = min(max(mean - HALF - spread, ZERO), last)
     high = min(max(mean - HALF + spread, ZERO), last)
@@ -40,10 +41,10 @@ def three_shares(mean, spread, last):
 
 
 class Spots(NamedTuple):
-    """Lights, or parts of them, as they lie on the curves.
+    """Lights, or parts of them, as they project onto the curves.
 
-    light (N,): whose colour it has; weight (N,); mean_a, spread_a (N,) of γ in radians, and what they are filled with
-    here: first_a (N,), shares_a (3, N), wide (N,), 1 where three hats do not hold the spot. The same of curve b.
+    light (N,): index of the colour; weight (N,); mean_a, spread_a (N,) of γ in radians; outputs: first_a (N,), shares_a
+    (3, N), wide (N,), 1 where three hats do not hold the spot. The same for curve b.
     """
 
     light: np.ndarray
@@ -71,7 +72,8 @@ def make_spots(n):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _fill_shares(mean, spread, scale, last, first, w0, w1, w2, wide):
-    """`three_shares` of many spots, means and spreads times `scale`; a spread too wide for three hats marks `wide`."""
+    """`three_shares` of many spots, with means and spreads times `scale`; marks spots too wide for three hats in
+    `wide`."""
     for i in range(mean.shape[0]):
         extent = spread[i] * scale
         wide[i] |= np.int32(extent > HALF)
@@ -80,9 +82,9 @@ def _fill_shares(mean, spread, scale, last, first, w0, w1, w2, wide):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
 def _add_row(flat, at, w0, w1, w2, r, g, b):
-    """Add (r, g, b) to three neighbouring hats from flat[at] on, by their shares.
+    """Adds (r, g, b) to three neighbouring hats from flat[at] on, by their shares.
 
-    An unsigned place needs no test for negative ones, and a slice would be counted as a reference: either would take
+    An unsigned index needs no test for negative values, and a slice would be reference-counted: either would take
     longer than the sums.
     """
     place = np.uint64(at)
@@ -99,7 +101,7 @@ def _add_row(flat, at, w0, w1, w2, r, g, b):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _add_narrow(bands, colours, begin, end, spots):
-    """Add the spots [begin, end) that are not wide to the three hats of each curve that hold them."""
+    """Adds the spots [begin, end) that are not wide to the three hats of each curve that hold them."""
     light, weight, wide = spots.light, spots.weight, spots.wide
     first_a, first_b, a, b = spots.first_a, spots.first_b, spots.shares_a, spots.shares_b
     flat, width, a0, a1, a2, b0, b1, b2 = bands.reshape(-1), 3 * bands.shape[1], a[0], a[1], a[2], b[0], b[1], b[2]
@@ -140,11 +142,11 @@ def _share_and_add(bands, colours, begin, end, spots, scale_a, scale_b):
 def share_out(bands, colours, n, spots, scale_a, scale_b):
     """bands[j, k] += weight · colour · Δ_j · Δ_k of the first n spots [BenArtzi07, eq. 4.15]; one curve: bands[j, 0].
 
-    bands (J + 2, K + 2, 3), or (J + 2, 1, 3) for one curve: two more than there are hats, which stay 0. Scales: bands a
-    radian. Wide spots are cut into even pieces of at most half a band's spread, gathered behind the n-th spot, where
-    there must be room, and shared out like the others whenever that is full.
+    bands (J + 2, K + 2, 3), or (J + 2, 1, 3) for one curve: two more than there are hats, which stay 0. Scales: bands
+    per radian. Wide spots are divided into equal pieces with a spread of at most half a band. The pieces are buffered
+    behind the n-th spot, where there must be room, and distributed whenever the buffer is full.
     """
-    # A literal 0 would be a type of its own, and have all of it compiled twice.
+    # A literal 0 would have its own type, and everything would be compiled twice.
     _share_and_add(bands, colours, np.int64(0), n, spots, scale_a, scale_b)
     light, weight, wide, two = spots.light, spots.weight, spots.wide, bands.shape[1] > 1
     mean_a, mean_b, spread_a, spread_b = spots.mean_a, spots.mean_b, spots.spread_a, spots.spread_b
@@ -152,6 +154,7 @@ def share_out(bands, colours, n, spots, scale_a, scale_b):
     for i in range(n):
         if wide[i] == 0 or not weight[i] > ZERO:
             continue
+        # Number and spread of the pieces along each curve.
         n_a = max(int(np.ceil(TWICE * spread_a[i] * scale_a)), 1)
         n_b = max(int(np.ceil(TWICE * spread_b[i] * scale_b)), 1) if two else 1
         part_a = spread_a[i] / np.float32(n_a)
@@ -163,7 +166,7 @@ def share_out(bands, colours, n, spots, scale_a, scale_b):
                     _share_and_add(bands, colours, n, at, spots, scale_a, scale_b)
                     at = n
                 light[at], weight[at] = light[i], share
-                # A hair less than its share: rounding must not make a piece wide again.
+                # Slightly less than its share: rounding must not make a piece wide again.
                 mean_a[at], spread_a[at] = mean_a[i] + part_a * np.float32(2 * u + 1 - n_a), part_a * ALMOST
                 if two:
                     mean_b[at], spread_b[at] = mean_b[i] + part_b * np.float32(2 * v + 1 - n_b), part_b * ALMOST

@@ -1,6 +1,6 @@
-"""Which lights a point sees, and where they stand in its own frame.
+"""Compiled: lists the lights that a point sees, and transforms directions to its local frame.
 
-Directions are stored axis by axis, (3, N), so that loops over them are vector loops.
+Directions are stored axis by axis, (3, N), so that the compiler vectorises the loops over them.
 """
 
 import numba as nb
@@ -31,10 +31,10 @@ def _share(words, first, n):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def list_visible(words, fine_words, first, n_bits, fine, lights, weights):
-    """List the lights a point sees and the share of each; returns their number.
+    """Lists the lights that a point sees, with the visible share of each; returns their number.
 
-    Light m sees the share of set bits in [first, first + n_bits), a range of 1, 4, 16 or whole words; or, where
-    fine[m] ≥ 0, that bit of fine_words.
+    The visible share of light m is that of set bits in [first, first + n_bits), a range of 1, 4, 16 or whole words; or,
+    where fine[m] ≥ 0, that bit of fine_words.
     """
     n = 0
     for m in range(fine.shape[0]):
@@ -51,7 +51,7 @@ def list_visible(words, fine_words, first, n_bits, fine, lights, weights):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def to_local(vectors, frame, x, y, z):
-    """Rotate (3, N) world vectors into the frame whose rows are tangent, bitangent, normal."""
+    """Rotates (3, N) world vectors into the frame whose rows are tangent, bitangent, normal."""
     for v in range(vectors.shape[1]):
         x[v] = frame[0, 0] * vectors[0, v] + frame[0, 1] * vectors[1, v] + frame[0, 2] * vectors[2, v]
         y[v] = frame[1, 0] * vectors[0, v] + frame[1, 1] * vectors[1, v] + frame[1, 2] * vectors[2, v]
@@ -60,7 +60,7 @@ def to_local(vectors, frame, x, y, z):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def gather_local(vectors, listed, n, frame, x, y, z):
-    """As `to_local` for the first n listed columns alone."""
+    """As `to_local`, for the first n listed columns only."""
     for i in range(n):
         u, v, w = vectors[0, listed[i]], vectors[1, listed[i]], vectors[2, listed[i]]
         x[i] = frame[0, 0] * u + frame[0, 1] * v + frame[0, 2] * w

@@ -1,9 +1,9 @@
-"""The transport of a layer that nobody means to edit: its picture under the curves as they are, and no bands.
+"""The transport of a fixed layer: its picture under the current curves, without bands.
 
-The bands it is computed with are summed tile by tile and dropped, so that it costs twelve bytes a point: fixed objects
-keep their BRDF in the precomputation, and "the BRDF bases need not be considered" [BenArtzi07, sect. 6.1.3]. Keeping
-the few bands that its curves need was rejected: bands also set how finely a light is split, and with those alone the
-Cornell box was 3.9 % off where it is 1.1 % now.
+The bands that it is computed with are summed tile by tile and discarded, so that it takes twelve bytes a point: fixed
+objects include their BRDF in the precomputation, and "the BRDF bases need not be considered" [BenArtzi07, sect. 6.1.3].
+Using only the few bands that its curves require was rejected: bands also determine how finely a light is split, and
+with those alone the error of the Cornell box was 3.9 % instead of 1.1 %.
 """
 
 from collections.abc import Mapping
@@ -32,16 +32,16 @@ class FixedPicture:
         return int(self.picture.nbytes)
 
     def radiance(self, *_: np.ndarray) -> np.ndarray:
-        """The picture, (P, 3): of the curves that it was made with, whatever is asked."""
+        """The picture, (P, 3), with the curves that it was computed with; ignores the arguments."""
         return self.picture
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """As it goes into a file."""
+        """The arrays for a file."""
         return {"picture": self.picture}
 
 
 def picture_of_file(n_points: int, arrays: Arrays) -> np.ndarray:
-    """The picture of P points, of a layer or a tile, as it comes from a file. Raises UnsoundArrays."""
+    """The picture of P points, of a layer or a tile, from a file. Raises UnsoundArrays."""
     return ArrayReader(arrays, P=n_points).take("picture", np.float32, "P", 3)
 
 
@@ -52,5 +52,5 @@ def picture_of_tile(tile: BandTile, bands: tuple[int, int], curves: tuple[np.nda
 
 
 def join_pictures(parts: Mapping[int, np.ndarray]) -> FixedPicture:
-    """The layer's picture of its tiles' by their first point."""
+    """The layer's picture from those of its tiles, by their first point."""
     return FixedPicture(np.concatenate([np.zeros((0, 3), np.float32), *(parts[begin] for begin in sorted(parts))]))

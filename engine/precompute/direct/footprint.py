@@ -1,6 +1,6 @@
-"""Which computed samples stand for a point while only a lattice of the picture is computed.
+"""Interpolates between computed samples while only a lattice of the picture is computed.
 
-Each point takes the four samples of its own object that are nearest in the picture and in the direction of the normal,
+Each point uses the four samples of its own object that are nearest in the picture and in the direction of the normal,
 so that a coarse picture is smooth on a surface and never bleeds over a silhouette or a sharp edge.
 """
 
@@ -10,13 +10,13 @@ from engine.precompute.direct import _footprint_kernels as kernels
 from engine.scene.primary_hits import PrimaryHits
 
 N_SAMPLES = 4
-# A turn of the normal by one radian counts as this many lattice steps.
+# A change of the normal by one radian counts as this many lattice steps.
 NORMAL_WEIGHT = 4.0
 
 
 def lattice_rows(hits: PrimaryHits, stride: int) -> np.ndarray:
-    """Rows of `hits` at the centres of every `stride`-th pixel, ascending, (S,) int32; at least one of every visible
-    object. Of every pixel: all rows, beside the centres as well."""
+    """Rows of `hits` at the centres of every `stride`-th pixel, ascending, (S,) int32; at least one for every visible
+    object. For stride 1 all rows, including those beside pixel centres."""
     width, _ = hits.resolution
     if stride == 1:
         return np.arange(len(hits.pixel), dtype=np.int32)
@@ -28,7 +28,7 @@ def lattice_rows(hits: PrimaryHits, stride: int) -> np.ndarray:
 
 
 def footprint(hits: PrimaryHits, samples: np.ndarray, stride: int) -> tuple[np.ndarray, np.ndarray]:
-    """For each point four samples of its object and their weights: ((P, 4) int32, (P, 4) float32 summing to 1).
+    """Four samples of the own object for each point, and their weights: ((P, 4) int32, (P, 4) float32 summing to 1).
 
     samples (S,) are rows of `hits`; the indices returned count within the samples of the point's own object.
     """

@@ -1,9 +1,9 @@
-"""Kernels made ready before they are needed: the first picture's way, walked with a few pixels.
+"""Warms up kernels before they are needed, by running the steps of the first picture with a few pixels.
 
-Reading a compiled kernel from disk takes milliseconds, compiling it the first time seconds, and either holds up whoever
-calls it first. These functions call all that the first picture of any scene calls, by the public functions of the
-engine, so that a kernel gets exactly the types it will be called with. They do not depend on one another: two processes
-that share a folder of compiled kernels may each compile a part.
+Loading a compiled kernel from disk takes milliseconds, compiling it the first time seconds, and both delay the first
+caller. These functions call every kernel that the first picture of any scene calls, through the public functions of the
+engine, so that a kernel is compiled for exactly the types it will be called with. They do not depend on one another:
+two processes that share a folder of compiled kernels may each compile a part.
 """
 
 from functools import lru_cache
@@ -45,28 +45,28 @@ _LAYER = LayerShape("lambert", (0.0,) * 8, (2, 2))
 
 
 def warm_up_edges() -> None:
-    """Tracing a view with several points in some pixels."""
+    """Traces a view with several points in some pixels."""
     hits = Placement(_placement().scene, _placement().caster, n_edge_rays=4).hits
     nearest_centres(hits, hits.horizon, np.ones(len(hits.object_ranges), np.float32))
 
 
 def warm_up_light() -> None:
-    """Cutting the light and seeing it; the sphere's tables as well."""
+    """Cuts the light and traces its visibility; builds the sphere's tables as well."""
     placement = _placement()
     sky = SkyState(constant_environment((1.0, 1.0, 1.0)))
     for _ in placement.light(sky, _QUALITY):
         pass
     finest = geodesic(COARSE.max_level)
-    assert len(finest.edges) and len(finest.triangle_edges)  # made when they are first asked for
+    assert len(finest.edges) and len(finest.triangle_edges)  # built on first access
 
 
 def warm_up_footprint() -> None:
-    """Spreading a coarse picture."""
+    """Computes the footprint of a coarse picture."""
     _placement().footprint(_QUALITY.stride)
 
 
 def warm_up_projection() -> None:
-    """Projecting light onto bands, the longest to compile; in the dark, so that it waits for no other kernel."""
+    """Projects light onto bands, the longest kernel to compile; without light, so that it waits for no other kernel."""
     placement = _placement()
     dark = prepare_lighting(None, None, _QUALITY.tolerance)
     fine, emitters = (empty_visibility(placement.hits, t) for t in (dark.fine_targets, dark.emitter_targets))
@@ -76,7 +76,7 @@ def warm_up_projection() -> None:
 
 
 def warm_up_projection_details() -> None:
-    """Parts of the projection by themselves, so that another process need not compile them: a third of it."""
+    """Calls parts of the projection on their own, so that another process need not compile them: a third of it."""
     n_a, n_b = _LAYER.bands
     scratch = kernels._make_scratch(1, 1)
     bands, one = np.zeros((n_a + 2, n_b + 2, 3), np.float32), np.float32(1.0)
@@ -93,13 +93,13 @@ def warm_up_projection_details() -> None:
 
 
 def _empty_tile(n_a: int) -> tuple[np.ndarray, ...]:
-    """The arrays of an encoded tile of one point that saw no light."""
+    """The arrays of an encoded tile of one unlit point."""
     runs = np.zeros((1, n_a), np.uint8)
     return np.zeros(1, np.float32), runs, runs.copy(), np.zeros(1, np.int64), np.zeros(2 * n_a, np.uint32)
 
 
 def warm_up_contraction() -> None:
-    """From bands to a picture and to the transport of one curve, on bands that hold nothing."""
+    """Contracts empty bands to a picture and to the transport of one curve."""
     n_a, _ = _LAYER.bands
     store = join_tiles(_LAYER.bands, [BandTile(0, *_empty_tile(n_a))])
     curves = np.ones((n_a, 3)), np.ones((n_a, 3))

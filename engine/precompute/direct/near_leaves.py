@@ -1,17 +1,19 @@
-"""Leaves of emitters that a point sees in part, or from close by: rays of the point's own say how much of each it sees.
+"""Traces extra rays to emitter leaves that a point sees partly or from close by, to find the visible share of each.
 
-One ray a leaf is enough where leaves are many and small. Beside a lamp's frame one leaf is half of all there is, and in
-a narrow penumbra a few leaves are: there the shadow's edge would show each of them. A leaf that could bring more than
-`LEAST` of a point's light, while of those beside it some are seen and some are not, or it is larger than `NEAR`, is cut
-into four parts that are even on the point's sphere, one ray each, and their sum is taken by solid angle and cosine;
-into 16 or 64 where those leaves bring much of all light, as behind a narrow gap, which shows a strip of a lamp.
+One ray per leaf suffices where leaves are many and small. Beside a lamp's frame one leaf is half of the visible part,
+and so are a few leaves in a narrow penumbra: there the shadow's edge would reveal each of them. A leaf that could
+contribute more than `LEAST` of a point's light, and either has both visible and hidden neighbours or is larger than
+`NEAR`, is divided into four parts of equal size on the point's sphere, with one ray each, weighted by solid angle and
+cosine. It is divided into 16 or 64 where those leaves contribute much of the light, as behind a narrow gap that shows a
+strip of a lamp.
 
-Rays of all points go to the same places of a leaf. Shifted for each point [Cranley76], a stairwell was 2.3 % off for
-2.1, and light through a gap 4.4 as before: what was left is in leaves that bring less than `LEAST`, and in those that
-are seen in part though all beside them are alike, of which one bit is known. Twelve beside a leaf miss fewer than six
-did: a stairwell behind bars is 0.90 % off for 1.11, a room behind a door that is ajar 0.70 for 0.77, and light through
-a gap 3.1 for 4.4; without the points that had missed a part of the gap's strip (`lighting.WEAK_SENTINELS`) it is 2.3.
-0.001 for `LEAST` was rejected: the stairwell was 0.77 % off, a storeroom 0.35 for 0.29, in a seventh more time.
+Rays of all points go to the same positions of a leaf. With a shift per point [Cranley76] the error of a stairwell was
+2.3 % instead of 2.1, and of light through a gap 4.4 as before: the remaining error lies in leaves that contribute less
+than `LEAST`, and in partly visible leaves whose neighbours are all alike, of which one bit is known. Twelve neighbours
+per leaf miss fewer than six did: the error of a stairwell behind bars is 0.90 % instead of 1.11, of a room behind a
+door that is ajar 0.70 instead of 0.77, and of light through a gap 3.1 instead of 4.4; without the points that had
+missed a part of the gap's strip (`lighting.WEAK_SENTINELS`) it is 2.3. 0.001 for `LEAST` was rejected: the stairwell
+had 0.77 %, a storeroom 0.35 instead of 0.29, in a seventh more time.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ from engine.scene.raycaster import RayCaster
 from engine.visibility.point_visibility import Visibility
 
 LEAST, NEAR = np.float32(0.002), np.float32(0.35)
-MOST = 256  # leaves of a point that are looked at
+MOST = 256  # leaves listed per point
 BLOCK, AT_ONCE = 1024, 8
 
 _BlockLeaves = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float32]]
@@ -38,8 +40,8 @@ _BlockLeaves = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float32]]
 
 @dataclass(frozen=True, eq=False)
 class NearLeaves:
-    """Of P points: start (P + 1,) into node (K,), numbers in the tree, and delta (K,), not 0: the share seen less the
-    bit."""
+    """Extra visibility of P points: start (P + 1,) of each point's range, node (K,) in the tree, and delta (K,), not 0:
+    the visible share minus the visibility bit."""
 
     start: NDArray[np.int32]
     node: NDArray[np.int32]
@@ -47,12 +49,13 @@ class NearLeaves:
 
 
 def no_near_leaves(n_points: int) -> NearLeaves:
-    """Where one bit a leaf is all that is known."""
+    """For points of which only one bit per leaf is known."""
     return NearLeaves(np.zeros(n_points + 1, np.int32), np.zeros(0, np.int32), np.zeros(0, np.float32))
 
 
 class NearLight:
-    """Finds those of the given rows, ascending, whose bits are known: `find_steps` must be driven to its end before."""
+    """Finds the near leaves of the given rows, ascending, whose visibility bits are known. Run `find_steps` to its end
+    before `leaves`."""
 
     def __init__(
         self, hits: PrimaryHits, caster: RayCaster, emitters: Emitters, visibility: Visibility,
@@ -64,7 +67,7 @@ class NearLight:
         self._found: list[_BlockLeaves] = []
 
     def find_steps(self) -> Iterator[float]:
-        """Find them, eight blocks of 1,024 points between two yields of the fraction done."""
+        """Processes the rows, eight blocks of 1,024 points per step; yields the fraction done."""
         with pool() as threads:
             for i in range(0, len(self._blocks), AT_ONCE):
                 group = self._blocks[i : i + AT_ONCE]
@@ -72,7 +75,7 @@ class NearLight:
                 yield len(self._found) / len(self._blocks)
 
     def leaves(self) -> NearLeaves:
-        """All that was found."""
+        """All leaves found."""
         none = no_near_leaves(len(self._work[0].pixel))
         counts = np.zeros_like(none.start)
         for block, (count, _, _) in zip(self._blocks, self._found, strict=True):
@@ -85,7 +88,7 @@ class NearLight:
 def near_leaves(
     hits: PrimaryHits, caster: RayCaster, emitters: Emitters, visibility: Visibility, rows: NDArray[np.integer]
 ) -> NearLeaves:
-    """The same at once."""
+    """Finds all near leaves at once."""
     near = NearLight(hits, caster, emitters, visibility, rows)
     for _ in near.find_steps():
         pass
@@ -103,7 +106,7 @@ def _find_in_block(
     for each in range(1, kernels.MOST_DEPTH + 1):
         some = depth == each
         deltas[some] = _deltas(hits, caster, emitters, visibility, pairs[some], listed[some], each)
-    told = deltas != 0.0  # most leaves beside an edge are what their bit says
+    told = deltas != 0.0  # most leaves beside an edge agree with their bit
     counts = np.bincount(np.repeat(np.arange(len(rows)), counts)[told], minlength=len(rows)).astype(np.int32)
     return counts, listed[told], deltas[told]
 
@@ -112,7 +115,7 @@ def _deltas(
     hits: PrimaryHits, caster: RayCaster, emitters: Emitters, visibility: Visibility, rows: NDArray[np.int32],
     nodes: NDArray[np.int32], depth: int,
 ) -> NDArray[np.float32]:  # fmt: skip
-    """What the points rows (K,) see of the leaves nodes (K,), by 4^depth rays each, less their bits."""
+    """The visible shares of the leaves nodes (K,) from the points rows (K,), by 4^depth rays each, minus their bits."""
     n_parts = 4**depth
     n_rays = len(rows) * n_parts
     origins, directions = np.empty((n_rays, 3), np.float32), np.empty((n_rays, 3), np.float32)

@@ -1,7 +1,8 @@
-"""The tree of emitters for the points of a picture: where its leaves lie is said by what they do there.
+"""The emitter tree for the points of a picture: leaves are distributed by their effect on these points.
 
-Some hundred points, drawn evenly from the picture, say how finely each emitter is needed (`visible_importance`), and a
-few rays from each of them to every emitting triangle how much of it they see: a lamp behind a wall gets few leaves.
+Some hundred points, drawn evenly from the picture, determine how finely each emitter must be divided
+(`visible_importance`). A few rays from each of them to every emitting triangle estimate its visible share: a lamp
+behind a wall gets few leaves.
 """
 
 from __future__ import annotations
@@ -24,15 +25,15 @@ from engine.visibility import _kernels as kernels
 
 N_POINTS = 512
 N_RAYS = 8  # from a point to each triangle
-UNCERTAIN_SHARE = 0.125  # so much of a ray is thought to have arrived, and so much not, before any is sent
-# Lamps of fewer triangles keep them all, however few leaves there are to be.
+UNCERTAIN_SHARE = 0.125  # pseudo-counts of rays that arrived, and of rays that did not
+# Emitters of fewer triangles retain them all, however few leaves are requested.
 FEWEST_MERGED = 64
 
 Float64Array = NDArray[np.float64]
 
 
 def emitters_for(scene: Scene, caster: RayCaster, hits: PrimaryHits, n_leaves: int) -> EmitterTree | None:
-    """The scene's emitters as a tree of about n_leaves leaves, many triangles merged; None where nothing shines."""
+    """The scene's emitters as a tree of about n_leaves leaves, with many triangles merged; None where nothing emits."""
     shining = scene.emitters[scene.object_of_triangle]
     if not shining.any():
         return None
@@ -48,10 +49,10 @@ def emitters_for(scene: Scene, caster: RayCaster, hits: PrimaryHits, n_leaves: i
     rows = np.unique(np.linspace(0, len(hits.pixel) - 1, N_POINTS).astype(np.int32))
     tried = emitter_patches(np.repeat(corners, N_RAYS, axis=0), np.repeat(radiance, N_RAYS, axis=0), 1)
     n_seen = _trace_leaves(caster, hits, rows, tried.samples, tried.normal).reshape(len(rows), -1, N_RAYS).sum(axis=2)
-    # That none of a few rays arrived does not say that nothing is seen: what shines through a gap is often missed by
-    # all, and was never cut then, whatever the number of leaves. Mostly a point sees all or nothing of a triangle: of
-    # an unknown share that is thus distributed, Beta(a, a) with a small a, (k + a) / (n + 2 a) is expected. From
-    # a = 0.2 on too many leaves go to what nobody sees: a storeroom's light was 0.53 % off, for 0.30 %.
+    # That none of a few rays arrived does not prove invisibility: light through a gap is often missed by all of them,
+    # and was then never divided, whatever the number of leaves. Mostly a point sees all or none of a triangle: for an
+    # unknown share with the distribution Beta(a, a) with a small a, the expectation is (k + a) / (n + 2 a). From a =
+    # 0.2 on too many leaves go to invisible emitters: the error of a storeroom was 0.53 % instead of 0.30 %.
     seen = (n_seen + UNCERTAIN_SHARE) / (N_RAYS + 2.0 * UNCERTAIN_SHARE)
     points, normals = hits.position[rows].astype(np.float64), hits.horizon[rows].astype(np.float64)
     return emitter_tree(corners, radiance, n_leaves, visible_importance(corners, radiance, points, normals, seen))
@@ -61,7 +62,7 @@ def _trace_leaves(
     caster: RayCaster, hits: PrimaryHits, rows: NDArray[np.int32], places: NDArray[np.float32],
     normals: NDArray[np.float32],
 ) -> NDArray[np.bool_]:  # fmt: skip
-    """Whether each of the points (P,) sees each of the places (M, 3) on emitters with normals (M, 3): (P, M)."""
+    """Whether each of the points (P,) sees each of the positions (M, 3) on emitters with normals (M, 3): (P, M)."""
     towards = places[None] - hits.position[rows][:, None]
     above = np.einsum("pmi,pi->pm", towards, hits.horizon[rows]) > 0.0
     seen: NDArray[np.bool_] = above & (np.einsum("pmi,mi->pm", towards, normals) < 0.0)

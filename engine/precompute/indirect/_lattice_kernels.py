@@ -1,16 +1,16 @@
-"""Compiled: which blocks of the lattice must be finer, and what stands for each pixel."""
+"""Compiled: decides which blocks of the lattice to split, and interpolates between gather points."""
 
 import math
 
 import numba as nb
 import numpy as np
 
-# Corners whose normals differ by more than their object allows, or that stand off each other's plane by more than 15°,
-# have a crease or an edge between them.
+# Between corners whose normals differ by more than their object allows, or that lie off each other's plane by more than
+# 15°, there is a crease or an edge.
 _SAME_PLANE = np.float32(0.259)
-# A pixel that lies on a corner beyond an edge takes the others, however far.
+# Least weight: a pixel that coincides with a corner beyond an edge uses the other corners, however far.
 _LEAST_SAY = np.float32(1e-6)
-# Of the standard error: four even values are seldom farther apart (twice of it on average).
+# In standard errors of the mean of four values: the range of four equal values rarely exceeds it (the average is two).
 _CHANCE = 3.0
 
 
@@ -60,7 +60,7 @@ def _is_smooth(block, row_image, position, normal, least_alike):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _is_close(block, row_image, position, clearance, reach):
-    """Whether corners are farther apart than `reach` times what is clear about one of them."""
+    """Whether adjacent corners are farther apart than `reach` times the clearance of one of them."""
     height, width = row_image.shape
     for k in range(4):
         y, x = _corner(block, k, height, width)
@@ -77,7 +77,7 @@ def _is_close(block, row_image, position, clearance, reach):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _can_stand_for(cy, cx, y, x, objects, row_image, position, normal, least_alike):
-    """Whether the corner's value is one for the pixel."""
+    """Whether the corner's value may be used for the pixel."""
     r, s = row_image[y, x], row_image[cy, cx]
     o = objects[y, x]
     return s >= 0 and o == objects[cy, cx] and _are_one_surface(r, s, position, normal, least_alike[o])
@@ -117,12 +117,12 @@ def must_split(
     floor,
     out,
 ):
-    """Whether each block (B, 3: y, x, size) shows more than its corners tell, into out (B,).
+    """Decides whether each block (B, 3: y, x, size) must be split, into out (B,).
 
-    objects (H, W); row_image (H, W): the hits' row of each pixel, −1 for none; least_alike (M,): the cosine by
-    which normals of an object may differ; values (P, D) gathered at the corners' rows, with standard errors noise
-    (P, D); they may differ by `tolerance` of their mean, by `floor` (D,) and by chance; corners may be as far from one
-    another as `reach` times the clearance (P,) of each, where `close`; else two pixels beside an edge stand together.
+    objects (H, W); row_image (H, W): the hits' row of each pixel, −1 for none; least_alike (M,): the least cosine
+    between normals within an object; values (P, D) at the rows of the corners, with standard errors noise (P, D).
+    Values may differ by `tolerance` of their mean, plus `floor` (D,), plus what noise explains. close: corners may be
+    at most `reach` times the clearance (P,) apart; otherwise a block of two pixels beside an edge is not split.
     """
     height, width = objects.shape
     for b in range(blocks.shape[0]):
@@ -131,17 +131,20 @@ def must_split(
         out[b] = block[2] > 1
         if block[2] == 1:
             continue
+        # Split blocks with a silhouette or crease, but without `close` not below two pixels.
         is_even = _is_one_object(block, objects)
         is_even = is_even and _is_smooth(block, row_image, position, normal, least_alike[objects[block[0], block[1]]])
         if not is_even and (close or block[2] > 2):
             continue
         if not _all_are_stood_for(block, objects, row_image, position, normal, least_alike):
-            continue  # a groove, say, between corners that are alike
+            continue  # for example a groove between corners that are alike
         if not is_even:
             out[b] = False
             continue
+        # Split where something is near: irradiance varies over the clearance.
         if close and _is_close(block, row_image, position, clearance, reach):
             continue
+        # Split where the range of the corners' values exceeds tolerance and noise.
         differs = False
         for d in range(values.shape[1]):
             low, high, total, variance = np.inf, 0.0, 0.0, 0.0
@@ -157,15 +160,15 @@ def must_split(
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def interpolate(blocks, objects, row_image, position, normal, least_alike, point_of_row, rows, weights):
-    """For each point in these blocks the gather points at the corners (P, 4) and their weights (P, 4).
+    """Writes for each point in these blocks the gather points at the corners (P, 4) and their weights (P, 4).
 
-    Bilinear, but for corners beyond an edge, which have no say.
+    Weights are bilinear; corners beyond an edge get none.
     """
     height, width = row_image.shape
     for b in range(blocks.shape[0]):
         block = blocks[b]
         y1, x1 = _corner(block, 3, height, width)
-        # Its last row and column belong to the next block, unless the picture ends before one.
+        # The last row and column of a block belong to the next one, unless the picture ends there.
         for y in range(block[0], min(block[0] + block[2], height)):
             v = np.float32(y - block[0]) / np.float32(max(y1 - block[0], 1))
             for x in range(block[1], min(block[1] + block[2], width)):

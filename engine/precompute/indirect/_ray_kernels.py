@@ -1,10 +1,10 @@
-"""Compiled: the directions of a gather point's rays, and how densely they lie.
+"""Compiled: directions of hemisphere samples, and their density.
 
-A fan joins two sets: the first by the cosine, the second about the lobe_axis of the point's highlight, dense in the
-middle as 1 / (1 - cos t + ε), so that every octave of the angle t gets its share and a band near the lobe_axis is not
-starved, whichever curve will be edited. Both count with the density of the whole fan (the balance heuristic [Veach97,
-sect. 9.2.2]). Directions come from tables of stratified patterns, each point's turned about the normal by an angle of
-its own. Where a point has several fans, each goes on in the pattern where the one before it ended.
+A sample set combines two distributions: one by the cosine, the other about the axis of the point's lobe with density 1
+/ (1 - cos t + ε). Each octave of the angle t from the axis then gets the same share, so that no band near the axis is
+undersampled, whichever curve will be edited. Both are weighted by the density of the whole set (the balance heuristic
+[Veach97, sect. 9.2.2]). Directions come from tables of stratified patterns, which each point rotates about its normal
+by its own angle. Further sample sets of a point continue the pattern where the previous one ended.
 """
 
 import math
@@ -13,7 +13,8 @@ import numba as nb
 import numpy as np
 
 NORMAL, MIRROR, HALF = 0, 1, 2
-# Which of the two sets a direction is of; as literals they would have `sample_direction` compiled for each.
+# Which of the two distributions a direction belongs to; as literals they would compile `sample_direction` once for
+# each.
 BY_COSINE, ABOUT_AXIS = np.bool_(True), np.bool_(False)
 EPSILON = 1.4e-3
 _LOBE_DENSITY = np.float32(1.0 / (2.0 * math.pi * math.log1p(1.0 / EPSILON)))
@@ -21,9 +22,9 @@ _INVERSE_PI = np.float32(1.0 / math.pi)
 _EPSILON = np.float32(EPSILON)
 ONE, ZERO, TWO = np.float32(1.0), np.float32(0.0), np.float32(2.0)
 HORIZON = np.float32(1e-4)
-# How a ray is reflected: evenly, by a gloss, and in the middle of its highlight, where images may be sharp: where more
-# than so much of the rays about the lobe_axis lie in a steradian. Head-on that is 12° to all sides of the mirrored eye.
-# EVEN: not a gather point's.
+# How a ray is reflected: diffusely, by a lobe, or near the lobe's axis, where reflected images may be sharp: more than
+# `_SHARP_FROM` of the rays about the axis lie in a steradian there. At normal incidence that is within 12° of the
+# mirror direction. EVEN: not a ray of a gather point.
 DIFFUSE, GLOSSY, SHARP, EVEN = 0, 1, 2, 3
 _SHARP_FROM = np.float32(1.0)
 N_PATTERNS = 64
@@ -31,17 +32,18 @@ N_PATTERNS = 64
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def sample_direction(table, k, is_cosine, cosine, sine, lobe_axis, ox, oy, oz):
-    """Local direction of entry k of a table (R, 3), turned by an angle; below the horizon where there is no ray."""
+    """Local direction of entry k of a table (R, 3), rotated about the normal; below the horizon where no ray exists."""
     tx, ty, z = table[k, 0], table[k, 1], table[k, 2]
     x, y = cosine * tx - sine * ty, sine * tx + cosine * ty
     if is_cosine or lobe_axis == NORMAL:
         return x, y, z
+    # A half vector from the table: reflect the direction to the camera about it.
     if lobe_axis == HALF:
         along = TWO * (x * ox + y * oy + z * oz)
         if along <= ZERO:
             return ZERO, ZERO, -ONE
         return along * x - ox, along * y - oy, along * z - oz
-    # About the mirrored eye m = (-ox, -oy, oz), in any frame: only the angle to m counts [Duff17].
+    # About the mirror direction m = (-ox, -oy, oz), in any frame: only the angle to m matters [Duff17].
     mx, my, mz = -ox, -oy, oz
     sign = ONE if mz >= ZERO else -ONE
     a = -ONE / (sign + mz)
@@ -55,10 +57,11 @@ def sample_direction(table, k, is_cosine, cosine, sine, lobe_axis, ox, oy, oz):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def direction_pdf(n_cosine, n_lobe, lobe_axis, x, y, z, ox, oy, oz):
-    """Rays a steradian of the whole fan at a local direction above the horizon."""
+    """The density of the whole sample set, in rays per steradian, at a local direction above the horizon."""
     density = n_cosine * z * _INVERSE_PI
     if n_lobe == ZERO:
         return density
+    # The lobe's density is 1 / (2π ln(1 + 1/ε) (1 - cos t + ε)) with t the angle to its axis.
     jacobian = ONE
     if lobe_axis == NORMAL:
         away = ONE - z
@@ -72,7 +75,7 @@ def direction_pdf(n_cosine, n_lobe, lobe_axis, x, y, z, ox, oy, oz):
         length = np.sqrt(hx * hx + hy * hy + hz * hz)
         if length < HORIZON:
             return density
-        # 1 - cos θ_h without cancelling, and dω_i = 4 cos θ_d dω_h with cos θ_d = |i + o| / 2.
+        # 1 - cos θ_h without cancellation, and dω_i = 4 cos θ_d dω_h with cos θ_d = |i + o| / 2.
         flat = hx * hx + hy * hy
         away = flat / (length * (length + hz))
         jacobian = ONE / (TWO * length)
@@ -90,13 +93,13 @@ def hash64(seed):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def uniform(seed):
-    """A number in [0, 1) from a seed."""
+    """A uniform number in [0, 1) from a seed."""
     return np.float32(hash64(seed) >> np.uint64(40)) * np.float32(1.0 / 16777216.0)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def pattern_rotation(row):
-    """Pattern seed and turning angle's cosine and sine of the gather point at a row of the hits."""
+    """The pattern's seed, and the cosine and sine of its rotation, for the gather point at a row of the hits."""
     seed = hash64(np.uint64(row))
     angle = np.float32(2.0 * math.pi) * uniform(seed)
     return seed, np.cos(angle), np.sin(angle)
@@ -104,7 +107,7 @@ def pattern_rotation(row):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def pattern_of(seed, nth):
-    """Where the tables have the pattern of a point, by its seed, for the nth of its fans."""
+    """The index in the tables of a point's pattern, by its seed, for its nth sample set."""
     return np.int64(seed & np.uint64(N_PATTERNS - 1)) + N_PATTERNS * np.int64(nth)
 
 
@@ -127,12 +130,12 @@ def write_sample_rays(
     directions,
     there,
 ):  # fmt: skip
-    """Rays [begin, end) of the nth (q,) fans of the points `rows` (q,) into origins and directions
-    (q · (end - begin), 3).
+    """Writes rays [begin, end) of the nth (q,) sample sets of the points `rows` (q,) to origins and directions (q ·
+    (end - begin), 3).
 
-    lobe_axes (q,); surface: the hits' position, tangent, normal, wo; geometric and horizon (P, 3) normals; offset: how
-    far an origin is lifted, to the side the ray leaves on; there (q · (end - begin),) becomes False where a fan has no
-    ray.
+    lobe_axes (q,); surface: position, tangent, normal, wo of the hits; geometric and horizon (P, 3) normals; offset:
+    the distance by which an origin is moved along the normal, to the side the ray leaves on; there (q · (end - begin),)
+    is False where a sample set has no ray.
     """
     n_cosine = tables_cosine.shape[1]
     for i in range(rows.shape[0]):
@@ -150,6 +153,7 @@ def write_sample_rays(
             there[out] = z > HORIZON
             if z <= HORIZON:
                 x, y, z = ZERO, ZERO, ONE
+            # To world space; the ray must also leave above the horizon of the true surface.
             side, height = ZERO, ZERO
             for axis in range(3):
                 a, b = (axis + 1) % 3, (axis + 2) % 3
@@ -165,8 +169,8 @@ def write_sample_rays(
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def mark_glossy_rays(rows, lobe_axes, surface, directions, mirrored):
-    """MATT, GLOSSY or SHARP (p · R,) of rays along unit directions (p · R, 3) from points `rows` with lobe_axes
-    (p,)."""
+    """Writes DIFFUSE, GLOSSY or SHARP (p · R,) for rays along unit directions (p · R, 3) from points `rows` with
+    lobe_axes (p,)."""
     n_rays = directions.shape[0] // max(rows.shape[0], 1)
     for i in range(rows.shape[0]):
         tangent, normal = surface.tangent[rows[i]], surface.normal[rows[i]]

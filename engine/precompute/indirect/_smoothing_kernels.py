@@ -1,4 +1,4 @@
-"""Compiled: the filter of `smoothing`, on light by gather point and on planes of it."""
+"""Compiled: applies the filter of `smoothing` to light by gather point and to planes of it."""
 
 import numba as nb
 import numpy as np
@@ -6,7 +6,7 @@ import numpy as np
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def smooth_rows(start, neighbour, weight, values, out):
-    """values (q, m), filtered, into out (p, m)."""
+    """Filters values (q, m) into out (p, m)."""
     for i in range(out.shape[0]):
         for c in range(out.shape[1]):
             out[i, c] = np.float32(0.0)
@@ -18,7 +18,7 @@ def smooth_rows(start, neighbour, weight, values, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def smooth_planes(start, neighbour, weight, values, begin, end, out):
-    """The planes [begin, end) of values (m, q), filtered along q, into out (m, p)."""
+    """Filters the planes [begin, end) of values (m, q) along q into out (m, p)."""
     for plane in range(begin, end):
         for i in range(out.shape[1]):
             total = np.float32(0.0)

@@ -1,13 +1,14 @@
-"""Equivalent albedo: of a reflection the matt one that sends as much light on [BenArtzi07, 5.2.4].
+"""Equivalent albedo: the albedo of a diffuse surface that reflects as much light [BenArtzi07, 5.2.4].
 
     d = (1/π) ∫∫ ρ(ωi, ωo) cos θ_i cos θ_o dωi dωo
 
-What of it does not depend on curves (`albedo_from_curves` puts them in) is found here once for a model and its
-quotient. Sharp bands are met by sampling as fans do: part by the cosine, part about the highlight's lobe_axis.
+The part that does not depend on curves is computed here, once per model and quotient; `albedo_from_curves` applies the
+curves. Narrow bands are integrated with the distributions of the hemisphere samples: partly by the cosine, partly about
+the axis of the lobe.
 
-Sums over rays know one quotient for all colours. Where a model has one for each (what was measured), albedos are those
-of each colour's own, and what the sums give is multiplied by how far they are from those of the common one: the `tint`.
-It has the right energy, at the common quotient's directions.
+Sums over rays use one quotient for all colour channels. Where a model has one per channel (measured materials), albedos
+use each channel's own quotient, and the sums are multiplied by the ratio of these albedos to those of the common
+quotient: the `tint`. The result has the right energy, with the directional distribution of the common quotient.
 """
 
 from collections.abc import Sequence
@@ -26,14 +27,14 @@ from engine.precompute.indirect.layer_curves import lobe_axis_of
 N_AZIMUTHS = 8
 N_VIEW_SAMPLES = 256
 _N_RAYS = 1024
-_MOST_BYTES = 8 << 20  # of tables that are kept: those of all layers of a scene, seldom of two roughnesses
+_MOST_BYTES = 8 << 20  # limit of the cache: it holds the tables of all layers of a scene, rarely of two roughnesses
 _GOLDEN = (1.0 + 5.0**0.5) / 2.0
 
 
 def albedo_bands(
     model_name: str, quotient_parameters: tuple[float, ...], bands: tuple[int, ...]
 ) -> NDArray[np.float64]:
-    """e (32, J, K) of a model by view angle, or (3, 32, J, K) where each colour has its own quotient; K = 1 for one
+    """e (32, J, K) of a model by view angle, or (3, 32, J, K) if each channel has its own quotient; K = 1 for one
     curve. Sums over the views are means over cos θ_o dω_o."""
     if not _is_coloured(model_name, quotient_parameters):
         return _common_bands(model_name, quotient_parameters, bands)
@@ -45,8 +46,8 @@ def tint_of(
     model_name: str, quotient_parameters: tuple[float, ...], curves: Sequence[NDArray[np.floating]],
     view_curve: NDArray[np.floating],
 ) -> NDArray[np.float64]:  # fmt: skip
-    """By how much (3,) the albedos of each colour's own quotient are above those of the common one, under these curves
-    as `albedo_of` takes them; 1 where both are black."""
+    """The ratio (3,) of the albedos of each channel's own quotient to those of the common one, under these curves as
+    `albedo_of` takes them; 1 where both are black."""
     if not _is_coloured(model_name, quotient_parameters):
         return np.ones(3)
     bands = tuple(map(len, curves))
@@ -58,7 +59,7 @@ def tint_of(
 
 
 def _is_coloured(model_name: str, quotient_parameters: tuple[float, ...]) -> bool:
-    """Whether each colour has its own quotient: of what was measured and read."""
+    """Whether each channel has its own quotient, as measured materials with a file do."""
     return MODELS[model_name].is_coloured and bool(quotient_parameters[kinds.TABLE])
 
 
@@ -66,7 +67,7 @@ def _is_coloured(model_name: str, quotient_parameters: tuple[float, ...]) -> boo
 def _common_bands(
     model_name: str, quotient_parameters: tuple[float, ...], bands: tuple[int, ...]
 ) -> NDArray[np.float64]:
-    """e (32, J, K) with the one quotient that the parameters name."""
+    """e (32, J, K) with the single quotient of these parameters."""
     model = MODELS[model_name]
     n_a, n_b = (*bands, 1)[:2]
     kind_b = model.factors[1].gamma if len(model.factors) > 1 else -1
@@ -83,7 +84,7 @@ def _common_bands(
 
 
 def equivalent_albedo(layer: Layer, bands: tuple[int, ...]) -> NDArray[np.float64]:
-    """d of a layer with its curves on this many bands, (3,), at least 0; above 1 it makes light of nothing."""
+    """d (3,) ≥ 0 of a layer with its curves on this many bands; above 1 the surface creates energy."""
     e, curves = _bands_and_curves(layer, bands)
     view = layer.model.view_factor
     seen = np.ones((2, 3)) if view is None else layer.curve(view.name)(np.linspace(0.0, np.pi / 2, N_VIEW_SAMPLES))
@@ -91,7 +92,7 @@ def equivalent_albedo(layer: Layer, bands: tuple[int, ...]) -> NDArray[np.float6
 
 
 def directional_albedo(layer: Layer, bands: tuple[int, ...]) -> NDArray[np.float64]:
-    """Of light from one direction, over the equivalent albedo, (N_SLANTS, 3); 1 of a matt layer."""
+    """Albedo for light from one direction relative to the equivalent albedo, (N_SLANTS, 3); 1 for a diffuse layer."""
     return np.ones((N_SLANTS, 3)) if layer.model.is_diffuse else slant_of(*_bands_and_curves(layer, bands))
 
 

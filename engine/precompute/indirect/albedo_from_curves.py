@@ -1,4 +1,4 @@
-"""Equivalent albedos from curves, each frame: light enough for the window.
+"""Equivalent albedos from curves, fast enough for every frame.
 
 d = f_q Σ_o f_o(θ_o) Σ_jk c_j c_k e_ojk        with e from `albedo.albedo_bands` [BenArtzi07, 5.2.4]
 """
@@ -12,7 +12,7 @@ N_VIEWS, N_SLANTS = 32, 6
 
 
 def view_angles() -> NDArray[np.float64]:
-    """θ_o in the middle of 32 rings of equal cos θ_o dω_o."""
+    """θ_o at the centres of 32 rings of equal cos θ_o dω_o."""
     return np.arccos(np.sqrt(1.0 - (np.arange(N_VIEWS) + 0.5) / N_VIEWS))
 
 
@@ -30,11 +30,11 @@ def albedo_of(
 
 
 def slant_of(e: NDArray[np.floating], curves: Sequence[NDArray[np.floating]]) -> NDArray[np.float64]:
-    """How much more of light from one direction a layer sends on than of light from all, (N_SLANTS, 3): its directional
-    albedo over the equivalent one at `slant_roots`, where f_o does not vary; e, curves: see `albedo_of`.
+    """The directional albedo relative to the equivalent albedo, (N_SLANTS, 3), at `slant_roots`, with constant f_o; e,
+    curves: see `albedo_of`.
 
-    By reciprocity it is what comes from all directions to an eye at that angle. 1 where the layer is black. Light that
-    comes from all sides alike is sent on as by the equivalent albedo.
+    By reciprocity it is the light that comes from all directions to a camera at that angle. 1 where the layer is black.
+    Normalised so that uniform light is reflected by the equivalent albedo.
     """
     first, second = (*curves, np.ones((1, 3)))[:2]
     towards = np.einsum("cojk,jc,kc->oc", np.broadcast_to(e, (3, *e.shape[-3:])), first, second)
@@ -48,6 +48,6 @@ def slant_of(e: NDArray[np.floating], curves: Sequence[NDArray[np.floating]]) ->
 
 
 def slant_roots() -> NDArray[np.float64]:
-    """Roots of the cosines of incidence between which cells share out what falls on them: close where a gloss changes
-    fast."""
+    """The square roots of the cosines of incidence between which records divide their direct irradiance: dense at
+    grazing angles, where glossy reflection changes fast."""
     return np.linspace(0.0, 1.0, N_SLANTS)

@@ -1,7 +1,7 @@
-"""The parts of a long computation, kept so that one that was interrupted goes on where it was.
+"""Checkpoints of a long computation, so that an interrupted one resumes where it stopped.
 
-Parts follow from what goes into them and from the parts before, so each is kept with a digest of all of that: what has
-another digest belongs to other materials or another grid, and is found anew, with all that comes after it.
+Each part depends on its inputs and on the parts before it, so it is stored with a digest of all of them. A part with
+another digest belongs to other materials or another grid; it and all later parts are computed anew.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _TOO_FINE = b"the grid is too fine"
 
 
 class CheckpointStore(Protocol):
-    """Where parts are kept, by their index. `load` is None where there is none, or no sound one."""
+    """Stores parts by their index. `load` returns None if there is no valid part."""
 
     def load(self, index: int) -> Arrays | None: ...
 
@@ -29,16 +29,16 @@ class CheckpointStore(Protocol):
 
 
 class Checkpoints:
-    """One run through the parts, in their order: `begin` each; where it has to be found, `store_part` it."""
+    """One run through the parts, in order: `begin` each part, and `store_part` if it had to be computed."""
 
     def __init__(self, keeper: CheckpointStore | None = None) -> None:
-        """keeper: None to keep nothing."""
+        """keeper: None to store nothing."""
         self._keeper = keeper
         self._index = 0
         self._finished = self._current = b""
 
     def begin(self, read: Callable[[Arrays], Made], *inputs: bytes) -> Made | None:
-        """What `read` makes of the next part if it was kept and is what it needs, else None.
+        """The result of `read` for the next stored part if its digest matches these inputs, else None.
 
         Raises CacheFull where an earlier run did.
         """
@@ -56,11 +56,11 @@ class Checkpoints:
         return made
 
     def store_part(self, arrays: Arrays) -> None:
-        """What the part is that was begun."""
+        """Stores the part that was begun."""
         self._store(self._current, arrays)
 
     def mark_too_fine(self) -> None:
-        """It ends here: the next parts are those of a coarser grid."""
+        """Ends this grid: the next parts belong to a coarser one."""
         digest = self._after(_TOO_FINE)
         if self._stored()[1] == digest:
             self._end(digest)
@@ -78,7 +78,7 @@ class Checkpoints:
         return stored, None if digest is None else digest.tobytes()
 
     def _after(self, *inputs: bytes) -> bytes:
-        """The digest of a part with these inputs after those that are done."""
+        """The digest of a part with these inputs after the finished parts."""
         digest = hashlib.blake2b(self._finished, digest_size=20)
         for each in inputs:
             digest.update(len(each).to_bytes(8, "little"))

@@ -1,24 +1,24 @@
-"""Light beyond single precision: held at a number that pictures have room for, rather than lost.
+"""Clamps radiance beyond single precision to a large finite value.
 
-Curves of 1e18 on surfaces that see each other make light of 1e54 in three bounces. Sums of it are infinite, and no
-number at all where black is multiplied by it; either stands for the brightest there is, and whoever shows it says so.
-While light is in units of its own it is held at `SQUARABLE`, which leaves room for what multiplies it.
-Light to import: the window's process does the same.
+Curves of 1e18 on surfaces that see each other give radiance of 1e54 in three bounces. Sums of it are infinite, and NaN
+where multiplied by black; both are clamped to the largest value, and the window shows a warning. In units of the
+light's own brightness radiance is clamped to `SQUARABLE`, which leaves room for later factors. This module imports
+little, because the window's process uses it too.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 BRIGHTEST, SQUARABLE = 1e36, 1e30
-# Where squares are summed.
+# The limit where squares are summed.
 SQUARED = 1e15
-# What is within so much of them was held, and multiplied since.
+# Values within this fraction of the limit were clamped, and multiplied since.
 _CLAMP_TOLERANCE = 1e-3
 TOO_BRIGHT = "light between surfaces is brighter than numbers hold, and shown as white: lower a curve or the light"
 
 
 def clamp_radiance(light: NDArray[np.floating], most: float = SQUARABLE) -> NDArray[np.float32]:
-    """Light as it is, but `most` where it went beyond that or has lost its number there."""
+    """Light clamped to `most`; NaN becomes `most` as well."""
     with np.errstate(invalid="ignore"):
         is_sound = bool(light.max(initial=0.0) <= most)  # false for NaN too
     if not is_sound:
@@ -27,7 +27,7 @@ def clamp_radiance(light: NDArray[np.floating], most: float = SQUARABLE) -> NDAr
 
 
 def unscaled(light: NDArray[np.floating], unit: float) -> NDArray[np.float32]:
-    """Light that was in units of its own; what was held is the brightest there is, whatever the unit."""
+    """Converts light from its own units to radiance; clamped values become the largest radiance, whatever the unit."""
     within = clamp_radiance(light)
     return clamp_radiance(
         np.where(within > _CLAMP_TOLERANCE * SQUARABLE, BRIGHTEST, within * np.float64(unit)), BRIGHTEST
@@ -35,5 +35,5 @@ def unscaled(light: NDArray[np.floating], unit: float) -> NDArray[np.float32]:
 
 
 def is_clamped(light: NDArray[np.floating]) -> bool:
-    """Whether some of it was held."""
+    """Whether any value was clamped."""
     return bool(light.max(initial=0.0) >= _CLAMP_TOLERANCE * BRIGHTEST)

@@ -1,4 +1,5 @@
-"""Stratified patterns of directions for fans and for cells, made once; see `_ray_kernels` for what they are for."""
+"""Stratified patterns of directions for gather points and records, computed once; see `_ray_kernels` for their
+densities."""
 
 from functools import lru_cache
 
@@ -12,7 +13,8 @@ _SEED = 20260711
 
 @lru_cache(maxsize=8)
 def cosine_tables(n_rays: int, n_sets: int = 1) -> NDArray[np.float32]:
-    """(64 n_fans, R, 3) unit vectors about +z with density cos θ / π; the nth fan of each pattern 64 (n − 1) on."""
+    """(64 n_sets, R, 3) unit vectors about +z with density cos θ / π; the nth set of each pattern begins 64 n rows
+    further on."""
     u, v = _patterns(n_rays, n_sets, 0)
     radius, angle = np.sqrt(u), 2 * np.pi * v
     return _vectors(np.sqrt(1.0 - u), radius, angle)
@@ -25,7 +27,7 @@ def lobe_tables(n_rays: int, n_sets: int = 1) -> NDArray[np.float32]:
 
 
 def lobe_vectors(u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Vectors (..., 3) of that density by numbers u and v (...) in [0, 1)."""
+    """Vectors (..., 3) of that density from numbers u and v (...) in [0, 1)."""
     away = EPSILON * np.expm1(u * np.log1p(1.0 / EPSILON))
     return _vectors(1.0 - away, np.sqrt(away * (2.0 - away)), 2 * np.pi * v)
 
@@ -38,7 +40,8 @@ def _vectors(z: NDArray[np.float64], radius: NDArray[np.float64], angle: NDArray
 
 
 def _sobol(n_rays: int) -> NDArray[np.uint32]:
-    """The first R points of Sobol's sequence in two dimensions, (2, R), in 1/2³²: every 2^k of them a net."""
+    """The first R points of Sobol's sequence in two dimensions, (2, R), in units of 1/2³²: every 2^k of them form a
+    net."""
     index = np.arange(n_rays, dtype=np.uint32)
     first, second = np.zeros(n_rays, np.uint32), np.zeros(n_rays, np.uint32)
     matrix = np.uint32(1 << 31)
@@ -51,8 +54,8 @@ def _sobol(n_rays: int) -> NDArray[np.uint32]:
 
 
 def _patterns(n_rays: int, n_sets: int, kind: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Two coordinates in (0, 1) of 64 Sobol sequences, each shifted digit by digit [Kollig02]: of its first R points,
-    of the next R, and so on, (64 n_fans, R) each."""
+    """Two coordinates in (0, 1) of 64 digitally shifted Sobol sequences [Kollig02]: the first R points, the next R, and
+    so on, (64 n_sets, R) each."""
     shifts = np.random.default_rng((_SEED, kind)).integers(0, 1 << 32, (2, N_PATTERNS, 1), np.uint32)
     points = _sobol(n_rays * n_sets).reshape(2, n_sets, 1, n_rays)
     u, v = ((points ^ shifts[:, None]).reshape(2, N_PATTERNS * n_sets, n_rays) + 0.5) / 2.0**32

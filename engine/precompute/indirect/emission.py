@@ -1,8 +1,8 @@
-"""All that shines on a scene, as indirect light takes it: in units of its own brightness.
+"""All lights of a scene for indirect light, in units of their own brightness.
 
-What is found by chance is found alike under a light and under the same light a billion times as bright, and squares of
-it stay within single precision: numbers are of the order of 1, and their unit goes along with them. It is a power of
-two times the sky's scale, so that a scaled sky gives the same bits.
+Random decisions are then the same under a light and under the same light a billion times as bright, and squares stay
+within single precision: values are of the order of 1, with a separate unit. The unit is a power of two times the sky's
+scale, so that a scaled sky gives the same bits.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ N_LIGHTS, N_PATCHES = 4000, 256
 
 @dataclass(frozen=True, eq=False)
 class Emission:
-    """lights: sky and emitters, each to be sampled by power; lamps: both together; in units of `unit` (radiance)."""
+    """lights: sky and emitters, each for sampling by power; lamps: both combined; in units of `unit` (radiance)."""
 
     lights: tuple[Lights, ...]
     lamps: SampledLights
@@ -34,7 +34,7 @@ class Emission:
 
 
 def scene_emission(placement: Placement, sky: SkyState) -> Emission:
-    """The sky cut and the scene's emitters."""
+    """The triangle lights of the sky and the scene's emitters."""
     cut = None if sky.environment is None else cut_lights(sky.environment, N_LIGHTS, sky.rotation)
     cut, patches, unit = in_units(cut, placement.patches(N_PATCHES), sky.scale)
     lights = [] if cut is None else [sky_lights(cut)]
@@ -45,7 +45,7 @@ def scene_emission(placement: Placement, sky: SkyState) -> Emission:
 def in_units(
     cut: TriangleLights | None, patches: EmitterPatches | None, scale: float
 ) -> tuple[TriangleLights | None, EmitterPatches | None, float]:
-    """A sky that is to be `scale` times as bright, and emitters, in units of about their mean; and that unit."""
+    """A sky scaled by `scale`, and emitters, in units of about their mean; and that unit."""
     common = 1.0 if patches is not None or cut is None else scale
     own = scale / common if common > 0.0 else 0.0
     mean = mean_radiance(cut, patches, own)

@@ -1,4 +1,4 @@
-"""The layers of a scene as indirect light needs them."""
+"""The layers of a scene as indirect light uses them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -16,10 +16,10 @@ from engine.scene.primary_hits import PrimaryHits
 
 @dataclass(frozen=True, eq=False)
 class IndirectLayer:
-    """A visible layer of one object: its curves towards the eye, and as second bounce, f_q (3,), f_o (N, 3) at even
-    angles from 0 to π/2, and its equivalent albedo (3,). Of textures and weight maps their mean over the surface, share
-    (3,), is in f_q and in the albedo; cells have their own, see `record_maps`. slant (N_SLANTS, 3): its albedo for
-    light from one direction, relative, see `albedo_from_curves.slant_of`."""
+    """A visible layer of one object. curves: towards the camera; second_curves: at the second bounce; gain: f_q (3,);
+    view_curve: f_o (N, 3) at even angles from 0 to π/2; albedo (3,): equivalent albedo. f_q and albedo include the mean
+    of texture and weight maps over the surface, share (3,); records have their own, see `record_maps`. slant (N_SLANTS,
+    3): relative directional albedo, see `albedo_from_curves.slant_of`."""
 
     i_object: int
     curves: LayerCurves
@@ -35,9 +35,9 @@ class IndirectLayer:
 def indirect_layer(
     i_object: int, layer: Layer, bands: tuple[int, ...], second: int | None = None, mean: object = None
 ) -> IndirectLayer:
-    """A layer with its curves as they are, on this many bands; at the second bounce on no more than `second`.
+    """A layer with its current curves on this many bands; at the second bounce on at most `second`.
 
-    mean (3,): of its texture and weight map over the surface; None where it is not known: it counts as without them.
+    mean (3,): of its texture and weight map over the surface; None if unknown, in which case the maps are ignored.
     """
     share = np.broadcast_to(np.asarray(1.0 if mean is None else mean, np.float64), 3)
     view = layer.model.view_factor
@@ -59,12 +59,12 @@ def _coefficients(layer: Layer, bands: tuple[int, ...]) -> tuple[NDArray[np.floa
 
 
 def diffuse_slant(layer: IndirectLayer) -> IndirectLayer:
-    """The same as if it sent on light from all directions alike."""
+    """The same with a directional albedo that does not depend on the angle."""
     return replace(layer, slant=np.ones_like(layer.slant))
 
 
 def is_glossy(layer: IndirectLayer) -> bool:
-    """Whether what it sends on depends on the direction."""
+    """Whether its reflection depends on the outgoing direction."""
     return not layer.second_curves.model.is_diffuse
 
 

@@ -1,4 +1,4 @@
-"""The adaptive lattice of gather points over a picture: blocks in quarters, see `gather`."""
+"""The adaptive lattice of gather points over a picture: a quadtree of blocks, see `gather`."""
 
 import math
 
@@ -10,23 +10,26 @@ from engine.scene.edges import nearest_centres
 from engine.scene.primary_hits import PrimaryHits
 
 COARSEST = 8
-# At least so many blocks over the height of a picture, be it small.
+# The least number of blocks over the height of a picture, however small.
 _N_BLOCKS = 24
-# What the corners of a block may differ by: a share of their mean, and of the picture's.
+# How much the corners of a block may differ: a fraction of their mean, and of the picture's mean.
 TOLERANCE, FLOOR = 0.15, 0.03
-# How large a block may be, in clearances of its corners: its middle is then off by an eighth of the square of that.
+# The largest size of a block in clearances of its corners: the error at its centre is an eighth of the square of that.
 REACH = 0.4
-# How far normals may turn from a gather point to what it stands for: a gloss shows something else where they turn.
+# Largest change of the normal between a gather point and a pixel that uses it: a glossy reflection changes with the
+# normal.
 DIFFUSE_TURN, GLOSSY_TURN = math.cos(math.radians(25.0)), math.cos(math.radians(4.0))
 
 
 def least_alike(glossy: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """The cosine (M,) by which normals of an object may differ; glossy (M,): whose reflection turns with them."""
+    """The least cosine (M,) between normals within an object; glossy (M,): objects whose reflection changes with the
+    normal."""
     return np.asarray(np.where(glossy, GLOSSY_TURN, DIFFUSE_TURN), np.float32)
 
 
 def count_by_shape(lattice: "Lattice") -> int:
-    """How many rows a new lattice asks for by silhouettes and creases alone, as of a picture that is even in light."""
+    """The number of rows that a new lattice requests by silhouettes and creases alone, as in a uniformly lit
+    picture."""
     hits = lattice.hits
     even = np.zeros((len(hits.pixel), 1), np.float32)
     n_rows = len(lattice.missing_rows())
@@ -44,14 +47,14 @@ def coarsest_of(height: int) -> int:
 
 
 class Lattice:
-    """Blocks that are not finer than needed, and the rows at their corners.
+    """Blocks that are as coarse as the picture allows, and the rows at their corners.
 
-    Drive it by turns: `missing_rows()` names rows that have no value yet; `take` gives it values of all rows asked so
-    far; until `refine` finds nothing to do.
+    Call in turn: `missing_rows()` returns rows without a value; `refine` takes values at all rows requested so far and
+    returns whether blocks remain open.
     """
 
     def __init__(self, hits: PrimaryHits, glossy: NDArray[np.bool_], close: bool = True) -> None:
-        """glossy (M,): the objects whose reflection turns with their normals; close: small blocks in small pictures,
+        """glossy (M,): the objects whose reflection changes with the normal; close: smaller blocks in small pictures,
         single pixels beside edges, and blocks within the clearance of their corners."""
         self.hits, self._close = hits, close
         self._least_alike = least_alike(glossy)
@@ -68,8 +71,8 @@ class Lattice:
         self._first, self._share = self._open, 1.0
 
     def thin(self, n_blocks: int, generator: np.random.Generator) -> None:
-        """For a trial: at most so many of the blocks alone, and as large a share of what stands beside centres. Before
-        the first turn only."""
+        """For a trial: uses only a random subset of at most n_blocks blocks, and the same share of the points beside
+        pixel centres. Call before the first turn."""
         self._share = min(n_blocks / max(len(self._open), 1), 1.0)
         self._open = self._open[_random_subset(len(self._open), self._share, generator)]
         self._alone = self._alone[_random_subset(len(self._alone), self._share, generator)]
@@ -77,7 +80,7 @@ class Lattice:
 
     @property
     def n_expected(self) -> float:
-        """How many rows the whole lattice would have asked for, by what those of its blocks that it has did."""
+        """The number of rows that the whole lattice would have requested, extrapolated from the blocks in use."""
         height, width = self._objects.shape
         y, x, size = self._first.T
         inside = np.zeros((height + 1, width + 1), np.int64)
@@ -89,12 +92,12 @@ class Lattice:
 
     @property
     def rows(self) -> NDArray[np.int32]:
-        """All rows asked for so far, ascending."""
+        """All rows requested so far, ascending."""
         return np.flatnonzero(self._known).astype(np.int32)
 
     def missing_rows(self) -> NDArray[np.int32]:
-        """Rows at corners of open blocks, and beside the pixels' centres where none is on the same surface, that were
-        not asked for yet, ascending; they count as asked now."""
+        """The rows at corners of open blocks, and of points beside pixel centres without a centre on the same surface,
+        that were not requested before, ascending. Marks them as requested."""
         rows = self._row_image[self._corners(self._open)].ravel()
         rows = np.unique(np.concatenate([rows[rows >= 0], self._alone]))
         rows = rows[~self._known[rows]]
@@ -104,8 +107,8 @@ class Lattice:
     def refine(
         self, values: NDArray[np.floating], noise: NDArray[np.floating], clearance: NDArray[np.floating]
     ) -> bool:
-        """Close the blocks that `values` (P, D) at the known rows, with standard errors `noise` (P, D), and clearance
-        (P,) of what is around allow, quarter the others; whether any are open."""
+        """Closes the blocks that values (P, D) at the requested rows, their standard errors noise (P, D), and clearance
+        (P,) allow, and splits the others into quarters; returns whether any are open."""
         floor = FLOOR * values[self._known].mean(axis=0) if self._known.any() else np.zeros(values.shape[1])
         split = np.empty(len(self._open), bool)
         kernels.must_split(
@@ -120,9 +123,9 @@ class Lattice:
         return len(self._open) > 0
 
     def footprint(self) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-        """For each point the four gather points that stand for it, by number, and their weights: (P, 4) each.
+        """The four gather points that each point interpolates, by number, and their weights: (P, 4) each.
 
-        Only once nothing is open any more.
+        Valid only once no block is open.
         """
         n_points = len(self.hits.pixel)
         point_of_row = np.where(self._known, np.cumsum(self._known) - 1, -1).astype(np.int32)
@@ -137,7 +140,7 @@ class Lattice:
         return rows, weights
 
     def _corners(self, blocks: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Row and column (B, 4) in the image of the corners; a single pixel is its own only corner."""
+        """Row and column (B, 4) of the corners in the image; a single pixel has itself as its only corner."""
         height, width = self._objects.shape
         step = np.where(blocks[:, 2:] > 1, blocks[:, 2:], 0)
         y = np.minimum(blocks[:, :1] + step * np.array([0, 0, 1, 1]), height - 1)
@@ -145,7 +148,7 @@ class Lattice:
         return y, x
 
     def _visible_blocks(self, blocks: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Those blocks that lie in the picture and see something that reflects."""
+        """The blocks that lie in the picture and show a reflecting surface."""
         height, width = self._objects.shape
         blocks = blocks[(blocks[:, 0] < height) & (blocks[:, 1] < width)]
         filled = np.zeros((height + 1, width + 1), np.int64)
@@ -156,7 +159,7 @@ class Lattice:
 
 
 def _random_subset(n: int, share: float, generator: np.random.Generator) -> NDArray[np.integer]:
-    """Numbers of a share of n things, ascending."""
+    """Indices of a random share of n items, ascending."""
     return np.sort(generator.choice(n, round(share * n), replace=False))
 
 

@@ -1,4 +1,4 @@
-"""A layer's curves as compiled sums over rays take them, and where its highlight lies."""
+"""A layer's curves in the form that compiled sums over rays use, and the axis of its lobe."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -14,8 +14,8 @@ from engine.precompute.indirect import _reflection_kernels as kernels
 
 @dataclass(frozen=True, eq=False)
 class LayerCurves:
-    """A layer as gather points reflect with it: model, quotient parameters (8,), values at the nodes of its one or two
-    curves, (J, 3) and (K, 3); tint (3,): what sums over them are multiplied by, see `albedo`."""
+    """A layer for reflection at gather points: model, quotient parameters (8,), values at the nodes of its one or two
+    curves, (J, 3) and (K, 3); tint (3,): a factor on the sums, see `albedo`."""
 
     model: Model
     quotient_parameters: NDArray[np.float64]
@@ -28,11 +28,11 @@ class LayerCurves:
 
     @property
     def bound_parameters(self) -> NDArray[np.float64]:
-        """The quotient parameters as kernels of this process take them."""
+        """The quotient parameters with handles that are valid in this process."""
         return self.model.bind_parameters(np.asarray(self.quotient_parameters, np.float64))
 
     def optics(self, folded: bool = False) -> kernels.ReflectingLayer:
-        """For the kernels; folded: no angle need be found where the only curve is the same at all of them."""
+        """The layer for the kernels; folded: mark a single constant curve, whose angle is then not required."""
         first, *second = (np.ascontiguousarray(curve, np.float32) for curve in self.curves)
         factors = self.model.factors
         kind_b = factors[1].gamma if len(factors) > 1 else -1
@@ -43,12 +43,12 @@ class LayerCurves:
 
 
 def any_glossy(model_names: Iterable[str]) -> bool:
-    """Whether what an object with layers of these models sends on depends on the direction."""
+    """Whether the reflection of an object with layers of these models depends on the outgoing direction."""
     return not all(MODELS[name].is_diffuse for name in model_names)
 
 
 def lobe_axis_of(model_names: Iterable[str]) -> int:
-    """About which direction the rays of an object with layers of these models are dense."""
+    """The axis about which hemisphere samples of an object with layers of these models are dense."""
     gammas = {factor.gamma for name in model_names for factor in MODELS[name].factors}
     if gammas.intersection(kinds.HALF_ANGLES):
         return rays.HALF

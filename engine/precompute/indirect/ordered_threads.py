@@ -1,8 +1,9 @@
-"""Work on two threads that ends as work on one would: what is shared is changed in a fixed order.
+"""Runs work on two threads with the result of one: shared state changes in a fixed order.
 
-Where a cell gets its number is decided by who comes first. With turns that is the same one in every run, so that what
-is found in parts, some of them on another day, is what is found at once, to the last bit. How many items are worked on
-at a time decides the order, so that it is two on any number of cores; the rays of each are shared among all of them.
+A record's index depends on which thread inserts it first. Ordered sections make that the same in every run, so that
+results computed in parts, some of them on another day, equal those computed at once, bit for bit. The order depends on
+the number of items processed at a time, so that is two on any number of cores; the rays of each item are distributed
+over all cores.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ Result = TypeVar("Result")
 
 
 class OrderedSection:
-    """What one of several items worked on at a time waits for: `with turn:` lets it do what is its turn, once a stage.
+    """A section that one of several concurrent items enters with `with turn:` when it is its turn, once per stage.
 
-    All items have their first stage in their order, then all their second.
+    All items run their first stage in order, then all their second.
     """
 
     def __init__(self, passed: Sequence[Event], item: int, n_items: int) -> None:
@@ -37,7 +38,7 @@ class OrderedSection:
         self._next += self._n_items
 
     def end(self) -> None:
-        """Nobody has to wait for this item any more."""
+        """Releases all items that wait for this one."""
         for event in self._passed[self._next :: self._n_items]:
             event.set()
 
@@ -45,7 +46,7 @@ class OrderedSection:
 def run_in_order(
     work: Callable[[Item, OrderedSection], Result], items: Sequence[Item], n_stages: int
 ) -> Iterator[Result]:
-    """`work` of all items, two at a time, in their order; each may enter its turn `n_stages` times."""
+    """Runs `work` on all items in order, two at a time; each may enter its ordered section `n_stages` times."""
     with pool(AT_A_TIME) as threads:
         for begin in range(0, len(items), AT_A_TIME):
             few = items[begin : begin + AT_A_TIME]

@@ -1,13 +1,13 @@
-"""What of reflection no curve changes, kept from one freezing to the next.
+"""Caches the part of the reflection operator that does not depend on the edited curve, between freezings.
 
-How a layer weighs the rays of its fans, and which angles its curves take there, depends on the model and its quotient
-alone: six bytes a ray at most, two where the only curve is the same at all angles. With these at hand a contraction is
-one pass over the rays that reads a cell's polynomial, a weight and a value of the curve. To keep the contracted
-operator of points and cells instead was rejected: it takes as much memory (a point's 400 hits fall on 270 cells),
-saves a quarter of the time, and every edit of a curve makes it wrong.
+The weights of a layer's rays and the arguments of its curves depend only on the model and its quotient: at most six
+bytes a ray, two if the only curve is constant. A contraction is then one pass over the rays that reads a record's
+polynomial, a weight and a value of the curve. Storing the contracted operator of points and records instead was
+rejected: it takes as much memory (a point's 400 hits lie on 270 records), saves a quarter of the time, and every edit
+of a curve invalidates it.
 
-What a glossy surface sends along the remembered rays depends on its curves: it is kept object by object, until an
-object's curves are others.
+The light that glossy surfaces reflect along the stored rays depends on their curves. It is cached per object until the
+object's curves change.
 """
 
 import numpy as np
@@ -20,29 +20,29 @@ from engine.precompute.indirect.second_bounce import N_LOBE_RAYS, SecondBounceLi
 
 
 def n_angles_of(optics: kernels.ReflectingLayer) -> int:
-    """How many angles the curves take: none where the only one is the same at all of them."""
+    """The number of angles that the curves take: none if the only curve is constant."""
     return 0 if optics.kind_a == kernels.CONSTANT else 1 + (optics.kind_b >= 0)
 
 
 class RayWeights:
-    """How one layer weighs the rays of one object's fans, found part by part; parts may be found by several threads."""
+    """The weights of one layer for the rays of one object, computed part by part; several threads may compute parts."""
 
     def __init__(self, samples: kernels.SampleArrays, optics: kernels.ReflectingLayer, keeps: bool) -> None:
-        """keeps: so that every part has to be found once; call `complete` then."""
+        """keeps: compute every part only once; call `complete` afterwards."""
         self._samples, self._optics = samples, optics
         self.n_angles = n_angles_of(optics)
         self._cached = self._room(0, len(samples.rows)) if keeps else None
         self._is_complete = False
 
     def part(self, begin: int, end: int) -> kernels.WeightArrays:
-        """Of points [begin, end)."""
+        """The weights of points [begin, end)."""
         stored_weights = self._room(begin, end) if self._cached is None else self._cached
         if not self._is_complete:
             kernels.weigh_rays(self._samples, begin, end, self._optics, stored_weights)
         return stored_weights
 
     def complete(self) -> None:
-        """All parts were found."""
+        """Marks all parts as computed."""
         self._is_complete = self._cached is not None
 
     @property
@@ -56,7 +56,7 @@ class RayWeights:
 
 
 class SecondBounceWeights:
-    """The light along the remembered rays of one object's fans; what glossy surfaces send along them may be kept."""
+    """The light along the stored rays of one object; the reflection of glossy surfaces may be cached."""
 
     def __init__(
         self, samples: kernels.SampleArrays, position: NDArray[np.float32], records: second_kernels.GlossyHits,
@@ -69,15 +69,15 @@ class SecondBounceWeights:
         self._cached_of: dict[int, tuple[tuple[bytes, ...], second_kernels.SampledLights]] = {}
 
     def missing_objects(self, light: SecondBounceLight, step: int) -> NDArray[np.bool_]:
-        """The objects (M,) whose surfaces send what is not known yet of the parts of a step, by its number: another
-        light may be asked for between two steps."""
+        """The objects (M,) whose reflection is not cached for the parts of a step, by its number: the light may change
+        between two steps."""
         looks, lamps = self._cached_of.get(step, ((), None))
         if lamps is not light.lamps:
             return np.ones(len(light.digests), bool)
         return np.array([now != then for now, then in zip(light.digests, looks, strict=True)])
 
     def part(self, begin: int, end: int, light: SecondBounceLight, wanted: NDArray[np.bool_]) -> kernels.SecondBounce:
-        """Of points [begin, end)."""
+        """The second-bounce light of points [begin, end)."""
         records, base = self._records, int(self._records.start[begin])
         n = int(records.start[end]) - base
         sent, first = (np.empty((n, 3, 3), np.float32), base) if self._cached is None else (self._cached, self._first)
@@ -95,7 +95,7 @@ class SecondBounceWeights:
         return kernels.SecondBounce(records.start, records.ray, lit, base)
 
     def complete(self, light: SecondBounceLight, step: int) -> None:
-        """The parts of a step were found under this light."""
+        """Marks the parts of a step as computed under this light."""
         if self._cached is not None:
             self._cached_of[step] = light.digests, light.lamps
 

@@ -1,15 +1,15 @@
-"""What cells reflect: by their part of an image, and by where light comes from.
+"""Reflectance of irradiance cache records: by texture maps, and by the angle of the incident light.
 
-A dark wainscot sends less on than the light wall above it.
-The mean of an image over all of its object is what a still's plan and the window's albedo go by. Light, though, falls
-on some of the object more than on the rest, and on the backs of walls not at all: in a stairwell whose walls have a
-dark wainscot, light after two to four bounces was 4, 4 and 10 % too dark in the mean, and on the floor 20 to 46 % too
-bright. So a cell multiplies the mean by its own factor over it, which is the mean over its places; what follows the
-albedo of an object that is edited stays a polynomial in it.
+A dark wainscot reflects less than the light wall above it. The plan of a still and the window's albedo use the mean of
+a map over its object. Light, however, reaches some parts of an object more than others, and the backs of walls not at
+all: in a stairwell whose walls have a dark wainscot, light after two to four bounces was 4, 4 and 10 % too dark on
+average, and on the floor 20 to 46 % too bright. Each record therefore multiplies the mean by its own relative factor,
+the mean over its sample positions. The result remains a polynomial in the albedo of an edited object.
 
-Nor does a gloss send all light on alike: of what falls on a polished floor from a lamp above it a twentieth, of what
-grazes it a half. The equivalent albedo is the mean over all directions, which that of one lamp is not: below a low lamp
-the third bounce was 2 to 4 % too bright. So cells keep by the angle of incidence what lights bring them.
+A glossy surface does not reflect all incident light equally: a polished floor reflects a twentieth of the light from a
+lamp above it, half at grazing incidence. The equivalent albedo is the mean over all directions, which differs from that
+for a single lamp: below a low lamp the third bounce was 2 to 4 % too bright. Records therefore store direct irradiance
+by angle of incidence.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ _MAX_CACHED = 16
 
 @dataclass(frozen=True, eq=False)
 class RecordReflectance:
-    """What C cells reflect: relative (C, 3), their equivalent albedo over that of their object; matt (C, 3), the share
-    that matt layers have of it, 1 where there is no albedo; slant (C, N_SLANTS, 3), what it is for light from one
-    direction over what it is for all, None where nothing is glossy; texels (K, C, 3), the factors of K glossy layers
-    over their means; image (L): which of these each of all layers has, −1 for none."""
+    """Reflectance of C records. relative (C, 3): their equivalent albedo relative to that of their object; diffuse (C,
+    3): the share of diffuse layers in it, 1 where the albedo is 0; slant (C, N_SLANTS, 3): albedo for light from one
+    direction relative to that for all, None if nothing is glossy; texels (K, C, 3): factors of K glossy layers relative
+    to their means; image (L): index into texels for each layer, −1 for none."""
 
     relative: Float32Array
     diffuse: Float32Array
@@ -54,12 +54,12 @@ class RecordReflectance:
 
     @property
     def digest(self) -> bytes:
-        """What differs where texels do."""
+        """Identifies the texels."""
         return hashlib.blake2b(self.texels.tobytes(), digest_size=16).digest()
 
 
 class _Places:
-    """The places of the cells of one object, and what its images do there on average over each cell."""
+    """The sample positions of one object's records, and the means of its texture maps over each record."""
 
     def __init__(self, scene: Scene, table: CacheTable, i_object: int, images: Images) -> None:
         self.cells, self._origin = np.flatnonzero(table.objects == i_object), scene.origin
@@ -81,25 +81,25 @@ class _Places:
         self._painted = PaintedPoints(weight, position, scene.geometric_normals[triangle])
 
     def factor(self, maps: LayerMaps) -> NDArray[np.float64]:
-        """The mean factor of each cell, (k, 3)."""
+        """The mean factor of each record, (k, 3)."""
         weight = self._painted.weights(maps.strokes.about(self._origin))
         both = self._texture * weight[:, None]
         return factor_of_means(maps, *(self._means(each) for each in (self._texture, weight, both)))
 
     def _means(self, values: NDArray[np.floating]) -> NDArray[np.float64]:
-        """By cell, of values (n, ...) at all places."""
+        """Means per record of values (n, ...) at all positions."""
         sums = np.add.reduceat(values, self._start, axis=0, dtype=np.float64) if len(values) else values
         return np.asarray((sums.T / self._counts).T, np.float64)
 
     def _spread(self, position: Float32Array) -> NDArray[np.float64]:
-        """The area (k,) that each cell's places are spread over: six times their variance, as that of a square is a
-        sixth of its area."""
+        """The area (k,) that each record's positions cover: six times their variance, since that of a square is a sixth
+        of its area."""
         mean = self._means(position)
         return 6.0 * np.maximum((self._means(position.astype(np.float64) ** 2) - mean**2).sum(axis=1), 0.0)
 
 
 def _stretch(scene: Scene, triangle: NDArray[np.integer]) -> NDArray[np.float64]:
-    """Areas of images on a square metre of triangles (n,)."""
+    """Texture area per square metre of triangles (n,)."""
     uvs, corners = corner_uvs(scene, triangle), scene.vertices[scene.triangles[triangle]].astype(np.float64)
     one, two = np.moveaxis(uvs[:, 1:] - uvs[:, :1], 1, 0)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -107,16 +107,16 @@ def _stretch(scene: Scene, triangle: NDArray[np.integer]) -> NDArray[np.float64]
 
 
 class RecordMaps:
-    """The images of a scene at the cells of one table; what was sampled last is kept."""
+    """The texture maps of a scene at the records of one table; caches the latest samples."""
 
     def __init__(self, scene: Scene, table: CacheTable) -> None:
         self._scene, self._table = scene, table
         self._cached: dict[tuple[int, Images], _Places] = {}
 
     def reflectance(self, layers: Sequence[IndirectLayer], n_objects: int) -> RecordReflectance:
-        """What the cells reflect under these layers."""
+        """The reflectance of the records under these layers."""
         objects = self._table.objects
-        albedos = np.zeros((2, len(objects), 3))  # of all layers, of matt ones
+        albedos = np.zeros((2, len(objects), 3))  # of all layers, of diffuse ones
         of_object = np.zeros((n_objects, 3))
         slanted = np.zeros((len(objects), N_SLANTS, 3)) if any(map(is_glossy, layers)) else None
         texels, image = [], [-1] * len(layers)
@@ -141,8 +141,8 @@ class RecordMaps:
         return RecordReflectance(relative, _ratio(diffuse, whole), slant, of_images, tuple(image))
 
     def _relative_factor(self, layer: IndirectLayer) -> NDArray[np.float64] | None:
-        """Of the cells of a layer's object, the factor (k, 3) of its images over what the layer takes for their mean;
-        None without images, or where these cannot be read: the mean was known, and has to do."""
+        """The factor (k, 3) of a layer's maps at the records of its object, relative to their mean; None without maps.
+        Also None if a map cannot be read: its mean, known from before, then applies everywhere."""
         if layer.maps.is_plain:
             return None
         images = layer.maps.images.without_strokes
@@ -160,5 +160,5 @@ class RecordMaps:
 
 
 def _ratio(part: NDArray[np.float64], whole: NDArray[np.float64]) -> Float32Array:
-    """1 where there is next to nothing of the whole."""
+    """part / whole, 1 where the whole is almost 0."""
     return np.where(whole > _LEAST_ALBEDO, part / np.maximum(whole, _LEAST_ALBEDO), 1.0).astype(np.float32)

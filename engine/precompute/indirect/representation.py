@@ -1,6 +1,6 @@
-"""What is kept of indirect light between precomputation and edits, and how it is frozen for an object.
+"""The representation of indirect light between precomputation and edits, and its freezing for an object.
 
-A freezing makes of all that was precomputed the polynomials [BenArtzi07, eq. 6.7, 6.8] that an edit needs: with n the
+Freezing contracts the precomputed light into the polynomials [BenArtzi07, eq. 6.7, 6.8] that an edit needs: with n the
 power of the edited object's albedo, Σ_n d^n V_n for every layer, and for the selected one Σ_n d^n Σ_j c_j F_jn.
 """
 
@@ -21,7 +21,7 @@ from engine.precompute.indirect.reflection import HemisphereSamples
 
 @dataclass(frozen=True)
 class SelectedCurve:
-    """Of which layer, by its number among all, and along which of its curves bands are wanted."""
+    """The layer, by its number among all, and the curve of it whose bands are selected."""
 
     layer: int
     factor: int
@@ -29,8 +29,8 @@ class SelectedCurve:
 
 @dataclass(frozen=True, eq=False)
 class FrozenLight:
-    """Radiance at the gather points without f_q and f_o: reflected, V (p, D, 3) of each layer by its number, but of the
-    selected one F, bands (3, J, D, p)."""
+    """Radiance at the gather points without f_q and f_o. reflected: V (p, D, 3) of each layer by its number; bands: F
+    (3, J, D, p) of the selected layer."""
 
     reflected: dict[int, NDArray[np.float32]]
     bands: NDArray[np.float32]
@@ -40,24 +40,25 @@ Freezing = Generator[None, None, FrozenLight]
 
 
 class Representation(Protocol):
-    """What holds indirect light for edits."""
+    """A representation of indirect light for edits."""
 
     @property
     def n_bytes(self) -> int:
-        """Memory, beyond what was traced."""
+        """Memory in addition to the traced rays."""
 
     def freeze(
         self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT, selected: SelectedCurve | None = None
     ) -> Freezing:
-        """The light under these layers as a polynomial in the albedo of the object `edited`, in steps."""
+        """The light under these layers as a polynomial in the albedo of the object `edited`. A generator of steps."""
 
 
 class GatherPolynomial:
-    """The default: which cells the gather points see, times a polynomial at the cells that all share.
+    """The default: the records that the gather points' rays hit, times a polynomial at the records, which all points
+    share.
 
-    Measured against the thesis' tensor (`dense`) on the same 512 rays of 951 gather points, a Cornell box cut into M
-    objects with one curve of 64 bands each, N bounces (`insitu measure`, indirect_representations.csv; seconds of one
-    processor, both pictures within 3e-7 of the plain sum):
+    Measured against the thesis' tensor (`dense`) with the same 512 rays of 951 gather points, a Cornell box divided
+    into M objects with one curve of 64 bands each, N bounces (`insitu measure`, indirect_representations.csv; seconds
+    of one processor, both pictures within 3e-7 of the plain sum):
 
          M  N    MB: this, dense    s to make after tracing    s to freeze
          2  4       4.2     6.6            0.05  0.09          0.026  0.003
@@ -68,18 +69,18 @@ class GatherPolynomial:
          7  3       4.2    25.6            0.04  0.14          0.019  0.005
          7  5       4.2   240.3            0.05  2.05          0.030  0.212
 
-    The tensor freezes sooner while it is small. But it grows with C(M + N - 1, N - 1), to 1.5 GB at the 16,300 gather
-    points of the built-in Cornell box (the thesis stored 1,461 MB), is made anew for another light or roughness, and a
-    second curve or bands at the second bounce would multiply it again.
+    A small tensor freezes faster. But it grows with C(M + N - 1, N - 1), to 1.5 GB at the 16,300 gather points of the
+    built-in Cornell box (the thesis stored 1,461 MB). It must be rebuilt for another light or roughness, and a second
+    curve or bands at the second bounce would multiply it again.
     """
 
     def __init__(self, light: IndirectLight, keeps: bool = True) -> None:
-        """keeps: what does not depend on curves, for the next freezing."""
+        """keeps: store what does not depend on curves, for the next freezing."""
         self._light, self._keeps = light, keeps
         self._samples: dict[int, HemisphereSamples] = {}
 
     def with_light(self, light: IndirectLight) -> GatherPolynomial:
-        """The same for other light, which keeps what is known of the rays if these are the same."""
+        """The same for another light; reuses the ray weights if the rays are the same."""
         other = GatherPolynomial(light, self._keeps)
         if light.points.samples is self._light.points.samples:
             other._samples = self._samples

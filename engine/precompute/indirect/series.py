@@ -1,7 +1,7 @@
-"""How many bands each bounce has, counted from the eye [BenArtzi07, sect. 5.2].
+"""The number of bands at each bounce, counted from the camera [BenArtzi07, sect. 5.2].
 
-64,1,1,1 is a curve of 64 bands, then three equivalent albedos; 64,8,1 keeps eight bands of the second bounce, so that
-glossy surfaces send light on to where they do. Bounces after the second go by albedo.
+64,1,1,1 is a curve of 64 bands, then three equivalent albedos. 64,8,1 retains eight bands at the second bounce, so that
+glossy surfaces reflect light directionally. Bounces after the second use the equivalent albedo.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ MOST_BANDS = 512
 
 @dataclass(frozen=True)
 class BounceSeries:
-    """n_bounces ≥ 1 in all; first, second: the most bands of a curve there, None for as many as it has."""
+    """n_bounces ≥ 1 in all; first, second: the largest number of bands of a curve there, None for its own number."""
 
     n_bounces: int
     first: int | None = None
@@ -28,7 +28,7 @@ class BounceSeries:
 
 
 def parse_series(text: str) -> BounceSeries:
-    """The series of a text such as "64,8,1". Raises InsituError that says what was expected."""
+    """The series of a text such as "64,8,1". Raises InsituError with the expected form."""
     try:
         numbers = [int(part) for part in text.split(",")]
     except ValueError:

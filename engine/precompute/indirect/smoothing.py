@@ -1,12 +1,12 @@
-"""Noise taken out of what gather points reflect, by a filter that is fixed before any curve is bent.
+"""Removes noise from the reflected light of gather points, with a linear filter that does not depend on edits.
 
-What a gather point reflects is a sum over its rays, and so it keeps what chance had in them. Its neighbours on the same
-surface have other rays: where two of them differ by no more than their noise explains, they may as well be averaged.
-How much each counts is decided once, from the two halves of the rays under the materials as they are, in the manner of
-filters for path tracers that take their noise from half buffers [Rousselle12; Moon14]. From then on the filter is a
-sparse matrix that light is multiplied by like any other operator, so that bands, powers of an albedo and all edits stay
-linear. A place without noise keeps what it is, and so does one where the filter takes away more than noise: what it
-makes of one half of the rays is held against the other half, which has other noise but the same light.
+The light of a gather point is a sum over its rays and contains their noise. Neighbours on the same surface have other
+rays: where two of them differ by no more than their noise explains, they may be averaged. The filter weights are
+computed once, from the two halves of the rays under the current materials, like filters for path tracers that estimate
+noise from half buffers [Rousselle12; Moon14]. From then on the filter is a sparse matrix like any other operator, so
+that bands, powers of an albedo and all edits remain linear. A point without noise is not filtered, and neither is one
+where the filter removes more than noise: the filtered first half of the rays is compared with the second half, which
+has the same light and independent noise.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from engine.precompute.indirect.gather import object_of_rows
 from engine.scene.primary_hits import PrimaryHits
 
 N_NEIGHBOURS, _N_GUIDE = 24, 9
-# Of the picture's height: how far neighbours may be.
+# Search radius for neighbours, relative to the picture's height.
 _FARTHEST = 1.0 / 12.0
-# As the lattice has it: neighbours stand off the plane by 15° at most.
+# As in the lattice: neighbours lie at most 15° off the plane.
 _SAME_PLANE = math.sin(math.radians(15.0))
-# A difference of this share is none, noise or not.
+# Relative differences up to this count as none, whatever the noise.
 _TOLERANCE = 0.1
-# Noise relative to the light: below the first nothing is filtered, above the second all that may be.
+# Noise relative to the light: below the first value there is no filtering, above the second full filtering.
 _QUIET, _LOUD = 0.02, 0.08
-# Of the mean: what is darker counts as this bright.
+# Fraction of the mean added to the light, so that dark points count less.
 _DARK = 0.1
-# Times its expectation: less may be chance.
+# Blur counts only beyond this multiple of its expectation; less may be noise.
 _CONFIDENCE = 2.0
 _TINY = 1e-20
 
 
 class Smoothing(NamedTuple):
-    """A sparse matrix (p, q) of means: start (p + 1,) of each row's entries, neighbour (n,) and weight (n,), rows sum
-    to 1; square where it is a filter."""
+    """A sparse matrix (p, q) of means: start (p + 1,) of each row's entries, neighbour (n,) and weight (n,); rows sum
+    to 1. A filter is square."""
 
     start: NDArray[np.int64]
     neighbour: NDArray[np.int32]
@@ -49,21 +49,21 @@ class Smoothing(NamedTuple):
         return len(self.start) - 1
 
     def part(self, begin: int, end: int) -> Smoothing:
-        """Of the points [begin, end), which have no neighbours but themselves."""
+        """The block of the points [begin, end), which have neighbours only among themselves."""
         first, last = self.start[begin], self.start[end]
         own = self.neighbour[first:last] - np.int32(begin)
         return Smoothing(self.start[begin : end + 1] - first, own, self.weight[first:last])
 
 
 def no_smoothing(n_points: int) -> Smoothing:
-    """Every point stands for itself."""
+    """The identity: every point has weight 1 for itself."""
     return Smoothing(
         np.arange(n_points + 1, dtype=np.int64), np.arange(n_points, dtype=np.int32), np.ones(n_points, np.float32)
     )
 
 
 def mean_of_sample_sets(nth: NDArray[np.uint8]) -> Smoothing:
-    """What each of p points has, by all of its fans alike; nth (q,): which fan of its point each is."""
+    """The mean of each of p points over its sample sets; nth (q,): the number of each set at its point."""
     start = np.append(np.flatnonzero(nth == 0), len(nth))
     weight = np.repeat(1.0 / np.diff(start), np.diff(start))
     return Smoothing(start, np.arange(len(nth), dtype=np.int32), weight.astype(np.float32))
@@ -73,9 +73,10 @@ def smoothing_for(
     hits: PrimaryHits, rows: NDArray[np.int32], least_alike: NDArray[np.float32], first: NDArray[np.float32],
     second: NDArray[np.float32],
 ) -> Smoothing:  # fmt: skip
-    """The filter for gather points at `rows` (p,), ascending, whose halves of rays reflect first and second (p, 3).
+    """The filter for gather points at `rows` (p,), ascending, with radiance first and second (p, 3) of the halves of
+    their rays.
 
-    least_alike (M,): the cosine by which normals of an object may differ.
+    least_alike (M,): the least cosine between the normals of neighbours on an object.
     """
     objects = object_of_rows(hits, rows)
     starts = np.searchsorted(objects, np.arange(len(hits.object_ranges) + 1))
@@ -96,8 +97,8 @@ def smoothing_for(
 def neighbours_of(
     hits: PrimaryHits, rows: NDArray[np.int32], least_alike: float
 ) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
-    """The nearest points (p, K) in the picture of each, itself first, and how close (p, K) in [0, 1] they are; 0 beyond
-    an edge."""
+    """The nearest points (p, K) of each point in the picture, itself first, and their closeness (p, K) in [0, 1], 0
+    beyond an edge."""
     from scipy.spatial import cKDTree
 
     _, height = hits.resolution
@@ -119,18 +120,21 @@ def _weights(
     nearest: NDArray[np.intp], closeness: NDArray[np.float32], first: NDArray[np.float32],
     second: NDArray[np.float32], dark: float,
 ) -> NDArray[np.float32]:  # fmt: skip
-    """How much neighbours (p, K) count, each row 1 in all; the first is the point itself."""
+    """Weights of the neighbours (p, K), each row summing to 1; the first is the point itself."""
     there = (closeness > 0.0).astype(np.float32)
+    # Value: the mean of the halves; variance: their squared difference, averaged over neighbours.
     value, variance = 0.5 * (first + second), (0.5 * (first - second)) ** 2
     variance = mean_of_neighbours(variance, nearest, there)
-    # What is compared are means of a few: single values would be told apart by their noise alone.
+    # Compare means over a few neighbours: single values would differ by their noise alone.
     few = there * (np.arange(there.shape[1]) < _N_GUIDE)
     guide, doubt = mean_of_neighbours(value, nearest, few), variance.sum(axis=1) / few.sum(axis=1)
     bright = guide.sum(axis=1)
+    # Squared difference of the guides, less its expectation under noise.
     unlike = ((guide[nearest] - guide[:, None]) ** 2).sum(axis=2)
     by_chance = doubt[nearest] + doubt[:, None]
     none = (_TOLERANCE * bright[:, None]) ** 2 / 3.0
     weight = closeness * np.exp(-np.maximum(unlike - by_chance, 0.0) / (by_chance + none + _TINY))
+    # Filter strength by relative noise, then by what the filter blurs.
     noise = np.sqrt(variance.sum(axis=1)) / (bright + dark + _TINY)
     share = np.clip((noise - _QUIET) / (_LOUD - _QUIET), 0.0, 1.0)[:, None]
     weight /= weight.sum(axis=1, keepdims=True)
@@ -144,11 +148,11 @@ def _filter_weight(
     weight: NDArray[np.floating], nearest: NDArray[np.intp], few: NDArray[np.float32], first: NDArray[np.float32],
     second: NDArray[np.float32],
 ) -> NDArray[np.floating]:  # fmt: skip
-    """How much of the filter pays (p, 1): v / (v + b²), v what chance is in the mean of the halves A and B, b what the
-    filter F blurs.
+    """The share of the filter (p, 1) that reduces the error: v / (v + b²), where v is the variance of the mean of the
+    halves A and B, and b the bias of the filter F.
 
-    F A and B have chance apart: E (F A - B)² is F's error and B's variance, which (A - B)² / 2 estimates. A mirrored
-    lamp of two pixels is told by these few, and looks like noise to a comparison of means.
+    F A and B have independent noise: E (F A - B)² is F's squared error plus B's variance, and (A - B)² / 2 estimates
+    the latter. This protects a mirrored lamp of two pixels, which a comparison of means takes for noise.
     """
     filtered = [np.einsum("pk,pkc->pc", weight, half[nearest]) for half in (first, second)]
     crossed = 0.5 * ((filtered[0] - second) ** 2 + (filtered[1] - first) ** 2)
@@ -167,7 +171,7 @@ def mean_of_neighbours(
 
 
 def _sparse(neighbours: list[NDArray[np.int32]], weights: list[NDArray[np.float32]]) -> Smoothing:
-    """Rows of all objects as one matrix, without those that do not count."""
+    """The rows of all objects as one matrix, without zero weights."""
     kept = [each > 0.0 for each in weights]
     counts = np.concatenate([each.sum(axis=1) for each in kept])
     return Smoothing(

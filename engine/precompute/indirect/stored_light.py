@@ -1,8 +1,9 @@
-"""Indirect light as named arrays and back: all that was traced and sampled, nothing that follows from scene and light.
+"""Converts indirect light to named arrays and back: everything that was traced and sampled, nothing that follows from
+scene and light.
 
-What it is stored under has to tell apart all that it depends on: scene, camera, light, bounces, fineness, the models of
-the objects, and the names of the arrays themselves. What comes back is held against scene and light before any kernel
-indexes by it.
+The key under which the arrays are stored must identify everything they depend on: scene, camera, light, bounces,
+sampling settings, the models of the objects, and the names of the arrays themselves. Arrays from a file are validated
+against scene and light before a kernel uses them as indices.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from engine.precompute.indirect.sampling_settings import LEVELS, RayBudget
 from engine.precompute.indirect.smoothing import Smoothing, no_smoothing
 
 Arrays = dict[str, NDArray[np.generic]]
-NOT_ESTIMATED = -1.0  # in the place of noise that nobody asked for
+NOT_ESTIMATED = -1.0  # marks noise that was not estimated
 N_CANDIDATES = N_BY_POWER + N_BY_LOBE
 _RECORDS, _CELLS, _SMOOTHING = "records.", "cells.", "smoothing."
 _OWN_NAMES = (
@@ -36,7 +37,7 @@ NAMES = (
 
 
 def arrays_of(light: IndirectLight) -> Arrays:
-    """The light's arrays, by `NAMES`."""
+    """The arrays of indirect light, by `NAMES`."""
     gathered, cells = light.points.samples, light.cells
     own = (
         gathered.rows, gathered.nth, gathered.records, gathered.clearance, *light.footprint, light.light.records_hit,
@@ -48,7 +49,7 @@ def arrays_of(light: IndirectLight) -> Arrays:
 
 
 def arrays_of_gathered(gathered: GatherSamples) -> Arrays:
-    """What `read_gathered` reads."""
+    """The arrays that `read_gathered` reads."""
     records = {_RECORDS + name: array for name, array in zip(GlossyHits._fields, gathered.glossy_hits, strict=True)}
     own: Arrays = {
         "rows": gathered.rows,
@@ -60,15 +61,15 @@ def arrays_of_gathered(gathered: GatherSamples) -> Arrays:
 
 
 def arrays_of_table(table: CacheTable) -> Arrays:
-    """What `read_table` reads."""
+    """The arrays that `read_table` reads."""
     return {_CELLS + name: array for name, array in zip(CacheTable._fields, table, strict=True)}
 
 
 def read_table(reader: ArrayReader) -> CacheTable:
-    """The cells as `IrradianceCache.table` gave them. The reader knows the sizes M and T of objects and triangles, and
-    learns C.
+    """The records as `IrradianceCache.table` returns them. The reader knows the sizes M and T of objects and triangles,
+    and learns C.
 
-    Raises UnsoundArrays, as all that follow.
+    Raises UnsoundArrays, as do all functions below.
     """
     known = reader.sizes
     keys = reader.take(_CELLS + "keys", np.uint64, N_SLOTS)
@@ -90,8 +91,8 @@ def read_table(reader: ArrayReader) -> CacheTable:
 
 
 def read_gathered(reader: ArrayReader) -> GatherSamples:
-    """The gather points, after the cells. The reader knows P points of the picture, R rays a gather point and L lights,
-    and learns q fans and p gather points."""
+    """The gather points; call after `read_table`. The reader knows P points of the picture, R rays per sample set and L
+    lights, and learns q sample sets and p gather points."""
     known = reader.sizes
     rows = reader.take("rows", np.int32, "q", below=known["P"])
     nth = reader.take("nth", np.uint8, "q", below=MAX_SAMPLE_SETS)
@@ -120,7 +121,7 @@ def _read_records(reader: ArrayReader, seen: NDArray[np.uint16]) -> GlossyHits:
 
 
 def _read_lit(reader: ArrayReader, ending: str) -> LitPlaces:
-    """Normals, distances, lights, candidates and weights of one vertex of the records."""
+    """Normals, distances, lights, candidates and weights of one vertex of the glossy hits."""
     normal = reader.take(f"{_RECORDS}normal{ending}", np.float32, "n", 3)
     distance = reader.take(f"{_RECORDS}distance{ending}", np.float32, "n")
     light = reader.take(f"{_RECORDS}light{ending}", np.uint16, "n", below=reader.sizes["L"], or_else=NO_LIGHT)
@@ -129,20 +130,20 @@ def _read_lit(reader: ArrayReader, ending: str) -> LitPlaces:
 
 
 def read_footprint(reader: ArrayReader) -> Footprint:
-    """Of every point of the picture, after the gather points."""
+    """The footprint of every point of the picture; call after `read_gathered`."""
     rows = reader.take("footprint", np.int32, "P", 4, below=reader.sizes["p"])
     return rows, reader.take("footprint_weights", np.float32, "P", 4)
 
 
 def read_smoothing(reader: ArrayReader) -> Smoothing:
-    """The filter, after the gather points."""
+    """The filter; call after `read_gathered`."""
     start = reader.runs(_SMOOTHING + "start", "p", "entries")
     neighbour = reader.take(_SMOOTHING + "neighbour", np.int32, "entries", below=reader.sizes["p"])
     return Smoothing(start, neighbour, reader.take(_SMOOTHING + "weight", np.float32, "entries"))
 
 
 def read_cell_light(reader: ArrayReader, n_rays: int, objects: NDArray[np.int32]) -> CacheLight:
-    """What cells of these objects send to one another by so many rays each, after the cells."""
+    """The light between records of these objects, with n_rays each; call after `read_table`."""
     known = reader.sizes
     seen = reader.take("cell_seen", np.uint16, "sending", n_rays, below=known["C"], or_else=NO_RECORD)
     if known["sending"] > known["C"]:
@@ -151,7 +152,7 @@ def read_cell_light(reader: ArrayReader, n_rays: int, objects: NDArray[np.int32]
 
 
 def read_ray_budget(reader: ArrayReader, most: int) -> RayBudget:
-    """How many rays the fans have, of so many that there may be."""
+    """The ray budget, of at most `most` rays per sample set."""
     n_rays, noise = int(reader.take("n_rays", np.int64, 1)[0]), float(reader.take("noise", np.float64, 1)[0])
     if n_rays not in [most // level for level in LEVELS] or noise < 0.0 and noise != NOT_ESTIMATED:
         raise UnsoundArrays("fans that nobody asked for")
@@ -159,7 +160,7 @@ def read_ray_budget(reader: ArrayReader, most: int) -> RayBudget:
 
 
 def read_cell_size(reader: ArrayReader) -> float:
-    """Metres."""
+    """The cell size in metres."""
     size = float(reader.take("cell_size", np.float64, 1)[0])
     if size <= 0.0:
         raise UnsoundArrays("cells without a size")
