@@ -1,9 +1,8 @@
-"""The lines of a plan that a person may set, by name, and what to: one table for window, sessions and commands.
+"""The lines of a plan that the user may set, by name, with their values: one table for window, sessions and commands.
 
-"lights", "patches", "sphere", "precision", "bounces", "rays", "edges" are of the whole picture; "teapot.1.theta_h" is
-of one curve, by its layer's key and its name: as many bands. What a scene has of them `engine.planner` says. "points"
-and
-"coefficients" are Orbit's, "transfer_rays" and "lobes" Deform's.
+"lights", "patches", "sphere", "precision", "bounces", "rays" and "edges" apply to the whole picture. "teapot.1.theta_h"
+is the number of bands of one curve, by its layer's key and its name. `engine.planner` determines which of them a scene
+has. "points" and "coefficients" belong to Orbit, "transfer_rays" and "lobes" to Deform.
 """
 
 from __future__ import annotations
@@ -18,18 +17,18 @@ from engine.scene.description import MAX_BOUNCES
 LineValue = int | str
 
 FEWEST_LIGHTS, MOST_LIGHTS = 20, 80_000
-# Rays through a pixel at an edge (`engine.scene.edges`); 0: through its centre alone.
+# Rays through a pixel at an edge (`engine.scene.edges`); 0: only through its centre.
 EDGE_RAYS = (0, 4, 8, 16)
-# Rays of a fan of indirect light.
+# Rays per sample set of indirect light.
 HEMISPHERE_RAYS = (128, 256, 512, 1024)
-# What can be stored: rows of factor A may be long, the runs of factor B are counted in bytes.
+# Limits of the storage: rows of factor A may be long, the runs of factor B are counted in bytes.
 MAX_BANDS_OVERRIDDEN = (512, 128)
 OFF = "off"
 
 
 @dataclass(frozen=True)
 class _Line:
-    """What one may be: expected says it in words."""
+    """Validates one line; expected: a description of valid values."""
 
     takes: Callable[[LineValue], bool]
     expected: str
@@ -55,12 +54,12 @@ _LINES = {
     "lobes": _in_range(1, 4),
 }
 PICTURE_LINES = tuple(_LINES)
-# Beside bounces, those of the modes whose light hangs on neither lights nor bands.
+# Besides bounces, the lines of the modes whose light depends on neither lights nor bands.
 MODE_LINES = {"orbit": ("points", "coefficients"), "deform": ("transfer_rays", "lobes")}
 
 
 def checked_line(line: str, value: object) -> LineValue:
-    """What one of `PICTURE_LINES` is set to. Raises InsituError for what it cannot be."""
+    """The value for one of `PICTURE_LINES`. Raises InsituError for an invalid value."""
     if line == "edges" and value == OFF:
         return 0
     if isinstance(value, bool) or not isinstance(value, int | str) or not _LINES[line].takes(value):
@@ -69,7 +68,7 @@ def checked_line(line: str, value: object) -> LineValue:
 
 
 def checked_bands(line: str, value: object, n_factors: int) -> int:
-    """How many bands one of n_factors curves of a layer is set to. Raises InsituError."""
+    """The number of bands for one of n_factors curves of a layer. Raises InsituError."""
     most = MAX_BANDS_OVERRIDDEN[0] if n_factors == 1 else min(MAX_BANDS_OVERRIDDEN)
     if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= most or value & (value - 1):
         raise _line_error(line, value, f"a power of two from 1 to {most}")
@@ -77,8 +76,8 @@ def checked_bands(line: str, value: object, n_factors: int) -> int:
 
 
 def bands_of_lines(key: str, planned: Mapping[str, int], lines: Mapping[str, LineValue]) -> dict[str, int]:
-    """J of each curve of a layer, as planned or as its line has been set: one that another model of the layer was given
-    more bands by than this one can have counts for nothing."""
+    """J of each curve of a layer, as planned or as overridden. Ignores a line with more bands than this model permits,
+    which was set for another model of the layer."""
     counts = dict(planned)
     for name in planned:
         with suppress(InsituError):

@@ -1,22 +1,23 @@
-"""What a scene requires, decided before any work: model only that.
+"""Plans what the computation of a scene requires, before any work starts: pure model.
 
-`plan_scene` gives every layer its bands, says whether the sphere's visibility is needed, and leaves the reason beside
-each choice; `engine.render.cost_pilot` measures on a few hundred points what it will cost. Every line can be overruled.
+`plan_scene` gives every layer its number of bands, decides whether the sphere's visibility is required, and states the
+reason for each choice. `engine.render.cost_pilot` measures the cost on a few hundred points. The user can override
+every line.
 
-Bands follow the curve. A curve f is replaced by its piecewise linear fit f_J (`engine.curve.bands`); what a picture
-sees of the difference is how far light moves between angles, so it is measured on the running integrals by solid angle
-[BenArtzi07, sect. 4.3 chooses J by hand],
+The number of bands follows from the curve. A curve f is replaced by its piecewise linear fit f_J
+(`engine.curve.bands`). The visible effect of the difference is how far light moves between angles, so it is measured on
+the running integrals by solid angle [BenArtzi07, sect. 4.3 chooses J manually],
 
     d(J) = max over gamma of | int_0^gamma (f - f_J) sin | / int_0^(pi/2) f sin,
 
-and the least power of two with d(J) <= 0.02 is taken; the picture is then within about 0.5 % of what endless bands
-would give. (0.005 where a highlight was measured: what it is to look like is known.) d falls with J^3 and faster once
-the bands are narrower than the curve's features. The largest pointwise difference was rejected: it never falls below
-half a step at an edge, however narrow the band. A curve gets no fewer
-bands than `EDITABLE_BANDS`: nobody knows the next edit, and bands also set how finely a light is split before its
-cosine and quotient are taken. A layer that nobody means to edit is computed with as many and keeps none of them, but
-its picture (`engine.precompute.direct.fixed_picture`). A still keeps none either, and gets twice as many.
-This module is light to import: the window's process shares its table.
+and J is the least power of two with d(J) <= 0.02. The picture is then within about 0.5 % of the limit of many bands.
+(0.005 for a measured highlight, whose true appearance is known.) d falls with J^3, and faster once the bands are
+narrower than the curve's features. The largest pointwise difference was rejected: it never falls below half a step at
+an edge, however narrow the band. A curve gets at least `EDITABLE_BANDS`: the next edit is unknown, and bands also
+determine how finely a light is split before its cosine and quotient are evaluated. A layer that is not to be edited is
+computed with as many bands and stores none of them, only its picture (`engine.precompute.direct.fixed_picture`). A
+still stores none either, and uses twice as many. This module imports little, because the window's process uses its
+table.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
     from engine.scene.scene_loader import Scene
 
 MOST_BANDS = 128
-# Bands of a curve that can be edited, over each angle: highlights need many, what varies slowly few.
+# Bands of an editable curve over each angle: many for highlights, few for slowly varying curves.
 EDITABLE_BANDS = {
     kinds.THETA_R: 64,
     kinds.THETA_H: 64,
@@ -55,14 +56,14 @@ EDITABLE_BANDS = {
 }
 SLOW_ANGLES = (kinds.THETA_I, kinds.THETA_O, kinds.THETA_D)
 BANDWIDTH_TOLERANCE = 0.02
-# Of highlights that were measured: unedited they are to be within 1 % of the data. Nickel's, half as high at 1.1°, is
-# 4 % off with 64 bands (d = 0.008) and 0.9 % with 128; broader ones keep their 64.
+# For measured highlights, which should be within 1 % of the data while unedited. Nickel, whose lobe is half as high at
+# 1.1°, has an error of 4 % with 64 bands (d = 0.008) and 0.9 % with 128; broader lobes get 64.
 MEASURED_TOLERANCE = 0.005
 N_LIGHTS = 4000
 N_PATCHES = 768
-# Tracing the lights of the cut costs less than the sphere's 5,120 directions up to about this many of them.
+# Up to about this many lights, tracing the lights of the cut costs less than the sphere's 5,120 directions.
 MIN_LIGHTS_FOR_SPHERE = 1280
-# Of which there may be fewer than are planned at first.
+# Lines whose planned number a pilot may reduce.
 NEEDED_LINES = frozenset({"lights", "patches"})
 N_FINE = 512
 ONCE_REASON = "light is reflected once"
@@ -74,12 +75,13 @@ Precision = Literal["half", "float"]
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """What the light of a picture is computed by: those lines of the plan that transport depends on, whoever decided.
+    """The settings that the light of a picture is computed with: the lines of the plan that transport depends on.
 
-    n_lights, n_patches: that sky and emitters are cut into at last, or fewer where these do (`render.light_pilot`) and
-    no person has overruled it; keeps_sphere: whether shadows from every direction are found and kept, else those of
-    the lights alone; n_bounces: 0 for as many as the scene requires; n_rays: a fan of indirect light, 0 for as many as
-    the picture needs (`indirect.sampling_settings`).
+    n_lights, n_patches: the number that sky and emitters are cut into at the final stage, or fewer where these suffice
+    (`render.light_pilot`) and the user has not overridden it; keeps_sphere: compute and store visibility in all
+    directions, otherwise only that of the lights; overridden: the lines that the user set; n_bounces: 0 for as many as
+    the scene requires; n_rays: rays per sample set of indirect light, 0 for as many as the picture requires
+    (`indirect.sampling_settings`).
     """
 
     n_lights: int = N_LIGHTS
@@ -91,15 +93,15 @@ class RenderSettings:
 
     @property
     def direct_settings(self) -> RenderSettings:
-        """The same as far as direct light goes."""
+        """The same for direct light alone."""
         return replace(self, n_bounces=1, n_rays=0)
 
 
 @dataclass(frozen=True)
 class LayerPlan:
-    """One layer: bands (J,) or (J, K) of its one or two factors, and why so many of each.
+    """One layer: bands (J,) or (J, K) of its one or two factors, and the reason for each number.
 
-    editable: whether the bands are kept; of other layers the picture alone is.
+    editable: whether the bands are stored; of other layers only the picture is.
     """
 
     key: str
@@ -111,17 +113,17 @@ class LayerPlan:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Bands (J, K); K = 1 where there is one factor."""
+        """Bands (J, K); K = 1 if there is one factor."""
         return self.bands[0], self.bands[1] if len(self.bands) > 1 else 1
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What the plan will cost whom nothing is kept for, extrapolated from `n_sampled` points: within 30 %.
+    """The cost of the plan if nothing is stored yet, extrapolated from `n_sampled` points: within 30 %.
 
-    seconds: of the processors in all, of which for shadows and for indirect light; memory, disk and gpu in MiB (2^20
-    bytes): main memory of who precomputes it, and the GPU's for the largest layer when it is selected. n_cores: that
-    share the seconds.
+    seconds: processor time in all, of which for visibility and for indirect light; memory, disk and gpu in MiB (2^20
+    bytes): main memory of the precomputing process, and the GPU's for the largest layer when it is selected. n_cores:
+    the cores that share the seconds.
     """
 
     seconds: float
@@ -137,11 +139,11 @@ class Cost:
 
 @dataclass(frozen=True)
 class Plan:
-    """What will be computed for one scene. `reasons` says why, by line; `overridden` which lines a person set.
+    """What is computed for one scene. reasons: the reason for each line; overridden: the lines that the user set.
 
-    bounces: None until a pilot has said (`engine.render.bounce_plan`); n_rays: a fan of indirect light, 0 for as many
-    as it needs when it is found (`engine.precompute.indirect.sampling_settings`); n_edge_rays: one of
-    `engine.plan_lines.EDGE_RAYS`; is_still: nothing of it is edited afterwards.
+    bounces: None until a pilot has determined it (`engine.render.bounce_plan`); n_rays: rays per sample set of indirect
+    light, 0 for as many as required (`engine.precompute.indirect.sampling_settings`); n_edge_rays: one of
+    `engine.plan_lines.EDGE_RAYS`; is_still: the result is not edited afterwards.
     """
 
     layers: tuple[LayerPlan, ...]
@@ -159,13 +161,14 @@ class Plan:
 
     @property
     def settings(self) -> RenderSettings:
-        """What its light is computed by."""
+        """The settings that its light is computed with."""
         n_lights, n_patches = self.n_lights or N_LIGHTS, self.n_patches or N_PATCHES
         overruled = self.overridden & NEEDED_LINES
         return RenderSettings(n_lights, n_patches, self.bounces or 0, self.needs_sphere, overruled, self.n_rays)
 
     def with_light_budget(self, settings: RenderSettings, reasons: Mapping[str, str]) -> Plan:
-        """With as many lights and patches as were found to be needed; the sphere stays as a person has set it."""
+        """The plan with the numbers of lights and patches that a pilot found sufficient; the sphere remains as the user
+        has set it."""
         n_lights, n_patches = self.n_lights and settings.n_lights, self.n_patches and settings.n_patches
         needs_sphere = self.needs_sphere and (settings.keeps_sphere or "sphere" in self.overridden)
         reasons = {**self.reasons, **reasons}
@@ -174,14 +177,15 @@ class Plan:
         return replace(self, n_lights=n_lights, n_patches=n_patches, needs_sphere=needs_sphere, reasons=reasons)
 
     def layer(self, key: str) -> LayerPlan:
-        """The plan of one layer, which must be in it."""
+        """The plan of one layer, which must exist."""
         return next(plan for plan in self.layers if plan.key == key)
 
 
 def bands_for_sharpest(layer: Layer, planned: Mapping[str, int], sharpest: int) -> dict[str, int]:
-    """J of each transport factor where a person chose J (a power of two) for the sharpest instead of as ``planned``.
+    """J of each transport factor if the user chose J (a power of two) for the sharpest instead of the ``planned``
+    number.
 
-    Other curves of highlights are scaled with it, what varies slowly keeps its few.
+    Other curves of highlights are scaled with it; slowly varying curves retain their few bands.
     """
     most = max((planned[f.name] for f in layer.model.factors if f.gamma not in SLOW_ANGLES), default=1)
     counts = {}
@@ -193,23 +197,24 @@ def bands_for_sharpest(layer: Layer, planned: Mapping[str, int], sharpest: int) 
 
 
 def usual_bands(model: Model) -> dict[str, int]:
-    """J of each of the transport factors of a model's layers where no curve asks for more."""
+    """J of each of the transport factors of a model's layers where no curve requires more."""
     return {factor.name: EDITABLE_BANDS[factor.gamma] for factor in model.factors}
 
 
 def band_counts(layer: Layer, most: int = MOST_BANDS) -> dict[str, int]:
-    """J of each of the transport factors of a layer; ``most`` (a power of two) caps them."""
+    """J of each of the transport factors of a layer; ``most`` (a power of two) limits them."""
     usual = usual_bands(layer.model)
     return {name: bandwidth(layer, name, most=most, least=min(n, most)) for name, n in usual.items()}
 
 
 def curve_deviation(layer: Layer, factor: str, n_bands: int) -> float:
-    """d(J) of a layer's curve as the module's text defines it, over all channels; 0 where the curve is 0."""
+    """d(J) of a layer's curve as the module's docstring defines it, over all channels; 0 where the curve is 0."""
     return _deviation(_fine_values(layer, factor), layer.coefficients(factor, n_bands))
 
 
 def bandwidth(layer: Layer, factor: str, tolerance: float | None = None, most: int = MOST_BANDS, least: int = 1) -> int:
-    """The least power of two J from `least` to `most`, both powers of two, with d(J) <= tolerance; None: its own."""
+    """The least power of two J from `least` to `most`, both powers of two, with d(J) <= tolerance; None for the layer's
+    own."""
     fine = _fine_values(layer, factor)
     tolerance = tolerance_of(layer, factor) if tolerance is None else tolerance
     n_bands = least
@@ -219,7 +224,7 @@ def bandwidth(layer: Layer, factor: str, tolerance: float | None = None, most: i
 
 
 def tolerance_of(layer: Layer, factor: str) -> float:
-    """The d(J) that a layer's curve is to stay below."""
+    """The limit on d(J) for a layer's curve."""
     measured = layer.model.needs_file and layer.model.factor(factor).gamma in kinds.HALF_ANGLES
     return MEASURED_TOLERANCE if measured else BANDWIDTH_TOLERANCE
 
@@ -235,11 +240,11 @@ def plan_scene(
     n_patches: int = N_PATCHES,
     overrides: Mapping[str, LineValue] | None = None,
 ) -> Plan:
-    """The plan for the layers by key ("object.index"); `editable` names the keys that a person will edit; `still`:
-    nothing is kept, so bands cost time alone and each curve gets twice what an editable one would.
+    """The plan for the layers by key ("object.index"). editable: keys of the layers that the user will edit; still:
+    nothing is stored, so bands cost only time, and each curve gets twice the number of an editable one.
 
-    overrides: lines of the plan (`engine.plan_lines`) to their values. Raises InsituError for a line that is not in
-    the plan or a value that cannot be.
+    overrides: values by line of the plan (`engine.plan_lines`). Raises InsituError for a line that is not in the plan
+    or an invalid value.
     """
     has_emitters = bool(scene.emitters.any())
     needs_sphere = has_sky and (n_lights >= MIN_LIGHTS_FOR_SPHERE or not still)
@@ -268,19 +273,19 @@ def plan_scene(
 
 
 def planned_edge_rays(description: SceneDescription) -> int:
-    """Rays through pixels at edges: for a scene whose materials have highlights twice as many as for a matt one, since
-    on narrow rims light differs from one to the next. By the scene's file: edits do not trace the view anew."""
+    """Rays through pixels at edges: twice as many for a scene with glossy materials as for a diffuse one, since light
+    on narrow rims differs between rays. Depends on the scene's file only: edits do not trace the view anew."""
     models = {layer.model for each in description.objects for layer in each.layers}
     return 8 if all(MODELS[name].is_diffuse for name in models if name in MODELS) else 16
 
 
 def edge_reason(n_rays: int) -> str:
-    """Why so many are planned."""
+    """The reason for this number."""
     return "highlights may be narrower than a pixel" if n_rays > 8 else "where objects meet; nothing is glossy"
 
 
 def plan_lines(plan: Plan) -> Iterator[tuple[str, str, str]]:
-    """(line, value, reason) of all that is planned, as a person reads and may overrule it."""
+    """(line, value, reason) for all lines of the plan, as shown to the user, who may override them."""
     for layer in plan.layers:
         for factor, n_bands, reason in zip(layer.factors, layer.bands, layer.reasons, strict=True):
             yield f"{layer.key}.{factor}", f"{n_bands} bands" + ("" if layer.editable else ", not kept"), reason
@@ -325,7 +330,7 @@ def _plan_still_layer(key: str, layer: Layer) -> LayerPlan:
     for place, (name, n_bands) in enumerate(band_counts(layer).items()):
         counts[name] = min(2 * n_bands, MOST_BANDS)
         reasons.append("twice what an editor would keep")
-        # Nothing is kept, so that a highlight narrower than an editor's bands gets as many as it has.
+        # Nothing is stored, so a highlight narrower than an editor's bands gets as many as it requires.
         if place == 0 and layer.model.factors[0].gamma not in SLOW_ANGLES and n_bands == MOST_BANDS:
             most = MAX_BANDS_OVERRIDDEN[0]
             counts[name] = min(2 * bandwidth(layer, name, most=most, least=MOST_BANDS), most)
@@ -334,7 +339,7 @@ def _plan_still_layer(key: str, layer: Layer) -> LayerPlan:
 
 
 def sphere_reason(has_sky: bool, needs_sphere: bool) -> str:
-    """Why shadows from every direction are found, or not."""
+    """Why visibility in all directions is computed, or not."""
     if not has_sky:
         return "no sky, so only emitters cast shadows"
     if needs_sphere:
@@ -378,7 +383,8 @@ def _switch(plan: Plan, line: str, value: LineValue) -> Plan:
 
 
 def _with_lights(plan: Plan, n_lights: int) -> Plan:
-    """With so many lights, and the sphere where it then pays, unless a person has decided on it."""
+    """The plan with this number of lights, and with the sphere where it then pays, unless the user has set that
+    line."""
     if "sphere" in plan.overridden or not plan.is_still:
         return replace(plan, n_lights=n_lights)
     needs_sphere = n_lights >= MIN_LIGHTS_FOR_SPHERE
@@ -393,7 +399,7 @@ def _with_bands(layer: LayerPlan, place: int, line: str, value: LineValue) -> La
 
 
 def _fine_values(layer: Layer, factor: str) -> np.ndarray:
-    """Values of many narrow bands, by solid angle, (N, 3): the curve itself, for this purpose."""
+    """Values of many narrow bands, by solid angle, (N, 3): a stand-in for the curve itself."""
     return band_values(layer.curve(factor), N_FINE, by_solid_angle=True)
 
 
@@ -406,7 +412,7 @@ def _deviation(fine: np.ndarray, values: np.ndarray) -> float:
     if not lit.any():
         return 0.0
     running = np.cumsum((fine - coarse) * weights, axis=0)
-    # Scaled to the largest total before dividing: a channel that is all but black does not decide.
+    # Limited relative to the largest total: a channel that is almost black does not decide.
     deviation = np.abs(running[:, lit]).max(axis=0) / np.maximum(total[lit], 1e-6 * total.max())
     worst = float(deviation.max())
     return worst if math.isfinite(worst) else 0.0

@@ -1,7 +1,7 @@
-"""The arrays that a function gave last, kept as far as they take no more than so much memory.
+"""Caches the most recent arrays of a function, up to a total size in bytes.
 
-`functools.lru_cache` counts results, and these differ in size by a thousand: 64 tables of equivalent albedos, one for
-each roughness that a slider went through, were 134 MB.
+`functools.lru_cache` counts results, and these differ in size by a factor of a thousand: 64 tables of equivalent
+albedos, one for each roughness that a slider passed through, took 134 MB.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ Arguments = ParamSpec("Arguments")
 def cache_recent_arrays(
     most_bytes: int,
 ) -> Callable[[Callable[Arguments, NDArray[Any]]], Callable[Arguments, NDArray[Any]]]:
-    """Decorates a function of hashable arguments by place. Its arrays are read alone; the one asked for last is kept
-    whatever its size."""
+    """Decorates a function of hashable arguments. Its arrays become read-only; the most recent one is cached whatever
+    its size."""
 
     def decorate(function: Callable[Arguments, NDArray[Any]]) -> Callable[Arguments, NDArray[Any]]:
         kept: OrderedDict[Hashable, NDArray[Any]] = OrderedDict()

@@ -1,14 +1,13 @@
-"""Views: by what name linear radiance becomes the colour of a screen, and those that OpenColorIO makes; and sRGB.
+"""Views: transforms from linear radiance to display colours by name, those of OpenColorIO among them; and sRGB.
 
-ACES comes with the library, built in. AgX does not: it is put together here of the
-library's transforms, by its published figures [Sobotka22]: an inset of the primaries, 16.5 stops in log2, of which 10
-lie below middle grey, a sigmoid of slope 2 at (10/16.5, 1/2) whose toe has the power 3 and whose shoulder 3.25, and the
-way back from the inset; what comes out is meant for a display as it is. Filmic, standard and false colours are formulas
-(`render.display`, shaders/common/tone_mapping.glsl).
+ACES is built into the library. AgX is not: it is assembled here from the library's transforms and its published
+parameters [Sobotka22]: an inset of the primaries; 16.5 stops in log2, of which 10 lie below middle grey; a sigmoid of
+slope 2 at (10/16.5, 1/2) with power 3 in the toe and 3.25 in the shoulder; and the inverse of the inset. The result is
+display-encoded. Filmic, standard and false colour are formulas (`render.display`, shaders/common/tone_mapping.glsl).
 
-The graphics card takes a view from a table over log2 of the three channels, 65 × 65 × 65 colours: for 999 of 1,000
-colours within 1.5 of 255 (AgX 0.4), where ACES has folds up to 9.
-The library is imported when a view first needs it, not with the program.
+The GPU evaluates a view from a table over log2 of the three channels, 65 × 65 × 65 colours: 999 of 1,000 colours are
+within 1.5 of 255 (AgX 0.4); where ACES has folds, the error reaches 9. The library is imported when a view first
+requires it, not at the start of the program.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ ToneMapping = Literal["filmic", "agx", "aces_2", "aces_1", "linear", "false_colo
 
 @dataclass(frozen=True)
 class View:
-    """What a person knows a view by."""
+    """The name of a view in the window, and its tooltip."""
 
     label: str
     tooltip: str
@@ -47,14 +46,14 @@ VIEWS: dict[ToneMapping, View] = {
     "false_colour": View("False colour", "Luminance in stops, dark blue to yellow: a change of shade is one stop."),
 }
 TONE_MAPPINGS: tuple[ToneMapping, ...] = tuple(VIEWS)
-# Views of OpenColorIO: configuration and view; AgX is our own.
+# Views of OpenColorIO: configuration and view; AgX is assembled here.
 _BUILT_IN = {
     "aces_2": ("cg-config-v4.0.0_aces-v2.0_ocio-v2.5", "ACES 2.0 - SDR 100 nits (Rec.709)"),
     "aces_1": ("cg-config-v2.2.0_aces-v1.3_ocio-v2.4", "ACES 1.0 - SDR Video"),
 }
 TABULATED_VIEWS = ("agx", *_BUILT_IN)
 TABLE_SIDE = 65
-# log2 of radiance at the table's ends, beyond which the views are black and white.
+# log2 of radiance at the table's ends; beyond them the views are black and white.
 TABLE_STOPS = (-12.5, 7.5)
 _BRIGHTEST = 2.0**16
 
@@ -71,7 +70,8 @@ _AGX_SAMPLES = 4096
 
 
 def find_view(name: str, file: str | Path = "view", what: str = "name") -> ToneMapping:
-    """The view that a person names, by its label or as files do. Raises LoadError, which says where it was named."""
+    """The view with this name, either its label or its name in files. Raises LoadError with the place where it was
+    named."""
     wanted = name.strip().casefold()
     for view, known in VIEWS.items():
         if wanted in (view, known.label.casefold()):
@@ -80,14 +80,14 @@ def find_view(name: str, file: str | Path = "view", what: str = "name") -> ToneM
 
 
 def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Linear values in [0, 1] as a screen takes them (IEC 61966-2-1; shaders/common/srgb.glsl does the same)."""
+    """sRGB-encodes linear values in [0, 1] (IEC 61966-2-1; shaders/common/srgb.glsl does the same)."""
     linear = np.asarray(linear, np.float64)
     power = 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
     return np.where(linear <= 0.0031308, 12.92 * linear, power)
 
 
 def decode_srgb(encoded: NDArray[Real]) -> NDArray[Real]:
-    """What stands for such values in [0, 1], linear, in the same precision; above 1 the curve goes on."""
+    """Decodes sRGB values in [0, 1] to linear ones, in the same precision; above 1 the curve continues."""
     x = np.maximum(encoded, 0.0)
     return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
 
@@ -103,16 +103,18 @@ def display_transform(radiance: NDArray[np.floating], view: ToneMapping) -> NDAr
 
 @lru_cache(maxsize=len(TABULATED_VIEWS))
 def view_table(view: ToneMapping) -> NDArray[np.float16]:
-    """Such a view over log2 of radiance within `TABLE_STOPS`: (blue, green, red, 3), `TABLE_SIDE` colours each way."""
+    """The view over log2 of radiance within `TABLE_STOPS`: (blue, green, red, 3), `TABLE_SIDE` colours along each
+    axis."""
     levels = np.exp2(np.linspace(*TABLE_STOPS, TABLE_SIDE))
     blue, green, red = np.meshgrid(levels, levels, levels, indexing="ij")
     return display_transform(np.stack([red, green, blue], axis=-1), view).astype(np.float16)
 
 
 def agx_sigmoid(x: NDArray[np.floating]) -> NDArray[np.float64]:
-    """AgX's curve from log2 radiance to display, both in [0, 1]: y = 1/2 + s d (1 + a |d|^p)^(-1/p), d = x - pivot.
+    """The sigmoid of AgX from log2 radiance to display, both in [0, 1]: y = 1/2 + s d (1 + a |d|^p)^(-1/p), d = x -
+    pivot.
 
-    The power p is that of toe or shoulder, a such that the curve ends in (0, 0) or (1, 1) [Sobotka22].
+    The power p is that of toe or shoulder; a is such that the curve ends in (0, 0) or (1, 1) [Sobotka22].
     """
     d = np.asarray(x, np.float64) - _AGX_PIVOT
     power = np.where(d < 0.0, _AGX_TOE, _AGX_SHOULDER)

@@ -1,9 +1,9 @@
-"""The typed errors of the project: every failure a person can cause ends in one readable line.
+"""The typed errors of the project: every failure that a user can cause ends in one readable line.
 
-A loader never lets a traceback of a foreign library through; it raises `LoadError`, which names the file, the thing in
-it, the value found and the range expected. `InsituError` is the common ancestor: whoever shows errors to a person
-catches it alone, anything else is a defect of ours. Lines for a person are made by `plain_line`, whatever is in them:
-messages when they are raised, what else a terminal or the window shows where it is shown (`console.print_line`,
+A loader never passes on a traceback of a third-party library. It raises `LoadError`, which names the file, the place in
+it, the value found and the range expected. `InsituError` is the common base class: code that shows errors to the user
+catches it alone, and anything else is a bug. `plain_line` formats all lines for the user, whatever they contain:
+messages when they are raised, other text where a terminal or the window shows it (`console.print_line`,
 `StatusMetrics`).
 """
 
@@ -19,7 +19,7 @@ LONGEST_LINE = _LONGEST_HEAD + _LONGEST_TAIL + 3
 
 
 class InsituError(Exception):
-    """A failure with a one-line message meant for a person."""
+    """A failure with a one-line message for the user."""
 
     def __init__(self, line: str = "") -> None:
         super().__init__(plain_line(line))
@@ -28,8 +28,8 @@ class InsituError(Exception):
 class LoadError(InsituError):
     """A file that cannot be used: `FILE: WHAT = VALUE, expected RANGE; nothing was changed`.
 
-    file: the file being read; what: the place in it ("object 2 'ball': transform", "line 17", "vertex 5");
-    value: what was found there, a string is shown as it is; expected: what would have been accepted.
+    file: the file being read; what: the place in it ("object 2 'ball': transform", "line 17", "vertex 5"); value: the
+    value found there, a string is shown as it is; expected: the accepted values.
     """
 
     def __init__(self, file: str | Path, what: str, value: object, expected: str) -> None:
@@ -39,19 +39,20 @@ class LoadError(InsituError):
 
     @property
     def reason(self) -> str:
-        """`WHAT = VALUE, expected RANGE`: for a note on what is left out instead of refusing the file."""
+        """`WHAT = VALUE, expected RANGE`: for a warning about a part that is skipped while the rest of the file is
+        used."""
         return f"{self.what} = {describe_value(self.value)}, expected {self.expected}"
 
     def __reduce__(self) -> tuple[type[LoadError], tuple[str, str, object, str]]:
-        """Pickled by its four parts, so that the line survives the way between processes."""
+        """Pickles the four parts, so that the line can be sent between processes."""
         return LoadError, (self.file, self.what, describe_value(self.value), self.expected)
 
 
 def plain_line(text: str, keep_spaces: bool = False) -> str:
-    """The text as one line of at most `LONGEST_LINE` printable characters; keep_spaces: of a table, whose columns are
-    aligned by them.
+    """The text as one line of at most `LONGEST_LINE` printable characters; keep_spaces: for rows of a table, whose
+    columns spaces align.
 
-    Of a longer one its beginning, which says where, and its end, which says what to do, are kept.
+    A longer text is shortened to its beginning, which says where, and its end, which says what to do.
     """
     if len(text) > 4 * LONGEST_LINE:
         text = f"{text[: 2 * LONGEST_LINE]} … {text[-LONGEST_LINE:]}"
@@ -60,18 +61,18 @@ def plain_line(text: str, keep_spaces: bool = False) -> str:
 
 
 def plain_notes(notes: Iterable[str]) -> tuple[str, ...]:
-    """Notes as plain lines, each once; of more than `MOST_NOTES` the first, and how many more there are."""
+    """Notes as plain lines without duplicates; at most `MOST_NOTES`, followed by the number of further ones."""
     return first_notes(tuple(dict.fromkeys(map(plain_line, notes))))
 
 
 def first_notes(lines: tuple[str, ...]) -> tuple[str, ...]:
-    """The same of lines that are plain already."""
+    """The same for lines that are already plain."""
     n_more = len(lines) - MOST_NOTES
     return lines if n_more <= 0 else (*lines[:MOST_NOTES], f"and {n_more} more notes")
 
 
 def printable_name(text: str, longest: int) -> str:
-    """A name that a file gives, so that it can be shown, written and read back: printable, and cut where longer."""
+    """A name from a file in a form that can be shown, written and read back: printable, and shortened to `longest`."""
     text = _printable(" ".join(text[: 4 * longest].split()))
     return text if len(text) <= longest else text[: longest - 1] + "…"
 
@@ -83,5 +84,6 @@ def describe_value(value: object) -> str:
 
 
 def _printable(text: str) -> str:
-    """Without what a terminal or a label would act upon: control characters, marks that turn the direction round."""
+    """The text without characters that a terminal or a label would interpret: control characters and direction
+    marks."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)

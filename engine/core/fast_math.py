@@ -1,7 +1,7 @@
-"""What compilers may do with sums and products in kernels where the last bit does not matter.
+"""Floating-point optimisations that compilers may apply in kernels where the last bit does not matter.
 
-Not `fastmath=True`: that also takes every number for finite, and tests for NaN or infinity may be left out.
+Not `fastmath=True`: that also assumes that every number is finite, so that tests for NaN or infinity may be removed.
 """
 
-# Multiply and add at once, in another order, without regard for the sign of 0, by reciprocals and quick functions.
+# Fused multiply-add, reassociation, ignored sign of 0, reciprocals and approximate functions.
 FAST = {"contract", "reassoc", "nsz", "arcp", "afn"}

@@ -1,4 +1,4 @@
-"""Long computations are generators: each step yields how far it is, the end returns the result. How they are driven."""
+"""Drives long computations, which are generators: each step yields the progress, and the end returns the result."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Result = TypeVar("Result")
 
 
 def run_to_end(steps: Generator[Step, None, Result], report: Callable[[Step], object] = lambda step: None) -> Result:
-    """Drive a computation to its end, telling `report` of every step; what it returns."""
+    """Drives a computation to its end, passing every step to `report`; returns its result."""
     while True:
         try:
             step = next(steps)
@@ -22,7 +22,7 @@ def run_to_end(steps: Generator[Step, None, Result], report: Callable[[Step], ob
 
 
 class StepRunner(Generic[Result]):
-    """A computation advanced a step at a time, between other work; `result` once `advance` says that it ended."""
+    """Advances a computation one step at a time, between other work; `result` exists once `advance` returns True."""
 
     result: Result
 
@@ -30,7 +30,7 @@ class StepRunner(Generic[Result]):
         self._steps = steps
 
     def advance(self) -> bool:
-        """One step; whether that was the end."""
+        """Runs one step; returns whether the computation has ended."""
         try:
             next(self._steps)
         except StopIteration as end:
@@ -42,7 +42,7 @@ class StepRunner(Generic[Result]):
 def map_steps(
     steps: Generator[Step, None, Result], word: Callable[[Step], StepValue]
 ) -> Generator[StepValue, None, Result]:
-    """The same computation, each of its steps told in the caller's words."""
+    """The same computation with each of its steps mapped by the caller."""
     while True:
         try:
             step = next(steps)

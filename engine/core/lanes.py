@@ -1,8 +1,8 @@
-"""Four float32 at once, for sums over red, green and blue: numba by itself keeps such numbers apart, each in a register
-of its own, and takes three times as long over them.
+"""Vectors of four float32 for sums over red, green and blue. Numba alone keeps each number in its own register and
+takes three times as long.
 
-Colours are three: the fourth has no meaning. Where they stand side by side in memory it is what comes next, and behind
-the last there has to be one number more (`N_BEHIND` where they may be fewer).
+A colour has three channels, and the fourth lane has no meaning. For colours side by side in memory it holds the next
+number, so an array must have one more number behind its last colour (`N_BEHIND` if there may be fewer).
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ N_BEHIND = 3
 
 @_intrinsic
 def zeros(typingctx):  # type: ignore[no-untyped-def]
-    """0 four times."""
+    """Four zeros."""
     return _LANES(), lambda context, builder, signature, arguments: ir.Constant(_FLOATS, [0.0] * 4)
 
 
 @_intrinsic
 def of(typingctx, red, green, blue):  # type: ignore[no-untyped-def]
-    """Three numbers."""
+    """A vector of three numbers."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         made = _NONE
@@ -58,7 +58,7 @@ def of(typingctx, red, green, blue):  # type: ignore[no-untyped-def]
 
 @_intrinsic
 def even(typingctx, value):  # type: ignore[no-untyped-def]
-    """One number four times."""
+    """One number in all four lanes."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         first = builder.insert_element(_NONE, arguments[0], ir.Constant(_INT, 0))
@@ -69,7 +69,7 @@ def even(typingctx, value):  # type: ignore[no-untyped-def]
 
 @_intrinsic
 def floats(typingctx, array, at):  # type: ignore[no-untyped-def]
-    """Four neighbours in a float32 array in C order, from its number `at` on."""
+    """Loads four consecutive numbers of a float32 array in C order, from index `at` on."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         return builder.load(_four(context, builder, signature, arguments, _FLOATS), align=4)
@@ -79,7 +79,7 @@ def floats(typingctx, array, at):  # type: ignore[no-untyped-def]
 
 @_intrinsic
 def halves(typingctx, array, at):  # type: ignore[no-untyped-def]
-    """The same of bfloat16 as uint16."""
+    """The same for bfloat16 stored as uint16."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         four = _four(context, builder, signature, arguments, ir.VectorType(ir.IntType(16), 4))
@@ -91,7 +91,7 @@ def halves(typingctx, array, at):  # type: ignore[no-untyped-def]
 
 @_intrinsic
 def store(typingctx, array, at, lanes):  # type: ignore[no-untyped-def]
-    """Write all four into a float32 array in C order, from its number `at` on."""
+    """Stores all four lanes to a float32 array in C order, from index `at` on."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         builder.store(arguments[2], _four(context, builder, signature, arguments, _FLOATS), align=4)
@@ -101,7 +101,7 @@ def store(typingctx, array, at, lanes):  # type: ignore[no-untyped-def]
 
 
 def _four(context: Any, builder: Any, signature: Any, arguments: Any, kind: ir.VectorType) -> Any:
-    """Where such four stand in the first argument."""
+    """A pointer to four such numbers in the first argument."""
     data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
     return builder.bitcast(builder.gep(data, [arguments[1]]), kind.as_pointer())
 
@@ -129,7 +129,7 @@ def minus(typingctx, one, two):  # type: ignore[no-untyped-def]
 
 @_intrinsic
 def larger(typingctx, one, two):  # type: ignore[no-untyped-def]
-    """The larger of both, each by itself."""
+    """The maximum of each lane."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         return builder.select(builder.fcmp_ordered(">", *arguments), *arguments)
@@ -139,7 +139,7 @@ def larger(typingctx, one, two):  # type: ignore[no-untyped-def]
 
 @_intrinsic
 def total(typingctx, lanes):  # type: ignore[no-untyped-def]
-    """Red, green and blue together."""
+    """The sum of red, green and blue."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         red, green, blue = (builder.extract_element(arguments[0], ir.Constant(_INT, i)) for i in range(3))

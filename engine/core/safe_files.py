@@ -1,11 +1,11 @@
-"""Reading files somebody else made: regular files only, bounded in size, never outside the scene's folder.
+"""Reads files of untrusted origin: regular files only, limited in size, never outside the scene's folder.
 
-A FIFO or a device would block or flood a loader, a path such as `../../etc/passwd` or a symbolic link would read what
-the scene has no business with. Opening without blocking and asking the open file (not its name) what it is leaves no
-gap between the check and the use.
+A FIFO or a device would block or flood a loader; a path such as `../../etc/passwd` or a symbolic link would read files
+that do not belong to the scene. Opening without blocking and checking the open file instead of its name leaves no gap
+between check and use.
 
-Every file that a scene is made of is opened where `local_path` says. So the files of a scene can be noted while it is
-read, and a machine that does not have them can read the same names from where it keeps what it was sent.
+Every file of a scene is opened at its `local_path`. The files of a scene can therefore be recorded while it is read,
+and a machine without these files can read them by the same names from its cache of received files.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _OWN = "insitu:"
 
 @dataclass
 class _FileAccess:
-    """noted: what has been opened, for each who notes it; places: where files are instead, by their name."""
+    """recorded: the sets that record opened files; places: the actual location of each file by its name."""
 
     recorded: tuple[set[Path], ...] = ()
     places: Mapping[str, Path] | None = None
@@ -38,8 +38,8 @@ _access = _FileAccess()
 
 
 def local_path(path: str | os.PathLike[str]) -> Path:
-    """Where the bytes of a file are. Raises FileNotFoundError for one that was not sent, where files come from
-    elsewhere: what happens to be there under its name is another one."""
+    """The location of a file's bytes. Raises FileNotFoundError for a file that was not sent, where files come from
+    another machine: a local file of the same name would be a different one."""
     for noted in _access.recorded:
         noted.add(Path(path))
     if _access.places is None:
@@ -51,19 +51,19 @@ def local_path(path: str | os.PathLike[str]) -> Path:
 
 
 def exists(path: str | os.PathLike[str]) -> bool:
-    """Whether there is a file, or a folder, of that name."""
+    """Whether a file or a folder of that name exists."""
     return os.path.exists(path) if _access.places is None else portable_name(path) in _access.places
 
 
 def portable_name(path: str | os.PathLike[str]) -> str:
-    """What a file is called on every machine: the full path, and of the program's own its place in the program."""
+    """The name of a file on every machine: its absolute path, or for a file of the program its place in the program."""
     real = Path(os.path.realpath(path))
     return _OWN + real.relative_to(_PROGRAM).as_posix() if real.is_relative_to(_PROGRAM) else os.path.abspath(path)
 
 
 @contextlib.contextmanager
 def record_files() -> Iterator[set[Path]]:
-    """Within the block every file that is opened is noted, in the whole process; blocks may stand in one another."""
+    """Records every file opened within the block, in the whole process; blocks can be nested."""
     before, noted = _access.recorded, set[Path]()
     _access.recorded = (*before, noted)
     try:
@@ -74,7 +74,7 @@ def record_files() -> Iterator[set[Path]]:
 
 @contextlib.contextmanager
 def redirect_files(places: Mapping[str, Path]) -> Iterator[None]:
-    """Within the block files are read from these places, by `portable_name`, and there are no others; in the whole
+    """Reads files from these places within the block, by `portable_name`; no other files exist. Applies to the whole
     process."""
     _access.places = places
     try:
@@ -97,7 +97,7 @@ def read_regular_file(path: Path, max_bytes: int) -> bytes:
         if status.st_size > max_bytes:
             raise LoadError(path, "size", f"{status.st_size} bytes", f"at most {max_bytes} bytes")
         with os.fdopen(descriptor, "rb", closefd=False) as file:
-            data = file.read(status.st_size + 1)  # more is set aside before it is known to be needed
+            data = file.read(status.st_size + 1)  # reads no more than the stated size before it is known to be needed
             if len(data) > status.st_size:
                 data += file.read(max_bytes + 1 - len(data))
     except OSError as error:
@@ -110,8 +110,8 @@ def read_regular_file(path: Path, max_bytes: int) -> bytes:
 
 
 def resolved(path: Path) -> Path:
-    """The full path, symbolic links followed, of a file that need not be there. Raises LoadError for what no file can
-    be called, and for links that lead in a circle."""
+    """The absolute path, with symbolic links resolved, of a file that need not exist. Raises LoadError for an invalid
+    name and for circular links."""
     try:
         return path.resolve()
     except RuntimeError:
@@ -121,7 +121,8 @@ def resolved(path: Path) -> Path:
 
 
 def resolve_inside(folder: Path, name: str, file: Path, what: str) -> Path:
-    """The path of `name` in `folder`, symbolic links followed; LoadError naming `file` and `what` if outside."""
+    """The path of `name` in `folder`, with symbolic links resolved; raises LoadError naming `file` and `what` if it is
+    outside."""
     expected = "a relative path to a file inside the scene's folder"
     if not name or _SCHEME.match(name) or Path(name).is_absolute() or "\\" in name:
         raise LoadError(file, what, name, expected)
@@ -136,7 +137,7 @@ def resolve_inside(folder: Path, name: str, file: Path, what: str) -> Path:
 
 
 def file_kind(mode: int) -> str:
-    """What a file of this mode is that is not a regular one."""
+    """The kind of a file with this mode that is not a regular file."""
     names = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a named pipe", stat.S_IFSOCK: "a socket",
              stat.S_IFCHR: "a device", stat.S_IFBLK: "a device"}  # fmt: skip
     return names.get(stat.S_IFMT(mode), "not a file")

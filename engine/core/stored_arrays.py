@@ -1,7 +1,7 @@
-"""Arrays that come back from a file, held against what they have to be before anything is computed with them.
+"""Validates arrays from a file before anything is computed with them.
 
-Kernels index without looking: an array of another shape or with a number too large would read memory that is not its
-own. A checksum says that bytes are as they were written, not that what was written belongs here.
+Kernels index without bounds checks: an array of another shape or with too large a number would read foreign memory. A
+checksum proves that the bytes are as written, not that they belong here.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ Arrays = Mapping[str, NDArray[np.generic]]
 
 @dataclass(frozen=True)
 class ArrayInPieces:
-    """An array of that type and shape that is nowhere whole: `pieces` makes its parts along the first axis, in order,
-    each time that they are needed."""
+    """An array of this type and shape that is never whole in memory: `pieces` produces its parts along the first axis,
+    in order, each time they are needed."""
 
     dtype: np.dtype[np.generic]
     shape: tuple[int, ...]
@@ -36,17 +36,17 @@ Writable = Mapping[str, NDArray[np.generic] | ArrayInPieces]
 
 
 def n_bytes_of(arrays: Writable) -> int:
-    """Bytes of all of them."""
+    """The size of all arrays in bytes."""
     return sum(array.nbytes for array in arrays.values())
 
 
 class UnsoundArrays(Exception):
-    """Not what was stored: the caller computes it anew."""
+    """The arrays are not what was stored; the caller computes them anew."""
 
 
 class ArrayReader:
-    """Takes arrays out one by one. Sizes have names; those not given here are what the first array has that names them:
-    `ArrayReader(arrays, P=10).take("seen", np.uint16, "P", "R")`."""
+    """Takes and validates arrays one by one. Sizes have names. A size that is not given here is set by the first array
+    that names it: `ArrayReader(arrays, P=10).take("seen", np.uint16, "P", "R")`."""
 
     def __init__(self, arrays: Arrays, **sizes: int) -> None:
         self._arrays = arrays
@@ -55,7 +55,8 @@ class ArrayReader:
     def take(
         self, name: str, dtype: DTypeLike, *shape: int | str, below: int | None = None, or_else: int | None = None
     ) -> NDArray[Any]:
-        """A copy, which kernels may write. Floats are finite; integers from 0, and less than `below` or `or_else`.
+        """A copy, which kernels may write. Floats must be finite; integers at least 0, and less than `below` or equal
+        to `or_else`.
 
         Raises UnsoundArrays.
         """
@@ -71,7 +72,7 @@ class ArrayReader:
         return np.array(array)
 
     def runs(self, name: str, of: str, within: str) -> NDArray[np.int64]:
-        """Where each of `of` rows begins in arrays of `within` entries, and where the last ends.
+        """The start of each of `of` rows in arrays of `within` entries, and the end of the last.
 
         Raises UnsoundArrays.
         """

@@ -2,5 +2,5 @@
 
     curve --operators--> edited curve --bands--> band values (J, 3) --wavelet--> coefficients (J, 3)
 
-numpy only: the window's process loads this before it shows.
+Uses numpy only: the window's process imports it before the window opens.
 """

@@ -1,22 +1,22 @@
-"""A curve over [0, domain] as the nearest piecewise linear one through J nodes, the middles of J equal bands.
+"""Fits a curve over [0, domain] by the nearest piecewise linear one through J nodes, the centres of J equal bands.
 
-[BenArtzi07, eq. 4.17] takes a curve as constant over each band, its mean. Here band j is a *hat*: 1 at the middle of
-its interval, falling to 0 at its neighbours' middles (constant beyond the first and the last), and the values are the
-least-squares fit of those hats to the curve. Nothing else changes: light is shared out among the same J numbers. On
-the tea tray it is 3 to 20 times more accurate with equally many bands (64 by 8: 1.9 % relRMSE by boxes, 0.6 % by hats;
-64 by 16: 0.6 % and 0.1 %), for 5 to 10 % more time and storage.
+[BenArtzi07, eq. 4.17] takes a curve as constant over each band, with its mean. Here band j is a *hat function*: 1 at
+the centre of its interval, falling to 0 at its neighbours' centres (constant beyond the first and the last), and the
+values are the least-squares fit of those hats to the curve. Nothing else changes: light is projected onto the same J
+numbers. On the tea tray this is 3 to 20 times more accurate with equally many bands (64 by 8: 1.9 % relRMSE with boxes,
+0.6 % with hats; 64 by 16: 0.6 % and 0.1 %), for 5 to 10 % more time and storage.
 
-Integrated, not point-sampled, so that nothing pops while a curve is dragged; and adaptively, because a highlight of
-roughness 1e-4 is a hundred times narrower than a band. Gauss-Kronrod (3, 7) over all intervals at once; intervals
-whose two answers disagree are halved and done again. The first partition is graded towards 0, where generated curves
-have their spikes, and split at the `features` a curve may carry (engine.curve.operators.EditedCurve), where edited
-ones jump. scipy.integrate.quad was rejected: one Python call a point, and scipy is slow to import.
+Bands are integrated instead of point-sampled, so that nothing pops while the user drags a curve. The integration is
+adaptive, because a highlight of roughness 1e-4 is a hundred times narrower than a band: Gauss-Kronrod (3, 7) over all
+intervals at once, bisecting intervals whose two results disagree. The first partition is graded towards 0, where model
+curves have their peaks, and divided at the `features` of a curve (engine.curve.operators.EditedCurve), where edited
+curves jump. scipy.integrate.quad was rejected: it makes one Python call per point, and scipy is slow to import.
 
-Over an angle from a pole (the half vector and the normal, say) the fit is by solid angle, with weight sin γ: else the
-first band counts the pole too much. Under either weight the fit keeps the curve's integral, so that a lobe narrower
-than a band still reflects what it should. Beside a step the nearest fit overshoots by a fifth, a dark ring around a
-raised highlight; so no value leaves the range of the curve under its hat, and what it had beyond goes to its
-neighbours, which have room for it.
+Over an angle from an axis (for example between the half vector and the normal) the fit is weighted by solid angle, with
+sin γ: otherwise the first band gives the axis too much weight. Under either weight the fit preserves the curve's
+integral, so that a lobe narrower than a band still reflects the right amount of light. Beside a step the least-squares
+fit overshoots by a fifth, which draws a dark ring around a raised highlight. Each value is therefore clamped to the
+range of the curve under its hat, and the excess goes to its neighbours, as far as their ranges permit.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ from engine.curve.wavelet import check_band_count
 Float64Array = NDArray[np.float64]
 
 HALF_PI = math.pi / 2
-# Grading stops where a spike of the least roughness, 1e-4, is resolved.
+# Grading stops where a peak of the least roughness, 1e-4, is resolved.
 FINEST_GRADE = 2e-5
 MOST_ROUNDS = 17
-# By which two rules may disagree; the better one is then far closer than that.
+# Permitted relative difference between the two rules; the better one is then far more accurate than that.
 RELATIVE_TOLERANCE = 1e-5
-# Share of the largest mean over a cell below which a cell need not be right to its own size.
+# Relative to the largest mean over a cell: a cell's own value need not be more accurate than this.
 ABSOLUTE_TOLERANCE = 1e-10
-# After so many rounds of giving excess to neighbours hardly any is left.
+# After so many rounds of redistribution hardly any excess is left.
 MAX_SHARING_ROUNDS = 8
-# Room below this share of the excess is none: the quotient of both may have no number.
+# Less room than this fraction of the excess counts as none: the quotient of both may overflow.
 LEAST_ROOM = 1e-12
 
 # Kronrod's extension of the three-point Gauss rule: nodes in [-1, 1] (the Gauss ones are 1, 3, 5).
@@ -53,18 +53,18 @@ _KRONROD = 0.5 * np.array([0.1046562260264673, 0.2684880898683334, 0.40139741477
                            0.4013974147759622, 0.2684880898683334, 0.1046562260264673])  # fmt: skip
 _GAUSS = 0.5 * np.array([0.0, 5.0 / 9.0, 0.0, 8.0 / 9.0, 0.0, 5.0 / 9.0, 0.0])
 
-# Gauss' rule of eight points, as numpy.polynomial.legendre.leggauss(8) has it: importing that would hold the window up.
+# Gauss' rule of eight points, from numpy.polynomial.legendre.leggauss(8); importing that would delay the window.
 _EIGHT_NODES = np.array([-0.9602898564975362, -0.7966664774136267, -0.525532409916329, -0.18343464249564978,
                          0.18343464249564978, 0.525532409916329, 0.7966664774136267, 0.9602898564975362])  # fmt: skip
 _EIGHT_WEIGHTS = 0.5 * np.array([0.10122853629037706, 0.22238103445337443, 0.3137066458778869, 0.36268378337836166] * 2)
 _EIGHT_WEIGHTS[4:] = _EIGHT_WEIGHTS[3::-1]
 
-# Where in an interval its range is looked for: just inside the ends, since a curve may jump there.
+# Sample positions for the range of an interval: just inside the ends, since a curve may jump there.
 _RANGE_SAMPLES = np.array([1e-9, 0.25, 0.5, 0.75, 1.0 - 1e-9])
 
 
 def band_nodes(n_bands: int, domain: float = HALF_PI) -> Float64Array:
-    """The angles (J,) at which a curve has its band values; linear in between, constant beyond the ends."""
+    """The angles (J,) of the band values; a curve is linear in between, constant beyond the ends."""
     return np.asarray((np.arange(n_bands) + 0.5) * (domain / n_bands), np.float64)
 
 
@@ -79,9 +79,8 @@ def band_values(
 ) -> Float64Array:
     """Values at J nodes of the piecewise linear curve nearest to the given one, plain or by solid angle: (J, 3).
 
-    curve: angles (N,) in radians to values (N, 3); an attribute `features`, if there is one, names angles where it
-    may jump. Keeps the curve's range and, to a relative 1e-5, its integral. Raises BandCountError unless J is a power
-    of two.
+    curve: angles (N,) in radians to values (N, 3); an optional attribute `features` lists angles where it may jump.
+    Preserves the curve's range and, to a relative 1e-5, its integral. Raises BandCountError unless J is a power of two.
     """
     n_bands = check_band_count(n_bands)
     edges = _partition(n_bands, domain, getattr(curve, "features", ()))
@@ -117,14 +116,14 @@ def _moments(
 
 
 def _locate(gamma: Float64Array, n_bands: int, domain: float) -> tuple[NDArray[np.intp], Float64Array]:
-    """The node below each angle (at most J - 2, at least 0), and how far it is to the next, 0 to 1."""
+    """The node below each angle (at most J - 2, at least 0), and the fraction of the way to the next, 0 to 1."""
     position = np.clip(gamma * (n_bands / domain) - 0.5, 0.0, n_bands - 1.0)
     cell = np.clip(position.astype(np.intp), 0, max(n_bands - 2, 0))
     return cell, position - cell
 
 
 def _partition(n_bands: int, domain: float, features: tuple[float, ...]) -> Float64Array:
-    """The nodes, the ends, the grades towards 0, and the features: increasing angles from 0 to the domain's end."""
+    """Nodes, ends, grading towards 0, and features: increasing angles from 0 to the end of the domain."""
     nodes = band_nodes(n_bands, domain)
     n_grades = max(0, math.ceil(math.log2(nodes[0] / FINEST_GRADE)))
     inner = np.array([f for f in features if 0.0 < f < domain], dtype=float)
@@ -146,7 +145,7 @@ def _integrate(
 
 
 def _by_cell(shares: Float64Array, cell: NDArray[np.intp], n_bands: int) -> Float64Array:
-    """Sums (2, J, 3) of the intervals' shares (2, I, 3) over the cells they lie in."""
+    """Sums (2, J, 3) of the intervals' integrals (2, I, 3) over the cells they lie in."""
     sums = np.zeros((2, n_bands, 3))
     for moment in range(2):
         for channel in range(3):
@@ -155,7 +154,7 @@ def _by_cell(shares: Float64Array, cell: NDArray[np.intp], n_bands: int) -> Floa
 
 
 def _mass_matrix(n_bands: int, domain: float, by_solid_angle: bool) -> Float64Array:
-    """The integrals of the products of every two hats, (J, J); by Gauss' rule over each cell."""
+    """The integrals of the products of every two hats, (J, J), by Gauss' rule over each cell."""
     edges = np.concatenate([[0.0], band_nodes(n_bands, domain), [domain]])
     gamma = (edges[:-1, None] + np.diff(edges)[:, None] * (0.5 + 0.5 * _EIGHT_NODES)).ravel()
     weight = (np.diff(edges)[:, None] * _EIGHT_WEIGHTS).ravel() * (np.sin(gamma) if by_solid_angle else 1.0)
@@ -170,8 +169,8 @@ def _mass_matrix(n_bands: int, domain: float, by_solid_angle: bool) -> Float64Ar
 
 @lru_cache(maxsize=64)
 def _inverse_mass(n_bands: int, domain: float, by_solid_angle: bool) -> Float64Array:
-    """Hats meet their neighbours alone: eliminated row by row, 128 bands take 2 ms; as any matrix LAPACK's threads take
-    25 ms."""
+    """The inverse mass matrix. It is tridiagonal: row-by-row elimination takes 2 ms for 128 bands, whereas LAPACK's
+    threads take 25 ms for a general matrix."""
     mass = _mass_matrix(n_bands, domain, by_solid_angle)
     diagonal, beside, inverse = mass.diagonal().copy(), mass.diagonal(1), np.eye(n_bands)
     for i in range(1, n_bands):
@@ -187,7 +186,7 @@ def _inverse_mass(n_bands: int, domain: float, by_solid_angle: bool) -> Float64A
 def _range_under_hats(
     curve: Callable[[Float64Array], Float64Array], edges: Float64Array, n_bands: int, domain: float
 ) -> tuple[Float64Array, Float64Array]:
-    """Least and largest value (J, 3) of the curve where each hat is above zero, of samples in every interval."""
+    """Least and largest value (J, 3) of the curve where each hat is positive, from samples in every interval."""
     gamma = (edges[:-1, None] + np.diff(edges)[:, None] * _RANGE_SAMPLES).ravel()
     cell, values = _locate(gamma, n_bands, domain)[0], curve(gamma)
     starts = np.flatnonzero(np.diff(cell, prepend=-1))
@@ -201,7 +200,7 @@ def _range_under_hats(
 def _clamp_with_neighbours(
     values: Float64Array, low: Float64Array, high: Float64Array, weights: Float64Array
 ) -> Float64Array:
-    """Values (J, 3) within their bounds: an excess goes to the neighbours, what is left to all with room."""
+    """Clamps values (J, 3) to their bounds: an excess goes to the neighbours, the remainder to all values with room."""
     total = (values * weights).sum(axis=0)
     for _ in range(MAX_SHARING_ROUNDS):
         bounded = np.clip(values, low, high)
@@ -220,7 +219,8 @@ def _clamp_with_neighbours(
 
 
 def _share_excess(excess: Float64Array, room: Float64Array) -> Float64Array:
-    """What each receives (J, 3) when every excess is shared by its two neighbours in proportion to their room."""
+    """The amount (J, 3) that each value receives when every excess is divided between its two neighbours in proportion
+    to their room."""
     around = np.zeros_like(room)
     around[1:] += room[:-1]
     around[:-1] += room[1:]

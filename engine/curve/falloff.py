@@ -1,7 +1,8 @@
-"""The smooth step that operators fade in and out with, and the slopes it can reach.
+"""The smooth step by which operators fade in and out, and the bounds of its slope.
 
-exp(-1/x) is the textbook function that is smooth and still exactly zero on one side; two of them make a step whose
-derivatives all vanish at both ends [BenArtzi07, ch. 9]. Sine ramps were rejected: they are smooth once, not always.
+exp(-1/x) is the textbook function that is smooth and still exactly zero on one side. Two of them form a step whose
+derivatives all vanish at both ends [BenArtzi07, ch. 9]. Sine ramps were rejected: only their first derivative is
+continuous.
 """
 
 from __future__ import annotations
@@ -11,9 +12,9 @@ from numpy.typing import NDArray
 
 Float64Array = NDArray[np.float64]
 
-# Narrower falloffs are steps: no angle a person can tell lies inside them.
+# Narrower falloffs are steps: no distinguishable angle lies inside them.
 STEP_WIDTH = 1e-12
-# Largest slope of `smooth_step`, taken at its middle: s (1 - s) (1/t^2 + 1/(1-t)^2) at 1/2 is 8/4.
+# The largest slope of `smooth_step`, at its centre: s (1 - s) (1/t^2 + 1/(1-t)^2) at 1/2 is 8/4.
 STEEPEST = 2.0
 
 
@@ -35,7 +36,7 @@ _SLOPE = _STEP * (1.0 - _STEP) * (1.0 / _GRID**2 + 1.0 / (1.0 - _GRID) ** 2)
 def lever_extremes(start: float, end: float, baseline: float) -> tuple[float, float]:
     """Least and largest w + (x - baseline) w' where w fades from 0 at `start` to 1 at `end` (start > end: leftwards).
 
-    Widened by what the sampling may miss; infinite where the width is that of a step and its lever not zero.
+    Widened by the error of the sampling; infinite for a step whose distance from the baseline is not zero.
     """
     width = end - start
     lever = start + _GRID * width - baseline

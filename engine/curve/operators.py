@@ -1,18 +1,19 @@
 """Edits of a 1D curve: translate and amplify, in x and in y, over regions a <= b <= c <= d [BenArtzi07, ch. 9].
 
-An operator acts at full strength on [b, c], fades out smoothly over [a, b] and [c, d], and leaves the curve
-untouched outside [a, d]. A curve maps angles (N,) in radians to values (N, 3), one column per colour channel.
+An operator acts at full strength on [b, c], fades out smoothly over [a, b] and [c, d], and leaves the curve unchanged
+outside [a, d]. A curve maps angles (N,) in radians to values (N, 3), one column per colour channel.
 
 Conventions, where the source leaves a choice:
 
 * A positive translation in x moves the curve to the right, and an amplification in x by more than 1 widens it
   about its baseline: the composed map is x - m w(x), and base + (x - base) (1 + (1/m - 1) w(x)).
-* Amplification is neutral at magnitude 1, translation at 0.
-* Operators apply in the order of their tuple. A diagonal drag is Y first, then X (see `diagonal`).
-* X-operators compose the curve with a map that must stay monotone, so their magnitude is clamped to the largest
-  that does (`largest_monotone_magnitude`). A zero-width falloff is a step; in x only steps that jump forwards exist.
+* Amplification is neutral at magnitude 1, translation at 0. * Operators apply in the order of their tuple. A diagonal
+drag is Y first, then X (see `diagonal`). * X-operators compose the curve with a map that must remain monotone, so their
+magnitude is clamped to the largest
+  one for which it does (`largest_monotone_magnitude`). A falloff of zero width is a step; in x only steps that jump
+  forwards are possible.
 
-Splines were rejected: the thesis' point is that edits keep the character of the curve below them.
+Splines were rejected: edits in the thesis preserve the character of the curve below them.
 """
 
 from __future__ import annotations
@@ -36,23 +37,23 @@ Channels = tuple[bool, bool, bool]
 
 HALF_PI = math.pi / 2
 ALL_CHANNELS: Channels = (True, True, True)
-# Values of a curve are held within this, so that any stack of operators stays finite in single precision.
+# Values of a curve are clamped to this magnitude, so that any stack of operators is finite in single precision.
 VALUE_LIMIT = 1e18
 LARGEST_NUMBER = 1e12
-# An amplification in x never squeezes or stretches by more than this.
+# The least factor of an amplification in x; its reciprocal is the greatest.
 SMALLEST_STRETCH = 1e-3
 
 
 class OperatorError(ValueError):
-    """An operator or table that cannot be: regions out of order, numbers that are not finite."""
+    """An invalid operator or table: regions out of order, or numbers that are not finite."""
 
 
 @dataclass(frozen=True)
 class Operator:
     """One edit. Angles in radians; `baseline` is a value for axis "y" and an angle for axis "x".
 
-    `joined`: the X-operator above this Y-operator belongs to it, the two are one diagonal edit (`engine.curve.pairs`).
-    Raises OperatorError for regions out of order and for numbers that are not finite or beyond 1e12.
+    `joined`: this Y-operator and the X-operator above it form one diagonal edit (`engine.curve.pairs`). Raises
+    OperatorError for regions out of order and for numbers that are not finite or beyond 1e12.
     """
 
     kind: Literal["translate", "amplify"]
@@ -84,15 +85,15 @@ class Operator:
 
     @property
     def neutral_magnitude(self) -> float:
-        """The magnitude that changes nothing."""
+        """The magnitude without effect."""
         return 1.0 if self.kind == "amplify" else 0.0
 
     def with_regions(
         self, a: float | None = None, b: float | None = None, c: float | None = None, d: float | None = None
     ) -> Operator:
-        """The operator with some region ends moved; the ends that are in the way move along.
+        """The operator with some region ends moved; other ends move along to preserve the order.
 
-        Moving b past c takes c (and d) with it, so that any drag of one handle gives a legal operator.
+        Moving b past c moves c (and d) too, so that any drag of one handle gives a valid operator.
         """
         ends = list(self.regions)
         for i, wanted in enumerate((a, b, c, d)):
@@ -105,11 +106,11 @@ class Operator:
 
     @property
     def at_limit(self) -> bool:
-        """Whether any stronger it would fold the curve over."""
+        """Whether any stronger magnitude would fold the curve over."""
         return self.clamp_magnitude().magnitude == largest_monotone_magnitude(self)
 
     def clamp_magnitude(self) -> Operator:
-        """The operator with its magnitude held where an X-operator stays monotone; a Y-operator as it is."""
+        """The operator with its magnitude clamped so that an X-operator remains monotone; a Y-operator unchanged."""
         if self.axis == "y":
             return self
         limit = largest_monotone_magnitude(self)
@@ -119,7 +120,7 @@ class Operator:
 
 @dataclass(frozen=True)
 class TabulatedCurve:
-    """A curve given by samples, linear between them: what "collapse" puts in place of all operators below.
+    """A curve given by samples, linear between them: "collapse" replaces all operators below by one.
 
     `gammas` (S,) increasing radians, `values` S triples.
     """
@@ -154,7 +155,8 @@ def _table(table: TabulatedCurve) -> tuple[Float64Array, Float64Array]:
 
 
 def strength(operator: Operator, x: Float64Array) -> Float64Array:
-    """How strongly the operator acts at x: 1 on [b, c], exactly 0 outside [a, d], smooth between [eq. 9.2]."""
+    """The weight of the operator at x: 1 on [b, c], exactly 0 outside [a, d], smooth in between [BenArtzi07, eq.
+    9.2]."""
     a, b, c, d = operator.regions
     t = np.ones_like(x)
     if b - a > STEP_WIDTH:
@@ -167,7 +169,8 @@ def strength(operator: Operator, x: Float64Array) -> Float64Array:
 
 
 def shift(operator: Operator, x: Float64Array) -> Float64Array:
-    """Where on the curve below an X-operator looks for its value at x [eq. 9.3, 9.5], kept in [0, pi/2]."""
+    """The position at which an X-operator evaluates the curve below for its value at x [BenArtzi07, eq. 9.3, 9.5],
+    clamped to [0, pi/2]."""
     operator = operator.clamp_magnitude()
     weight = strength(operator, x)
     if operator.kind == "translate":
@@ -178,7 +181,7 @@ def shift(operator: Operator, x: Float64Array) -> Float64Array:
 
 
 def combine(operator: Operator, x: Float64Array, values: Float64Array) -> Float64Array:
-    """A Y-operator on values (N, 3) of the curve below at x (N,) or (N, 3) [eq. 9.1, 9.4]."""
+    """Applies a Y-operator to values (N, 3) of the curve below at x (N,) or (N, 3) [BenArtzi07, eq. 9.1, 9.4]."""
     weight = strength(operator, x)
     weight = (weight[:, None] if weight.ndim == 1 else weight) * np.array(operator.channels, dtype=float)
     if operator.kind == "translate":
@@ -190,12 +193,12 @@ def combine(operator: Operator, x: Float64Array, values: Float64Array) -> Float6
 
 @lru_cache(maxsize=256)
 def largest_monotone_magnitude(operator: Operator) -> float:
-    """The magnitude farthest from neutral, in the operator's direction, for which its map of x stays monotone.
+    """The magnitude farthest from neutral, in the operator's direction, for which its map of x remains monotone.
 
-    Translate-x: the map x - m w(x) falls where m w' > 1, and w' is at most 2 / (b - a) on the rising side, so
-    0 <= m <= (b - a) / 2, and likewise -(d - c) / 2 <= m < 0. Amplify-x: with k = 1/m - 1 the slope is
-    1 + k (w + (x - base) w'), so k is bounded by the extremes of the bracket; for m < 1 the answer is the smallest m.
-    A falloff beyond the ends of [0, pi/2] does not limit anything. Y-operators have no limit: infinity.
+    Translate-x: the map x - m w(x) falls where m w' > 1, and w' is at most 2 / (b - a) on the rising side, so 0 <= m <=
+    (b - a) / 2, and likewise -(d - c) / 2 <= m < 0. Amplify-x: with k = 1/m - 1 the slope is 1 + k (w + (x - base) w'),
+    so k is bounded by the extremes of the bracket; for m < 1 the result is the smallest m. A falloff beyond the ends of
+    [0, pi/2] does not limit the magnitude. Y-operators have no limit: infinity.
     """
     if operator.axis == "y":
         return math.copysign(math.inf, operator.magnitude - operator.neutral_magnitude)
@@ -251,8 +254,9 @@ class EditedCurve:
     below: Curve
 
     def __call__(self, gamma: Float64Array) -> Float64Array:
-        """The edited values. From the last operator down, X-operators move where to look; then, from the first up,
-        Y-operators change what was found there. Channels part company only where an operator spares one of them."""
+        """The edited values. From the last operator down, X-operators move the position of evaluation. Then, from the
+        first up, Y-operators change the value found there. Channels are evaluated separately only if an operator
+        excludes one of them."""
         x: Float64Array = np.asarray(gamma, dtype=float)
         lifted: list[tuple[Operator, Float64Array]] = []
         source = self.below
@@ -271,7 +275,7 @@ class EditedCurve:
 
     @property
     def features(self) -> tuple[float, ...]:
-        """Angles where the curve may bend sharply or jump: region ends, carried through the X-operators above them."""
+        """Angles where the curve may bend sharply or jump: region ends, mapped through the X-operators above them."""
         places: Float64Array = np.array(getattr(self.below, "features", ()), dtype=float)
         for operator in self.operators:
             if isinstance(operator, TabulatedCurve):
@@ -284,14 +288,14 @@ class EditedCurve:
 
 
 def apply_operators(operators: Sequence[Edit], curve: Curve) -> EditedCurve:
-    """The curve with all operators that are not muted on top, the first of the sequence lowest."""
+    """The curve with all unmuted operators on top, the first of the sequence lowest."""
     return EditedCurve(tuple(operator for operator in operators if not operator.muted), curve)
 
 
 def collapse(operators: Sequence[Edit], curve: Curve, tolerance: float = 1e-4, most: int = 2048) -> TabulatedCurve:
-    """The edited curve as one table [BenArtzi07, 9.2]: denser where it bends, at most about `most` samples.
+    """The edited curve as one table [BenArtzi07, 9.2]: denser where it bends, with at most about `most` samples.
 
-    Between samples it is off by about `tolerance` of the local value, or 1e-6 of the largest.
+    Between samples the error is about `tolerance` of the local value, or 1e-6 of the largest.
     """
     edited = apply_operators(operators, curve)
     ends = np.array([0.0, HALF_PI, *edited.features])
@@ -328,6 +332,6 @@ def _evaluate(curve: Curve, x: Float64Array) -> Float64Array:
 
 
 def _inverse_shift(operator: Operator, places: Float64Array) -> Float64Array:
-    """Where the X-operator carries `places` to, to within 1/4000 of its regions' width: the inverse of `shift`."""
+    """Maps `places` through the X-operator, to within 1/4000 of its regions' width: the inverse of `shift`."""
     lookup = np.linspace(max(operator.a, 0.0), min(max(operator.d, operator.a), HALF_PI), 4001)
     return np.interp(places, np.maximum.accumulate(shift(operator, lookup)), lookup)

@@ -1,7 +1,7 @@
-"""Diagonal edits among the operators of a curve: Y and X, made together, that move as one.
+"""Diagonal edits among the operators of a curve: a Y- and an X-operator that are created and moved together.
 
-The Y-operator says so itself (`Operator.joined`); the X-operator stands right above it. Two operators that happen to be
-alike are no pair. An *edit* is what a person sees in a list: such a pair, or any other operator alone.
+The Y-operator carries the mark (`Operator.joined`), and the X-operator is right above it. Two operators that merely
+have equal parameters are no pair. An *edit* is one entry of the user's list: such a pair, or any other single operator.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def is_pair(operators: Sequence[Edit], index: int) -> bool:
 
 
 def edits_of(operators: Sequence[Edit]) -> list[range]:
-    """The places of each edit, from the lowest up."""
+    """The index range of each edit, from the lowest up."""
     spans: list[range] = []
     while (start := spans[-1].stop if spans else 0) < len(operators):
         spans.append(range(start, start + (2 if is_pair(operators, start) else 1)))
@@ -31,12 +31,12 @@ def edits_of(operators: Sequence[Edit]) -> list[range]:
 
 
 def edit_at(operators: Sequence[Edit], index: int) -> range:
-    """The places of the edit that the operator at `index` belongs to; IndexError where there is none."""
+    """The index range of the edit that the operator at `index` belongs to; raises IndexError if there is none."""
     return next(span for span in edits_of(operators) if range(len(operators))[index] in span)
 
 
 def move_edit(operators: Sequence[Edit], index: int, to: int) -> tuple[Edit, ...]:
-    """The operators when the edit at `index` has taken the place of the edit at `to`; nothing comes between a pair."""
+    """The operators with the edit at `index` moved to the place of the edit at `to`; pairs remain adjacent."""
     edits = [tuple(operators[k] for k in span) for span in edits_of(operators)]
     places = edits_of(operators)
     target = places.index(edit_at(operators, to))

@@ -1,4 +1,4 @@
-"""Different values in order: `np.unique` without what it imports when first called."""
+"""Sorted unique values: `np.unique` without the import at its first call."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 
 def unique_sorted(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The different ones of finite values (N,), least first.
+    """The unique values among finite values (N,), ascending.
 
-    `np.unique` would import numpy.ma at its first call, which holds the window's thread up for 35 ms.
+    `np.unique` imports numpy.ma at its first call, which blocks the window's thread for 35 ms.
     """
     ordered = np.sort(values)
     return ordered[np.diff(ordered, prepend=-np.inf) > 0.0]

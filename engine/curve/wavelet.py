@@ -1,10 +1,10 @@
-"""Daubechies-4, periodic and orthonormal, over the bands of a curve [BenArtzi07, 4.2.5].
+"""The periodic, orthonormal Daubechies-4 transform of a curve's bands [BenArtzi07, 4.2.5, eq. 4.18].
 
 Because the transform is orthonormal, c . T is the same number in either basis: transport rows and curve coefficients
-are transformed once each, and dropping coefficients costs exactly their share. As a matrix it is one product; lifting
-and convolution were rejected, J is at most a few hundred.
+are transformed once each, and the error of dropped coefficients is exactly their norm. The transform is one matrix
+product; lifting and convolution were rejected, since J is at most a few hundred.
 
-Coefficient 0 is the mean times sqrt(J); details follow from coarse to fine. Filters shorter than their support wrap
+Coefficient 0 is the mean times sqrt(J); details follow from coarse to fine. On levels shorter than the filter it wraps
 around: J = 1 is the identity and J = 2 is Haar.
 """
 
@@ -39,7 +39,7 @@ class BandCountError(InsituError, ValueError):
 
 
 def check_band_count(n_bands: int) -> int:
-    """The count as it is. Raises BandCountError, which names it, unless it is a whole power of two."""
+    """Returns the count unchanged. Raises BandCountError, which names it, unless it is an integer power of two."""
     whole = isinstance(n_bands, (int, np.integer)) and not isinstance(n_bands, bool)
     if not whole or n_bands < 1 or int(n_bands) & (int(n_bands) - 1):
         raise BandCountError(n_bands)
@@ -55,12 +55,12 @@ def transform_matrix(n_bands: int) -> NDArray[np.float64]:
 
 
 def forward(bands: Array, axis: int = 0) -> Array:
-    """Bands to coefficients along `axis` (0 for curves (J, 3), -1 for transport rows (P, J)); keeps float32."""
+    """Bands to coefficients along `axis` (0 for curves (J, 3), -1 for transport rows (P, J)); preserves float32."""
     return _product(bands, axis, inverted=False)
 
 
 def inverse(coefficients: Array, axis: int = 0) -> Array:
-    """Coefficients back to bands along `axis`; keeps float32."""
+    """Coefficients to bands along `axis`; preserves float32."""
     return _product(coefficients, axis, inverted=True)
 
 

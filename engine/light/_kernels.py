@@ -1,7 +1,7 @@
 """Compiled loops of the lights: light in geodesic triangles, RGBE scanlines, angular maps, solid angles of patches.
 
-Kernels never validate; the public functions beside them do. `float()` and `int()` around single elements keep the
-arithmetic wide when the kernels run without the compiler, where NumPy's own rules hold.
+Kernels never validate; the public functions beside them do. `float()` and `int()` around single elements preserve
+double precision when the kernels run without the compiler, under NumPy's own promotion rules.
 """
 
 from __future__ import annotations
@@ -32,19 +32,22 @@ def integrate_above_edges(
     row_edges: Float64Array,
     integrals: Float64Array,
 ) -> None:
-    """integrals (E, 3)[start:stop]: the light between each edge and the zenith, from its first to its second vertex.
+    """Writes integrals (E, 3)[start:stop]: the light between each edge and the zenith, from its first to its second
+    vertex.
 
-    Positive where azimuth grows along the edge. row_edges (H + 1, 2): cosine and cotangent of theta at the rows' edges.
-    See `engine.light.triangle_integrals` for the formulas.
+    Positive where azimuth increases along the edge. row_edges (H + 1, 2): cosine and cotangent of theta at the rows'
+    edges. See `engine.light.triangle_integrals` for the formulas.
     """
     for e in range(start, stop):
         integrals[e, 0] = integrals[e, 1] = integrals[e, 2] = 0.0
+        # The normal of the great circle through both vertices.
         a, b = vertices[edges[e, 0]], vertices[edges[e, 1]]
         nx, ny, nz = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
         length = math.sqrt(nx * nx + ny * ny + nz * nz)
         nx, ny, nz = nx / length, ny / length, nz / length
         if abs(ny) < 1e-12:
-            continue  # a meridian, or an edge that ends at a pole: azimuth does not change along it
+            continue  # a meridian, or an edge that ends on the y axis: azimuth does not change along it
+        # The shorter way round in azimuth, walked in the direction of increasing azimuth.
         phi_a, phi_b = math.atan2(a[0], -a[2]), math.atan2(b[0], -b[2])
         step = phi_b - phi_a
         if step > math.pi:
@@ -52,6 +55,7 @@ def integrate_above_edges(
         elif step < -math.pi:
             step += 2.0 * math.pi
         first = phi_a if step > 0.0 else phi_a + step
+        # Azimuth of the circle's highest point, its height k there, and sqrt(1 - k^2).
         circle = (math.atan2(-nx * ny, nz * ny) + turn, math.sqrt(nx * nx + nz * nz), abs(ny))
         _walk_arc(first + turn, abs(step), circle, radiance, light_above, row_edges, integrals[e])
         if step < 0.0:
@@ -69,10 +73,10 @@ def _walk_arc(
     row_edges: Float64Array,
     result: Float64Array,
 ) -> None:
-    """Add the light above the great-circle arc of azimuths first .. first + step, texel by texel.
+    """Adds the light above the great-circle arc of azimuths first .. first + step, texel by texel.
 
-    circle: azimuth of its highest point, the height k there, and sqrt(1 - k^2) without cancellation. Each stretch ends
-    at a column's edge, or where the height turns round, so that height is monotone on it.
+    circle: azimuth of its highest point, the height k there, and sqrt(1 - k^2) without cancellation. Each section ends
+    at a column's edge, or where the height has an extremum, so that height is monotone within it.
     """
     peak, k, ny = circle
     height, width = radiance.shape[0], radiance.shape[1]
@@ -82,11 +86,13 @@ def _walk_arc(
     half_turn = math.floor(psi / math.pi)
     row, area = _row_and_area(psi, k, ny, height)
     while psi < last:
+        # The next end of a section: a column's edge, an extremum of the height, or the end of the arc.
         column_edge = (column + 1) / to_column - math.pi - peak
         turning = (half_turn + 1) * math.pi
         end = max(psi, min(column_edge, turning, last))
         end_row, end_area = _row_and_area(end, k, ny, height)
         side = 1 if end_row > row else -1
+        # Within the section, walk from row to row: the circle crosses a row's edge at cos psi = (ny / k) cot theta.
         while True:
             until, until_area = end, end_area
             if row != end_row:
@@ -95,6 +101,7 @@ def _walk_arc(
                 crossing = turning - inside if half_turn % 2 != 0 else turning - math.pi + inside
                 until = min(end, crossing) if crossing > psi else psi
                 until_area = _area_from_peak(math.sin(until), math.cos(until), k, ny)
+            # Integral of A(phi, h) over this piece: A is linear in h within a texel.
             cell = column % width
             for channel in range(3):
                 light = float(radiance[row, cell, channel])
@@ -112,7 +119,8 @@ def _walk_arc(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _row_and_area(psi: float, k: float, ny: float, height: int) -> tuple[int, float]:
-    """The texel row of the circle at azimuth psi from its peak, tan(latitude) = (k / ny) cos psi; and the area."""
+    """The texel row of the circle at azimuth psi from its highest point, tan(latitude) = (k / ny) cos psi; and the
+    area."""
     sine, cosine = math.sin(psi), math.cos(psi)
     theta = 0.5 * math.pi - math.atan2(k * cosine, ny)
     row = min(max(int(theta / math.pi * height), 0), height - 1)
@@ -121,7 +129,8 @@ def _row_and_area(psi: float, k: float, ny: float, height: int) -> tuple[int, fl
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _area_from_peak(sine: float, cosine: float, k: float, ny: float) -> float:
-    """The integral of the height from the peak to psi, asin(k sin psi), without cancellation near the poles."""
+    """The integral of the height from the highest point to psi, asin(k sin psi), without cancellation near the y
+    axis."""
     return math.atan2(k * sine, math.sqrt(cosine * cosine + ny * ny * sine * sine))
 
 
@@ -134,7 +143,7 @@ def sum_around_triangles(
     edge_integrals: Float64Array,
     integrals: Float64Array,
 ) -> None:
-    """integrals (T, 3)[start:stop]: the signed sum of the three edges of each triangle."""
+    """integrals (T, 3)[start:stop]: the signed sum over the three edges of each triangle."""
     for t in range(start, stop):
         for channel in range(3):
             total = 0.0
@@ -147,11 +156,11 @@ def sum_around_triangles(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def decode_rgbe(data: Bytes, position: int, first: int, pixels: Bytes) -> tuple[int, int, int]:
-    """Decode Radiance scanlines from data[position:] into rows from `first` on of pixels (H, W, 4) uint8 [Ward91].
+    """Decodes Radiance scanlines from data[position:] into rows from `first` on of pixels (H, W, 4) uint8 [Ward91].
 
     New run-length scanlines start with 2, 2 and the width; all others are flat quadruples, where 1, 1, 1, n repeats the
-    pixel before. Returns (status, row, byte): 0 read all; 1 the data end early; 2 a run leaves its scanline; 3 a
-    scanline states another width; 4 a repeat with nothing before it.
+    previous pixel. Returns (status, row, byte): 0 success; 1 the data end early; 2 a run exceeds its scanline; 3 a
+    scanline states another width; 4 a repeat without a previous pixel.
     """
     height, width = pixels.shape[0], pixels.shape[1]
     end = len(data)
@@ -159,6 +168,7 @@ def decode_rgbe(data: Bytes, position: int, first: int, pixels: Bytes) -> tuple[
         if position + 4 > end:
             return 1, row, position
         packed = data[position] == 2 and data[position + 1] == 2 and data[position + 2] < 128 and 8 <= width <= 32767
+        # New run-length encoding: each channel on its own, in runs (count > 128) and literals.
         if packed:
             if 256 * int(data[position + 2]) + int(data[position + 3]) != width:
                 return 3, row, position
@@ -180,11 +190,12 @@ def decode_rgbe(data: Bytes, position: int, first: int, pixels: Bytes) -> tuple[
                             return 2, row, position
                         if position + 1 + count > end:
                             return 1, row, position
-                        for i in range(count):  # not all at once: for that the compiler makes the words of an error
+                        for i in range(count):  # not all at once: for that the compiler generates error messages
                             pixels[row, column + i, channel] = data[position + 1 + i]
                         position += 1 + count
                     column += count
             continue
+        # Flat pixels and old run-length encoding; consecutive repeats shift the count by 8 bits each.
         column = 0
         shift = 0
         while column < width:
@@ -214,9 +225,9 @@ def decode_rgbe(data: Bytes, position: int, first: int, pixels: Bytes) -> tuple[
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def resample_angular(angular: Image, n_sub: int, start: int, stop: int, latlong: Image) -> None:
-    """Fill rows [start, stop) of latlong (H, 2H, 3): sin(theta)-weighted means of n_sub x n_sub angular-map texels.
+    """Fills rows [start, stop) of latlong (H, 2H, 3): sin(theta)-weighted means of n_sub x n_sub angular-map texels.
 
-    Only texels whose centre lies inside the disc are read: on the rim the sample is pulled inwards.
+    Only texels whose centre lies inside the disc are read: at the rim the sample moves inwards.
     """
     size = angular.shape[0]
     height, width = latlong.shape[0], latlong.shape[1]
@@ -224,11 +235,13 @@ def resample_angular(angular: Image, n_sub: int, start: int, stop: int, latlong:
         for column in range(width):
             red = green = blue = total = 0.0
             for j in range(n_sub):
+                # Direction of the sample in the lat-long map.
                 theta = math.pi * (row + (j + 0.5) / n_sub) / height
                 sin_theta, y = math.sin(theta), math.cos(theta)
                 for i in range(n_sub):
                     phi = 2.0 * math.pi * ((column + (i + 0.5) / n_sub) / width - 0.5)
                     x, z = sin_theta * math.sin(phi), -sin_theta * math.cos(phi)
+                    # Position in the angular map: the radius is the angle from -Z over pi.
                     across = math.sqrt(x * x + y * y)
                     radius = math.atan2(across, -z) / math.pi
                     cosine = x / across if across > 0.0 else 1.0
@@ -245,7 +258,8 @@ def resample_angular(angular: Image, n_sub: int, start: int, stop: int, latlong:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def angular_texel(cosine: float, sine: float, radius: float, size: int) -> tuple[int, int]:
-    """Column and row of the texel at polar place (radius, angle), drawn towards the middle until it is in the disc."""
+    """Column and row of the texel at polar position (radius, angle), moved towards the centre until it is in the
+    disc."""
     u = v = size // 2
     for _ in range(4):
         u = min(int(0.5 * (1.0 + radius * cosine) * size), size - 1)

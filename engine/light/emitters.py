@@ -1,13 +1,12 @@
-"""Emitters: glowing surfaces of the scene as flat triangular patches, and the tree of halves that these are leaves of.
+"""Emitters: emissive surfaces of the scene as flat triangular patches, and the tree of which these are the leaves.
 
-Every emitting triangle is a root; a node is halved at the middle of its longest edge, which keeps patches well shaped.
-Which one is halved next is said by an importance: of the area alone (`emitter_patches`: even in area, no emitter finer
-than another), or of what a patch does at the points that see it (`emitter_tree` with `visible_importance`). By area,
-large panels far away use the patches up: a stairwell with thirteen lamps was 9 % off with 256 patches and 3 % with
-4,096.
+Every emitting triangle is a root. A node is bisected at its longest edge, which gives well-shaped patches. An
+importance decides which node is bisected next: its area (`emitter_patches`: equal areas, no emitter finer than
+another), or its effect at the points that see it (`emitter_tree` with `visible_importance`). By area, large panels far
+away use up the patches: the error of a stairwell with thirteen lamps was 9 % with 256 patches and 3 % with 4,096.
 
-One-sided: a patch shines to the side its normal points to, given by the order of its corners (counter-clockwise seen
-from the bright side).
+Emission is one-sided: a patch emits to the side of its normal, given by the order of its corners (counter-clockwise
+seen from the bright side).
 """
 
 from __future__ import annotations
@@ -22,14 +21,14 @@ from numpy.typing import ArrayLike, NDArray
 from engine.core.threads import even_parts, on_threads
 from engine.light.environment import LUMINANCE
 
-# Of a patch's samples in the R2 sequence, the plane's evenest [Roberts18]: no two beside one another are alike.
+# The R2 sequence for the samples of patches, of the lowest discrepancy in the plane [Roberts18]: neighbours differ.
 R2 = np.array([0.7548776662466927, 0.5698402909980532])
 
-# How long the edges of what is merged are at most, of the edge of a square as large as what it becomes; from how many
-# triangles on no more are cut.
+# The largest edge of a merged triangle's sources, relative to the edge of a square of the merged area; and the number
+# of triangles above which none are divided further.
 OF_A_PIECE, MOST_CUT = 2.0, 1 << 16
-# What an object is merged into at least, so that a bulb that is small beside a panel stays round: the light of a ball
-# in 64 pieces is 0.7 % off around it, in 32 2 %, in 16 5 %.
+# The least number of triangles of a merged object, so that a bulb that is small beside a panel remains round: the error
+# of the light around a ball of 64 triangles is 0.7 %, of 32 2 %, of 16 5 %.
 FEWEST_OF_AN_OBJECT = 64
 
 Float64Array = NDArray[np.float64]
@@ -51,7 +50,7 @@ class EmitterPatches:
 
     @property
     def samples(self) -> NDArray[np.float32]:
-        """A place (M, 3) on each patch, see `spread_places`."""
+        """A position (M, 3) on each patch, see `spread_places`."""
         return spread_places(self.corners)
 
 
@@ -59,8 +58,8 @@ class EmitterPatches:
 class EmitterTree:
     """N nodes, the T emitting triangles first: corners (N, 3, 3) and radiance (N, 3), float32.
 
-    child (N,) int32: the first of a node's two halves, which stand side by side behind it, or -1; parent (N,) int32, -1
-    of roots; first (N,) int64: the first leaf below a node.
+    child (N,) int32: the first of a node's two halves, which are adjacent and come later, or -1; parent (N,) int32, -1
+    for roots; first (N,) int64: the first leaf below a node.
     """
 
     corners: NDArray[np.float32]
@@ -73,7 +72,7 @@ class EmitterTree:
 
 
 def spread_places(triangles: NDArray[np.floating]) -> NDArray[np.float32]:
-    """A place (M, 3) on each triangle (M, 3, 3), spread so that no straight edge of a shadow passes many at once."""
+    """A position (M, 3) on each triangle (M, 3, 3), distributed so that no straight shadow edge passes many at once."""
     u = np.modf(0.5 + np.arange(1, len(triangles) + 1)[:, None] * R2)[0]
     root = np.sqrt(u[:, :1])
     weights = np.concatenate([1.0 - root, root * (1.0 - u[:, 1:]), root * u[:, 1:]], axis=1)
@@ -81,12 +80,13 @@ def spread_places(triangles: NDArray[np.floating]) -> NDArray[np.float32]:
 
 
 def emitter_patches(triangles: ArrayLike, radiance: ArrayLike, n_patches: int) -> EmitterPatches:
-    """Cut emitting triangles (T, 3, 3), in metres, with radiance (T, 3), into `n_patches` patches of about equal area.
+    """Divides emitting triangles (T, 3, 3), in metres, with radiance (T, 3), into `n_patches` patches of about equal
+    area.
 
-    Triangles without area or without radiance are left out; what remains is never merged, so there are more than
-    `n_patches` patches where there are more triangles. Area and radiance are kept: total flux is that of the triangles.
-    Patches that were one stand together, so that every n-th is spread over the whole emitter.
-    Raises ValueError for wrong shapes, negative or non-finite values, or n_patches < 1.
+    Triangles without area or without radiance are omitted. The others are never merged, so there are more than
+    `n_patches` patches if there are more triangles. Total flux is preserved. The patches of one triangle are adjacent,
+    so that every n-th patch samples the whole emitter. Raises ValueError for wrong shapes, negative or non-finite
+    values, or n_patches < 1.
     """
     return emitter_tree(triangles, radiance, n_patches).leaves
 
@@ -94,8 +94,8 @@ def emitter_patches(triangles: ArrayLike, radiance: ArrayLike, n_patches: int) -
 def emitter_tree(
     triangles: ArrayLike, radiance: ArrayLike, n_leaves: int, importance: Importance | None = None
 ) -> EmitterTree:
-    """The same patches as leaves of a tree. importance(corners (K, 3, 3), roots (K,)) -> (K,): the greatest is halved
-    first, and none of 0; roots count among the triangles that shine. None: by area."""
+    """The same patches as leaves of a tree. importance(corners (K, 3, 3), roots (K,)) -> (K,): the node of greatest
+    importance is bisected first, and none with 0; roots are indices among the emitting triangles. None: by area."""
     corners, emitted = np.asarray(triangles, np.float64), np.asarray(radiance, np.float64)
     if corners.ndim != 3 or corners.shape[1:] != (3, 3) or emitted.shape != (len(corners), 3):
         raise ValueError(f"triangles {corners.shape} and radiance {emitted.shape}, expected (T, 3, 3) and (T, 3)")
@@ -123,14 +123,16 @@ def emitting_triangles(corners: Float64Array, radiance: Float64Array) -> NDArray
 
 
 def merge_triangles(corners: Float64Array, radiance: Float64Array, most: int) -> tuple[Float64Array, Float64Array]:
-    """At most about so many triangles in the place of many that shine (T, 3, 3), with radiance (T, 3).
+    """Merges many emitting triangles (T, 3, 3) with radiance (T, 3) into at most about `most`.
 
-    Those that stand together, face alike and shine alike become one that faces as the sum of their area vectors, has
-    the sum of their areas, the middle and the two extents of the whole, and lies on its outermost corner: it is not
-    hidden by what it stands for. Each radiance keeps one at least. The length of the sum for an area was rejected: it
-    leaves out what a bent patch shows of itself at its edge, and a ball in 64 pieces was 1.5 % too dark.
+    Adjacent triangles of similar orientation and equal radiance become one with the direction of the sum of their area
+    vectors, the sum of their areas, and the centre and the two extents of the whole. It passes through their outermost
+    corner, so that they do not hide it. Each radiance retains at least one triangle. The length of the summed vectors
+    as area was rejected: it omits the part of a curved patch that is visible from its side, and a ball of 64 triangles
+    was 1.5 % too dark.
 
-    Slivers are cut before: a tube of 384 sides, each as long as the tube, had its light up to 7 % elsewhere.
+    Slivers are divided first: otherwise up to 7 % of the light of a tube with 384 sides, each as long as the tube, was
+    misplaced.
     """
     if len(corners) <= most:
         return corners, radiance
@@ -163,9 +165,9 @@ def merge_triangles(corners: Float64Array, radiance: Float64Array, most: int) ->
 def merged_by_object(
     corners: Float64Array, objects: NDArray[np.integer], most: int
 ) -> tuple[Float64Array, NDArray[np.integer]]:  # fmt: skip
-    """The same of triangles (T, 3, 3) of objects (T,), whatever these shine: each object becomes its share of `most` by
-    area, and no fewer than `FEWEST_OF_AN_OBJECT`. Triangles without area are left out. Returns triangles and objects.
-    """
+    """The same for triangles (T, 3, 3) of objects (T,), whatever their radiance: each object becomes its share of
+    `most` by area, and at least `FEWEST_OF_AN_OBJECT`. Triangles without area are omitted. Returns triangles and
+    objects."""
     areas = _areas(corners)
     merged, owners = [np.zeros((0, 3, 3))], [objects[:0]]
     for one in np.unique(objects[areas > 0.0]):
@@ -180,7 +182,7 @@ def merged_by_object(
 def _without_slivers(
     corners: Float64Array, radiance: Float64Array, longest: float
 ) -> tuple[Float64Array, Float64Array]:
-    """The same surface (T, 3, 3) in triangles with edges no longer than that, unless these would be too many."""
+    """The same surface (T, 3, 3) in triangles whose edges are at most `longest`, unless these would be too many."""
     while len(corners) < MOST_CUT:
         edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
         long = edges > longest
@@ -198,7 +200,7 @@ def _weighted_variance(features: Float64Array, weights: Float64Array) -> float:
 
 
 def _merge_group(corners: Float64Array, vectors: Float64Array) -> Float64Array:
-    """The triangle (3, 3) for some (K, 3, 3) of these area vectors (K, 3), see `merge_triangles`."""
+    """The triangle (3, 3) that replaces triangles (K, 3, 3) with area vectors (K, 3), see `merge_triangles`."""
     if len(corners) == 1:
         return corners[0]
     vector = vectors.sum(axis=0)
@@ -220,14 +222,15 @@ def _merge_group(corners: Float64Array, vectors: Float64Array) -> Float64Array:
 def visible_importance(
     triangles: Float64Array, radiance: Float64Array, points: Float64Array, normals: Float64Array, seen: Float64Array
 ) -> Importance:
-    """What patches of the triangles (T, 3, 3) with radiance (T, 3) do at points (P, 3): for `emitter_tree`.
+    """The effect of patches of the triangles (T, 3, 3) with radiance (T, 3) at points (P, 3): an importance for
+    `emitter_tree`.
 
-    seen (P, T): the share of each triangle that is seen from each point. A patch brings a point the share
+    seen (P, T): the visible share of each triangle from each point. A patch contributes to a point the share
 
         w = L V Omega cos / (E + mean of E)
 
-    of its irradiance; its shadow is told by one ray, so that it errs by as much where its triangle is seen in part, and
-    the squares of what n patches err by add up. The importance is the mean of w² over the points.
+    of its irradiance. One ray determines its visibility, so its error is as large where its triangle is partly visible,
+    and the squared errors of n patches add. The importance is the mean of w² over the points.
     """
     brightness = radiance @ LUMINANCE
 
@@ -239,7 +242,8 @@ def visible_importance(
 
     total = contribution(triangles, np.arange(len(triangles))).sum(axis=1)
     scale = 1.0 / np.maximum(total + total.mean(), 1e-300)
-    # Half seen errs most; what is seen whole is told by few rays, but for what the rays to the triangle missed.
+    # Half visibility has the largest error; a fully visible triangle needs few rays, except for what the rays to it
+    # missed.
     partly = 0.1 + 4.0 * seen * (1.0 - seen)
 
     def importance(corners: Float64Array, roots: NDArray[np.intp]) -> Float64Array:
@@ -254,7 +258,7 @@ def solid_angles(corners: Float64Array, points: ArrayLike) -> NDArray[np.float32
 
     Exact at any distance [VanOosterom83]; 0 from behind a triangle and from within its plane.
     """
-    from engine.light import _kernels  # late: patches themselves need no compiler
+    from engine.light import _kernels  # imported late: patches alone need no compiler
 
     places = np.ascontiguousarray(points, dtype=np.float64)
     if places.ndim != 2 or places.shape[1] != 3:
@@ -287,9 +291,9 @@ def _areas(corners: Float64Array) -> Float64Array:
 def _halve(
     corners: Float64Array, n_leaves: int, importance: Importance
 ) -> tuple[Float64Array, NDArray[np.intp], NDArray[np.intp]]:
-    """Halve the most important leaves until there are `n_leaves`: nodes (N, 3, 3), the root (N,) and first half (N,).
+    """Bisects the most important leaves until there are `n_leaves`: nodes (N, 3, 3), the root (N,) and first half (N,).
 
-    All that are more than half as important as the most important are halved at once: their halves are not, mostly.
+    All leaves with more than half of the largest importance are bisected at once: their halves usually have less.
     """
     nodes, root, child = [corners], [np.arange(len(corners))], [np.full(len(corners), -1)]
     leaves, weights = np.arange(len(corners)), importance(corners, root[0])
@@ -302,7 +306,7 @@ def _halve(
         halves, origin = _halves(every[leaves[chosen]]), np.repeat(roots[leaves[chosen]], 2)
         links[leaves[chosen]] = n_nodes + 2 * np.arange(len(chosen))
         nodes, root, child = [every, halves], [roots, origin], [links, np.full(len(halves), -1)]
-        # First halves take the places of the wholes, so that of equals those that are cut lie all over the emitters.
+        # First halves replace the wholes, so that among equals the bisected ones are distributed over all emitters.
         found, first = importance(halves, origin), n_nodes + 2 * np.arange(len(chosen))
         leaves[chosen], weights[chosen] = first, found[::2]
         leaves, weights = np.concatenate([leaves, first + 1]), np.concatenate([weights, found[1::2]])
@@ -311,7 +315,7 @@ def _halve(
 
 
 def _halves(corners: Float64Array) -> Float64Array:
-    """Triangles (K, 3, 3) at the middle of their longest edges, (2 K, 3, 3), turned the same way round, in pairs."""
+    """Bisects triangles (K, 3, 3) at their longest edges, (2 K, 3, 3) in pairs, with the same orientation."""
     lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
     turn = (np.argmax(lengths, axis=1)[:, None] + np.arange(3)) % 3
     a, b, c = np.take_along_axis(corners, turn[:, :, None], axis=1).transpose(1, 0, 2)

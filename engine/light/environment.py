@@ -1,15 +1,15 @@
-"""Light from far away: a latitude-longitude image of radiance, read, turned, averaged and integrated.
+"""Distant light: a latitude-longitude image of radiance, loaded, rotated, averaged and integrated.
 
-The centre column looks along -Z, +Y is up, azimuth grows to the right towards +X. The direction of image place (u, v)
-in [0, 1] is, with theta = pi v and phi = 2 pi (u - 1/2),
+The centre column is in the direction -Z, +Y is up, azimuth increases to the right towards +X. The direction of image
+position (u, v) in [0, 1] is, with theta = pi v and phi = 2 pi (u - 1/2),
 
     d = (sin theta sin phi, cos theta, -sin theta cos phi)
 
-`rotation`, in degrees, turns the environment counter-clockwise about +Y seen from above. Radiance is linear Rec. 709.
+`rotation`, in degrees, rotates the environment counter-clockwise about +Y seen from above. Radiance is linear Rec. 709.
 
 Integrals treat a texel as a patch of constant radiance with its exact solid angle, so light is never lost, not even
-that of one texel at a pole; `evaluate` interpolates between texel centres, which looks right but, integrated, would
-give a texel of the first or last row 8 % too much.
+that of one texel at the zenith. `evaluate` interpolates between texel centres, which looks right but, if integrated,
+would give a texel of the first or last row 8 % too much.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ _REFINED_ROWS, _MOST_REFINEMENT = 1024, 4
 class Environment:
     """A lat-long image of radiance around the scene.
 
-    radiance: (H, W, 3) float32, finite and not negative, read-only. source: where it came from, for messages.
-    notes: one line for each thing that had to be mended while loading.
+    radiance: (H, W, 3) float32, finite and not negative, read-only. source: its origin, for messages. notes: one line
+    for each repair while loading.
     """
 
     radiance: NDArray[np.float32]
@@ -71,7 +71,8 @@ class Environment:
     def evaluate(self, directions: ArrayLike, rotation: float = 0.0) -> NDArray[np.float32]:
         """Radiance arriving from world `directions` (N, 3), which need not be unit; (N, 3) float32.
 
-        Bilinear between texel centres, wrapping at the seam, constant beyond the first and last row's centres.
+        Bilinear between texel centres, wrapping at the seam, constant beyond the first and last row's centres. Raises
+        ValueError for other shapes and for values that are not finite.
         """
         d = np.asarray(directions, dtype=np.float64)
         if d.ndim != 2 or d.shape[1] != 3:
@@ -87,17 +88,17 @@ class Environment:
 
 
 def constant_environment(radiance: ArrayLike) -> Environment:
-    """The same radiance from everywhere: a number or (3,). Raises ValueError where negative or not finite."""
+    """The same radiance from everywhere: a number or (3,). Raises ValueError if it is negative or not finite."""
     value = np.broadcast_to(np.asarray(radiance, dtype=np.float32), (3,))
     return Environment(value.reshape(1, 1, 3), "constant")
 
 
 def load_environment(path: str | Path, mapping: Mapping = "latlong") -> Environment:
-    """Read an OpenEXR or Radiance HDR file, as lat-long or as angular map (light probe; resampled to lat-long).
+    """Loads an OpenEXR or Radiance HDR file, as lat-long or as angular map (light probe; resampled to lat-long).
 
-    Negative values and those that are no numbers are set to 0, infinite ones to the brightest that there is, and
-    counted in `notes`. What lies outside an angular map's disc is never read. Raises LoadError, naming the file and
-    what is wrong, for anything that is not a whole RGB image.
+    Negative values and NaN are set to 0, infinite ones to the brightest value, and counted in `notes`. Texels outside
+    the disc of an angular map are never read. Raises LoadError, naming the file and the problem, for anything that is
+    not a complete RGB image.
     """
     file = Path(path)
     if mapping not in ("latlong", "angular"):
@@ -127,7 +128,8 @@ def texel_solid_angles(height: int, width: int) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=4)
 def downsample(environment: Environment, height: int) -> Environment:
-    """The environment averaged over solid angle to `height` rows, same proportions; itself where it is no larger."""
+    """The environment averaged over solid angle to `height` rows, with the same proportions; unchanged if it is no
+    larger."""
     if height < 1:
         raise ValueError(f"height = {height}, expected at least 1")
     rows, columns, _ = environment.radiance.shape
@@ -139,10 +141,12 @@ def downsample(environment: Environment, height: int) -> Environment:
 
 @lru_cache(maxsize=2)
 def upsample_interpolated(environment: Environment) -> Environment:
-    """The environment as `evaluate` has it, by up to four times as many texels, of the same light in all.
+    """The environment as `evaluate` interpolates it, with up to four times as many texels per axis and the same total
+    light.
 
     A sun of few texels is as wide as interpolation makes it, and so are its shadows' edges: with texels of constant
-    radiance a room of 256 rows of sky was 4.4 % off the path tracer, with these 1.9 %. From 1,024 rows on it is itself.
+    radiance the error of a room with a sky of 256 rows was 4.4 % against the path tracer, with these 1.9 %. From 1,024
+    rows on the environment is unchanged.
     """
     height, width, _ = environment.radiance.shape
     times = min(_MOST_REFINEMENT, _REFINED_ROWS // height)
@@ -152,7 +156,7 @@ def upsample_interpolated(environment: Environment) -> Environment:
     column = (np.arange(times * width) + 0.5) / times - 0.5
     rows, columns = (axis.ravel() for axis in np.meshgrid(row, column, indexing="ij"))
     image = _bilinear(environment.radiance, rows, columns).reshape(times * height, times * width, 3)
-    # Rows at the poles have more neighbours than their solid angle is worth.
+    # Interpolation gives rows at the zenith and nadir more weight than their solid angle.
     before, after = (
         np.einsum("hwc,h->c", each, texel_solid_angles(*each.shape[:2]), dtype=np.float64)
         for each in (environment.radiance, image)
@@ -165,9 +169,9 @@ def upsample_interpolated(environment: Environment) -> Environment:
 def triangle_integrals(environment: Environment, rotation: float, level: int) -> NDArray[np.float64]:
     """The integral of L d omega over each geodesic triangle of `level` (0 to 7): (20 * 4^level, 3) float64.
 
-    Exact for texels of constant radiance, whatever the size of the map (above 2,048 rows it is averaged first), so a
-    constant sky gives L times the true solid angles and a lone bright texel keeps its L Omega. Level 5 is fast enough
-    for every frame of a drag. `rotation` in degrees. Read-only.
+    Exact for texels of constant radiance, whatever the size of the map (above 2,048 rows it is averaged first): a
+    constant sky gives L times the true solid angles, and a single bright texel retains its L Omega. Level 5 is fast
+    enough for every frame of a drag. `rotation` in degrees. Read-only.
     """
     # Imported here: this module also serves processes that only show environments and must start without the compiler.
     from engine.light.triangle_integrals import integrate_over_triangles
@@ -180,10 +184,10 @@ def triangle_integrals(environment: Environment, rotation: float, level: int) ->
 
 
 def tone_mapped_thumbnail(environment: Environment, width: int) -> NDArray[np.uint8]:
-    """A small picture of the environment for a panel: (max(1, width // 2), width, 3) uint8, sRGB.
+    """A thumbnail of the environment for a panel: (max(1, width // 2), width, 3) uint8, sRGB.
 
-    Exposed so that the mean luminance, with the brightest twentieth left out, becomes 0.18; compressed by
-    x (1 + x / 16) / (1 + x) [Reinhard02]. A black environment stays black.
+    Exposed so that the mean luminance, without the brightest twentieth, becomes 0.18; compressed by x (1 + x / 16) / (1
+    + x) [Reinhard02]. A black environment remains black.
     """
     if width < 1:
         raise ValueError(f"width = {width}, expected at least 1")
@@ -214,8 +218,8 @@ def _bilinear(image: NDArray[np.float32], row: NDArray, column: NDArray) -> NDAr
 
 
 def _make_finite(image: NDArray[np.float32], notes: list[str]) -> NDArray[np.float32]:
-    """What is too bright for its file as bright as its brightest pixel, and as half floats reach; what is no number or
-    infinitely dark, black."""
+    """Replaces infinite values by the brightest pixel, at least the largest half float, and NaN and negative infinity
+    by 0."""
     bad = ~np.isfinite(image)
     if not bad.any():
         return image
@@ -228,7 +232,8 @@ def _make_finite(image: NDArray[np.float32], notes: list[str]) -> NDArray[np.flo
 
 
 def _blacken_outside_disc(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Outside the disc an angular map holds captions and rubbish; it must not count as light, nor as a fault."""
+    """Sets texels outside the disc of an angular map to 0: they hold captions and arbitrary values, and must count
+    neither as light nor as errors."""
     size = image.shape[0]
     place = (2.0 * np.arange(size) + 1.0) / size - 1.0
     inside = place[:, None] ** 2 + place[None, :] ** 2 <= 1.0
@@ -236,9 +241,10 @@ def _blacken_outside_disc(image: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _angular_to_latlong(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Resample a square angular map: centre -Z, +X right, +Y up, radius = angle from -Z / pi [Debevec98].
+    """Resamples a square angular map: centre -Z, +X right, +Y up, radius = angle from -Z / pi [Debevec98].
 
-    Half as many rows as the map has, which is the map's own resolution in angle, with 4 x 4 samples a texel.
+    The result has half as many rows as the map, which is the map's own angular resolution, with 4 x 4 samples per
+    texel.
     """
     from engine.light import _kernels  # late, as in triangle_integrals
 

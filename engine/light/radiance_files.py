@@ -1,15 +1,16 @@
-"""Reading radiance images, OpenEXR and Radiance HDR, from files that may be hostile, broken or not images at all.
+"""Reads radiance images, OpenEXR and Radiance HDR, from files that may be malicious, broken or not images at all.
 
-Regular files only, size and header checked before any pixel is read. Of an image of more than `MAX_PIXELS` the means
-are read, at a half or a quarter of its size and a band of rows at a time. OpenEXR says of many broken files that they
-have no parts, without raising, and prints to standard error; both are turned into one LoadError here. Negative and non-
-finite values pass: what they mean is the caller's to say. Files are shown as they are meant: with their data window in
-their display window, in Rec. 709 whatever their primaries, turned as their size line says.
+Accepts regular files only, and checks size and header before any pixel is read. An image of more than `MAX_PIXELS` is
+averaged to a half or a quarter of its size, one band of rows at a time. For many broken files OpenEXR reports no parts
+without raising, and prints to standard error; both become one LoadError here. Negative and non-finite values pass: the
+caller handles them. Images are interpreted as their headers state: data window within display window, primaries
+converted to Rec. 709, orientation by the size line.
 
-OpenImageIO 3.2 was tried (Apache-2.0, 20 MB installed). It reads probes and textures to the same numbers, and refuses
-cut files and headers that claim 10 GB; of processor time HDR takes it half (14 ms a million pixels, 31 here), OpenEXR
-two thirds to four fifths, PNG about as much and JPEG a third more than Pillow. It was not taken: an image is read once,
-the checks below would stay, and so would Pillow and OpenEXR, by which pictures are shown and written.
+OpenImageIO 3.2 was rejected after a trial (Apache-2.0, 20 MB installed). It reads probes and textures to the same
+numbers, and refuses truncated files and headers that claim 10 GB. It takes half of the processor time for HDR (14 ms a
+million pixels, 31 here), two thirds to four fifths for OpenEXR, about as much for PNG, and a third more than Pillow for
+JPEG. But an image is read once, the checks below would remain, and so would Pillow and OpenEXR, which show and write
+pictures.
 """
 
 from __future__ import annotations
@@ -40,19 +41,19 @@ _BAND_PIXELS = 1 << 22
 _RGBE = b"32-bit_rle_rgbe"
 _EXR_MAGIC = b"\x76\x2f\x31\x01"
 
-# Of a data window its first and its last row, both counted: (rows, width of the data window, 3).
+# Reads from the first to the last of these rows of a data window, inclusive: (rows, width of the data window, 3).
 ReadRows = Callable[[int, int], NDArray[np.float32]]
 
 
 def read_radiance_image(
     file: Path, notes: list[str] | None = None, is_colour: bool = True, most_pixels: int | None = None
 ) -> NDArray[np.float32]:
-    """The RGB image in an .exr or .hdr file (told by content, not by name): (H, W, 3) float32, row 0 on top.
+    """The RGB image in an .exr or .hdr file (identified by content, not by name): (H, W, 3) float32, row 0 at the top.
 
-    notes receives a line for each thing that was converted. is_colour: False where the numbers are no colours, such as
-    normals or weights, and stay what they are. most_pixels: how many are left of an image of more than `MAX_PIXELS`, by
-    default so many.
-    Raises LoadError for what cannot be read as one whole RGB image with sides of at most 16,384.
+    notes receives a line for each conversion. is_colour: False where the numbers are not colours, such as normals or
+    weights, and must not be converted. most_pixels: the size that an image of more than `MAX_PIXELS` is reduced to, by
+    default that number. Raises LoadError for anything that cannot be read as one complete RGB image with sides of at
+    most 16,384.
     """
     said: list[str] = [] if notes is None else notes
     most_pixels = MAX_PIXELS if most_pixels is None else most_pixels
@@ -69,7 +70,7 @@ def read_radiance_image(
 
 
 def _check_regular_file(file: Path) -> bytes:
-    """Refuse what is missing, not a regular file, empty or too large; returns the first bytes."""
+    """Refuses files that are missing, not regular, empty or too large; returns the first bytes."""
     try:
         opened = open(file, "rb", opener=_open_without_waiting)
     except (OSError, ValueError) as error:
@@ -84,7 +85,7 @@ def _check_regular_file(file: Path) -> bytes:
 
 
 def _open_without_waiting(file: str, flags: int) -> int:
-    return os.open(file, flags | getattr(os, "O_NONBLOCK", 0))  # a pipe nobody writes to would never open otherwise
+    return os.open(file, flags | getattr(os, "O_NONBLOCK", 0))  # otherwise opening a pipe without a writer would block
 
 
 def _check_size(file: Path, width: int, height: int) -> None:
@@ -93,7 +94,7 @@ def _check_size(file: Path, width: int, height: int) -> None:
 
 
 def _reduction(width: int, height: int, most_pixels: int, notes: list[str]) -> int:
-    """By how much the sides are divided; of what is too large alone."""
+    """The divisor of the sides; 1 unless the image is too large."""
     if width * height <= MAX_PIXELS:
         return 1
     k = reduction(width, height, most_pixels)
@@ -102,12 +103,12 @@ def _reduction(width: int, height: int, most_pixels: int, notes: list[str]) -> i
 
 
 def _rows_of_band(width: int, k: int) -> int:
-    """How many rows are read at a time: whole blocks."""
+    """The number of rows to read at a time: whole blocks."""
     return max(_BAND_PIXELS // (width * k), 1) * k
 
 
 def _means(band: NDArray[np.float32], k: int) -> NDArray[np.float32]:
-    """Of each k x k pixels; what is not finite spoils its own block alone."""
+    """Means of each k x k pixels; a value that is not finite affects its own block only."""
     with np.errstate(invalid="ignore", over="ignore"):
         return block_means(band, k, lambda values: np.asarray(values, np.float32))
 
@@ -120,7 +121,7 @@ def _read_exr(file: Path, notes: list[str], is_colour: bool, most_pixels: int) -
     if (right - left + 1) * (bottom - top + 1) <= MAX_PIXELS:
         channels = _open_exr(file, header_only=False).channels
         planes = [channels[name].pixels for name in "RGB"]
-        kinds = [plane.dtype.name for plane in planes]  # known only now: the library's header does not tell
+        kinds = [plane.dtype.name for plane in planes]  # known only now: the library's header does not state them
         if len(set(kinds)) > 1 or kinds[0] not in ("float16", "float32"):
             raise LoadError(file, "types of channels R, G, B", ", ".join(kinds), "all half or all float")
         data = np.stack([plane.astype(np.float32) for plane in planes], axis=2)
@@ -133,7 +134,7 @@ def _read_exr(file: Path, notes: list[str], is_colour: bool, most_pixels: int) -
     said = header.get("chromaticities")
     if said is None or not is_colour:
         return image
-    if not isinstance(said, tuple):  # an attribute of that name and another type
+    if not isinstance(said, tuple):  # an attribute of that name with another type
         notes.append("chromaticities that are none, taken for Rec. 709's")
         return image
     return _convert_to_rec709(image, [float(each) for each in said], notes)
@@ -141,7 +142,8 @@ def _read_exr(file: Path, notes: list[str], is_colour: bool, most_pixels: int) -
 
 @contextmanager
 def _exr_rows(file: Path, header: dict[str, Any]) -> Iterator[ReadRows]:
-    """What reads rows of an OpenEXR image, by the library's older interface: the other reads all of it."""
+    """A function that reads rows of an OpenEXR image, using the library's older interface: the newer one reads the
+    whole image."""
     import OpenEXR
 
     (left, _), (right, _) = _window(header, "dataWindow")
@@ -165,7 +167,7 @@ def _exr_rows(file: Path, header: dict[str, Any]) -> Iterator[ReadRows]:
             yield read_rows
     except LoadError:
         raise
-    except Exception as error:  # the library raises OSError, RuntimeError, ValueError, TypeError and its own
+    except Exception as error:  # the library raises OSError, RuntimeError, ValueError, TypeError and its own exceptions
         expected = "a whole OpenEXR image, not cut off or damaged"
         raise LoadError(file, "OpenEXR pixels", str(error), expected) from None
 
@@ -173,7 +175,7 @@ def _exr_rows(file: Path, header: dict[str, Any]) -> Iterator[ReadRows]:
 def _crop_to_display_window(
     read_rows: ReadRows, header: dict[str, Any], most_pixels: int, notes: list[str]
 ) -> NDArray[np.float32]:
-    """The display window of an image whose file has the data window: more is cut away, what is missing is black."""
+    """The display window of an image with a data window: pixels outside are cropped, missing ones are black."""
     (x0, y0), (x1, y1) = _window(header, "displayWindow")
     (left, top), (right, bottom) = _window(header, "dataWindow")
     width, height = x1 - x0 + 1, y1 - y0 + 1
@@ -208,7 +210,7 @@ def _window(header: dict[str, Any], name: str) -> tuple[tuple[int, int], tuple[i
 def _convert_to_rec709(
     image: NDArray[np.float32], chromaticities: list[float], notes: list[str]
 ) -> NDArray[np.float32]:
-    """An image of other primaries in those of Rec. 709."""
+    """Converts an image with other primaries to Rec. 709."""
     listed = " ".join(f"{each:.4g}" for each in chromaticities)
     try:
         matrix = to_rec709(chromaticities)
@@ -222,22 +224,22 @@ def _convert_to_rec709(
 
 
 def _transform_colours(image: NDArray[np.float32], matrix: NDArray[np.float64]) -> NDArray[np.float32]:
-    """The colours by a matrix; what is not finite spoils its own pixel alone."""
+    """Transforms colours by a matrix; a value that is not finite affects its own pixel only."""
     with np.errstate(invalid="ignore", over="ignore"):
         return (image.reshape(-1, 3) @ matrix.T.astype(np.float32)).reshape(image.shape)
 
 
 def _open_exr(file: Path, header_only: bool) -> Any:
-    """The one part of an OpenEXR file; its absence, in whatever way the library puts it, becomes a LoadError."""
+    """The single part of an OpenEXR file; raises LoadError for its absence, however the library reports it."""
     import OpenEXR
 
-    OpenEXR.setMaxImageSize(MAX_SIDE, MAX_SIDE)  # for the whole process; the library's own default is no limit
+    OpenEXR.setMaxImageSize(MAX_SIDE, MAX_SIDE)  # for the whole process; the library's default has no limit
     parts, complaint = [], ""
     with silence_library() as said:
         try:
             with _for_library(file) as source:
                 parts = OpenEXR.File(source, separate_channels=True, header_only=header_only).parts
-        except Exception as error:  # the library raises RuntimeError, ValueError, TypeError and its own
+        except Exception as error:  # the library raises RuntimeError, ValueError, TypeError and its own exceptions
             complaint = str(error)
     what = "OpenEXR header" if header_only else "OpenEXR pixels"
     if not parts:
@@ -250,7 +252,7 @@ def _open_exr(file: Path, header_only: bool) -> Any:
 
 @contextmanager
 def _for_library(file: Path) -> Iterator[str | BinaryIO]:
-    """What OpenEXR opens a file by: its name, which it takes for UTF-8; of any other the open file."""
+    """The argument by which OpenEXR opens a file: its name, which it interprets as UTF-8; otherwise the open file."""
     name = str(file)
     if os.fsencode(name) == name.encode(errors="surrogatepass"):
         yield name
@@ -261,10 +263,10 @@ def _for_library(file: Path) -> Iterator[str | BinaryIO]:
 
 @contextmanager
 def silence_library() -> Iterator[list[str]]:
-    """Keep the library's remarks out of the terminal: C++ on standard error, Python on standard output.
+    """Suppresses the library's output to the terminal: C++ on standard error, Python on standard output.
 
-    The lines from standard error are in the list on leaving. Standard error is the whole process's, so that what other
-    threads say meanwhile is lost with it: hold this for one call only.
+    On exit the list holds the lines from standard error. Standard error belongs to the whole process, so the output of
+    other threads is lost meanwhile: use this for one call only.
     """
     lines: list[str] = []
     with tempfile.TemporaryFile() as sink, redirect_stdout(io.StringIO()):
@@ -280,7 +282,7 @@ def silence_library() -> Iterator[list[str]]:
 
 
 def _check_exr_compression(file: Path) -> None:
-    """Read the raw compression byte: the library takes one it does not know for ZIP, without a word."""
+    """Checks the raw compression byte: the library silently treats an unknown one as ZIP."""
     import OpenEXR
 
     with open(file, "rb") as opened:
@@ -315,12 +317,12 @@ def _check_exr_header(file: Path, header: dict[str, Any]) -> None:
 
 
 def _read_hdr(file: Path, notes: list[str], most_pixels: int) -> NDArray[np.float32]:
-    """Radiance RGBE: (r, g, b) 2^(e - 136), 0 where e = 0 [Ward91]; flat, old and new run-length scanlines.
+    """Reads Radiance RGBE: (r, g, b) 2^(e - 136), 0 where e = 0 [Ward91]; flat, old and new run-length scanlines.
 
-    As Radiance defines it, numbers are divided by all EXPOSURE and COLORCORR of the header, XYZ becomes RGB, and the
-    size line says in which order pixels stand.
+    As Radiance defines it, values are divided by all EXPOSURE and COLORCORR of the header, XYZ becomes RGB, and the
+    size line determines the order of the pixels.
     """
-    # Late: the only compiled part of reading a file, not needed by a process that reads OpenEXR alone.
+    # Imported late: the only compiled part of reading a file, which a process that reads only OpenEXR does not need.
     from engine.light._kernels import decode_rgbe
 
     with open(file, "rb") as opened:
@@ -356,7 +358,7 @@ def _read_hdr(file: Path, notes: list[str], most_pixels: int) -> NDArray[np.floa
 
 
 class _Side(NamedTuple):
-    """One half of a size line: along which axis so many pixels stand, and whether its coordinate grows."""
+    """One half of a size line: the axis, the number of pixels along it, and whether its coordinate increases."""
 
     axis: bytes
     grows: bool
@@ -364,7 +366,7 @@ class _Side(NamedTuple):
 
 
 def _orient_scanlines(image: NDArray[np.float32], first: _Side, second: _Side) -> NDArray[np.float32]:
-    """Scanlines (first, second, 3) as rows from the top, pixels from the left; Y grows upwards."""
+    """Orients scanlines (first, second, 3) as rows from the top and pixels from the left; Y increases upwards."""
     for k, side in enumerate((first, second)):
         if side.grows != (side.axis == b"X"):
             image = np.flip(image, k)
@@ -374,7 +376,7 @@ def _orient_scanlines(image: NDArray[np.float32], first: _Side, second: _Side) -
 def _apply_header(
     image: NDArray[np.float32], header: dict[bytes, list[bytes]], notes: list[str]
 ) -> NDArray[np.float32]:
-    """What EXPOSURE, COLORCORR, FORMAT and PRIMARIES make of the numbers."""
+    """Applies EXPOSURE, COLORCORR, FORMAT and PRIMARIES to the pixels."""
     factor = np.ones(3)
     for name, count in ((b"EXPOSURE", 1), (b"COLORCORR", 3)):
         for value in header.get(name, ()):
@@ -392,7 +394,7 @@ def _apply_header(
 
 
 def _floats(value: bytes, count: int) -> list[float] | None:
-    """So many finite numbers, or None."""
+    """`count` finite numbers, or None."""
     try:
         numbers = [float(word) for word in value.split()]
     except ValueError:
@@ -401,7 +403,7 @@ def _floats(value: bytes, count: int) -> list[float] | None:
 
 
 def _parse_hdr_header(file: Path, head: bytes) -> tuple[dict[bytes, list[bytes]], tuple[_Side, _Side], int]:
-    """The values of each name, the two halves of the size line, and the first byte of the pixels."""
+    """The values of each name, the two halves of the size line, and the position of the first byte of the pixels."""
     blank = re.search(rb"\r?\n[ \t]*\r?\n", head)
     if not blank:
         raise LoadError(file, "Radiance header", "no empty line at its end", "a header, an empty line, the size")

@@ -1,5 +1,4 @@
-"""Averaging lat-long images over solid angle, to any size, without losing light; and images by halves, as they are
-read."""
+"""Averages lat-long images over solid angle, to any size, without loss of light; and reduces images by block means."""
 
 from __future__ import annotations
 
@@ -13,7 +12,7 @@ _CHUNK = 64
 
 
 def reduction(width: int, height: int, most_pixels: int) -> int:
-    """By how much the sides of an image are divided: the least power of two that leaves at most so many pixels."""
+    """The divisor of an image's sides: the least power of two that leaves at most `most_pixels`."""
     k = 1
     while -(-width // k) * -(-height // k) > most_pixels:
         k *= 2
@@ -23,8 +22,7 @@ def reduction(width: int, height: int, most_pixels: int) -> int:
 def block_means(
     values: NDArray[np.generic], k: int, decode: Callable[[NDArray[np.generic]], NDArray[np.float32]]
 ) -> NDArray[np.float32]:
-    """Of each k x k of the numbers (H, W, C) that `decode` makes of values the mean; beyond the edges the last row and
-    column count."""
+    """The mean of each k x k block of `decode`d values (H, W, C); beyond the edges the last row and column repeat."""
     if k == 1:
         return decode(values)
     whole = np.pad(values, (*((0, -values.shape[axis] % k) for axis in (0, 1)), (0, 0)), mode="edge")
@@ -36,9 +34,10 @@ def block_means(
 
 
 def area_average(image: NDArray[np.float32], height: int, width: int) -> NDArray[np.float32]:
-    """Resample a lat-long image (H, W, 3) to (height, width, 3): every new texel is the old ones' mean over its area.
+    """Resamples a lat-long image (H, W, 3) to (height, width, 3): each new texel is the mean of the old ones over its
+    area.
 
-    The integral over the sphere is kept exactly, for sizes that do not divide and for larger sizes too.
+    The integral over the sphere is preserved exactly, also for sizes that do not divide and for larger sizes.
     """
     rows, columns, _ = image.shape
     narrowed = image
@@ -58,7 +57,7 @@ def area_average(image: NDArray[np.float32], height: int, width: int) -> NDArray
 
 
 def _row_edges(rows: int, height: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Edges of the new rows counted in old rows by solid angle, and the solid angle of the old rows over 2 pi."""
+    """Edges of the new rows in units of old rows by solid angle, and the solid angle of the old rows over 2 pi."""
     theta = math.pi * np.linspace(0.0, 1.0, height + 1)
     whole = np.minimum(np.floor(np.linspace(0.0, rows, height + 1) + 1e-9), rows - 1)
     top, bottom = math.pi * whole / rows, math.pi * (whole + 1) / rows
@@ -73,7 +72,7 @@ def _cosine_step(top: NDArray, bottom: NDArray) -> NDArray:
 
 
 def _strip_means(strip: NDArray, edges: NDArray[np.float64], measure: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Means along axis 1 of (A, N, 3) between `edges` (in cells), each cell weighing its `measure`: (A, M, 3)."""
+    """Means along axis 1 of (A, N, 3) between `edges` (in cells), each cell weighted by its `measure`: (A, M, 3)."""
     cells = strip.astype(np.float64) * measure[:, None]
     running = np.concatenate([np.zeros_like(cells[:, :1]), np.cumsum(cells, axis=1)], axis=1)
     running_measure = np.concatenate([[0.0], np.cumsum(measure)])

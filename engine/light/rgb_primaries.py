@@ -1,8 +1,8 @@
-"""From other primaries to Rec. 709: linear RGB whose file says what its red, green, blue and white are.
+"""Converts linear RGB with given primaries and white point to Rec. 709.
 
-As OpenColorIO's built-in configurations and most viewers of OpenEXR do it: to CIE XYZ by the chromaticities [SMPTE RP
-177], from one white to the other by Bradford's matrix [Lam85], and back by Rec. 709's. Rejected: no adaptation, by
-which the grey of a file of ACES, whose white is yellower, would be tinted.
+As in OpenColorIO's built-in configurations and most viewers of OpenEXR: to CIE XYZ by the chromaticities [SMPTE RP
+177], from one white to the other by Bradford's matrix [Lam85], and back by Rec. 709's. No adaptation was rejected: the
+grey of an ACES file, whose white is yellower, would be tinted.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ Float64Array = NDArray[np.float64]
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 """x, y of red, green, blue and white (D65) [ITU-R BT.709]."""
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
-_ALIKE = 1e-4  # single precision and the usual four digits
+_ALIKE = 1e-4  # single precision, and the usual four digits
 
 
 def to_rec709(chromaticities: Sequence[float]) -> Float64Array | None:
-    """The matrix (3, 3) from linear RGB of these primaries, x and y of red, green, blue and white; None where they are
-    Rec. 709's. Raises ValueError for numbers that are no primaries."""
+    """The matrix (3, 3) from linear RGB with these primaries, x and y of red, green, blue and white; None for those of
+    Rec. 709. Raises ValueError for invalid primaries."""
     if np.abs(np.subtract(chromaticities, REC709)).max() <= _ALIKE:
         return None
     white = _xyz(chromaticities[6:])
@@ -33,17 +33,17 @@ def to_rec709(chromaticities: Sequence[float]) -> Float64Array | None:
 
 
 def xyz_to_rec709() -> Float64Array:
-    """From CIE XYZ, whose white is that of Rec. 709."""
+    """The matrix (3, 3) from CIE XYZ with Rec. 709's white."""
     return np.asarray(np.linalg.inv(_to_xyz(REC709)))
 
 
 def adaptation(white: Float64Array, to: Float64Array) -> Float64Array:
-    """The matrix (3, 3) that takes colours under one white, XYZ, to what they look like under another [Lam85]."""
+    """The matrix (3, 3) that adapts colours in XYZ from one white to another [Lam85]."""
     return np.linalg.inv(_BRADFORD) @ np.diag((_BRADFORD @ to) / (_BRADFORD @ white)) @ _BRADFORD
 
 
 def _to_xyz(chromaticities: Sequence[float]) -> Float64Array:
-    """From linear RGB to XYZ, white at Y = 1 [SMPTE RP 177]."""
+    """The matrix (3, 3) from linear RGB to XYZ, white at Y = 1 [SMPTE RP 177]."""
     primaries = np.stack([_xyz(chromaticities[i : i + 2]) for i in (0, 2, 4)], axis=1)
     try:
         return primaries * np.linalg.solve(primaries, _xyz(chromaticities[6:]))

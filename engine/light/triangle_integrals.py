@@ -4,17 +4,17 @@ On the cylinder (phi, h = cos theta) areas are solid angles, a texel is a rectan
 
     h(psi) = k cos psi / sqrt(1 - k^2 sin^2 psi),    integral of h d psi = asin(k sin psi),
 
-psi being the azimuth from the circle's highest point, k the height of that point. By Green's theorem the light in a
-triangle is the signed sum over its edges of the light between the edge and the zenith,
+where psi is the azimuth from the circle's highest point, and k the height of that point. By Green's theorem the light
+in a triangle is the signed sum over its edges of the light between the edge and the zenith,
 
     integral over the edge of A(phi, h(phi)) d phi,    A(phi, h) = integral of L(phi, h') d h' from h to 1,
 
 and A is linear in h within a texel, so each edge is walked from texel to texel with the closed form above. Every edge
-is walked once and counts for its two triangles with opposite signs: light can move between them by rounding, never
-vanish.
+is walked once and counts for its two triangles with opposite signs: rounding can move light between them, but never
+lose it.
 
-Binning samples of texels into triangles was tried first and rejected: it conserves light too, but in no less time it
-left a constant sky uneven by 3 % RMS at level 7, even after the samples' weights were balanced.
+Binning samples of texels into triangles was rejected after a trial: it conserves light too, but in no less time it left
+a constant sky uneven by 3 % RMS at level 7, even after balancing the samples' weights.
 """
 
 from __future__ import annotations
@@ -60,7 +60,8 @@ def integrate_over_triangles(
 
 
 def _row_edges(height: int) -> NDArray[np.float64]:
-    """(H + 1, 2): cosine and cotangent of theta at the rows' edges; the poles' cotangents are never reached."""
+    """(H + 1, 2): cosine and cotangent of theta at the rows' edges; the cotangents at zenith and nadir are never
+    used."""
     theta = math.pi * np.arange(height + 1) / height
     sine = np.maximum(np.sin(theta), 1e-300)
     return np.stack([np.cos(theta), np.clip(np.cos(theta) / sine, -1e300, 1e300)], axis=1)
@@ -73,7 +74,7 @@ def _close_at_nadir(
     column_light: NDArray[np.float64],
     integrals: NDArray[np.float64],
 ) -> None:
-    """Add what the triangles with a corner at the nadir miss: there the boundary runs along h = -1."""
+    """Adds the missing part of triangles with a corner at the nadir, where the boundary runs along h = -1."""
     for triangle in np.flatnonzero((vertices[triangles][..., 1] < -1.0 + 1e-12).any(axis=1)):
         x, y, z = vertices[triangles[triangle]].T
         phi = np.arctan2(x, -z)[y > -1.0 + 1e-12]
@@ -82,7 +83,7 @@ def _close_at_nadir(
 
 
 def _light_between(first: float, step: float, column_light: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The integral of the columns' whole light (W, 3) over the azimuths first .. first + step."""
+    """The integral of the columns' total light (W, 3) over the azimuths first .. first + step."""
     width = len(column_light)
     begin = (first + math.pi) / (2.0 * math.pi) * width
     columns = np.arange(math.floor(begin), math.ceil(begin + step / (2.0 * math.pi) * width) + 1)

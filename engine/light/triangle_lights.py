@@ -1,23 +1,23 @@
 """Triangle lights: the environment as a cut through the geodesic hierarchy, fine where the light is.
 
-Triangles, not points, because editing a BRDF needs the angular extent of the light as much as its power
-[BenArtzi07, sect. 4.2.3]; the geodesic triangles, not a fitted set, because visibility is kept on the same tree.
+Lights are triangles, not points, because editing a BRDF requires the angular extent of the light as much as its power
+[BenArtzi07, sect. 4.2.3]. They are geodesic triangles, not a fitted set, because visibility is stored on the same tree.
 
-The cut splits the triangle with the largest  luminance integral^1 * solid angle^(1/4)  first [Agarwal03]. That measure
-never grows from a parent to its child, so the greedy cut is simply the n largest inner nodes of the tree, found by one
-sort; no queue is needed. Ties (black regions) go to the coarser triangle.
+The cut first splits the triangle with the largest  luminance integral^1 * solid angle^(1/4)  [Agarwal03]. That measure
+never increases from a parent to its child, so the greedy cut consists of the n largest inner nodes of the tree, found
+by one sort without a queue. Ties (black regions) prefer the coarser triangle.
 
-Where it is known which share of the picture's points sees each direction, what none of them sees does not count, and
-what few see costs little, so that more lights are cut where most of the sky is hidden: each counts by four times its
-share (a point in the open sees half of the sky), up to twice as many in all. In the built-in room, whose sky stands in
-the windows, edges of windows across lights of one bit each drew stripes of 5 % on the walls; so they are 2 %. Rejected:
-luminance times the root of the share, by which the mean square error would go were all surfaces matt. What copper on
-the tea tray mirrors at grazing angles few points see, and it was 0.9 % off with 10,000 lights instead of 0.3 %.
+If the share of the picture's points that see each direction is known, directions that none of them sees do not count,
+and those that few see cost little, so that more lights are cut where most of the sky is hidden: each costs four times
+its share (an unoccluded point sees half of the sky), at most twice as many lights in all. In the built-in room, whose
+sky is visible through the windows, edges of windows across lights of one bit each drew stripes of 5 % on the walls, now
+2 %. Luminance times the square root of the share was rejected, although it would minimise the mean square error if all
+surfaces were diffuse: few points see what copper on the tea tray reflects at grazing angles, and its error was 0.9 %
+with 10,000 lights instead of 0.3 %.
 
-A sun is smaller than a triangle of the finest level that is summed, and one ray to it knows no penumbra: behind blinds
-its stripes were as sharp as a laser's, and fell between pixels. Lights that still hold much of the whole are split
-further, down to `sun_level`, each with its share of the light of the map, which is then interpolated as where it is
-shown.
+A sun is smaller than a triangle of the finest level that is summed, and one ray to it gives no penumbra: behind blinds
+its stripes were perfectly sharp, and fell between pixels. Lights that still hold much of the total power are split
+further, down to `peak_level`. The power of each piece follows from the interpolated map, as it is displayed.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from engine.light.environment import LUMINANCE, Environment, triangle_integrals,
 from engine.sphere.geodesic import MAX_LEVEL, geodesic, triangle_solid_angles
 
 MIN_LIGHTS = 20
-# A light with more than this share of all the power is a sun's, or a piece of one.
+# A light with more than this share of the total power belongs to a sun.
 PEAK_SHARE = 0.004
-# The middles (16, 3) of the parts of a triangle that is cut in four twice.
+# The centres (16, 3) of the parts of a triangle that is split in four twice, in barycentric coordinates.
 _STEPS = (np.array([1.0, 4.0, 7.0, 10.0]) / 12.0).tolist()
 _WITHIN = np.array(
     [(a, b, 1.0 - a - b) for a in _STEPS for b in _STEPS if a + b < 0.99]
@@ -56,13 +56,13 @@ class LightTree(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TriangleLights:
-    """M spherical triangles that tile the sphere. Directions are unit, in the world, towards the light.
+    """M spherical triangles that tile the sphere. Directions are unit, in world space, towards the light.
 
-    level (M,) int8 and index (M,) int32: the geodesic triangle. vertices (N, 3) float32 and corners (M, 3) int32 into
-    them, shared corners once. centre (M, 3) float32: luminance-weighted mean direction, the true centroid where dark.
-    power (M, 3) float32: the integral of L d omega. solid_angle (M,) float32, steradians.
-    tree: what lies below them, down to the level that was integrated; rows (M,) int32: where they stand in it, -1 for
-    pieces of suns, which are finer.
+    level (M,) int8 and index (M,) int32: the geodesic triangle. vertices (N, 3) float32 and corners (M, 3) int32,
+    indices into them, shared corners once. centre (M, 3) float32: luminance-weighted mean direction, the true centroid
+    where dark. power (M, 3) float32: the integral of L d omega. solid_angle (M,) float32, steradians. tree: the
+    hierarchy below them, down to the level that was integrated; rows (M,) int32: their rows in it, -1 for pieces of
+    suns, which are finer.
     """
 
     level: NDArray[np.int8]
@@ -94,14 +94,14 @@ def cut_lights(
     seen: NDArray[np.floating] | None = None,
     peak_level: int = 0,
 ) -> TriangleLights:
-    """The environment, turned by `rotation` degrees, as at most `n_lights` triangles (20 + 3 k of them).
+    """The environment, rotated by `rotation` degrees, as at most `n_lights` triangles (20 + 3 k of them).
 
-    seen (20 * 4^l,), l at most max_level: the share of points that sees each triangle of a level; None: each sees all.
-    With it they may be twice as many, see above.
-    sun_level: down to which level suns of the interpolated map are split besides, 0 for neither; see above.
-    integrals: (20 * 4^max_level, 3), `triangle_integrals(environment, rotation, max_level)`, where the caller has it;
-    cutting the same environment again then costs milliseconds. Total power is that of the environment.
-    Raises ValueError for fewer than 20 lights, a level outside 0 to 7, or integrals of another shape.
+    seen (20 * 4^l,), l at most max_level: the share of points that see each triangle of a level; None: all points see
+    all. With it there may be twice as many lights, see above. peak_level: the level down to which suns of the
+    interpolated map are split, 0 to use the map as it is; see above. integrals: (20 * 4^max_level, 3),
+    `triangle_integrals(environment, rotation, max_level)`, if the caller has them; cutting the same environment again
+    then costs milliseconds. Total power is that of the environment. Raises ValueError for fewer than 20 lights, a level
+    outside 0 to 7, or integrals of another shape.
     """
     if n_lights < MIN_LIGHTS:
         raise ValueError(f"n_lights = {n_lights}, expected at least {MIN_LIGHTS}")
@@ -128,7 +128,7 @@ def cut_lights(
 def _with_split_peaks(
     lights: TriangleLights, environment: Environment, rotation: float, finest: int, peak_level: int
 ) -> TriangleLights:
-    """The lights, of which those of the finest level, and their pieces, are split while they hold much of the whole."""
+    """Splits lights of the finest level, and their pieces, while they hold much of the total power."""
     bright = PEAK_SHARE * float(lights.power.astype(np.float64).sum())
     for level in range(finest, peak_level):
         suns = (lights.level == level) & (lights.power.sum(axis=1) > bright)
@@ -141,7 +141,7 @@ def _with_split_peaks(
 def _with_pieces(
     lights: TriangleLights, split: NDArray[np.bool_], environment: Environment, rotation: float
 ) -> TriangleLights:
-    """The lights with four pieces behind the others in the place of each that is split (M,)."""
+    """Replaces each light to split (M,) by four pieces, appended to the others."""
     a, b, c = lights.vertices[lights.corners[split]].astype(np.float64).transpose(1, 0, 2)
     ab, bc, ca = (each / np.linalg.norm(each, axis=1, keepdims=True) for each in (a + b, b + c, c + a))
     pieces = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3, 3)
@@ -167,7 +167,8 @@ def _with_pieces(
 def _power_of_pieces(
     environment: Environment, rotation: float, pieces: NDArray[np.float64], whole: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """What each of the pieces (4 K, 3, 3) has of the power (K, 3) of the four in a row, as the map is interpolated."""
+    """The power of the pieces (4 K, 3, 3): the power (K, 3) of each light divided among its four, by the interpolated
+    map."""
     places = np.einsum("sk,mki->msi", _WITHIN, pieces).reshape(-1, 3)
     seen = environment.evaluate(places, rotation).reshape(len(pieces), -1, 3).mean(axis=1, dtype=np.float64)
     seen = (seen * triangle_solid_angles(pieces)[:, None]).reshape(-1, 4, 3)
@@ -187,12 +188,12 @@ def _pyramid(finest: NDArray[np.float64], max_level: int) -> list[NDArray[np.flo
 def _importance(
     luminance: NDArray[np.float64], seen: NDArray[np.floating] | None, max_level: int
 ) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
-    """Of every triangle that has children, level by level: what it counts when it is split, and what that costs."""
+    """For every triangle with children, level by level: its importance and the cost of splitting it."""
     if seen is None:
         levels = _pyramid(luminance[:, None], max_level)
         return _inner(levels), [np.ones(len(level)) for level in levels[:-1]]
     share = np.repeat(np.asarray(seen, np.float64), len(luminance) // len(seen))
-    # The mean over what is below; of children that are finer than what is known, that of their parent.
+    # The mean over the descendants; children finer than the known level use their parent's value.
     means = [total[:, 0] * len(total) / len(share) for total in _pyramid(share[:, None], max_level)[:-1]]
     seen_by_any = np.where(share > 0.0, luminance, 0.0)
     return _inner(_pyramid(seen_by_any[:, None], max_level)), [np.minimum(_OPEN * m, 1) for m in means]
@@ -205,8 +206,10 @@ def _inner(levels: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
 def _nodes_to_split(
     importance: list[NDArray[np.float64]], costs: list[NDArray[np.float64]], n_splits: int
 ) -> list[NDArray[np.bool_]]:
-    """Which triangles of each level above the finest are split: the most important ones that cost `n_splits` in all."""
-    ranked = np.argsort(-np.concatenate([*importance, np.empty(0)]), kind="stable")  # stable: ties stay coarse first
+    """Which triangles of each level above the finest are split: the most important ones with a total cost of
+    `n_splits`."""
+    # stable: ties prefer coarser triangles
+    ranked = np.argsort(-np.concatenate([*importance, np.empty(0)]), kind="stable")
     cost = np.cumsum(np.concatenate([*costs, np.empty(0)])[ranked[: _MOST_TIMES * n_splits]])
     chosen = np.zeros(len(ranked), bool)
     chosen[ranked[: np.searchsorted(cost, n_splits, "right")]] = True
@@ -214,7 +217,7 @@ def _nodes_to_split(
 
 
 def _leaves(split: list[NDArray[np.bool_]]) -> list[NDArray[np.bool_]]:
-    """Triangles of each level that exist in the cut and are not split further."""
+    """The triangles of each level that exist in the cut and are not split further."""
     existing = np.ones(20, bool)
     leaves = []
     for mask in split:
@@ -228,7 +231,7 @@ def _assemble(
 ) -> TriangleLights:
     spheres = [geodesic(level) for level in range(len(kept))]
     triangles = np.concatenate([sphere.triangles[rows] for sphere, rows in zip(spheres, kept, strict=True)])
-    used, which = np.unique(triangles, return_inverse=True)  # vertices keep their number from level to level
+    used, which = np.unique(triangles, return_inverse=True)  # vertices retain their number from level to level
     corners: NDArray[np.int32] = which.reshape(-1, 3).astype(np.int32)
     vertices = spheres[-1].vertices[used]
     tree = LightTree(np.concatenate(powers).astype(np.float32), _tree_centres(moments))
@@ -250,7 +253,7 @@ def _assemble(
 
 
 def _tree_centres(moments: list[NDArray[np.float64]]) -> NDArray[np.float32]:
-    """Unit moments of all levels; the centroid of the triangle where there is no light to weigh by."""
+    """Unit mean directions of all levels; the centroid of the triangle where there is no light."""
     return np.concatenate([_mean_directions(moment, geodesic(i).centres) for i, moment in enumerate(moments)])
 
 

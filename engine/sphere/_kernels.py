@@ -1,6 +1,6 @@
 """Compiled point location on the geodesic sphere, and the solid angle of a triangle seen from a point.
 
-Kernels never validate: `engine.sphere.geodesic` does, and it builds the tables they read.
+Kernels never validate: `engine.sphere.geodesic` does, and it builds their tables.
 """
 
 from __future__ import annotations
@@ -16,12 +16,14 @@ Float64Array = NDArray[np.float64]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def locate_one(x: float, y: float, z: float, level: int, roots: Float64Array, planes: Float64Array) -> int:
-    """Triangle of `level` holding direction (x, y, z): nearest root face, then one plane test per level.
+    """The triangle of `level` that contains direction (x, y, z): nearest root face, then one plane test per level.
 
-    The nearest of the 20 face centres is the face that holds the direction, because the Voronoi cells of the face
-    centres are the faces. Below, the direction lies in corner child k where it is beyond plane k, else in the middle;
-    the largest of the three values decides, so rounding on an edge can only choose between the triangles that share it.
+    The nearest of the 20 face centres belongs to the face that contains the direction, because the Voronoi cells of the
+    face centres are the faces. On finer levels the direction lies in corner child k if it is beyond plane k, otherwise
+    in the centre child. The largest of the three values decides, so rounding on an edge can only choose between the
+    triangles that share it.
     """
+    # The root face with the nearest centre.
     triangle = 0
     best = -math.inf
     for face in range(20):
@@ -31,6 +33,7 @@ def locate_one(x: float, y: float, z: float, level: int, roots: Float64Array, pl
             triangle = face
     first = 0
     count = 20
+    # Descend one level at a time: corner child k beyond plane k, otherwise the centre child.
     for _ in range(level):
         row = first + triangle
         child = 3
@@ -56,7 +59,7 @@ def locate_range(
     stop: int,
     found: NDArray[np.int32],
 ) -> int:
-    """Fill found[start:stop]; returns the first direction that is zero or not finite, or -1."""
+    """Fills found[start:stop]; returns the first direction that is zero or not finite, or -1."""
     first_bad = -1
     for i in range(start, stop):
         x, y, z = directions[i, 0], directions[i, 1], directions[i, 2]
@@ -74,8 +77,8 @@ def locate_range(
 def solid_angle_from(px: float, py: float, pz: float, corners: Float64Array) -> float:
     """Signed solid angle of the triangle corners (3, 3) seen from p: positive where its normal points towards p.
 
-    tan(Omega / 2) = -a.(b x c) / (|a||b||c| + (a.b)|c| + (b.c)|a| + (c.a)|b|), a, b, c from p  [VanOosterom83].
-    From within the plane of the triangle, its corners and edges included, it is 0.
+    tan(Omega / 2) = -a.(b x c) / (|a||b||c| + (a.b)|c| + (b.c)|a| + (c.a)|b|), a, b, c from p  [VanOosterom83]. It is 0
+    from any point in the plane of the triangle, including its corners and edges.
     """
     ax, ay, az = corners[0, 0] - px, corners[0, 1] - py, corners[0, 2] - pz
     bx, by, bz = corners[1, 0] - px, corners[1, 1] - py, corners[1, 2] - pz

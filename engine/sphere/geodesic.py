@@ -1,13 +1,13 @@
-"""The geodesic sphere: an icosahedron whose spherical triangles are split in four, again and again.
+"""The geodesic sphere: an icosahedron whose spherical triangles are recursively split in four.
 
 One hierarchy serves visibility bits, triangle lights, spherical Haar wavelets and quadrature. Level l has 20*4^l
-triangles; the children of triangle t are 4t, 4t+1, 4t+2 (at its corners 0, 1, 2) and 4t+3 (the middle one), so the
-descendants of a triangle are one contiguous range at every finer level. Vertices keep their number when the level
-grows: the first 10*4^l + 2 vertices of a finer level are those of level l.
+triangles. The children of triangle t are 4t, 4t+1, 4t+2 (at its corners 0, 1, 2) and 4t+3 (the centre), so the
+descendants of a triangle are one contiguous range at every finer level. Vertices retain their number on finer levels:
+the first 10*4^l + 2 vertices of a finer level are those of level l.
 
-The icosahedron stands on a vertex (+Y and -Y are vertices). Its belt edges then cross the horizon at their midpoints,
-so from level 1 on no triangle straddles the plane y = 0: a floor sees whole triangles only. The usual orientation, with
-an edge on top, does not have this property and was rejected for it.
+The icosahedron has vertices at +Y and -Y. Its belt edges then cross the horizon at their midpoints, so from level 1 on
+no triangle straddles the plane y = 0: a floor sees whole triangles only. The usual orientation, with an edge on top,
+was rejected because it lacks this property.
 
 Splitting at edge midpoints does not preserve area: at level 4 the largest triangle has 1.30 times the solid angle of
 the smallest. Use `solid_angles`, never 4*pi / (20*4^l).
@@ -35,9 +35,9 @@ Int32Array = NDArray[np.int32]
 class Geodesic:
     """One level of the hierarchy. Arrays are read-only and shared: copy before writing.
 
-    vertices: (V, 3) float64, unit. triangles: (T, 3) int32, counter-clockwise seen from outside.
-    centres: (T, 3) float64, unit, the direction of each triangle's true centroid (its integral of omega d omega).
-    solid_angles: (T,) float64 steradians, summing to 4 pi.
+    vertices: (V, 3) float64, unit. triangles: (T, 3) int32, counter-clockwise seen from outside. centres: (T, 3)
+    float64, unit, the direction of each triangle's true centroid (its integral of omega d omega). solid_angles: (T,)
+    float64 steradians, summing to 4 pi.
     """
 
     level: int
@@ -73,7 +73,7 @@ class Geodesic:
 
 @lru_cache(maxsize=MAX_LEVEL + 1)
 def geodesic(level: int) -> Geodesic:
-    """The sphere at `level` (0 to 7), built once and kept.
+    """The sphere at `level` (0 to 7), built once and cached.
 
     Raises ValueError for a level outside the range.
     """
@@ -96,11 +96,12 @@ def geodesic(level: int) -> Geodesic:
 
 
 def locate(directions: NDArray[np.floating], level: int) -> Int32Array:
-    """The triangle of `level` that holds each direction; a direction on an edge or a vertex gets one of its triangles.
+    """The triangle of `level` that contains each direction; a direction on an edge or a vertex gets one of its
+    triangles.
 
-    directions: (N, 3), any positive length. Returns (N,) int32. The answer is exact for the spherical triangles: a
-    descent through the hierarchy by the planes of the great circles. Raises ValueError on a wrong shape, a bad level,
-    or a direction that is zero or not finite.
+    directions: (N, 3), any positive length. Returns (N,) int32. The result is exact for the spherical triangles: a
+    descent through the hierarchy by the planes of the great circles. Raises ValueError for a wrong shape, an invalid
+    level, or a direction that is zero or not finite.
     """
     _check_level(level)
     flat = np.ascontiguousarray(directions, dtype=np.float64)
@@ -118,11 +119,12 @@ def locate(directions: NDArray[np.floating], level: int) -> Int32Array:
 
 @lru_cache(maxsize=MAX_LEVEL + 1)
 def descent_tables(level: int) -> tuple[Float64Array, Float64Array]:
-    """What `_kernels.locate_one` descends by: the 20 root centres and, for every triangle above `level`, three planes.
+    """The tables for the descent of `_kernels.locate_one`: 20 root centres and, for every triangle above `level`, three
+    planes.
 
-    Returns roots (20, 3) and planes (20 * (4^level - 1) / 3, 3, 3): plane k of a triangle has positive dot product with
-    directions on the side of corner k, beyond the edge of the middle child. Triangle t of level l is row
-    20 * (4^l - 1) / 3 + t.
+    Returns roots (20, 3) and planes (20 * (4^level - 1) / 3, 3, 3): plane k of a triangle has a positive dot product
+    with directions on the side of corner k, beyond the edge of the centre child. Triangle t of level l is row 20 * (4^l
+    - 1) / 3 + t.
     """
     planes = [_middle_planes(geodesic(coarser)) for coarser in range(level)]
     stacked = np.concatenate(planes) if planes else np.empty((0, 3, 3))
@@ -165,7 +167,8 @@ def _readonly(array: NDArray) -> NDArray:
 
 
 def _icosahedron() -> tuple[Float64Array, Int32Array]:
-    """Unit icosahedron: a vertex at +Y, a ring of five at y = 1/sqrt(5), its mirror turned by 36 degrees, one at -Y."""
+    """Unit icosahedron: a vertex at +Y, a ring of five at y = 1/sqrt(5), its mirror image rotated by 36 degrees, one at
+    -Y."""
     height, radius = 1.0 / np.sqrt(5.0), 2.0 / np.sqrt(5.0)
     ring = 2.0 * np.pi * np.arange(5) / 5.0
     upper = np.stack([radius * np.sin(ring), np.full(5, height), -radius * np.cos(ring)], axis=1)
@@ -185,7 +188,7 @@ def _icosahedron() -> tuple[Float64Array, Int32Array]:
 
 
 def _split_in_four(vertices: Float64Array, triangles: Int32Array) -> tuple[Float64Array, Int32Array]:
-    """Split each triangle at its normalised edge midpoints; new vertices are appended to the old ones."""
+    """Splits each triangle at its normalised edge midpoints; new vertices are appended to the old ones."""
     edges, which = _unique_edges(triangles, len(vertices))
     middles = vertices[edges].sum(axis=1)
     middles /= np.linalg.norm(middles, axis=1, keepdims=True)
@@ -203,7 +206,7 @@ def _split_in_four(vertices: Float64Array, triangles: Int32Array) -> tuple[Float
 
 
 def _unique_edges(triangles: Int32Array, n_vertices: int) -> tuple[Int32Array, Int32Array]:
-    """Every undirected edge once (E, 2), and the number of each triangle's three edges (T, 3)."""
+    """Every undirected edge once (E, 2), and the indices of each triangle's three edges (T, 3)."""
     starts, ends = triangles.astype(np.int64), np.roll(triangles, -1, axis=1).astype(np.int64)
     codes, which = np.unique(np.minimum(starts, ends) * n_vertices + np.maximum(starts, ends), return_inverse=True)
     edges = np.stack([codes // n_vertices, codes % n_vertices], axis=1)
@@ -211,9 +214,10 @@ def _unique_edges(triangles: Int32Array, n_vertices: int) -> tuple[Int32Array, I
 
 
 def _middle_planes(sphere: Geodesic) -> Float64Array:
-    """(T, 3, 3): for each triangle the normals that cut its three corner children off its middle child."""
+    """(T, 3, 3): for each triangle the normals of the planes that separate its three corner children from its centre
+    child."""
     corners = sphere.vertices[sphere.triangles]
-    middles = corners + np.roll(corners, -1, axis=1)  # the middles of edges 01, 12, 20; only their direction matters
+    middles = corners + np.roll(corners, -1, axis=1)  # the midpoints of edges 01, 12, 20; only their direction matters
     middles /= np.linalg.norm(middles, axis=2, keepdims=True)
     planes = np.cross(middles, np.roll(middles, 1, axis=1))  # corner 0 lies beyond m01 x m20, and so on
     outward = np.einsum("tki,tki->tk", planes, corners) < 0.0
@@ -222,7 +226,7 @@ def _middle_planes(sphere: Geodesic) -> Float64Array:
 
 
 def _edge_neighbours(triangles: Int32Array, n_vertices: int) -> Int32Array:
-    """Pair the two directed copies of every edge: triangle t owns a->b where its neighbour owns b->a."""
+    """Pairs the two directed copies of every edge: triangle t owns a->b where its neighbour owns b->a."""
     starts = triangles.astype(np.int64).ravel()
     ends = np.roll(triangles, -1, axis=1).astype(np.int64).ravel()
     forward, backward = starts * n_vertices + ends, ends * n_vertices + starts

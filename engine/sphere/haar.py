@@ -1,16 +1,17 @@
 """Spherical Haar wavelets on the geodesic sphere [Ma06, 3.1].
 
-A triangle of level l has three wavelets. Wavelet i is +1 on the children i and 3 (the middle one) and −1 on the two
-others, so that all three multiplied give +1, and a symmetry of the sphere that carries triangles to triangles carries
-wavelets to wavelets, without a change of sign.
+A triangle of level l has three wavelets. Wavelet i is +1 on the children i and 3 (the centre) and −1 on the two others,
+so that the product of all three is +1, and a symmetry of the sphere that maps triangles to triangles maps wavelets to
+wavelets without a change of sign.
 
-**Measure.** The basis is orthogonal if the four children of a triangle are equal, as they are not on the sphere (areas
-of one level differ by up to 1.3). Here they are by definition: level l's triangles have the measure 4^−l. The true
-solid angles go into one of the factors, the light, as the power L ΔΩ of each triangle; then Σ over triangles of power ×
-visibility × BRDF is the integral over the true sphere, constant light is exact, and the sums below need no areas.
+**Measure.** The basis is orthogonal if the four children of a triangle are equal, which they are not on the sphere
+(areas of one level differ by a factor of up to 1.3). Here they are equal by definition: triangles of level l have the
+measure 4^−l. The true solid angles are part of one of the factors, the light, as the power L ΔΩ of each triangle. Σ
+over triangles of power × visibility × BRDF is then the integral over the true sphere, constant light is exact, and the
+sums below require no areas.
 
 Coefficients are means and differences, not normalised [Ma06]: number t < 20 is the mean over triangle t of level 0;
-number 20·4^l + 3 t + i is wavelet i of triangle t of level l. So the first 20·4^L are those of level L.
+number 20·4^l + 3 t + i is wavelet i of triangle t of level l. The first 20·4^L are therefore those of level L.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ _SIGNS = np.array([[1, 1, 1, 1], [1, -1, -1, 1], [-1, 1, -1, 1], [-1, -1, 1, 1]]
 
 
 def level_of(n_values: int) -> int:
-    """The level with so many triangles. Raises ValueError where there is none up to `MAX_LEVEL`."""
+    """The level with n_values triangles. Raises ValueError where there is none up to `MAX_LEVEL`."""
     for level in range(MAX_LEVEL + 1):
         if n_values == N_ROOTS * 4**level:
             return level
@@ -40,7 +41,7 @@ def level_of(n_values: int) -> int:
 
 
 def forward(values: Array) -> Array:
-    """Values on the triangles of a level (20·4^L, ...) to as many coefficients; keeps float32."""
+    """Values on the triangles of a level (20·4^L, ...) to as many coefficients; preserves float32."""
     level, means = level_of(len(values)), np.asarray(values)
     signs = (_SIGNS / 4.0).astype(means.dtype)
     coefficients = np.empty_like(means)
@@ -74,23 +75,22 @@ def levels_of_coefficients(level: int) -> Int32Array:
 
 
 def images_of_coefficients(images: list[Int32Array]) -> Int32Array:
-    """To which number a symmetry carries each coefficient (20·4^L,).
+    """The number to which a symmetry maps each coefficient (20·4^L,).
 
-    images: for each level from 0 to L the triangles onto which it carries the triangles
-    (`symmetry.images_of_triangles`).
+    images: for each level from 0 to L the triangles to which it maps the triangles (`symmetry.images_of_triangles`).
     """
     found = [images[0]]
     for finer in images[1:]:
-        corners = finer.reshape(-1, 4)[:, :3]  # the children at the corners go to children at corners
+        corners = finer.reshape(-1, 4)[:, :3]  # corner children map to corner children
         found.append((len(corners) + 3 * (corners // 4) + corners % 4).ravel())
     return np.concatenate(found).astype(np.int32)
 
 
 def select_coefficients(coefficients: Array, n: int, rule: Rule = "size") -> NDArray[np.bool_]:
-    """Which n of the coefficients (C, ...) stay, (C,): the 20 means always, then the largest differences.
+    """Selects n of the coefficients (C, ...) as a mask (C,): always the 20 means, then the largest differences.
 
-    rule: "size", |c| times the triangle's measure; "energy", |c|² times the measure; "top", the coarsest. Of colours
-    the largest counts. Equal ones stay in their order. n below 20 keeps the means all the same.
+    rule: "size", |c| times the triangle's measure; "energy", |c|² times the measure; "top", the coarsest. The largest
+    colour channel counts. Equal coefficients retain their order. For n below 20 all means are selected nevertheless.
     """
     n_all = len(coefficients)
     keep = np.zeros(n_all, bool)

@@ -1,8 +1,9 @@
-"""Real spherical harmonics (SH) of orders 1 to 10, and zonal ones (ZH): those symmetrical about an axis [Sloan05, 3].
+"""Real spherical harmonics (SH) of orders 1 to 10, and zonal harmonics (ZH): those symmetric about an axis [Sloan05,
+3].
 
 A function on the sphere is a vector of n^2 coefficients, number l^2 + l + m for band l < n and -l <= m <= l, in a basis
-that is orthonormal by solid angle. z is the pole and the sign that of Condon and Shortley: the linear band of a cosine
-about s goes by (-s_y, s_z, -s_x). Turning a function mixes no bands.
+that is orthonormal by solid angle. z is the axis, with the sign of Condon and Shortley: the linear band of a cosine
+about s is proportional to (-s_y, s_z, -s_x). A rotation does not mix bands.
 """
 
 from __future__ import annotations
@@ -26,12 +27,12 @@ MAX_ORDER = kernels.MAX_ORDER
 def basis(directions: ArrayLike, n: int) -> Float64Array:
     """The harmonics (..., n^2) of order n at unit directions (..., 3).
 
-    Raises ValueError where n is not 1 to `MAX_ORDER`, or a direction is not of length 1.
+    Raises ValueError if n is not 1 to `MAX_ORDER`, or a direction is not of length 1.
     """
     _check_order(n)
     directions = np.asarray(directions, np.float64)
     flat = np.ascontiguousarray(directions.reshape(-1, 3)).view()
-    flat.flags.writeable = False  # as some come: the kernel is compiled anew for an array that may be written
+    flat.flags.writeable = False  # as some inputs are: the kernel would be compiled anew for a writable array
     lengths = np.linalg.norm(flat, axis=1)
     if not np.all(np.abs(lengths - 1.0) < 1e-3):
         raise ValueError(f"direction {flat[np.argmax(~(np.abs(lengths - 1.0) < 1e-3))]}, expected one of length 1")
@@ -47,7 +48,7 @@ def bands(n: int) -> NDArray[np.int64]:
 
 
 def order_of(coefficients: NDArray[np.floating]) -> int:
-    """The order of vectors (..., n^2). Raises ValueError where there is none."""
+    """The order of vectors (..., n^2). Raises ValueError if there is none."""
     n = math.isqrt(coefficients.shape[-1])
     if n * n != coefficients.shape[-1]:
         raise ValueError(f"{coefficients.shape[-1]} coefficients, expected the square of an order")
@@ -56,7 +57,7 @@ def order_of(coefficients: NDArray[np.floating]) -> int:
 
 
 def clamped_cosine(n: int) -> Float64Array:
-    """How much of band l (n,) is left of light that a matt surface gathers: pi, 2 pi / 3, pi / 4, 0, -pi / 24, ...
+    """The factor (n,) of each band for light that a diffuse surface receives: pi, 2 pi / 3, pi / 4, 0, -pi / 24, ...
 
     [Ramamoorthi01, eq. 8]; the factors of `convolve`, whose result at the surface's normal is its irradiance.
     """
@@ -71,26 +72,26 @@ def clamped_cosine(n: int) -> Float64Array:
 
 
 def convolve(coefficients: NDArray[np.floating], factors: ArrayLike) -> Float64Array:
-    """Vectors (..., n^2) after convolution with a kernel about an axis, by its n convolution coefficients g*
-    (eq. 3, 4)."""
+    """Vectors (..., n^2) after convolution with a kernel about an axis, given its n convolution coefficients g*
+    [Sloan05, eq. 3, 4]."""
     return np.asarray(coefficients * np.asarray(factors)[bands(order_of(coefficients))])
 
 
 def project(powers: NDArray[np.floating], n: int) -> Float64Array:
-    """Light (n^2, ...) that reaches the sphere's middle: powers (T, ...) are radiance times solid angle on the
-    triangles of a level of the geodesic sphere (`engine.light.environment.triangle_integrals`).
+    """Projects light onto coefficients (n^2, ...): powers (T, ...) are radiance times solid angle on the triangles of a
+    level of the geodesic sphere (`engine.light.environment.triangle_integrals`).
 
-    A triangle's light counts at its centroid: at level 5 a harmonic of order 10 bends by 5e-4 of itself within one.
+    A triangle's light counts at its centroid: at level 5 a harmonic of order 10 varies by 5e-4 of itself within one.
     """
     powers = np.asarray(powers, np.float64)
     return np.asarray(np.tensordot(_basis_of_triangles(level_of(len(powers)), n), powers, axes=(0, 0)))
 
 
 def rotation_matrices(rotation: ArrayLike, n: int) -> list[Float64Array]:
-    """For each band l < n the matrix (2l+1, 2l+1) that turns its coefficients: those of f(R^-1 s), for f's own.
+    """For each band l < n the matrix (2l+1, 2l+1) that rotates its coefficients: those of f(R^-1 s) from those of f.
 
-    rotation: R (3, 3). By angles about z, x, z, x and z, where a turn about z mixes only m with -m and the turns
-    about x are quarters, the same for all [Sloan05, 3.4].
+    rotation: R (3, 3). The rotation is decomposed into angles about z, x, z, x and z: a rotation about z mixes only m
+    with -m, and those about x are fixed quarter turns [Sloan05, 3.4].
     """
     _check_order(n)
     alpha, beta, gamma = _angles_zyz(np.asarray(rotation, np.float64))
@@ -103,7 +104,7 @@ def rotation_matrices(rotation: ArrayLike, n: int) -> list[Float64Array]:
 
 
 def rotate(coefficients: NDArray[np.floating], rotation: ArrayLike) -> Float64Array:
-    """Vectors (..., n^2) of the turned function f(R^-1 s)."""
+    """Vectors (..., n^2) of the rotated function f(R^-1 s)."""
     n = order_of(coefficients)
     parts = np.split(np.asarray(coefficients, np.float64), np.arange(1, n) ** 2, axis=-1)
     return np.concatenate([p @ m.T for p, m in zip(parts, rotation_matrices(rotation, n), strict=True)], axis=-1)
@@ -127,11 +128,11 @@ def _angles_zyz(rotation: Float64Array) -> tuple[float, float, float]:
         return (
             math.atan2(rotation[1, 2], rotation[0, 2]), beta, math.atan2(rotation[2, 1], -rotation[2, 0])
         )  # fmt: skip
-    return math.atan2(rotation[1, 0], rotation[1, 1]), beta, 0.0  # about z alone, or turned over first
+    return math.atan2(rotation[1, 0], rotation[1, 1]), beta, 0.0  # a rotation about z alone, or after a half turn
 
 
 def _about_z(l: int, angle: float) -> Float64Array:  # noqa: E741
-    """The turn of band l about the pole: m and -m are cosine and sine of m phi."""
+    """The rotation of band l about the axis: m and -m are cosine and sine of m phi."""
     matrix = np.zeros((2 * l + 1, 2 * l + 1))
     matrix[l, l] = 1.0
     for m in range(1, l + 1):
@@ -143,7 +144,7 @@ def _about_z(l: int, angle: float) -> Float64Array:  # noqa: E741
 
 @cache
 def _quarter_about_x(l: int) -> Float64Array:  # noqa: E741
-    """The turn of band l that takes z to y, exact: by quadrature that integrates products of its harmonics."""
+    """The rotation of band l that maps z to y, exact: by quadrature that integrates products of its harmonics."""
     directions, weights = quadrature(l + 1)
     turned = np.stack([directions[:, 0], -directions[:, 2], directions[:, 1]], axis=1)  # R^-1 s
     band = slice(l * l, (l + 1) ** 2)

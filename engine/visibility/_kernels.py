@@ -1,24 +1,24 @@
 """Compiled bit operations of coherent visibility: everything between two batches of shadow rays.
 
-Bits are packed over the targets of one point, 64 to a word: bit i of word w is target 64·w + i.
-All kernels work on a block of points (rows); `rows` maps block index to row. No validation here.
+Bits are packed over the targets of one point, 64 to a word: bit i of word w is target 64·w + i. All kernels process a
+block of points; `rows` maps block index to row. They do not validate.
 """
 
 import numba as nb
 import numpy as np
 
 _ONE = np.uint64(1)
-# Sends neighbouring numbers far apart [Knuth98, sect. 6.4].
+# Hashes neighbouring numbers far apart [Knuth98, sect. 6.4].
 _SCATTER = np.uint32(2654435769)
-# Directions that are tried against the horizon together: see `_horizon_of_directions`.
+# Directions that are tested against the horizon together: see `_horizon_of_directions`.
 GROUP = 16
-# Of what any of the points around sees, so much they must agree on to be believed.
+# Informers must agree on this share of what any of them sees; otherwise no prediction is made.
 SHARED = 0.5
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def horizon_bits(rows, position, normal, targets, target_normals, finite, cones, out):
-    """Mark the targets each point could see: above its shading horizon and, for patches, on their front side."""
+    """Marks the targets that each point could see: above its shading horizon and, for patches, facing it."""
     if finite:
         _horizon_of_points(rows, position, normal, targets, target_normals, out)
     else:
@@ -27,9 +27,10 @@ def horizon_bits(rows, position, normal, targets, target_normals, finite, cones,
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _horizon_of_directions(rows, normal, targets, cones, out):
-    """Mark the directions above each point's shading horizon, a group of sixteen at once where its cone lies clear.
+    """Marks the directions above each point's shading horizon, sixteen at once where their cone does not cross the
+    horizon.
 
-    cones (G, 4): the axis of each group and a little more than the sine of its radius, above 1 where it has none.
+    cones (G, 4): the axis of each group and slightly more than the sine of its radius, above 1 where it has no cone.
     """
     n_targets = targets.shape[0]
     for b in range(rows.shape[0]):
@@ -40,6 +41,7 @@ def _horizon_of_directions(rows, normal, targets, cones, out):
         for g in range(cones.shape[0]):
             first = GROUP * g
             count = min(GROUP, n_targets - first)
+            # The whole cone is above the horizon, crosses it (test each direction), or is below.
             height = nx * cones[g, 0] + ny * cones[g, 1] + nz * cones[g, 2]
             marked = np.uint64(0)
             if height > cones[g, 3]:
@@ -54,7 +56,7 @@ def _horizon_of_directions(rows, normal, targets, cones, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _horizon_of_points(rows, position, normal, targets, target_normals, out):
-    """Mark the patches above each point's shading horizon that show it their front."""
+    """Marks the patches above each point's shading horizon that face it."""
     for b in range(rows.shape[0]):
         r = rows[b]
         nx, ny, nz = normal[r, 0], normal[r, 1], normal[r, 2]
@@ -70,16 +72,17 @@ def _horizon_of_points(rows, position, normal, targets, target_normals, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def predict(rows, informers, bits, horizon, believed, always, weak, weakest, boundary_neighbours, todo, doubt):
-    """Guess each point's bits from its evaluated neighbours and mark in `todo` what must be traced.
+    """Predicts each point's bits from its evaluated neighbours and marks in `todo` the targets to trace.
 
-    informers (B, 4) rows of neighbours, -1 where there is none. The majority is the guess; what is not unanimous is
-    traced, and a tie is no guess at all (`doubt`). With fewer than four informers the guess is weaker, so its boundary
-    is traced too. Of the targets in `believed` (words,) three of four points that see one are enough. Those in a row of
-    `always` (S, words) are traced whatever the guess, in `weak` where three points inform, in `weakest` where two do.
-    Informers that agree on less than a `SHARED` part of what any of them sees tell nothing of what is seen between
-    them, as where light falls through a gap: there everything is traced.
+    informers (B, 4): rows of neighbours, -1 for none. The majority is the prediction; targets without unanimity are
+    traced, and a tie is no prediction (`doubt`). With fewer than four informers the prediction is weaker, so its
+    boundary is traced too. For the targets in `believed` (words,) it is enough that three of four points see one. Those
+    in a row of `always` (S, words) are traced in any case, in `weak` with three informers, in `weakest` with two. Where
+    the informers agree on less than a share `SHARED` of what any of them sees, they do not predict what is visible
+    between them, as where light falls through a gap: everything is traced there.
     """
     known = np.empty(4, np.int64)
+    # The informers that exist, and their vote.
     for b in range(rows.shape[0]):
         n = 0
         for i in range(4):
@@ -96,10 +99,12 @@ def predict(rows, informers, bits, horizon, believed, always, weak, weakest, bou
             _agreement_of_two(bits[known[0]], bits[known[1]], guess, asked, unsure)
         else:
             guess[:], unsure[:], asked[:] = np.uint64(0), np.uint64(0), ~np.uint64(0)
+        # Too little agreement: trace everything above the horizon.
         if n >= 2 and _has_little_agreement(guess, asked, above):
             for w in range(above.shape[0]):
                 guess[w], unsure[w], asked[w] = np.uint64(0), np.uint64(0), above[w]
             continue
+        # Sentinels, distributed over the points by a hash; then the limits of the horizon.
         turns = always if n == 4 else weak if n == 3 else weakest
         sentinels = turns[(np.uint32(rows[b]) * _SCATTER >> np.uint32(8)) % turns.shape[0]]
         for w in range(above.shape[0]):
@@ -123,6 +128,7 @@ def _has_little_agreement(guess, asked, above):
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _majority_of_four(a, b, c, d, believed, guess, asked, unsure):
     for w in range(guess.shape[0]):
+        # At least three of four are a majority; exactly two are a tie.
         either, both = a[w] | b[w], a[w] & b[w]
         other, others = c[w] | d[w], c[w] & d[w]
         guess[w] = (both & other) | (others & either)
@@ -148,10 +154,10 @@ def _agreement_of_two(a, b, guess, asked, unsure):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def check_against_sphere(rows, informers, sphere_bits, parents, sphere_neighbours, bits, horizon, todo):
-    """Check guesses for targets finer than the sphere against the triangle each lies in and those around it.
+    """Checks predictions for targets finer than the sphere against the triangle that contains each, and its neighbours.
 
-    A guess that none of them shares is traced. Without informers the triangle is the guess, traced where its
-    surroundings do not agree. parents (D,), ascending runs of equal ones being quickest.
+    A prediction that none of them confirms is traced. Without informers the triangle is the prediction, and it is
+    traced where its neighbours disagree. parents (D,); ascending runs of equal parents are fastest.
     """
     for b in range(rows.shape[0]):
         r = rows[b]
@@ -165,6 +171,7 @@ def check_against_sphere(rows, informers, sphere_bits, parents, sphere_neighbour
             if not (horizon[b, w] & bit):
                 continue
             parent = parents[t]
+            # A new parent: does it, or any of its neighbours, see; does any not see.
             if parent != known:
                 known = parent
                 parent_sees = _bit(sphere_bits[r], parent)
@@ -174,6 +181,7 @@ def check_against_sphere(rows, informers, sphere_bits, parents, sphere_neighbour
                     if m >= 0:
                         seen = _bit(sphere_bits[r], m)
                         some_see, some_do_not = some_see or seen, some_do_not or not seen
+            # Too few informers: use the parent's bit, and trace where its surroundings disagree.
             if alone < 2:
                 todo[b, w] &= ~bit
                 if parent_sees:
@@ -191,7 +199,7 @@ def _bit(words, i):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _mark_boundary(guess, above, neighbours, asked):
-    """Mark both sides of every edge between a target that is guessed seen and one above the horizon that is not."""
+    """Marks both sides of every edge between a target predicted visible and one above the horizon predicted hidden."""
     for w in range(guess.shape[0]):
         ones = guess[w]
         while ones != np.uint64(0):
@@ -232,7 +240,7 @@ def count_bits(words):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def list_bits(words, block, target):
-    """Write the place (row, bit) of each set bit; the arrays hold exactly as many."""
+    """Writes the position (row, bit) of each set bit; the arrays hold exactly as many."""
     n = 0
     for b in range(words.shape[0]):
         for w in range(words.shape[1]):
@@ -245,10 +253,11 @@ def list_bits(words, block, target):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def write_rays(rows, ray_block, ray_target, position, lifted, targets, finite, ray_origin, ray_direction, ray_distance):
-    """Write a shadow ray for each asked target.
+    """Writes a shadow ray for each requested target.
 
-    `lifted` is the point raised off its surface towards the eye. Light that the shading normal faces but the surface
-    does not starts from the other side, as path tracers do: a smooth mesh must not shade itself along its facets.
+    `lifted` is the point offset from its surface towards the camera. A ray to light that the shading normal faces but
+    the surface does not starts from the other side, as in path tracers: a smooth mesh must not shadow itself along its
+    facets.
     """
     for n in range(ray_block.shape[0]):
         r, t = rows[ray_block[n]], ray_target[n]
@@ -258,7 +267,7 @@ def write_rays(rows, ray_block, ray_target, position, lifted, targets, finite, r
         if finite:
             dx, dy, dz = dx - px, dy - py, dz - pz
             length = np.sqrt(dx * dx + dy * dy + dz * dz)
-            # Stop short of the patch itself: it must not shadow its own light.
+            # Stop before the patch itself: it must not shadow its own light.
             ray_distance[n] = length * np.float32(0.9999)
             inverse = np.float32(1.0) / length
             dx, dy, dz = dx * inverse, dy * inverse, dz * inverse
@@ -271,10 +280,11 @@ def write_rays(rows, ray_block, ray_target, position, lifted, targets, finite, r
 def apply_answers(
     rows, ray_block, ray_target, blocked, doubt, bits, horizon, neighbours, asked, next_block, next_target
 ):
-    """Store traced answers; where one contradicts the guess, ask its neighbours that now disagree (OPT flooding).
+    """Stores traced results; where one contradicts the prediction, requests its neighbours that now disagree (OPT
+    flooding).
 
-    Where there was no guess (`doubt`) every answer counts as a contradiction [BenArtzi07, 8.8.1]. `asked` (B, words)
-    marks what has been asked so far. Lists the next round and returns its number of rays.
+    Where there was no prediction (`doubt`) every result counts as a contradiction [BenArtzi07, 8.8.1]. `asked` (B,
+    words) marks all requests so far. Lists the next round and returns its number of rays.
     """
     n_next = 0
     for i in range(ray_block.shape[0]):
@@ -290,6 +300,7 @@ def apply_answers(
             mine[w] &= ~bit
         if not contradicts:
             continue
+        # Flood across edges: neighbours above the horizon, not traced yet, with another value.
         for k in range(neighbours.shape[1]):
             m = neighbours[t, k]
             if m >= 0 and _bit(above, m) and not _bit(known, m) and seen != _bit(mine, m):

@@ -1,7 +1,7 @@
-"""Compiled parts of the thesis' visibility methods: estimates and their correction. No validation here.
+"""Compiled parts of the thesis' visibility methods: estimates and their correction. They do not validate.
 
-Bits as in `engine.visibility._kernels`. `some` and `every` (B, words) say which targets something hides from any, from
-all of a point's informers; a point that lacks an informer is traced whole.
+Bits as in `engine.visibility._kernels`. `some` and `every` (B, words) mark the targets that are blocked for any, and
+for all, of a point's informers; a point that lacks an informer is traced completely.
 """
 
 import numba as nb
@@ -14,7 +14,7 @@ _ONE = np.uint64(1)
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def copy_blockers(informers, bits, valid, some, every):
-    """Take every informer's blockers in the directions in which it sees them. valid (words,): the bits in use."""
+    """Copies every informer's blockers in the directions in which it sees them. valid (words,): the bits in use."""
     for b in range(informers.shape[0]):
         if informers[b].min() < 0:
             continue
@@ -29,11 +29,11 @@ def copy_blockers(informers, bits, valid, some, every):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def warp_blockers(rows, informers, bits, position, directions, neighbours, distance, some, every):
-    """Move every informer's blockers to where they stand as seen from the point [BenArtzi07, fig. 8.5].
+    """Warps every informer's blockers to their directions as seen from the point [BenArtzi07, fig. 8.5].
 
-    distance (P, D): how far each blocker stands, inf where unknown; the point takes the nearest over. The direction
-    that lies nearest to a blocker is found by walks over the neighbours, which reach it where these hold all that a
-    Voronoi cell touches.
+    distance (P, D): the distance of each blocker, inf where unknown; the point takes over the nearest. The direction
+    nearest to a blocker is found by walks over the neighbours, which reach it if these include all that a Voronoi cell
+    touches.
     """
     n_targets = directions.shape[0]
     counts, latest = np.empty(n_targets, np.uint8), np.empty(n_targets, np.int8)
@@ -44,6 +44,7 @@ def warp_blockers(rows, informers, bits, position, directions, neighbours, dista
         r = rows[b]
         for i in range(informers.shape[1]):
             j = informers[b, i]
+            # Position of each blocker relative to the point, the nearest target to it, and its distance.
             for t in range(n_targets):
                 reach = distance[j, t]
                 if not np.isfinite(reach) or _bit(bits[j], t):
@@ -56,6 +57,7 @@ def warp_blockers(rows, informers, bits, position, directions, neighbours, dista
                 if latest[m] != i:
                     latest[m] = i
                     counts[m] += 1
+        # Targets with a blocker from any informer, and from all of them.
         for t in range(n_targets):
             bit = _ONE << np.uint64(t & 63)
             if counts[t] > 0:
@@ -82,8 +84,8 @@ def _nearest(directions, neighbours, start, x, y, z):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def estimate(rows, informers, some, every, boundary, horizon_too, horizon, neighbours, bits, todo):
-    """Write the estimate into the points' bits and mark in `todo` what is to be traced: its boundary, and that of the
-    horizon if so asked, or what informers disagree about."""
+    """Writes the estimate to the points' bits and marks the targets to trace in `todo`: its boundary, and on request
+    that of the horizon, or targets on which informers disagree."""
     for b in range(rows.shape[0]):
         guess, above, asked = bits[rows[b]], horizon[b], todo[b]
         if informers[b].min() < 0:
@@ -102,7 +104,7 @@ def estimate(rows, informers, some, every, boundary, horizon_too, horizon, neigh
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _mark_boundary(marked, neighbours, out):
-    """Both sides of every edge between a target that is marked and one that is not."""
+    """Marks both sides of every edge between a marked target and an unmarked one."""
     for w in range(marked.shape[0]):
         ones = marked[w]
         while ones != np.uint64(0):
@@ -117,9 +119,9 @@ def _mark_boundary(marked, neighbours, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def flood_around(rows, ray_block, ray_target, blocked, bits, horizon, neighbours, asked, next_block, next_target):
-    """Store traced answers; where one contradicts the estimate, ask all its neighbours [BenArtzi07, code 3].
+    """Stores traced results; where one contradicts the estimate, requests all its neighbours [BenArtzi07, code 3].
 
-    `asked` (B, words) marks what has been asked so far. Lists the next round and returns its number of rays.
+    `asked` (B, words) marks all requests so far. Lists the next round and returns its number of rays.
     """
     n_next = 0
     for i in range(ray_block.shape[0]):

@@ -1,22 +1,23 @@
-"""Which targets the points of a picture see, coarse to fine: most without a ray [BenArtzi07, ch. 8].
+"""Visibility of the points of a picture, coarse to fine, most of it without rays [BenArtzi07, ch. 8].
 
-`coherent_visibility` evaluates the picture coarse to fine (16, 8, 4, 2, 1; square then diamond steps). A point whose
-four evaluated neighbours on the same object agree is predicted; where they disagree a ray is traced, and where the
-answer contradicts the guess (the majority; a tie contradicts whatever the answer), the adjacent targets that now
-disagree are traced too. It differs from the thesis' OPT in three ways, each measured on the reference tea tray:
-neighbours must face alike (0.8 in cosine); flooding goes on in the last step, without which thin shadows vanish; and it
-starts from contradicted majorities alone and crosses edges only, which saves half of the rays.
-What stands beside a pixel's centre, at edges, believes the nearest centre on its surface, but for what that one has
-below its horizon; where none is near, all of its rays are traced.
-All points of a block go to Embree as one batch a round; the bit work between rounds is compiled.
+`coherent_visibility` evaluates the picture coarse to fine (16, 8, 4, 2, 1; square then diamond steps). Where the four
+evaluated neighbours of a point on the same object agree, their value is the prediction. Where they disagree a ray is
+traced, and where the result contradicts the prediction (the majority; a tie contradicts any result), the adjacent
+targets that now disagree are traced too. It differs from the thesis' OPT in three ways, each measured on the reference
+tea tray: neighbours must have similar normals (0.8 in cosine); flooding continues in the last step, without which thin
+shadows vanish; and it starts from contradicted majorities only and crosses edges only, which saves half of the rays.
+Points beside a pixel's centre, at edges, use the nearest centre on their surface as prediction, except for targets
+below its horizon; where none is near, all of their rays are traced. All points of a block go to Embree as one batch per
+round; the bit operations between rounds are compiled.
 
-Where a silhouette leaves a point with two or three informers, the thesis traces every ray. Here their guess is kept,
-and its boundary is traced as well, and with it every sixteenth target where two inform and every 64th where three do:
-every fourth found little more (reference bunny at 256x256: 156 rays a point and 0.008 % wrong, so 118 and 0.009 %).
-In the last step three of four points that see a target are believed but for every fourth target, which floods where it
-contradicts: a straight edge of shadow that parts one corner of a square from three leaves its middle with the three
-(106 rays, 0.014 %; *shapes* 0.014 %, reference tea tray 0.014 %). To believe three that do not see it saves less and
-errs as often. What is left to trace lies along silhouettes, where a ray costs Embree three times the mean.
+Where a silhouette leaves a point with two or three informers, the thesis traces every ray. Here their prediction is
+used, and its boundary is traced as well, and with it every sixteenth target with two informers and every 64th with
+three: every fourth found little more (reference bunny at 256x256: 156 rays a point with 0.008 % errors, instead of 118
+with 0.009 %). In the last step it is enough that three of four points see a target, except for every fourth target,
+which floods where it contradicts: a straight shadow edge that separates one corner of a square from the others leaves
+its centre with those three (106 rays, 0.014 %; *shapes* 0.014 %, reference tea tray 0.014 %). Relying on three that do
+not see it saves less and has as many errors. The remaining rays lie along silhouettes, where a ray costs Embree three
+times the mean.
 """
 
 from collections.abc import Iterator, Sequence
@@ -41,7 +42,8 @@ ALIKE_COSINE = 0.8
 class GridStep:
     """One step towards a lattice of `stride` pixels: rows (B,), and the rows (B, 4) that inform each (-1: none).
 
-    beside: they stand beside their pixels' centres, and all four that inform one are the same."""
+    beside: the points lie beside their pixels' centres, and all four informers of one are the same.
+    """
 
     stride: int
     rows: np.ndarray
@@ -50,11 +52,11 @@ class GridStep:
 
 
 def grid_steps(hits: PrimaryHits, until: int = 1, alike: float = ALIKE_COSINE) -> Iterator[GridStep]:
-    """Square and diamond steps over the pixels that show a surface, down to a lattice of every `until`-th pixel; of
-    every pixel, a last step for what stands beside their centres.
+    """Square and diamond steps over the pixels that show a surface, down to a lattice of every `until`-th pixel; for
+    every pixel, a last step for points beside their centres.
 
-    [BenArtzi07, fig. 8.4]; until: a power of two, 1 to 16; alike: cosine that the normals of points must exceed for
-    one to inform the other.
+    [BenArtzi07, fig. 8.4]; until: a power of two, 1 to 16; alike: the cosine between normals that must be exceeded for
+    one point to inform another.
     """
     row_of_pixel = hits.row_image
     step = COARSEST_STEP
@@ -85,7 +87,7 @@ def _grid_step(
     stride: int,
     alike: float,
 ) -> GridStep:
-    """The rows on a lattice (first row and column, their spacing), informed from pixels at the offsets."""
+    """The rows on a lattice (first row and column, their spacing), informed by pixels at the offsets."""
     y0, x0, dy, dx = lattice
     height, width = row_of_pixel.shape
     y, x = (axis.ravel() for axis in np.mgrid[y0:height:dy, x0:width:dx])
@@ -101,7 +103,7 @@ def _grid_step(
 
 
 def _alike(hits: PrimaryHits, a: np.ndarray, b: np.ndarray, cosine: float) -> np.ndarray:
-    """Whether points a can inform points b: on one object, and facing nearly the same way."""
+    """Whether points a can inform points b: on one object, with similar normals."""
     objects = hits.objects
     facing = np.einsum("ij,ij->i", hits.horizon[a], hits.horizon[b])
     return (objects[a] == objects[b]) & (facing > cosine)
@@ -110,13 +112,13 @@ def _alike(hits: PrimaryHits, a: np.ndarray, b: np.ndarray, cosine: float) -> np
 def coherent_visibility(
     hits: PrimaryHits, caster: RayCaster, visibility: Visibility, until: int = 1, sphere: Visibility | None = None
 ) -> Iterator[float]:
-    """Fill `visibility` coarse to fine, down to every `until`-th pixel; yields the fraction of this that is done.
+    """Fills `visibility` coarse to fine, down to every `until`-th pixel; yields the fraction done.
 
-    Between two yields at most eight blocks of 1,024 points are evaluated. Rows already done are kept, so a call
-    continues where an earlier one stopped. Nothing to see (no targets) is done at once.
+    At most eight blocks of 1,024 points are evaluated between two yields. Finished rows are skipped, so a call
+    continues where an earlier one stopped. Without targets it finishes at once.
 
-    sphere: for targets that have parents, the finished visibility of those. A cluster of bright lights is so small that
-    the points around a thin shadow can agree on all of it; the point's own coarser view then says that they are wrong.
+    sphere: for targets with parents, the finished visibility of those. A cluster of bright lights is so small that the
+    points around a thin shadow can agree on all of it; the point's own coarser visibility then reveals the error.
     """
     if len(visibility.targets.positions) == 0:
         visibility.done[:] = True

@@ -1,9 +1,9 @@
-"""Which targets each point of a surface sees: one bit a target, packed [BenArtzi07, ch. 8].
+"""Visibility of targets from surface points: one bit per target, packed [BenArtzi07, ch. 8].
 
-Targets are directions (triangles of the geodesic sphere) or points (patches of an area light). Geometry alone decides,
-so the answer outlives every edit of material and of light. Points are those that a camera sees, vertices of a mesh or
-texels: whatever has a place, a normal and a place lifted off the surface. Here every target above their horizon is
-traced: the oracle, and the yardstick for speed. Of the points of a picture most need no ray:
+Targets are directions (triangles of the geodesic sphere) or points (patches of an area light). Visibility depends on
+geometry alone, so edits of material and light do not invalidate it. Points are primary hits of a camera, vertices of a
+mesh or texels: anything with a position, a normal and an offset position. Here every target above their horizon is
+traced: the oracle, and the reference for speed. Most points of a picture need no ray:
 `engine.visibility.coherent_grid`.
 """
 
@@ -25,7 +25,7 @@ Guess = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
 
 @dataclass
 class RayCount:
-    """How many shadow rays were asked of Embree, and how many brute force would ask."""
+    """The number of shadow rays that Embree traced, and the number that brute force would trace."""
 
     traced: int = 0
     possible: int = 0
@@ -33,7 +33,7 @@ class RayCount:
 
 @dataclass
 class Visibility:
-    """Packed bits of P points: bits (P, words) uint64; `done` (P,) says which rows are evaluated."""
+    """Packed bits of P points: bits (P, words) uint64; done (P,): the evaluated rows."""
 
     targets: Targets
     bits: np.ndarray
@@ -47,7 +47,7 @@ class Visibility:
 
 
 def visible_shares(visibility: Visibility, rows: np.ndarray) -> np.ndarray:
-    """The share (D,) of some evaluated points that sees each target, by 4,096 of them at most."""
+    """The share (D,) of some evaluated points that see each target, estimated from about 4,096 of them."""
     chosen = rows[:: max(1, len(rows) // SHARE_POINTS)]
     return visibility.unpacked(chosen).mean(axis=0) if len(chosen) else np.ones(len(visibility.targets.positions))
 
@@ -58,7 +58,7 @@ def empty_visibility(points: SurfacePoints, targets: Targets) -> Visibility:
 
 
 def horizons(points: SurfacePoints, targets: Targets, rows: np.ndarray) -> np.ndarray:
-    """Packed bits (B, words): which of the targets some points could see if nothing stood between."""
+    """Packed bits (B, words): the targets that points would see without occlusion."""
     horizon = np.empty((len(rows), targets.n_words), np.uint64)
     kernels.horizon_bits(
         rows, points.position, points.horizon, targets.positions, targets.normals, targets.finite, targets.cones,
@@ -70,9 +70,9 @@ def horizons(points: SurfacePoints, targets: Targets, rows: np.ndarray) -> np.nd
 def evaluate_block(
     points: SurfacePoints, caster: RayCaster, visibility: Visibility, rows: np.ndarray, guess: Guess
 ) -> tuple[int, int]:
-    """Evaluate one block of points; returns (rays traced, rays brute force would trace).
+    """Evaluates one block of points; returns (rays traced, rays brute force would trace).
 
-    guess(rows, horizon, todo, doubt) fills the bits of the rows and marks in todo what must be traced.
+    guess(rows, horizon, todo, doubt) fills the bits of the rows and marks in todo the targets to trace.
     """
     targets, bits = visibility.targets, visibility.bits
     horizon = horizons(points, targets, rows)
@@ -97,7 +97,7 @@ def evaluate_block(
 def _trace(
     points: SurfacePoints, caster: RayCaster, targets: Targets, rows: np.ndarray, block: np.ndarray, target: np.ndarray
 ) -> np.ndarray:
-    """Whether something hides the targets (R,) from the points rows[block] (R,)."""
+    """Whether the targets (R,) are occluded from the points rows[block] (R,)."""
     n_rays = len(block)
     origin, direction = np.empty((n_rays, 3), np.float32), np.empty((n_rays, 3), np.float32)
     distance = np.empty(n_rays if targets.finite else 0, np.float32)
@@ -109,8 +109,8 @@ def _trace(
 
 
 def evaluate_rows(points: SurfacePoints, caster: RayCaster, visibility: Visibility, rows: np.ndarray) -> None:
-    """Trace every target above the horizon of those rows that are not done yet."""
-    rows = np.asarray(rows[~visibility.done[rows]], np.int32)  # kernels are compiled for these
+    """Traces every target above the horizon of the rows that are not done yet."""
+    rows = np.asarray(rows[~visibility.done[rows]], np.int32)  # kernels are compiled for int32
 
     def everything(block: np.ndarray, horizon: np.ndarray, todo: np.ndarray, doubt: np.ndarray) -> None:
         visibility.bits[block] = 0
@@ -124,7 +124,7 @@ def evaluate_rows(points: SurfacePoints, caster: RayCaster, visibility: Visibili
 
 
 def brute_force_visibility(points: SurfacePoints, caster: RayCaster, targets: Targets, rows: np.ndarray) -> Visibility:
-    """Trace every target above the horizon of the given rows (the others stay unevaluated)."""
+    """Traces every target above the horizon of the given rows (the others remain unevaluated)."""
     visibility = empty_visibility(points, targets)
     evaluate_rows(points, caster, visibility, rows)
     return visibility

@@ -1,4 +1,4 @@
-"""What visibility is asked of: the directions of the geodesic sphere, finer ones, and points that shine."""
+"""Targets of visibility: the directions of the geodesic sphere, finer directions, and points on emitters."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,16 +14,16 @@ WEAK_STEP, WEAKEST_STEP, DOUBT_STEP = 64, 16, 4
 
 @dataclass(frozen=True)
 class Targets:
-    """What visibility is asked of: D directions, or D points with a front side.
+    """Targets of visibility: D directions, or D points with a front side.
 
     positions (D, 3) float32 unit directions or world points; normals (D, 3) float32 of points (zero for directions);
-    neighbours (D, N) int32, -1 padded: where flooding goes; parents (D,) int32: the triangle of the visibility level
-    that a finer direction lies in. Every `sentinel_step`-th target is traced whatever the guess says (0: none): a patch
-    of light is small, and the points around a thin shadow can agree on all of it. For a point with three informers it
-    is every `weak_step`-th, with two every `weakest_step`-th. doubt_step: in the last step of the picture only every so
-    many of those targets are traced that three of four points see (0: all). rotating: other points trace other targets
-    than every such, and all of them are somebody's. bright (D,) bool: targets that every point traces, whatever others
-    guess: so much light comes from each that no mistake is small; None: none.
+    neighbours (D, N) int32, -1 padded: the targets that flooding continues to; parents (D,) int32: the triangle of the
+    visibility level that contains a finer direction. sentinel_step: every such target is traced whatever the prediction
+    (0: none), because a light patch is small, and the points around a thin shadow can agree on all of it. weak_step,
+    weakest_step: the same for a point with three informers, and with two. doubt_step: in the last step of the picture,
+    among targets that three of four points see, only every such one is traced (0: all). rotating: different points
+    trace different sentinels, so that every target is some point's. bright (D,) bool: targets that every point traces,
+    because each is so bright that no error is small; None: none.
     """
 
     positions: np.ndarray
@@ -39,7 +39,7 @@ class Targets:
     bright: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        # Read alone, as the sphere's are: kernels would be compiled anew for those that may be written.
+        # Read-only, as the sphere's neighbours are: kernels would be compiled anew for writable ones.
         neighbours = self.neighbours.view()
         neighbours.flags.writeable = False
         object.__setattr__(self, "neighbours", neighbours)
@@ -50,7 +50,7 @@ class Targets:
 
     @cached_property
     def cones(self) -> np.ndarray:
-        """Axis and sine of the radius, with room for rounding, of each sixteen directions in a row: (G, 4) float32.
+        """Axis and sine of the radius, with room for rounding, of each sixteen consecutive directions: (G, 4) float32.
 
         Points have none.
         """
@@ -66,16 +66,16 @@ class Targets:
 
     @cached_property
     def bright_words(self) -> np.ndarray:
-        """Packed bits (words,) of the bright ones."""
+        """Packed bits (words,) of the bright targets."""
         marked = np.zeros(64 * self.n_words, np.uint8)
         if self.bright is not None:
             marked[: len(self.bright)] = self.bright
         return np.packbits(marked, bitorder="little").view(np.uint64)
 
     def sentinels(self, step: int) -> np.ndarray:
-        """Packed bits (S, words) of every step-th target: of a sphere, for a power of four, the middle ones.
+        """Packed bits (S, words) of every step-th target: on a sphere, for a power of four, the centre children.
 
-        Where they rotate, the S = step ways of choosing them, or none for step = 0.
+        If they rotate, one row for each of the S = step offsets; empty for step = 0.
         """
         marked = np.zeros((step if self.rotating and step else 1, 64 * self.n_words), np.uint8)
         for turn in range(len(marked) if step else 0):
@@ -84,7 +84,7 @@ class Targets:
 
 
 def sphere_targets(level: int) -> Targets:
-    """The triangle centres of one geodesic level, flooding across edges."""
+    """The triangle centres of one geodesic level, with flooding across edges."""
     sphere = geodesic(level)
     centres = np.ascontiguousarray(sphere.centres, np.float32)
     return Targets(

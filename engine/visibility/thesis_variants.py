@@ -1,13 +1,13 @@
 """The visibility methods of the thesis side by side [BenArtzi07, ch. 8]: for comparison only, the engine uses
 `coherent_grid`.
 
-A variant is three choices. Order: scanline (S: informed by the pixels to the left, above and above left) or grid (G:
-four pixels around, coarse to fine). Estimate: each informer's blockers go to the directions in which the informer saw
-them (N) or are warped to where they stand as seen from the new point (W). Correction: rays are traced along the
-boundary of what is estimated as blocked (B) or where the informers disagree (U), and on to all neighbours of a ray
-that contradicts the estimate. OPT is GNU that goes on only to neighbours which then disagree with the ray, and
-nowhere in the last step of the grid. TRUE traces everything. Pixels without all their informers on the same object
-are traced whole. docs/visibility.md has what they cost and how right they are.
+A variant combines three choices. Order: scanline (S: informed by the pixels to the left, above and above left) or grid
+(G: four surrounding pixels, coarse to fine). Estimate: each informer's blockers are copied to the directions in which
+the informer saw them (N) or warped to their directions as seen from the new point (W). Correction: rays are traced
+along the boundary of the estimated blockers (B) or where the informers disagree (U), and from each ray that contradicts
+the estimate on to all its neighbours. OPT is GNU that continues only to neighbours which then disagree with the ray,
+and not at all in the last step of the grid. TRUE traces everything. Pixels without all their informers on the same
+object are traced completely. docs/visibility.md compares cost and accuracy.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from engine.visibility.targets import Targets
 
 Variant = Literal["SNB", "SNU", "SWB", "SWU", "GNB", "GNU", "GWB", "GWU", "OPT", "TRUE"]
 VARIANTS: tuple[Variant, ...] = get_args(Variant)
-_OF_ANY_NORMAL = -2.0  # a cosine that all pairs exceed: the thesis asks for the same object alone
+_OF_ANY_NORMAL = -2.0  # a cosine that all pairs exceed: the thesis only requires the same object
 
 Int32Array = NDArray[np.int32]
 
 
 def voronoi_targets(directions: NDArray[np.floating]) -> Targets:
-    """Unit directions (D, 3), D ≥ 4, each with all those for neighbours whose Voronoi cells touch its own.
+    """Unit directions (D, 3), D ≥ 4; the neighbours of each are all those whose Voronoi cells touch its own.
 
-    Some six, as in the thesis; they are the edges of the directions' convex hull.
+    About six each, as in the thesis; they are the edges of the directions' convex hull.
     """
     from scipy.spatial import ConvexHull
 
@@ -51,10 +51,10 @@ def voronoi_targets(directions: NDArray[np.floating]) -> Targets:
 
 
 def variant_visibility(hits: PrimaryHits, caster: RayCaster, targets: Targets, variant: Variant) -> Visibility:
-    """What each of P points sees of D directions by one method, on one thread; `rays` counts what was traced.
+    """The visibility of D directions from P points by one method, on one thread; `rays` counts the traced rays.
 
-    targets: as `voronoi_targets` makes them. Warping keeps P x D distances in single precision meanwhile. Raises
-    ValueError for another name than those in VARIANTS and for finite targets.
+    targets: from `voronoi_targets`. Warping stores P x D distances in single precision meanwhile. Raises ValueError for
+    a name that is not in VARIANTS and for finite targets.
     """
     if variant not in VARIANTS or targets.finite:
         asked = f"{variant!r} of {'points' if targets.finite else 'directions'}"
@@ -68,7 +68,7 @@ def variant_visibility(hits: PrimaryHits, caster: RayCaster, targets: Targets, v
 
 
 class _VariantState:
-    """Answers so far, and for each blocked direction how far its blocker stands where these are warped."""
+    """The results so far and, if blockers are warped, the distance of the blocker in each blocked direction."""
 
     def __init__(self, hits: PrimaryHits, caster: RayCaster, targets: Targets, variant: Variant) -> None:
         self._hits, self._caster = hits, caster
@@ -82,7 +82,7 @@ class _VariantState:
         self._valid = np.packbits(used, bitorder="little").view(np.uint64)
 
     def evaluate(self, rows: Int32Array, informers: Int32Array, last: bool) -> None:
-        """Estimate some points (B,) from others (B, 3 or 4) that are done, and correct the estimate."""
+        """Estimates some points (B,) from finished ones (B, 3 or 4), and corrects the estimate."""
         visibility, targets, hits = self.visibility, self.visibility.targets, self._hits
         bits, neighbours = visibility.bits, targets.neighbours
         horizon = horizons(hits, targets, rows)
@@ -150,8 +150,8 @@ def _grid(hits: PrimaryHits) -> Iterator[Step]:
 
 
 def _scanline(hits: PrimaryHits) -> Iterator[Step]:
-    """Points along diagonals of the picture, informed from the left, above left and above: all that a point needs lies
-    on the two diagonals before its own, so these are scanlines' answers."""
+    """Points along diagonals of the picture, informed from the left, above left and above. All informers of a point lie
+    on the two diagonals before its own, so the results equal those of scanlines."""
     width, height = hits.resolution
     around = np.full((height + 1, width + 1), -1, np.int32)
     around[1:, 1:] = hits.row_image
