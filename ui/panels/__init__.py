@@ -1,0 +1,3 @@
+"""The panels: functions that draw a part of the window from a `PanelContext` and return the actions that the user asked
+for. They change nothing themselves; `ui.action_handler` carries the actions out.
+"""

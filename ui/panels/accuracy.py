@@ -1,9 +1,9 @@
-"""Speed against accuracy: what the picture costs and how far it is from exact, both measured, and what trades them.
+"""The Accuracy panel: the cost of the picture and its error, both measured, and the settings that trade them.
 
-One slider moves all of a mode's knobs along the settings that no other beats in both (`app.document.pareto_front`). It
-says the error that was measured there of the front's own scenes, and the time for as many pixels; how far off the
-picture itself is stands below, once that was judged. Knobs that stand beside the front are "custom".
-The time of a frame and the worker's progress are everybody's; what stands between them is the mode's own.
+One slider moves all settings of a mode along the accuracy front, which no other settings beat in both
+(`app.document.pareto_front`). It shows the error and the time that were measured for the front's own scenes, scaled to
+the picture's pixels; the estimated error of the picture itself is below. Settings off the front are "custom". The time
+of a frame and the worker's progress are shown in each mode; what is between them is the mode's own.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ui.theme import Icon
 
 LEAST_BUDGET, LARGEST_BUDGET = 2.0, 200.0
 GAP, SLIDER_SHARE = 4.0, 0.68
-# What the slider with its words and the time of a frame need beside each other.
+# The width that the slider with its labels and the frame time need side by side.
 TRADE_WIDTH = 152.0
 CUSTOM = "custom"
 SLIDER_HINT = (
@@ -46,7 +46,7 @@ def draw(context: PanelContext) -> list[Action]:
 
 
 def _trade(context: PanelContext) -> list[Action]:
-    """The slider, and beside it the time for a frame."""
+    """The slider, and beside it the frame time."""
     widgets.label(context, "Accuracy", least=TRADE_WIDTH)
     room, gap = imgui.get_content_region_avail().x, context.px(GAP)
     actions: list[Action] = []
@@ -77,7 +77,7 @@ def _slider(context: PanelContext) -> list[Action]:
 
 
 def expected(table: ParetoFront, stop: FrontPoint, resolution: tuple[int, int]) -> str:
-    """The error and time to expect of a stop, of a picture of (width, height) pixels, in words."""
+    """The error and time to expect of a stop, for a picture of (width, height) pixels, in words."""
     return f"{percent(stop.error)} · {duration(table.seconds(stop, resolution[0] * resolution[1]))}"
 
 
@@ -92,7 +92,7 @@ def _budget(context: PanelContext) -> list[Action]:
 
 
 def _work(context: PanelContext) -> list[Action]:
-    """What the worker does, with its progress, and a way to stop it; what was stopped, and a way to go on."""
+    """The worker's progress, and a button to stop it; or what was stopped, and a button to resume."""
     status = context.status
     if not status.stage:
         return _stopped(context) if status.stopped else []
@@ -126,7 +126,7 @@ def _stopped(context: PanelContext) -> list[Action]:
 
 
 def work_text(status: Status) -> str:
-    """Stage, share done (once there is one) and time left, on one line: "transport 78 % · 12 s left"."""
+    """Stage, fraction done (once there is one) and time left, on one line: "transport 78 % · 12 s left"."""
     parts = [f"{status.stage} {100.0 * status.fraction:.0f} %" if status.fraction > 0.0 else status.stage]
     if status.seconds_left is not None:
         parts.append(f"{duration(status.seconds_left)} left")
@@ -139,12 +139,12 @@ def error_text(error: float) -> str:
 
 
 def error_hint(status: Status) -> str:
-    """What is known of the parts of the picture's error."""
+    """The known parts of the picture's error."""
     parts = "" if status.estimate is None else error_parts(status.estimate)
     return "\n".join(filter(None, (parts, status.error_note)))
 
 
 def error_parts(estimate: ErrorEstimate) -> str:
-    """What the error is of, line by line; "" where that is not known."""
+    """The parts of the error, line by line; "" where unknown."""
     parts = {"direct light": estimate.direct, "light between surfaces": estimate.indirect}
     return "\n".join(f"{name}: {percent(error)}" for name, error in parts.items() if error is not None)

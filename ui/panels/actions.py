@@ -1,4 +1,4 @@
-"""What panels ask for beyond edits. Panels draw and return values; `ui.shell` alone carries them out.
+"""Actions of panels other than edits. Panels draw and return values; only `ui.action_handler` carries them out.
 
 A panel returns, in order, document commands (`app.document.commands`), view commands (`app.document.view_state`) and
 the window actions of this module.
@@ -20,14 +20,14 @@ from ui.panels.window_state import Grip
 
 @dataclass(frozen=True)
 class BeginDrag:
-    """A hand took hold of something that edits the document: all until `EndDrag` is one step of the history."""
+    """Begin a drag that edits the document: all until `EndDrag` is one step of the history."""
 
     label: str | None = None
 
 
 @dataclass(frozen=True)
 class AnswerQuestion:
-    """Do with the chosen file what was asked for, and close the file dialog; it stays where that is refused."""
+    """Do with the chosen file what the dialog was opened for, and close it; it stays open where that is refused."""
 
     path: Path
     action: Action
@@ -35,24 +35,24 @@ class AnswerQuestion:
 
 @dataclass(frozen=True)
 class EndDrag:
-    """The hand let go."""
+    """End the drag."""
 
 
 @dataclass(frozen=True)
 class CancelDrag:
-    """Take back all that the gesture under way did, and let go."""
+    """Cancel the gesture under way and take back all that it did."""
 
 
 @dataclass(frozen=True)
 class HoldGrip:
-    """Keep what a gesture needs while it lasts; None when it ends."""
+    """Store what a gesture needs while it lasts; None when it ends."""
 
     grip: Grip | None
 
 
 @dataclass(frozen=True)
 class MergedEdit:
-    """An edit that is one step of the history with those just before it of the same gesture."""
+    """An edit that is merged into one step with those just before it of the same gesture."""
 
     command: EditCommand
     gesture: str
@@ -60,43 +60,43 @@ class MergedEdit:
 
 @dataclass(frozen=True)
 class Undo:
-    """One step back in the history."""
+    """Undo one step of the history."""
 
 
 @dataclass(frozen=True)
 class Redo:
-    """One step forward in the history."""
+    """Redo one step of the history."""
 
 
 @dataclass(frozen=True)
 class Play:
-    """Let the scene's animation go on; False: stop it where it is."""
+    """Play the scene's animation; False: stop it where it is."""
 
     goes_on: bool = True
 
 
 @dataclass(frozen=True)
 class BeginCameraDrag:
-    """A hand took hold of the camera: all until `EndCameraDrag` is one step of the view's own history."""
+    """Begin a camera drag: all until `EndCameraDrag` is one step of the view's own history."""
 
     label: str
 
 
 @dataclass(frozen=True)
 class DragCamera:
-    """See the scene from there, while a hand holds the camera; nothing where it does so no more."""
+    """Move the camera during a camera drag; does nothing after it."""
 
     viewpoint: Viewpoint
 
 
 @dataclass(frozen=True)
 class EndCameraDrag:
-    """The hand let go of the camera."""
+    """End the camera drag."""
 
 
 @dataclass(frozen=True)
 class MoveCameraTo:
-    """See the scene from there: a step of the view's history, one with those before it of the same gesture."""
+    """Move the camera: a step of the view's history, merged with those before it of the same gesture."""
 
     viewpoint: Viewpoint
     label: str
@@ -105,24 +105,24 @@ class MoveCameraTo:
 
 @dataclass(frozen=True)
 class UndoCamera:
-    """One step back in the view's history."""
+    """Undo one step of the view's history."""
 
 
 @dataclass(frozen=True)
 class RedoCamera:
-    """One step forward in the view's history."""
+    """Redo one step of the view's history."""
 
 
 @dataclass(frozen=True)
 class SaveView:
-    """Keep the view by a name, in the place of the one that has it; None: as another one."""
+    """Bookmark the view under a name, replacing the one that has it; None: as another one."""
 
     name: str | None = None
 
 
 @dataclass(frozen=True)
 class RenameView:
-    """Give a kept view another name."""
+    """Rename a bookmarked view."""
 
     old: str
     new: str
@@ -130,7 +130,7 @@ class RenameView:
 
 @dataclass(frozen=True)
 class SetPreference:
-    """Change what a person is used to (`app.files.preferences.Preferences`)."""
+    """Change a preference of the user (`app.files.preferences.Preferences`)."""
 
     changes: Mapping[str, str]
 
@@ -151,15 +151,15 @@ class SetPanel:
 
 @dataclass(frozen=True)
 class OpenFile:
-    """Open a scene, a session or an environment, told apart by its ending."""
+    """Open a scene, a session or an environment, told apart by the suffix."""
 
     path: str
 
 
 @dataclass(frozen=True)
 class AskFile:
-    """Ask for a file name without stopping the picture; of an image for the layer, or for bumps and
-    surfaces the object, `key`."""
+    """Open the file dialog, which does not stop the picture; for an image of the layer `key`, or for bumps and surfaces
+    of the object `key`."""
 
     purpose: str
     key: str = ""
@@ -184,7 +184,7 @@ class ReloadImages:
 
 @dataclass(frozen=True)
 class ImportMeasured:
-    """Make the selected object of what a file measured: of a diffuse layer and a highlight, or as cloth of one."""
+    """Make the selected object of a measured file: of a diffuse layer and a highlight, or as cloth of one layer."""
 
     path: Path
     cloth: bool = False
@@ -206,14 +206,14 @@ class ExportScene:
 
 @dataclass(frozen=True)
 class SaveSession:
-    """Save the session to `path`, or where it was saved last; asks for a name the first time."""
+    """Save the session to `path`, or where it was saved last; opens the file dialog the first time."""
 
     path: Path | None = None
 
 
 @dataclass(frozen=True)
 class Screenshot:
-    """Write the window's picture, interface and all, to a PNG; None names it by the time of day."""
+    """Write the window's picture, with the interface, to a PNG; None names it by the time of day."""
 
     path: Path | None = None
 
@@ -235,7 +235,7 @@ class Resize:
 
 @dataclass(frozen=True)
 class SaveMaterial:
-    """Keep an object's material in the library, under a name."""
+    """Store an object's material in the library, under a name."""
 
     object: str
     name: str
@@ -243,14 +243,14 @@ class SaveMaterial:
 
 @dataclass(frozen=True)
 class DeleteMaterial:
-    """Delete one of the person's own materials."""
+    """Delete one of the user's own materials."""
 
     path: Path
 
 
 @dataclass(frozen=True)
 class Copy:
-    """Put a material, or a part of one, on the clipboard; `what` names it to the person."""
+    """Put a material, or a part of one, on the clipboard; `what` names it to the user."""
 
     material: Material
     what: str
@@ -258,15 +258,15 @@ class Copy:
 
 @dataclass(frozen=True)
 class Paste:
-    """Take what is on the clipboard: a material replaces the selected object's (`as_layers`: comes on top of it), a
-    layer comes on top, a curve takes the selected one's place."""
+    """Take what is on the clipboard: a material replaces the selected object's (`as_layers`: is added on top of it), a
+    layer is added on top, a curve replaces the selected one."""
 
     as_layers: bool = False
 
 
 @dataclass(frozen=True)
 class Recover:
-    """Take back (True) or throw away (False) what a journal kept when the program last ended early."""
+    """Recover (True) or discard (False) what the journal stored when the program last ended early."""
 
     recovery: Recovery
     accept: bool
@@ -274,21 +274,22 @@ class Recover:
 
 @dataclass(frozen=True)
 class AnswerUnsaved:
-    """What becomes of unsaved edits that stand in the way of an action: saved, or given up; then it is carried out."""
+    """Answer the question on unsaved edits that an action would lose: save or discard them; then the action is carried
+    out."""
 
     is_saved: bool
 
 
 @dataclass(frozen=True)
 class ShowPanel:
-    """Open a panel where it is closed, and bring it before those that share its place."""
+    """Open a panel where it is closed, and bring it in front of those in the same dock."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class ResetLayout:
-    """Dock all panels where they are by default."""
+    """Dock all panels in the default layout."""
 
 
 @dataclass(frozen=True)
@@ -298,12 +299,12 @@ class CancelWork:
 
 @dataclass(frozen=True)
 class ResumeWork:
-    """Go on with what was stopped."""
+    """Resume what was stopped."""
 
 
 @dataclass(frozen=True)
 class Quit:
-    """Close the window; where there are unsaved edits that is asked about, unless they are to stay in the journal."""
+    """Close the window; unsaved edits open a question, unless they are to stay in the journal."""
 
     keep_journal: bool = False
 

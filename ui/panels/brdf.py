@@ -1,12 +1,12 @@
 """The BRDF panel: the selected layer as a lit sphere, its albedo, and one of three plots, beside its curve.
 
-    sphere   under a fixed key, rim and dome: what the material is known by, wherever the scene's light is
-    albedo   the share of light sent on, per channel; a warning where a curve makes light of nothing
-    lobe     what is reflected of light from one angle (drag the ray), in the plane of the normal
-    slice    the image over θ_h and θ_d that measured BRDFs are shown as
+    sphere   under a fixed key, rim and dome light: it shows the material independently of the scene's light
+    albedo   the share of light reflected, per channel; a warning where a curve reflects more than it receives
+    lobe     the reflection of light from one angle (drag the ray), in the plane of the normal
+    slice    the image over θ_h and θ_d in which measured BRDFs are shown
     albedo   (plot) the share reflected over the angle of the light
 
-Where the selected curve's regions are, the plots say in the accent (`brdf_plots`).
+The plots mark the selected curve's regions in the accent colour (`brdf_plots`).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from ui.panels.context import PanelContext
 from ui.theme import Icon
 
 LARGEST_SPHERE = 144.0
-# What quadrature may be above 1 for a material that is not, at angles at which it is that good.
+# How far quadrature may exceed 1 for a material that does not, at angles where it is that accurate.
 ENERGY_TOLERANCE = 0.02
 ENERGY_ANGLES = math.radians(85.0)
 PLOT_HINTS = {
@@ -61,7 +61,7 @@ FIGURES = (100.0, 60.0)
 
 @dataclass(frozen=True)
 class BrdfLayout:
-    """Where the parts stand: the figures beside the sphere, or in one line under it."""
+    """The rectangles of the parts: the numbers are beside the sphere, or in one line under it."""
 
     sphere: ImVec2
     side: int
@@ -73,7 +73,7 @@ class BrdfLayout:
 
 
 def _places(context: PanelContext, corner: ImVec2, room: ImVec2) -> BrdfLayout:
-    """A wide panel has the plot at the right, a tall one below, and the figures where there is room for them."""
+    """A wide panel has the plot at the right, a tall one below, and the numbers where there is room for them."""
     gap, most = context.px(10), context.px(LARGEST_SPHERE)
     if room.x > 1.25 * room.y:
         side = _whole(min(room.y - context.px(76), 0.42 * room.x, most))
@@ -95,12 +95,12 @@ def _places(context: PanelContext, corner: ImVec2, room: ImVec2) -> BrdfLayout:
 
 
 def _whole(side: float) -> int:
-    """A side in steps, so that a panel being resized does not ask for another sphere in every frame."""
+    """A side in steps, so that a panel that is being resized does not require another sphere in every frame."""
     return 8 * max(int(side / 8), 5)
 
 
 def _choice(context: PanelContext) -> list[Action]:
-    """Which plot, and of what."""
+    """The choice of the plot and of what it shows."""
     view = context.view
     actions: list[Action] = []
     choices = [(name.capitalize(), PLOT_HINTS[name]) for name in BRDF_PLOTS]
@@ -132,7 +132,7 @@ def _sphere(context: PanelContext, corner: ImVec2, side: int) -> None:
 
 
 def _of_curves_alone(context: PanelContext) -> str:
-    """What is to be known of measured layers while their tables are not here."""
+    """What the user should know of measured layers while their tables are not here."""
     board = context.brdf
     if not board.curves_alone:
         return ""
@@ -178,7 +178,7 @@ def albedo_texts(albedo: Albedo) -> list[tuple[look.Colour, str]]:
 
 
 def energy_warning(albedo: Albedo) -> str:
-    """How much more than it receives the material reflects at worst, in words; nothing where it does not."""
+    """In words, how much more than it receives the material reflects at most; empty where it does not."""
     shares = np.where(albedo.angles < ENERGY_ANGLES, albedo.values.max(axis=1), 0.0)
     largest = float(shares.max())
     if largest <= 1.0 + ENERGY_TOLERANCE:
@@ -222,7 +222,7 @@ def _plot(context: PanelContext, place: ImVec2, size: ImVec2) -> list[Action]:
 
 
 def _alone(context: PanelContext, place: ImVec2, size: ImVec2) -> None:
-    """In the plot's upper right, that a measured layer is its curves alone."""
+    """Note in the plot's upper right that a measured layer is shown by its curves alone."""
     imgui.push_font(None, look.SMALL_SIZE)
     text = "curves alone"
     wide = imgui.calc_text_size(text)
@@ -240,7 +240,8 @@ def _alone(context: PanelContext, place: ImVec2, size: ImVec2) -> None:
 
 
 def _plane(context: PanelContext, place: ImVec2, size: ImVec2) -> list[Action]:
-    """Along or across the tangent, in the plot's upper left, where it makes a difference; of the lobe, its scale."""
+    """The choice along or across the tangent, in the plot's upper left, where it makes a difference; of the lobe, its
+    scale."""
     view = context.view
     imgui.push_font(None, look.SMALL_SIZE)
     imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(context.px(5), context.px(1)))
@@ -263,7 +264,7 @@ def _plane(context: PanelContext, place: ImVec2, size: ImVec2) -> list[Action]:
 
 
 def _pick(context: PanelContext) -> list[Action]:
-    """Have the lobe in the picture, or no more."""
+    """Toggle the lobe in the picture."""
     on = context.state.picks_lobe or context.view.lobe_pixel is not None
     hint = (
         "The lobe on the surface: click a place of the picture then. Alt-click does so at once, and Alt-drag moves it. "

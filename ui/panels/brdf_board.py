@@ -1,7 +1,6 @@
-"""What there is to see of the selected material's BRDF, and what of it the panels of this frame show.
+"""The pictures and plots of the selected material's BRDF, and which of them the panels of this frame show.
 
-A noticeboard like `Handles`: panels note what they draw, `ui.brdf_feed` makes that and nothing else. What is not there
-yet is None.
+Like `Handles`: panels note what they draw, `ui.brdf_feed` computes that and nothing else. What is not ready is None.
 """
 
 from __future__ import annotations
@@ -21,10 +20,10 @@ def _nothing(theta_h: float, theta_d: float) -> tuple[float, float, float]:
 
 
 class BrdfBoard:
-    """`shown` are the parts on screen; `problem` says in one line why there is nothing to see of this material.
+    """`shown` are the parts on screen; `problem` says in one line why nothing can be shown of this material.
 
-    `curves_alone`: of a measured layer what is shown is the product of its curves, its measurement being on its way, or
-    for the reason that `why_alone` tells not to be had.
+    `curves_alone`: of a measured layer the product of its curves is shown, because its measurement is on its way, or is
+    not available for the reason in `why_alone`.
     """
 
     def __init__(self) -> None:
@@ -41,10 +40,10 @@ class BrdfBoard:
         self.why_alone = ""
 
     def begin_frame(self) -> None:
-        """Nothing is shown until a panel says so."""
+        """Show nothing until a panel asks for it."""
         self.shown.clear()
 
     def clear(self) -> None:
-        """There is no material."""
+        """Note that there is no material."""
         self.sphere = self.slice = self.lobe = self.albedo = self.surface = None
         self.problem = ""

@@ -1,7 +1,7 @@
 """The three plots of the BRDF panel: lobe, slice, directional albedo. Each fills a box and notes what it needs.
 
-The selected curve's regions are marked where its angle is one of the plot's: b to c as an arc around the lobe, as bars
-on the slice, as a strip of the albedo.
+The selected curve's regions are marked where the plot has its angle: b to c as an arc around the lobe, as bars on the
+slice, as a strip of the albedo.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ GRAB = 9.0
 
 
 def lobe(context: PanelContext, place: ImVec2, size: ImVec2) -> list[Action]:
-    """A half disc: the normal upwards, light from the left, the radius what is reflected."""
+    """A half disc: the normal upwards, light from the left, the radius proportional to the reflection."""
     context.brdf.shown.add("lobe")
     draw = _well(context, place, size)
     radius = min(0.5 * size.x - context.px(13), size.y - context.px(34))
@@ -65,7 +65,7 @@ def _polar_grid(context: PanelContext, draw: imgui.ImDrawList, centre: ImVec2, r
 
 
 def _at(centre: ImVec2, angle: float, radius: float) -> ImVec2:
-    """The place at an angle from the normal, to the right where positive."""
+    """The point at an angle from the normal, to the right where positive."""
     return ImVec2(centre.x + radius * math.sin(angle), centre.y - radius * math.cos(angle))
 
 
@@ -80,7 +80,7 @@ def radii(values: np.ndarray, top: float, logarithmic: bool) -> np.ndarray:
 def _lobe_lines(
     context: PanelContext, draw: imgui.ImDrawList, found: BrdfSlice, centre: ImVec2, radius: float
 ) -> float:
-    """The lobe of each channel, and what the mouse points at; the value at the outermost ring."""
+    """Draw the lobe of each channel, and the point under the mouse; returns the value at the outermost ring."""
     top = nice_ceiling(max(float(found.values.max()), 1e-6))
     shown = distinct_channels(found.values)
     for channel in shown:
@@ -102,7 +102,7 @@ def _lobe_lines(
 
 
 def _scale_label(context: PanelContext, draw: imgui.ImDrawList, place: ImVec2, size: ImVec2, top: float) -> None:
-    """What the outermost ring stands for, in the lower right corner."""
+    """Label the outermost ring, in the lower right corner."""
     imgui.push_font(None, look.SMALL_SIZE - 1.5)
     text = f"ring {value_label(top, top)} /sr"
     extent = imgui.calc_text_size(text)
@@ -112,7 +112,7 @@ def _scale_label(context: PanelContext, draw: imgui.ImDrawList, place: ImVec2, s
 
 
 def _light_ray(context: PanelContext, draw: imgui.ImDrawList, centre: ImVec2, radius: float) -> list[Action]:
-    """The ray of light with its knob, which a hand drags, and the mirror direction."""
+    """The ray of light with its knob, which can be dragged, and the mirror direction."""
     angle = context.view.lobe_angle
     outer, mirrored = _at(centre, -angle, radius), _at(centre, angle, radius)
     context.handles.note("brdf.light", outer.x, outer.y)
@@ -153,14 +153,14 @@ def _dashes(draw: imgui.ImDrawList, start: ImVec2, end: ImVec2, length: float, i
 
 
 def _arcs(context: PanelContext, draw: imgui.ImDrawList, centre: ImVec2, radius: float) -> None:
-    """Where on the rim the selected curve's b to c is."""
+    """Mark on the rim where the selected curve's b to c is."""
     for low, high in arcs_of_region(_factor(context), context.view.lobe_angle, *_region(context)):
         draw.path_arc_to(centre, radius, low - HALF_PI, high - HALF_PI, 24)
         draw.path_stroke(look.pack(look.with_alpha(look.ACCENT, 0.75)), context.px(2.5))
 
 
 def arcs_of_region(factor: str, theta_i: float, low: float, high: float) -> list[tuple[float, float]]:
-    """Angles of the eye, in the plane of light and normal, at which a curve's angle is between low and high.
+    """Angles of the camera, in the plane of light and normal, at which a curve's angle is between low and high.
 
     There theta_h = |theta - theta_i| / 2, theta_r = |theta - theta_i|, theta_d = |theta + theta_i| / 2.
     """
@@ -239,7 +239,7 @@ def _slice_marks(context: PanelContext, draw: imgui.ImDrawList, across: Axis, up
 
 
 def albedo(context: PanelContext, place: ImVec2, size: ImVec2) -> None:
-    """Directional albedo per channel over the angle of the light; 1 is a line that nothing should cross."""
+    """Directional albedo per channel over the angle of the light; nothing should exceed the line at 1."""
     context.brdf.shown.add("albedo")
     found = context.brdf.albedo
     largest = 1.0 if found is None else float(found.values.max())
@@ -310,7 +310,7 @@ def _factor(context: PanelContext) -> str:
 
 
 def _region(context: PanelContext) -> tuple[float, float]:
-    """b and c of the operator in hand."""
+    """b and c of the operator in use."""
     return context.view.regions[1], context.view.regions[2]
 
 
@@ -324,7 +324,7 @@ def _triple(values: np.ndarray | tuple[float, float, float]) -> str:
 
 
 def _tooltip_now(text: str) -> None:
-    """At once, without the wait of a tooltip."""
+    """Show a tooltip at once, without delay."""
     imgui.begin_tooltip()
     imgui.text_unformatted(text)
     imgui.end_tooltip()

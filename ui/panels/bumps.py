@@ -1,4 +1,4 @@
-"""What turns the normals of the selected object, a part of the material panel: its normal or bump map."""
+"""The normal or bump map of the selected object, a part of the material panel."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ HINTS = {
     "bump_map": "A grey image of heights that turns the object's normals, under all of its layers: PNG, JPEG or "
     "OpenEXR.",
 }
-_FINEST = 1e-3  # metres: heights below it are dragged as fast as it
+_FINEST = 1e-3  # metres: below it heights are dragged at the speed of it
 
 
 def draw(context: PanelContext, state: ObjectState, width: float) -> list[Action]:
-    """The rows of an object's bumps: the image, and where there is one how strong it is and how often it repeats."""
+    """The rows of an object's bumps: the image, and where there is one its strength and repeats."""
     bumps = state.bumps
     widgets.label(context, "Bumps", width)
     if not bumps.file:
@@ -60,7 +60,7 @@ def _file_button(context: PanelContext, name: str, kind: str, words: str, file: 
 
 
 def _strength(context: PanelContext, state: ObjectState, width: float) -> list[Action]:
-    """How strong the image is; of heights also how high."""
+    """The strength of the image; for heights also their scale."""
     widgets.label(context, "Bump strength", width)
     bumps = state.bumps
     touch, moved = number_fields.slider(
@@ -82,7 +82,7 @@ def _strength(context: PanelContext, state: ObjectState, width: float) -> list[A
 
 
 def _repeats(context: PanelContext, state: ObjectState, width: float) -> list[Action]:
-    """How often the image repeats across and upwards."""
+    """The repeats of the image across and upwards."""
     widgets.label(context, "Repeats", width)
     gap, repeats = context.px(4), state.bumps.bump_repeats
     room = imgui.get_content_region_avail().x - gap

@@ -1,6 +1,6 @@
-"""The camera's controls over the picture: lens, horizon, the picture's size, and the views that are kept by name.
+"""The camera's controls over the picture: lens, horizon, the picture's size, and bookmarked views.
 
-They stand in the picture's upper right corner and are in nobody's way: the picture under them can be worked on.
+They are in the picture's upper right corner; the picture under them stays usable.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ LENS_HINT = (
 
 
 def draw(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[Action]:
-    """The controls, where they are wanted and the picture's panel, from its corner, has room for them."""
+    """The controls, where they are switched on and the picture's panel, from its corner, has room for them."""
     if not context.state.shows_camera or not context.document.objects or room.x < context.px(WIDTH + 2 * MARGIN):
         return []
     actions: list[Action] = []
@@ -95,7 +95,7 @@ def _horizon(context: PanelContext) -> list[Action]:
 
 
 def _size(context: PanelContext, room: ImVec2) -> list[Action]:
-    """The picture's pixels: the scene's own, those of its panel, or any."""
+    """The picture's resolution: the scene's own, its panel's, or any."""
     widgets.label(context, "Picture", LABEL_WIDTH)
     panel = (min(max(round(room.x), 1), MAX_RESOLUTION), min(max(round(room.y), 1), MAX_RESOLUTION))
     size, own = context.resolution, context.own_resolution
@@ -115,7 +115,7 @@ def _size(context: PanelContext, room: ImVec2) -> list[Action]:
 
 
 def _views(context: PanelContext, foot: float) -> list[Action]:
-    """The list of kept views, as high as there is room above `foot`, and a button that keeps this one."""
+    """The list of bookmarked views, as high as there is room above `foot`, and a button that bookmarks this one."""
     imgui.spacing()
     actions: list[Action] = []
     bookmarks = context.view.bookmarks
@@ -133,7 +133,7 @@ def _views(context: PanelContext, foot: float) -> list[Action]:
 
 
 def _view(context: PanelContext, bookmark: Bookmark) -> list[Action]:
-    """A row: the picture, which goes there, the name, and what can be done with it."""
+    """A row: the thumbnail, which goes to the view, the name, and the view's buttons."""
     name = bookmark.name
     imgui.push_id(name)
     actions: list[Action] = []
@@ -172,7 +172,7 @@ def _title_of(context: PanelContext, name: str) -> list[Action]:
 
 
 def _name(context: PanelContext, name: str) -> list[Action]:
-    """The name as text; Enter takes it, and so does a click elsewhere."""
+    """The name as text; Enter accepts it, and so does a click elsewhere."""
     imgui.set_next_item_width(-1.0)
     if imgui.get_io().want_text_input is False:
         imgui.set_keyboard_focus_here()

@@ -1,12 +1,12 @@
-"""The hand that moves the camera: over the picture by mouse or trackpad, and by keys.
+"""Gestures that move the camera: over the picture by mouse or trackpad, and by keys.
 
     middle drag orbits, Shift pans, Ctrl goes nearer or farther         as in Blender
     Alt left drag orbits, Alt middle pans, Alt right nearer or farther  as in Maya
     the wheel goes nearer what is under the mouse; or two fingers orbit, Shift pan, Ctrl nearer or farther
 
-What the picture had on these before is held with Ctrl and Alt (`ui.panels.viewport_layout`). Drags are measured from
-where they began, so that a hand that returns is back to the last bit; the scene goes with the hand, at the depth of
-what it took hold of.
+Zooming and panning the picture itself uses the same buttons with Ctrl and Alt (`ui.panels.viewport_layout`). Drags are
+measured from where they began, so that a pointer that returns restores the camera to the last bit; the scene follows
+the pointer, at the depth of what it grabbed.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from ui.panels.viewport_layout import PictureRect
 from ui.panels.window_state import Grip, ScrollTurn
 
 Gesture = Literal["orbit", "pan", "dolly"]
-# Of mouse buttons (0 left, 1 right, 2 middle) with keys held.
+# Mouse buttons (0 left, 1 right, 2 middle) with modifier keys.
 DRAGS: dict[Mouse, dict[tuple[int, str], Gesture]] = {
     "blender": {(2, ""): "orbit", (2, "shift"): "pan", (2, "ctrl"): "dolly"},
     "maya": {(0, "alt"): "orbit", (2, "alt"): "pan", (1, "alt"): "dolly"},
@@ -49,9 +49,9 @@ SCROLLS: dict[Scroll, dict[str, Gesture]] = {
     "orbit": {"": "orbit", "shift": "pan", "ctrl": "dolly"},
 }
 DEGREES_A_PIXEL, PIXELS_TO_HALVE = 0.4, 150.0
-# A notch of the wheel, of which a trackpad tells small parts.
+# Per notch of the wheel, of which a trackpad reports small fractions.
 NOTCH_DEGREES, NOTCH_HEIGHTS, NOTCH_NEARER = 12.0, 0.06, 0.85
-# Turns with less than this between them are one step of the view's history, seconds.
+# Wheel turns with less than this between them are one step of the view's history, seconds.
 PAUSE_SECONDS = 1.0
 KEY_DEGREES, KEY_NEARER = 15.0, 0.8
 # Pixels at scale 1 after which a press is a drag.
@@ -67,8 +67,8 @@ TURNS: dict[str, tuple[float, float]] = {
 
 @dataclass(frozen=True)
 class CameraGrip(Grip):
-    """A hand on the camera. `offset` is where the mouse took hold, pixels, with this button; `camera` as it was then,
-    `depth` of what was under the mouse, metres; `begun`: the hand has moved since."""
+    """A drag of the camera. `offset` is where the mouse grabbed it, pixels, with this button; `camera` as it was then,
+    `depth` of what was under the mouse, metres; `begun`: the pointer has moved since."""
 
     gesture: Gesture
     button: int
@@ -85,7 +85,8 @@ def held_keys() -> str:
 
 
 def navigate(context: PanelContext, placed: PictureRect, picture: Picture) -> list[Action] | None:
-    """What a hand over the picture, the item drawn last, does to the camera; None where it does something else."""
+    """The actions of the mouse over the picture, the item drawn last, on the camera; None where it does something
+    else."""
     grip = context.state.grip
     if isinstance(grip, CameraGrip):
         return _drag(context, grip, placed)
@@ -98,13 +99,13 @@ def navigate(context: PanelContext, placed: PictureRect, picture: Picture) -> li
 
 
 def was_a_click(context: PanelContext, actions: list[Action]) -> bool:
-    """Whether a left button that could have moved the camera was let go where it was pressed."""
+    """Whether a left button that could have moved the camera was released where it was pressed."""
     grip = context.state.grip
     return isinstance(grip, CameraGrip) and grip.button == 0 and not grip.begun and HoldGrip(None) in actions
 
 
 def command(context: PanelContext, name: str) -> list[Action]:
-    """What a named key or menu entry asks for; nothing where there is nothing to frame."""
+    """The actions of a named key or menu entry; none where there is nothing to frame."""
     camera = context.camera
     if name in SIDES:
         return _there(context, view_from_side(camera, SIDES[name]), f"from the {SIDES[name]}")
@@ -124,7 +125,7 @@ def command(context: PanelContext, name: str) -> list[Action]:
 
 
 def _frame(context: PanelContext, name: str | None) -> list[Action]:
-    """An object, or all."""
+    """Frame an object, or all."""
     box = context.box_of(name)
     if box is None:
         return []
@@ -164,7 +165,7 @@ def _drag(context: PanelContext, grip: CameraGrip, placed: PictureRect) -> list[
 
 
 def drag_camera(grip: CameraGrip, across: float, down: float, scale: float, height: float) -> Camera:
-    """The camera when the mouse has gone so many pixels right and down; height: of the picture on screen."""
+    """The camera after the mouse has moved so many pixels right and down; height: of the picture on screen."""
     if across == down == 0.0:
         return grip.camera  # to the last bit
     if grip.gesture == "orbit":
@@ -176,7 +177,7 @@ def drag_camera(grip: CameraGrip, across: float, down: float, scale: float, heig
 
 
 def _depth_at(context: PanelContext, pixel: tuple[int, int] | None) -> float:
-    """Of what a pixel of the picture shows, metres; the target's where that is not known."""
+    """The depth of what a pixel of the picture shows, metres; the target's where that is unknown."""
     spot = None if pixel is None or context.status.is_away else context.spot_at(*pixel)
     depth = 0.0 if spot is None else depth_of(context.camera, spot.place)
     return depth if depth > 0.0 else distance(context.camera)
@@ -198,7 +199,7 @@ def _scroll(context: PanelContext, placed: PictureRect, picture: Picture) -> lis
 
 
 def _turn(context: PanelContext, gesture: Gesture, placed: PictureRect, picture: Picture) -> ScrollTurn:
-    """The turn of the wheel that goes on, or a new one; it keeps to the point that it began about."""
+    """The wheel turn under way, or a new one; it keeps the point that it began about."""
     mouse, turn = imgui.get_mouse_pos(), context.state.scroll
     place = (mouse.x, mouse.y)
     goes_on = turn is not None and (turn.gesture, turn.place) == (gesture, place)
@@ -210,8 +211,8 @@ def _turn(context: PanelContext, gesture: Gesture, placed: PictureRect, picture:
 
 
 def scroll_camera(camera: Camera, gesture: Gesture, x: float, y: float, about: tuple[float, float, float]) -> Camera:
-    """The camera after so many notches right and away from the hand, or as far with two fingers; about: the point that
-    a dolly leaves where it is in the picture."""
+    """The camera after so many notches right and forward, or as far with two fingers; about: the point whose place in
+    the picture a dolly does not change."""
     if gesture == "orbit":
         return orbit_camera(camera, -math.radians(NOTCH_DEGREES * x), math.radians(NOTCH_DEGREES * y))
     if gesture == "pan":

@@ -1,4 +1,4 @@
-"""Colours under the hand: three numbers marked red, green and blue, and a swatch that opens a colour wheel."""
+"""Colour controls: three numbers marked red, green and blue, and a swatch that opens a colour wheel."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ GAP = 4.0
 
 @dataclass(frozen=True)
 class NumberTriple:
-    """Three numbers of a kind: `handle` for scripts, `title` and `hint` for a person; `speed` a pixel of a drag."""
+    """Three numbers of a kind: `handle` for scripts, `title` and `hint` for the user; `speed` per pixel of a drag."""
 
     handle: str
     title: str
@@ -33,7 +33,7 @@ class NumberTriple:
 def row(
     context: PanelContext, numbers: NumberTriple, value: RGB, swatch: bool
 ) -> Iterator[tuple[number_fields.Touch, RGB]]:
-    """What a hand did with each, and the colour that makes; with room for a swatch."""
+    """The touch of each number, and the resulting colour; with room for a swatch."""
     height, gap = imgui.get_frame_height(), context.px(GAP)
     room = imgui.get_content_region_avail().x - (height + gap if swatch else 0.0)
     width = (room - 2 * gap) / 3.0
@@ -61,7 +61,8 @@ def _mark(context: PanelContext, corner: ImVec2, width: float, height: float, in
 
 
 def swatch(context: PanelContext, numbers: NumberTriple, value: RGB, hint: str) -> tuple[number_fields.Touch, RGB]:
-    """A square of a colour, 0 to 1, and the wheel that a click on it opens: what a hand did there, what it picked."""
+    """A square of a colour, 0 to 1, and the colour wheel that a click on it opens; returns the touch and the picked
+    colour."""
     shown = encode_srgb(np.clip(value, 0.0, 1.0)).tolist()
     if imgui.color_button("##swatch", ImVec4(shown[0], shown[1], shown[2], 1.0), imgui.ColorEditFlags_.no_tooltip):
         imgui.open_popup("picker")

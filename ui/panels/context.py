@@ -1,7 +1,7 @@
-"""What a panel is given: the document, how it is looked at, the truth about the picture, and where handles are noted.
+"""What a panel gets: the document, the view, the status of the picture, and the registry of handles.
 
-Everything is read-only but `Fields` and `Handles`. The latter is the noticeboard on which a panel writes where on
-screen it drew what can be dragged, so that scripts and tests take hold by name ("curve.b") by a hand's mouse events.
+All is read-only except `Fields` and `Handles`. The latter registers where on screen a panel drew what can be dragged,
+so that scripts and tests grab it by name ("curve.b") with ordinary mouse events.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ class Handles:
         self._drawn: dict[str, tuple[float, float]] = {}
 
     def note(self, name: str, x: float, y: float) -> None:
-        """Remember where the handle `name` is in this frame."""
+        """Register where the handle `name` is in this frame."""
         self._drawn[name] = (x, y)
 
     def note_item(self, name: str) -> None:
-        """Remember the centre of the widget drawn last as the handle `name`."""
+        """Register the centre of the widget drawn last as the handle `name`."""
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self.note(name, 0.5 * (low.x + high.x), 0.5 * (low.y + high.y))
 
@@ -58,7 +58,7 @@ class Handles:
         self._positions = self._drawn
 
     def position(self, name: str) -> tuple[float, float]:
-        """Where the handle is; KeyError that lists the handles on screen when it is not there."""
+        """The position of the handle; KeyError that lists the handles on screen when it is not there."""
         if name not in self._positions:
             raise KeyError(f"no handle {name!r} on screen; there is: {', '.join(self.names())}")
         return self._positions[name]
@@ -70,8 +70,8 @@ class Handles:
 
 @dataclass
 class HeldField:
-    """A number that a hand drags: imgui's item, the value there was, how far the hand has come, and the law by which
-    that changes it: as it was at the press, for the control may grow or shrink under the hand."""
+    """A number that is being dragged: imgui's item, the value at the press, the travel of the pointer, and the law by
+    which that changes it: as it was at the press, because the control may grow or shrink during the drag."""
 
     item: int
     start: float
@@ -81,64 +81,61 @@ class HeldField:
 
 @dataclass
 class Fields:
-    """The noticeboard of `ui.panels.number_fields`: what a hand holds, and what was typed in vain, a line for the
-    person."""
+    """State of `ui.panels.number_fields`: the number that is being dragged, and the message about a refused entry."""
 
     held: HeldField | None = None
     refusal: str = ""
 
     def is_held(self, item: int) -> bool:
-        """Whether this item is what the hand drags."""
+        """Whether this item is being dragged."""
         return self.held is not None and self.held.item == item
 
 
 def no_thumbnail(entry: LibraryEntry) -> Picture | None:
-    """Before there is anything that draws them."""
+    """Stands in before there is anything that draws thumbnails."""
     return None
 
 
 def no_view_thumbnail(bookmark: Bookmark) -> Picture | None:
-    """Likewise."""
+    """Stands in before there is anything that draws thumbnails."""
     return None
 
 
 def no_box(name: str | None) -> NDArray[np.float64] | None:
-    """Before there is a scene."""
+    """Stands in before there is a scene."""
     return None
 
 
 def no_object(column: int, row: int) -> str | None:
-    """What is at a pixel before there is a picture."""
+    """The object at a pixel before there is a picture: none."""
     return None
 
 
 def no_spot(column: int, row: int) -> SurfaceSpot | None:
-    """What a pixel sees before there is a picture."""
+    """The point of a surface at a pixel before there is a picture: none."""
     return None
 
 
 @dataclass(frozen=True)
 class PanelContext:
-    """Read by every panel. `picture` is the scene, `environment` the thumbnail; None until there is one.
-    `error_overlay` is where that is off, None while that is not known.
+    """What every panel reads. `picture` is the scene, `environment` the thumbnail; None until there is one.
+    `error_overlay` is the map of its error, None while unknown.
 
     `map_thumbnails` are the selected layer's "texture" and "weight", `map_refusal` says why they cannot be used.
-    `undo_label` and `redo_label` name what would be undone or redone. `object_at` tells the object's name at a pixel
-    (column, row) of the picture, `spot_at` the point of the surface there. `heading` is where the camera looks, degrees
+    `undo_label` and `redo_label` name what would be undone or redone. `object_at` returns the object's name at a pixel
+    (column, row) of the picture, `spot_at` the point of the surface there. `heading` is the camera's direction, degrees
     clockwise from -Z seen from above. `library` are its materials, `thumbnail` a material's picture, None while there
-    is none. `now` is seconds of the window's clock. `brdf` is what there is to see of the selected material by itself,
-    `record` what frames took lately and how far off the picture was.
-    `camera` is from where the scene is seen, or about to be, `picture_camera` that of the picture shown; `own_camera`
-    and `own_resolution`, (width, height), are as the scene has them; `camera_undo_label` and `camera_redo_label` name
-    what the view's own history would undo or redo;
-    `box_of` tells the corners (2, 3) of an object, of None all that is seen; `view_thumbnail` is a kept view's picture.
-    `preferences` are the person's. `mode` is the one of `modes` that makes the picture.
-    `mode_before` is the title of the mode whose picture is still seen, "" where it is the present one's.
-    `scene_document` is the document as the scene's own file has it.
-    `name` is what a person calls what is open, `unsaved` whether there are edits that no session has. `recent` are the
-    files opened last, `recoveries` edits that the program left behind when it ended.
-    `keys_taken`: keys go into a text field, a list or a menu; `alt_tapped`: Alt was pressed and let go by itself;
-    `repeated`: the key that the system repeats in this pass, being held.
+    is none. `now` is seconds of the window's clock. `brdf` has the plots of the selected material, `record` the recent
+    frame times and errors. `camera` is the camera that the scene is seen from, or is about to be, `picture_camera` that
+    of the picture shown; `own_camera` and `own_resolution`, (width, height), are the scene's; `camera_undo_label` and
+    `camera_redo_label` name what the view's own history would undo or redo; `box_of` returns the corners (2, 3) of an
+    object, for None of all that is visible; `view_thumbnail` is the picture of a bookmarked view. `preferences` are the
+    user's. `mode` is the one of `modes` that makes the picture. `mode_before` is the title of the mode whose picture is
+    still shown, "" where it is the present one's. `scene_document` is the document as the scene's own file has it.
+    `name` is the name of what is open, `unsaved` whether there are edits that no session has. `recent` are the files
+    opened last, `recoveries` edits that the program left behind when it ended. `keys_taken`: keys go to a text field, a
+    list or a menu; `alt_tapped`: Alt was pressed and released by itself; `repeated`: the key that the system repeats in
+    this pass, while it is held.
     """
 
     document: Document
@@ -188,17 +185,17 @@ class PanelContext:
 
     @property
     def selected_layer(self) -> Selection | None:
-        """What is selected, where it has a material to show: None of an emitter."""
+        """The selection, where it has a material to show: None for an emitter."""
         return layer_shown(self.document, self.view.selected)
 
     @property
     def resolution(self) -> tuple[int, int]:
-        """Of the picture as it is wanted, (width, height)."""
+        """The desired resolution of the picture, (width, height)."""
         return self.view.resolution or self.own_resolution
 
     @property
     def aspect(self) -> float:
-        """How many times as wide as high that is."""
+        """Its width divided by its height."""
         width, height = self.resolution
         return width / max(height, 1)
 

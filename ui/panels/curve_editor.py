@@ -1,9 +1,10 @@
 """The curve editor: the selected layer's 1D factor, with handles that bend it [BenArtzi07, ch. 9].
 
-Left the plot with its toolbar, right the tools, the operator list and the numbers (`operator_list`). The handles stand
-for the selected operator, or, when none is selected, for the one that the active tool makes at the first pull. Pulling
-the curve itself, anywhere, puts the regions there. Wheel zooms the angle about the mouse, Shift-wheel the value,
-middle drag pans, double click shows all (`curve_mouse`). Tab and the arrow keys do without a mouse (`curve_keys`).
+The plot with its toolbar is left; the tools, the operator list and the numbers are right (`operator_list`). The handles
+belong to the selected operator, or, when none is selected, to the one that the active tool makes at the first drag.
+Dragging the curve itself, anywhere, puts the regions there. The wheel zooms the angle about the mouse, Shift-wheel the
+value, middle drag pans, double click shows all (`curve_mouse`). Tab and the arrow keys work without a mouse
+(`curve_keys`).
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from ui.panels.plot_axes import value_range
 from ui.theme import Icon
 
 SIDE_WIDTH = 222.0
-# In a panel narrower than this the tools stand under the plot; the least height of both is then theirs.
+# In a panel narrower than this the tools are under the plot; both then have at least these heights.
 STACKED_WIDTH, PLOT_HEIGHT, TOOLS_HEIGHT = 400.0, 210.0, 190.0
 NARROW_CHANNEL, WIDE_CHANNEL = 24.0, 32.0
 
@@ -58,7 +59,7 @@ def draw(context: PanelContext) -> list[Action]:
 
 
 def selected_curves(context: PanelContext) -> DrawnCurves | None:
-    """The curve that is selected; of a layer without a chosen curve the first; None when nothing is selected."""
+    """The selected curve; of a layer without a selected curve the first; None when nothing is selected."""
     selection = context.selected_layer
     if selection is None:
         return None
@@ -124,7 +125,7 @@ def _toolbar(context: PanelContext, curves: DrawnCurves) -> list[Action]:
 
 
 def _right_width(context: PanelContext, least: float) -> float:
-    """Pixels of what stands right in the toolbar."""
+    """Pixels of what is at the right of the toolbar."""
     channels = widgets.segments_width(context, [name.upper() for name in CHANNELS], least)
     log = widgets.segments_width(context, ["log"], 40.0)
     return channels + log + 2 * imgui.get_frame_height() + 2 * imgui.get_style().item_spacing.x
@@ -161,7 +162,7 @@ def _plot(context: PanelContext, curves: DrawnCurves) -> list[Action]:
 
 
 def _notes(context: PanelContext, curves: DrawnCurves, group: OperatorGroup) -> dict[str, str]:
-    """What there is to be said about the curve in its plot: what holds it, and whether it makes light of nothing."""
+    """Notes on the curve in its plot: what limits it, and whether it reflects more than it receives."""
     notes = {"limit": limit_text(group)} if curves.editable and group.index is not None else {}
     if curves.layer.edits and not curves.layer.model.needs_file:
         context.brdf.shown.add("albedo")

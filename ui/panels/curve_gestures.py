@@ -1,10 +1,10 @@
 """What dragging a handle of the curve does to its operators [BenArtzi07, ch. 9]. Pure functions: nothing here draws.
 
-The ring stands where the edited feature stands. A translation is direct: its magnitude is whatever puts the feature
-under the mouse. An amplification multiplies, by as much a pixel everywhere: where the curve is next to nothing, putting
-it under the mouse would take a factor of thousands. A diagonal tool keeps two operators, Y below X, that share regions
-and move together (`diagonal` order). Every function measures against the `CurveGrip`, the gesture's beginning, so a
-drag that returns to its start undoes itself exactly (rejected: summing mouse steps, which drifts at clamps).
+The ring is at the edited feature. A translation is direct: its magnitude puts the feature under the mouse. An
+amplification multiplies, by the same factor per pixel everywhere: where the curve is near 0, putting it under the mouse
+would take a factor of thousands. A diagonal tool has two operators, Y below X, that share regions and move together
+(`diagonal` order). Every function measures against the `CurveGrip`, the gesture's beginning, so a drag that returns to
+its start undoes itself exactly (rejected: summing mouse steps, which drifts at clamps).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ EXPONENTIAL_REACH = 0.3
 
 @dataclass(frozen=True)
 class OperatorGroup:
-    """The operator(s) that the handles stand for: one, or Y and X of a diagonal pair. `index` None: not made yet."""
+    """The operator(s) that the handles belong to: one, or Y and X of a diagonal pair. `index` None: not made yet."""
 
     operators: tuple[Operator, ...]
     index: int | None
@@ -55,7 +55,7 @@ class OperatorGroup:
 
 @dataclass(frozen=True)
 class Knob:
-    """Where the magnitude handle stands: angle and curve value; `anchor` is the same place without the operator."""
+    """The place of the magnitude handle: angle and curve value; `anchor` is the same place without the operator."""
 
     x: float
     y: float
@@ -63,7 +63,7 @@ class Knob:
 
 
 def operators_in_use(operators: tuple[CurveEdit, ...], view: ViewState) -> OperatorGroup:
-    """The operator that the view has selected, else the one that the active tool would make."""
+    """The operator that is selected, else the one that the active tool would make."""
     if view.operator is not None and 0 <= view.operator < len(operators):
         places = edit_at(operators, view.operator)
         members = tuple(operators[index] for index in places)
@@ -73,7 +73,7 @@ def operators_in_use(operators: tuple[CurveEdit, ...], view: ViewState) -> Opera
 
 
 def new_operators(tool: Tool, regions: Regions, channels: tuple[bool, bool, bool]) -> tuple[Operator, ...]:
-    """Operators that a tool makes, at the magnitude that changes nothing."""
+    """Operators that a tool makes, with the magnitude that changes nothing."""
     kind, _, axes = tool.partition("_")
     neutral = 1.0 if kind == "amplify" else 0.0
     order: tuple[Literal["x", "y"], ...] = ("y", "x") if axes == "xy" else (cast(Literal["x", "y"], axes),)
@@ -93,7 +93,7 @@ def tool_of(group: OperatorGroup) -> Tool:
 
 
 def channel_of(group: OperatorGroup) -> Channel | None:
-    """The channel, or all three, that operators like these change; None for two of them."""
+    """The channel, or all three, that operators like these change; None for two channels."""
     return next((name for name in CHANNELS if channels_of(name) == group.first.channels), None)
 
 
@@ -117,7 +117,7 @@ def core(regions: Regions) -> float:
 
 
 def knob_of(group: OperatorGroup, below: Curve) -> Knob:
-    """Where the knob stands on the curve `below` (without these operators)."""
+    """The place of the knob on the curve `below` (without these operators)."""
     x = core(group.regions)
     y = reference_value(group.first, below, x)
     moved_x, moved_y = x, y
@@ -144,7 +144,7 @@ def raise_value(operator: Operator, y: float) -> float:
 
 
 def move_angle(operator: Operator, x: float) -> float:
-    """Angle to which an X-operator carries the feature at x."""
+    """The angle to which an X-operator moves the feature at x."""
     if operator.kind == "translate":
         return x + operator.magnitude
     if abs(x - operator.baseline) < NEAR_BASELINE:
@@ -153,7 +153,7 @@ def move_angle(operator: Operator, x: float) -> float:
 
 
 def limit_text(group: OperatorGroup) -> str:
-    """What keeps an X-operator from moving any further, and what lets it; empty where nothing does."""
+    """What limits an X-operator, and how to lift the limit; empty where nothing does."""
     held = next((o for o in group.operators if o.axis == "x" and o.at_limit and o.regions[0] < o.regions[3]), None)
     if held is None or abs(held.magnitude) >= HALF_PI:
         return ""
@@ -165,18 +165,18 @@ def limit_text(group: OperatorGroup) -> str:
 
 @dataclass(frozen=True)
 class Pull:
-    """How far the ring was pulled: to which angle and value a translation brings it, by which factors along X and Y an
-    amplification multiplies what it was; 1 where it was not pulled that way at all."""
+    """How far the ring was dragged: the angle and value to which a translation brings it, the factors along X and Y by
+    which an amplification multiplies; 1 in a direction in which it was not dragged."""
 
     to: tuple[float, float]
     factors: tuple[float, float]
 
 
 def magnitude_for(operator: Operator, anchor: tuple[float, float], pull: Pull) -> Operator:
-    """The operator, whose feature would stand at `anchor` without it, as far pulled as it can be."""
+    """The operator, whose feature would be at `anchor` without it, dragged as far as it allows."""
     axis = 0 if operator.axis == "x" else 1
     if pull.factors[axis] == 1.0:
-        return operator  # to the last bit: pixels there and back again leave a rest
+        return operator  # to the last bit: moving pixels there and back leaves a remainder
     if operator.kind == "translate":
         magnitude = pull.to[axis] - anchor[axis]
     else:
@@ -192,7 +192,7 @@ def amplify_magnitude(magnitude: float, factor: float) -> float:
 
 
 def drag_knob(grip: CurveGrip, group: OperatorGroup, generated: Curve, pull: Pull) -> tuple[CurveEdit, ...]:
-    """The curve's operators when the ring has been pulled; `hand`: what a new one is, where none was held."""
+    """The curve's operators when the ring has been dragged; `group`: the new ones, where none was selected."""
     at = len(grip.operators) if grip.index is None else grip.index
     count = len(group.operators)
     members = group.operators if grip.index is None else cast(tuple[Operator, ...], grip.operators[at : at + count])
@@ -204,7 +204,7 @@ def drag_knob(grip: CurveGrip, group: OperatorGroup, generated: Curve, pull: Pul
 
 
 def drag_region(grip: CurveGrip, to: float) -> Regions:
-    """The regions when the handle held has been dragged to angle `to` (for "region": that far from the start)."""
+    """The regions when the grabbed handle has been dragged to angle `to` (for "region": that far from the start)."""
     if grip.handle == "region":
         shift = min(max(to, -grip.regions[0]), HALF_PI - grip.regions[3])
         a, b, c, d = (min(max(end + shift, 0.0), HALF_PI) for end in grip.regions)
@@ -215,7 +215,8 @@ def drag_region(grip: CurveGrip, to: float) -> Regions:
 
 
 def with_regions(grip: CurveGrip, regions: Regions) -> tuple[CurveEdit, ...]:
-    """The curve's operators when those in hand have new regions; X-magnitudes are held where they stay monotone."""
+    """The curve's operators when those in use have new regions; X-magnitudes are clamped to where they stay
+    monotone."""
     if grip.index is None:
         return grip.operators
     count = 2 if grip.pair else 1

@@ -1,7 +1,7 @@
-"""The handles of the curve under the keyboard: Tab chooses one, the arrow keys move it.
+"""Keyboard control of the curve's handles: Tab chooses one, the arrow keys move it.
 
-A key that is held is one gesture, however often it repeats: it begins at the press and ends when all arrow keys are
-up, so it is one step of the history. The keys belong to the curve unless another panel's controls have the keyboard.
+A key that is held is one gesture, however often it repeats: it begins at the press and ends when all arrow keys are up,
+so it is one step of the history. The keys belong to the curve unless another panel's controls have the keyboard.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ ARROWS = {Key.left_arrow: (-1, 0), Key.right_arrow: (1, 0), Key.up_arrow: (0, -1
 
 
 def move(context: PanelContext, curves: DrawnCurves, frame: plot.Frame, group: OperatorGroup) -> list[Action]:
-    """What the keys pressed or held in this pass do to the handles."""
+    """The actions of the keys pressed or held in this pass on the handles."""
     grip = context.state.grip
     if isinstance(grip, KeyGrip):
         _claim()
@@ -61,10 +61,10 @@ _OWNER = 0x1A5170
 
 
 def _has_keyboard(context: PanelContext) -> bool:
-    """Whether the keys are the curve's.
+    """Whether the curve has the keyboard.
 
-    They are not while somebody types, a list or a dialog is open, another panel is being stepped through, or a modifier
-    makes shortcuts of them.
+    It does not while the user types, a list or a dialog is open, another panel has the keyboard, or a modifier makes
+    shortcuts of the keys.
     """
     io = imgui.get_io()
     if context.keys_taken or io.key_ctrl or io.key_alt or io.key_super or imgui.is_any_item_active():
@@ -75,13 +75,13 @@ def _has_keyboard(context: PanelContext) -> bool:
 
 
 def _claim() -> None:
-    """Keep imgui from stepping through controls by the same keys."""
+    """Keep imgui from moving between controls by the same keys."""
     for key in (*ARROWS, Key.tab):
         imgui.internal.set_key_owner(key, _OWNER)
 
 
 def _steps(repeated: imgui.Key | None = None) -> tuple[int, int]:
-    """Steps right and down that the arrow keys pressed in this pass, or repeated, ask for."""
+    """Steps right and down of the arrow keys pressed in this pass, or repeated."""
     pressed = [ARROWS[key] for key in ARROWS if key == repeated or imgui.internal.is_key_pressed(key, 0, _OWNER)]
     return sum(right for right, _ in pressed), sum(down for _, down in pressed)
 
@@ -94,7 +94,7 @@ def _moved(
     grip: KeyGrip,
     steps: tuple[int, int],
 ) -> list[Action]:
-    """The gesture gone on by so many steps, and what it does now."""
+    """The gesture continued by so many steps, and its actions now."""
     if steps == (0, 0):
         return []
     size = FINE if imgui.get_io().key_shift else 1.0
@@ -105,7 +105,7 @@ def _moved(
 
 
 def _step(context: PanelContext, frame: plot.Frame, group: OperatorGroup, grip: KeyGrip) -> tuple[float, float]:
-    """Pixels right and down that a press is worth."""
+    """Pixels right and down per press."""
     if grip.handle == "magnitude" and group.first.kind == "amplify":
         step = math.log2(1.0 + AMPLIFIED_A_STEP) * context.px(PIXELS_TO_DOUBLE)
         return step, step

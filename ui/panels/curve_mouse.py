@@ -1,6 +1,6 @@
 """The mouse on the curve: which handle is under it, and what pressing, dragging and the wheel do.
 
-Everything is measured from the `CurveGrip` that the press made; what a handle's move does (`move_handle`) is shared
+Everything is measured from the `CurveGrip` that the press made; the effect of moving a handle (`move_handle`) is shared
 with the keyboard (`curve_keys`).
 """
 
@@ -65,7 +65,7 @@ def grip_of(context: PanelContext) -> CurveGrip | None:
 
 
 def knob(curves: DrawnCurves, group: OperatorGroup) -> Knob:
-    """Where the magnitude handle stands on the curve as it is."""
+    """The place of the magnitude handle on the curve as it is."""
     below = curves.operators if group.index is None else curves.operators[: group.index]
     return knob_of(group, apply_operators(below, curves.generated))
 
@@ -103,7 +103,7 @@ def interact(
 
 
 def _on_the_line(curves: DrawnCurves, frame: plot.Frame) -> tuple[float, float]:
-    """A place on the curve, a twentieth of the visible angle from the left, where a script can pull it."""
+    """A place on the curve, a twentieth of the visible angle from the left, where a script can drag it."""
     gamma = frame.x.low + 0.05 * (frame.x.high - frame.x.low)
     value = float(apply_operators(curves.operators, curves.generated)(np.array([gamma])).max())
     return frame.x.to_pixel(gamma), frame.y.to_pixel(value)
@@ -112,7 +112,7 @@ def _on_the_line(curves: DrawnCurves, frame: plot.Frame) -> tuple[float, float]:
 def _handle_places(
     context: PanelContext, curves: DrawnCurves, frame: plot.Frame, group: OperatorGroup
 ) -> dict[str, tuple[float, float]]:
-    """Where each handle is grasped, by name, those drawn on top first."""
+    """Where each handle can be grabbed, by name, those drawn on top first."""
     flags = plot.flag_places(frame, group.regions, context.px(plot.FLAG) + 1)
     top = frame.y.end - context.px(plot.FLAG_STRIP - 2) + 0.5 * context.px(plot.FLAG)
     places = {"magnitude": plot.knob_place(context, frame, knob(curves, group))}
@@ -211,7 +211,7 @@ def grip_at(
     handle: str,
     offset: tuple[float, float],
 ) -> AnyGrip:
-    """A gesture that begins now, on a handle of the operators in hand."""
+    """A gesture that begins now, on a handle of the operators in use."""
     return kind(
         handle=handle,
         offset=offset,
@@ -225,7 +225,7 @@ def grip_at(
 
 
 def handle_position(curves: DrawnCurves, frame: plot.Frame, group: OperatorGroup, handle: str) -> tuple[float, float]:
-    """Where a handle truly stands, pixels, also off the plot, so that nothing jumps; of the region its left end."""
+    """The true position of a handle, pixels, also off the plot, so that nothing jumps; of the region its left end."""
     if handle == "magnitude":
         feature = knob(curves, group)
         return frame.x.to_pixel(feature.x), frame.y.to_pixel(feature.y)
@@ -254,17 +254,17 @@ def move_handle(
     grip: CurveGrip,
     moved: tuple[float, float],
 ) -> list[Action]:
-    """What it does to move the handle in the grip by so many pixels right and down."""
+    """The actions of moving the grabbed handle by so many pixels right and down."""
     if grip.handle == "magnitude":
         return move_knob(context, curves, frame, group, grip, moved)
-    # The shift is exactly nothing where the hand is back at its start, or has moved up and down alone.
+    # The shift is exactly 0 where the pointer is back at its start, or has moved only up and down.
     shift = frame.x.to_value(grip.offset[0] + moved[0]) - frame.x.to_value(grip.offset[0])
     start = 0.0 if grip.handle == "region" else grip.regions[END_NAMES.index(grip.handle)]
     return move_ends(curves, grip, start + shift)
 
 
 def move_ends(curves: DrawnCurves, grip: CurveGrip, to: float) -> list[Action]:
-    """The handle in the grip, an end or the region, moved to angle `to` (the region: by it, from its start)."""
+    """The grabbed handle, an end or the region, moved to angle `to` (the region: by it, from its start)."""
     regions = drag_region(grip, to)
     actions: list[Action] = [SetView.of(regions=regions)]
     if grip.index is not None:
@@ -280,7 +280,7 @@ def move_knob(
     grip: CurveGrip,
     moved: tuple[float, float],
 ) -> list[Action]:
-    """The ring pulled by so many pixels right and down."""
+    """The ring dragged by so many pixels right and down."""
     if grip.index is None:
         group = OperatorGroup(new_operators(context.view.active_tool, grip.regions, context.view.channels), None)
     wanted = frame.y.to_value(grip.offset[1] + moved[1])

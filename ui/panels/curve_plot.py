@@ -1,7 +1,7 @@
 """Draws the curve and its handles: grid, generated curve (thin, dashed), edited curve per channel, regions, knob.
 
-Own drawing on imgui's draw list (rejected: a plotting library's plot, whose own panning and picking fight with handles
-that must feel like objects). `Frame` says where everything stands; the drawing functions take it and return nothing.
+It draws on imgui's draw list (rejected: a plotting library's plot, whose own panning and picking conflict with handles
+that must feel like objects). `Frame` has the layout; the drawing functions take it and return nothing.
 """
 
 from __future__ import annotations
@@ -32,23 +32,23 @@ STRIPS = 14
 
 @dataclass(frozen=True)
 class Frame:
-    """The plot's axes in screen pixels; the flag strip lies above the plot."""
+    """The plot's axes in screen pixels; the flag strip is above the plot."""
 
     x: Axis
     y: Axis
 
     @property
     def corner(self) -> ImVec2:
-        """Upper left of the plot's ground."""
+        """Upper left of the plot's area."""
         return ImVec2(self.x.start, self.y.end)
 
     @property
     def end(self) -> ImVec2:
-        """Lower right of the plot's ground."""
+        """Lower right of the plot's area."""
         return ImVec2(self.x.end, self.y.start)
 
     def contains(self, x: float, y: float) -> bool:
-        """Whether a screen position lies on the plot's ground."""
+        """Whether a screen position is inside the plot's area."""
         return self.x.start <= x <= self.x.end and self.y.end <= y <= self.y.start
 
 
@@ -68,7 +68,7 @@ def layout(
 
 
 def draw_ground(context: PanelContext, frame: Frame, title: str, variable: str) -> None:
-    """Well, grid and labelled axes. `title` stands in the upper right, the variable at the end of the x axis."""
+    """Background, grid and labelled axes. `title` is in the upper right, the variable at the end of the x axis."""
     draw = imgui.get_window_draw_list()
     draw.add_rect_filled(frame.corner, frame.end, look.pack(look.WELL), context.px(4))
     imgui.push_font(None, look.SMALL_SIZE)
@@ -109,7 +109,7 @@ def _draw_value_grid(context: PanelContext, draw: imgui.ImDrawList, frame: Frame
 
 
 def draw_note(context: PanelContext, frame: Frame, line: int, text: str, colour: look.Colour) -> tuple[float, float]:
-    """A line of small text below the title, the first is 1; where it begins."""
+    """Draw a line of small text below the title, the first is 1; returns where it begins."""
     imgui.push_font(None, look.SMALL_SIZE)
     extent = imgui.calc_text_size(text)
     top = frame.y.end + context.px(6) + line * (extent.y + context.px(3))
@@ -120,7 +120,7 @@ def draw_note(context: PanelContext, frame: Frame, line: int, text: str, colour:
 
 
 def sample_angles(frame: Frame, features: tuple[float, ...]) -> np.ndarray:
-    """(N,) angles at which to evaluate the curve: one each screen pixel, and beside every sharp feature."""
+    """(N,) angles at which to evaluate the curve: one per screen pixel, and beside every sharp feature."""
     low, high = frame.x.low, frame.x.high
     even = np.linspace(low, high, max(2, round((frame.x.end - frame.x.start) / 1.5)))
     sharp = np.array([f for f in features if low < f < high])
@@ -137,7 +137,7 @@ def draw_generated(frame: Frame, gamma: np.ndarray, values: np.ndarray, scale: f
 
 
 def draw_samples(frame: Frame, gamma: np.ndarray, values: np.ndarray, scale: float) -> None:
-    """What a curve was fitted to, as dots, of each channel that differs."""
+    """The samples that a curve was fitted to, as dots, of each channel that differs."""
     draw, shown = imgui.get_window_draw_list(), distinct_channels(values)
     for channel in shown:
         ink = look.TEXT if len(shown) == 1 else look.CHANNELS[channel]
@@ -169,7 +169,7 @@ def distinct_channels(values: np.ndarray) -> list[int]:
 def draw_regions(
     context: PanelContext, frame: Frame, group: OperatorGroup, held: str | None, hovered: str | None
 ) -> None:
-    """The falloff shaded as strong as the operator acts, and a bar at each of a, b, c, d."""
+    """The falloff, shaded by the operator's strength, and a bar at each of a, b, c, d."""
     draw = imgui.get_window_draw_list()
     draw.push_clip_rect(frame.corner, frame.end, True)
     _shade(draw, frame, group.first)
@@ -195,7 +195,7 @@ def _shade(draw: imgui.ImDrawList, frame: Frame, operator: Operator) -> None:
 
 
 def flag_places(frame: Frame, regions: Regions, width: float) -> tuple[float, float, float, float]:
-    """Centres of the four flags: at their bars, pushed apart just so far that none covers another."""
+    """Centres of the four flags: at their bars, moved apart just so far that none covers another."""
     places = [frame.x.to_pixel(angle) for angle in regions]
     for _ in range(24):
         moved = False
@@ -218,7 +218,7 @@ def flag_places(frame: Frame, regions: Regions, width: float) -> tuple[float, fl
 def draw_flags(
     context: PanelContext, frame: Frame, regions: Regions, places: tuple[float, ...], held: str | None, hot: str | None
 ) -> None:
-    """The strip above the plot: a band for the region and a lettered flag on each end, led to its bar."""
+    """The strip above the plot: a band for the region and a lettered flag at each end, connected to its bar."""
     draw = imgui.get_window_draw_list()
     top, base = frame.y.end - context.px(FLAG_STRIP - 2), frame.y.end
     size = context.px(FLAG)
@@ -256,7 +256,7 @@ def _flag(context: PanelContext, draw: imgui.ImDrawList, corner: ImVec2, size: f
 
 
 def knob_place(context: PanelContext, frame: Frame, knob: Knob) -> tuple[float, float]:
-    """Screen position of the knob, held inside the plot so that it can always be grasped."""
+    """Screen position of the knob, clamped to the plot so that it can always be grabbed."""
     inset = context.px(9)
     x = min(max(frame.x.to_pixel(knob.x), frame.x.start + inset), frame.x.end - inset)
     y = min(max(frame.y.to_pixel(knob.y), frame.y.end + inset), frame.y.start - inset)
@@ -264,7 +264,7 @@ def knob_place(context: PanelContext, frame: Frame, knob: Knob) -> tuple[float, 
 
 
 def draw_knob(context: PanelContext, frame: Frame, group: OperatorGroup, knob: Knob, active: bool) -> None:
-    """The magnitude handle: a ring with arrows along the axes it acts on, tied to where the curve was."""
+    """The magnitude handle: a ring with arrows along the axes it acts on, connected to where the curve was."""
     draw = imgui.get_window_draw_list()
     x, y = knob_place(context, frame, knob)
     anchor_x = frame.x.to_pixel(knob.anchor[0])
@@ -320,7 +320,7 @@ def _arrow(draw: imgui.ImDrawList, x: float, y: float, dx: float, dy: float, siz
 
 
 def _stop(draw: imgui.ImDrawList, x: float, y: float, half: float, width: float, ink: int) -> None:
-    """An upright bar in the place of an arrow: no further."""
+    """An upright bar in place of an arrow: the limit is reached."""
     draw.add_rect_filled(ImVec2(x - 0.5 * width, y - half), ImVec2(x + 0.5 * width, y + half), ink)
 
 

@@ -1,7 +1,7 @@
-"""How far a hand has moved since it took hold of something: pixel by pixel, or with Shift held by tenths.
+"""The distance of a drag: pixel by pixel, or a tenth with Shift held.
 
-Measured from where it took hold, or last pressed or let go of Shift, so that a hand that returns is back where it began
-to the last bit, and Shift never makes anything jump. Rejected: summing the mouse's steps, which drifts.
+Measured from where the drag began, or where Shift was last pressed or released, so that a pointer that returns restores
+the value to the last bit, and Shift never makes anything jump. Rejected: summing the mouse's steps, which drifts.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class Travel:
     fine: bool = False
 
     def distance_to(self, mouse: Place) -> Place:
-        """Pixels right and down in all, with the mouse there."""
+        """Pixels right and down in all, with the mouse at this place."""
         rate = FINE if self.fine else 1.0
         across, down = (
             before + rate * (at - origin) for before, at, origin in zip(self.before, mouse, self.origin, strict=True)

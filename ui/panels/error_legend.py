@@ -1,4 +1,4 @@
-"""What the false colours of errors stand for: a bar of them, and what some of them mean."""
+"""The legend of the false colours of errors: a bar of them, with labels."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ BAR = 10.0
 
 
 def height(context: PanelContext) -> float:
-    """Of the bar and what stands below it, in small type."""
+    """The height of the bar and the labels below it, in small type."""
     return context.px(BAR + 2 + look.SMALL_SIZE)
 
 
 def draw(context: PanelContext, draw_list: imgui.ImDrawList, corner: ImVec2, room: float) -> None:
-    """Into a width, from an upper left corner on."""
+    """Draw it from an upper left corner, in this width."""
     bar, gap = context.px(BAR), context.px(2)
     shares = np.geomspace(LEAST, MOST, N_SHADES + 1)
     colours = false_colour(np.repeat(error_to_radiance(np.sqrt(shares[:-1] * shares[1:]))[:, None], 3, axis=1))

@@ -1,8 +1,8 @@
-"""Esc: what it does, in one list. The first line that applies is all that a press does.
+"""The actions of Esc, in one list. The first line that applies is all that a press does.
 
-Before the list comes what imgui itself lets go of by Esc: a text field, a list or menu, the control that the mouse
-holds, the frame that the keyboard moves from control to control. With any other press of it imgui would put that frame
-up, so it is kept from imgui.
+Imgui's own uses come before the list: Esc leaves a text field, a list or menu, the control that the mouse drags, and
+the frame that the keyboard moves from control to control. Any other press would make imgui show that frame, so imgui
+does not get it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ _OWNER = 0x1A5172
 
 
 def keys_are_taken() -> bool:
-    """Whether keys go into a text field, a list or a menu, asked before a pass: with its start imgui acts on Esc."""
+    """Whether keys go to a text field, a list or a menu; to be asked before a pass, because imgui acts on Esc at its
+    start."""
     state = imgui.get_current_context()
     if state.open_popup_stack.size() > 0 or state.nav_layer == imgui.internal.NavLayer.menu:
         return True
@@ -27,13 +28,13 @@ def keys_are_taken() -> bool:
 
 
 def is_typing() -> bool:
-    """Whether a field takes text, asked before a pass."""
-    # imgui wants text for a pass longer than there is a field.
+    """Whether a field takes text; to be asked before a pass."""
+    # imgui wants text for one pass longer than there is a field.
     return imgui.get_io().want_text_input and imgui.internal.get_active_id() != 0
 
 
 def imgui_takes_escape() -> bool:
-    """Whether imgui has something to let go of by Esc, asked before a pass; if not it is kept from seeing one."""
+    """Whether imgui has a use for Esc; to be asked before a pass. If not, imgui does not get it."""
     state = imgui.get_current_context()
     if keys_are_taken() or imgui.internal.get_active_id() != 0 or imgui.get_io().nav_visible:
         return True
@@ -42,7 +43,7 @@ def imgui_takes_escape() -> bool:
 
 
 def answer_escape(context: PanelContext, is_imguis: bool, is_dragging: bool) -> list[Action]:
-    """What a press of Esc does, beside what imgui lets go of."""
+    """The actions of a press of Esc, besides imgui's own."""
     if is_dragging:
         return [CancelDrag()]
     if context.state.question is not None:
@@ -57,8 +58,8 @@ def answer_escape(context: PanelContext, is_imguis: bool, is_dragging: bool) -> 
 
 
 def _leave_no_frame() -> None:
-    """Let go of what was typed into. Imgui would frame a control of the panel that was last in use, and the next Esc
-    would only take that away."""
+    """Leave the text field. Imgui would frame a control of the panel that was last in use, and the next Esc would only
+    remove that."""
     imgui.internal.clear_active_id()
     imgui.set_nav_cursor_visible(False)
 

@@ -1,7 +1,7 @@
-"""Asking for a file inside the window: a small browser that never stops the picture.
+"""The file dialog inside the window: a small browser that never stops the picture.
 
-Own drawing (rejected: the desktop's dialogs, which need a helper program that is often missing, and which a script or
-a test cannot reach).
+It draws itself (rejected: the desktop's dialogs, which need a helper program that is often missing, and which a script
+or a test cannot reach).
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class DirectoryEntry:
 
 
 def entries(folder: Path, endings: tuple[str, ...]) -> list[DirectoryEntry]:
-    """Folders, then files with one of the endings, by name; hidden ones left out. Empty where not readable."""
+    """Folders, then files with one of the suffixes, by name, without hidden ones. Empty where not readable."""
     try:
         paths = sorted(folder.iterdir())[:MOST_ENTRIES]
     except OSError:
@@ -97,7 +97,7 @@ def entries(folder: Path, endings: tuple[str, ...]) -> list[DirectoryEntry]:
 
 
 def draw(context: PanelContext) -> list[Action]:
-    """The browser while there is a question, nothing otherwise."""
+    """The browser while a file is asked for, nothing otherwise."""
     question = context.state.question
     if question is None:
         return []
@@ -139,7 +139,7 @@ def _contents(context: PanelContext, question: FileQuestion) -> list[Action]:
 
 
 def _refusal_line(refusal: str) -> None:
-    """What is wrong with what was entered."""
+    """The reason why the entry was refused."""
     imgui.align_text_to_frame_padding()
     imgui.push_style_color(imgui.Col_.text, look.pack(look.BAD))
     imgui.text_unformatted(widgets.shortened(refusal, imgui.get_content_region_avail().x))
@@ -148,7 +148,7 @@ def _refusal_line(refusal: str) -> None:
 
 
 def _measured_line(context: PanelContext, question: FileQuestion) -> list[Action]:
-    """What the measurement becomes."""
+    """The choice of what the measurement becomes."""
     imgui.align_text_to_frame_padding()
     imgui.text("Import as")
     imgui.same_line()
@@ -157,7 +157,7 @@ def _measured_line(context: PanelContext, question: FileQuestion) -> list[Action
 
 
 def _picture_line(context: PanelContext, question: FileQuestion) -> list[Action]:
-    """What the file holds; its name's ending goes with it."""
+    """The choice of what the file contains; the suffix of its name follows."""
     imgui.align_text_to_frame_padding()
     imgui.text("Save as")
     imgui.same_line()
@@ -193,7 +193,7 @@ def _folder_line(context: PanelContext, question: FileQuestion) -> list[Action]:
 
 
 def _in_folder(question: FileQuestion, folder: Path) -> FileQuestion:
-    """The question with another folder shown, and nothing refused any more."""
+    """The question with another folder shown, and no refusal."""
     return replace(question, folder=folder, typed="", refusal="")
 
 
@@ -214,7 +214,7 @@ def _name_line(context: PanelContext, question: FileQuestion) -> list[Action]:
     width = imgui.calc_text_size(verb).x + 2 * imgui.get_style().frame_padding.x
     imgui.set_next_item_width(imgui.get_content_region_avail().x - width - imgui.get_style().item_spacing.x)
     if question.focus == "name":
-        imgui.internal.clear_active_id()  # a field that has the keyboard already keeps the text it had
+        imgui.internal.clear_active_id()  # a field that has the keyboard already does not update its text
         imgui.set_keyboard_focus_here()
         question = replace(question, focus="")
     confirmed, typed = imgui.input_text("##name", question.name, PATH_FLAGS)
@@ -234,7 +234,7 @@ def _name_line(context: PanelContext, question: FileQuestion) -> list[Action]:
 
 
 def _verb(question: FileQuestion) -> tuple[str, str]:
-    """What the button says, and what it does."""
+    """The label of the button, and its tooltip."""
     if not question.purpose.startswith("save"):
         return "Open", "Open this file."
     if question.name and os.path.isfile(question.folder / _named(question, question.name)):
@@ -243,12 +243,12 @@ def _verb(question: FileQuestion) -> tuple[str, str]:
 
 
 def _named(question: FileQuestion, name: str) -> str:
-    """A file's name with its ending."""
+    """A file's name with its suffix."""
     return name if Path(name).suffix else f"{name}{ENDINGS[question.purpose][0]}"
 
 
 def answer(question: FileQuestion, path: Path) -> AnswerQuestion:
-    """What the user decided. The name of what is saved gets its ending."""
+    """The user's choice. The name of a saved file gets its suffix."""
     purpose = question.purpose
     if question.key:
         return AnswerQuestion(path, OpenImage(path, question.key, purpose.removeprefix("open_")))
@@ -263,8 +263,8 @@ def answer(question: FileQuestion, path: Path) -> AnswerQuestion:
 
 
 def dropped(question: FileQuestion, path: Path) -> list[Action]:
-    """What a file or folder means that is dropped on the window while a file is asked for: what is to be opened, or
-    the folder and name of what is to be saved."""
+    """A file or folder was dropped on the window while a file is asked for: it is what is to be opened, or the folder
+    and name of what is to be saved."""
     if os.path.isdir(path):
         return [_input_line(replace(_in_folder(question, path), focus="name"))]
     if question.purpose.startswith("save"):

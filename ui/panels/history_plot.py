@@ -1,4 +1,4 @@
-"""How long frames took and how far off the picture was, over the last two minutes: what an edit costs, and brings."""
+"""Frame times and picture errors over the last two minutes: the cost of an edit, and its benefit."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ui.panels.curve_plot import Point
 from ui.panels.plot_axes import Axis
 
 LEAST_HEIGHT, MOST_HEIGHT = 28.0, 90.0
-LABELLED_HEIGHT, FAINT = 60.0, 0.55  # labels lie behind lines of their ink
+LABELLED_HEIGHT, FAINT = 60.0, 0.55  # labels are behind lines of the same colour
 FRAME_MS = 1.0, 1000.0
 ERROR = 1e-4, 1.0
 FRAME_LINES = (10.0, 100.0)
@@ -30,7 +30,7 @@ HINT = (
 
 
 def draw(context: PanelContext, hint: str = "") -> None:
-    """Their last values, and beside them both lines in a well; hint: what else there is to say of the error. A line is
+    """The last values, and beside them both lines in a frame; hint: what else there is to say of the error. A line is
     left free below."""
     record = context.record.samples_at(context.now)
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
@@ -53,7 +53,7 @@ def draw(context: PanelContext, hint: str = "") -> None:
 
 
 def _last(context: PanelContext, corner: ImVec2) -> None:
-    """What the lines are, and where they are now."""
+    """The names of the lines, and their last values."""
     error = context.status.image_error
     texts = f"frame {context.status.frame_ms:.0f} ms", "error –" if error is None else f"error {percent(error)}"
     imgui.push_font(None, look.SMALL_SIZE)
@@ -65,7 +65,7 @@ def _last(context: PanelContext, corner: ImVec2) -> None:
 
 
 def _grid(draw_list: imgui.ImDrawList, across: Axis, upward: Axis) -> None:
-    """A line a decade and half a minute, with the times of frames that the former stand for."""
+    """A grid line per decade and half minute, with the frame times that the former mark."""
     for ms in FRAME_LINES:
         y = upward.to_pixel(ms)
         draw_list.add_line(ImVec2(across.start, y), ImVec2(across.end, y), look.pack(look.GRID), 1.0)
@@ -75,7 +75,7 @@ def _grid(draw_list: imgui.ImDrawList, across: Axis, upward: Axis) -> None:
 
 
 def _labels(draw_list: imgui.ImDrawList, across: Axis, frames: Axis, errors: Axis, inner: float) -> None:
-    """What the lines stand for: of frames at the left, of errors at the right, of time at the bottom."""
+    """Labels: frame times at the left, errors at the right, ages at the bottom."""
     imgui.push_font(None, look.SMALL_SIZE)
     middle = 0.5 * imgui.get_text_line_height()
     of_frames, of_errors = (look.pack(look.with_alpha(ink, FAINT)) for ink in INKS)
@@ -91,14 +91,14 @@ def _labels(draw_list: imgui.ImDrawList, across: Axis, frames: Axis, errors: Axi
 
 
 def _heights(axis: Axis, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Pixels of values, those beyond the axis at its end."""
+    """Pixels of values, clamped to the ends of the axis."""
     return axis.to_pixels(np.clip(values, axis.low, axis.high))
 
 
 def _line(
     context: PanelContext, draw_list: imgui.ImDrawList, x: NDArray[np.float64], y: NDArray[np.float64], ink: look.Colour
 ) -> None:
-    """A line through those points that are known, in pieces; a point by itself is a dot."""
+    """A line through the known points, in pieces; a single point is a dot."""
     known = np.isfinite(y)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(np.int8)))
     packed = look.pack(ink)

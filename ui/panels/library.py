@@ -1,4 +1,5 @@
-"""The library: materials to drag onto objects of the picture, one's own among them; search, and keeping another."""
+"""The library panel: materials to drag onto objects of the picture, the user's own among them; search, and adding
+one."""
 
 from __future__ import annotations
 
@@ -33,7 +34,7 @@ def draw(context: PanelContext) -> list[Action]:
 
 
 def dropped_material(context: PanelContext, deliver: bool = True) -> LibraryEntry | None:
-    """Within a drag-and-drop target: the material that is let go here, or with `deliver` False held above."""
+    """Within a drag-and-drop target: the material that is dropped here, or with `deliver` False the one above it."""
     flags = imgui.DragDropFlags_.accept_no_draw_default_rect
     if not deliver:
         flags |= imgui.DragDropFlags_.accept_peek_only
@@ -68,7 +69,7 @@ def _search_line(context: PanelContext) -> list[Action]:
 
 
 def _keep_popup(context: PanelContext) -> list[Action]:
-    """Asks for the name under which the selected object's material is kept."""
+    """Asks for the name under which the selected object's material is stored."""
     selected, library = context.selected_layer, context.state.library
     if selected is None or not imgui.begin_popup("keep"):
         return []
@@ -119,7 +120,7 @@ def _cell(context: PanelContext, entry: LibraryEntry, side: float) -> list[Actio
     visible, hovered = imgui.is_item_visible(), imgui.is_item_hovered()
     if visible:
         context.handles.note(f"library.{entry.name}", corner.x + 0.5 * side, corner.y + 0.5 * side)
-    # At the release: its second press may as well begin a drag.
+    # At the release: the second press may also begin a drag.
     double = hovered and imgui.is_item_deactivated() and imgui.get_io().mouse_clicked_last_count[0] == 2
     widgets.tooltip(_hint(context, entry))
     if not entry.problem and imgui.begin_drag_drop_source(imgui.DragDropFlags_.source_no_hold_to_open_others):
@@ -190,5 +191,5 @@ def _name(context: PanelContext, entry: LibraryEntry, place: ImVec2, width: floa
 
 
 def _described(layer: Layer) -> str:
-    """A layer's name, and what it is where that is not its name."""
+    """A layer's name, and its model where that is not its name."""
     return layer.title if layer.title == layer.model.label else f"{layer.title} ({layer.model.label})"

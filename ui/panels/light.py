@@ -1,9 +1,9 @@
-"""The light: the environment's picture as the scene stands in it, a dial that turns it, its strength.
+"""The Light panel: the environment's picture with its rotation, a dial that rotates it, its strength.
 
-An environment from a file can be read as a lat-long or as an angular map; which it is, is guessed from its shape.
+An environment from a file can be read as a lat-long or as an angular map; the default is guessed from its shape.
 
-The picture is drawn in the world's frame: its middle is -Z, and it scrolls as the environment turns. The marker shows
-where the camera looks, so what is left of it lights the scene from the picture's left.
+The picture is drawn in the world's frame: its middle is -Z, and it scrolls as the environment rotates. The marker shows
+the camera's direction, so what is left of it lights the scene from the picture's left.
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ def draw(context: PanelContext) -> list[Action]:
     actions += _rotation(context)
     actions += _intensity(context)
     note = context.status.light_note
-    widgets.caption(note[:1].upper() + note[1:])  # its line stays, so that no scroll bar comes in mid-drag
+    widgets.caption(note[:1].upper() + note[1:])  # its line stays, so that no scroll bar appears during a drag
     return actions
 
 
 def environment_label(environment: str) -> str:
-    """An environment's name as a person reads it."""
+    """An environment's name as it is shown."""
     if environment == SCENE_ENVIRONMENT:
         return "As in the scene"
     if environment == CONSTANT_ENVIRONMENT:
@@ -170,8 +170,8 @@ def _scroll(context: PanelContext, handle: str, width: float) -> list[Action]:
 
 
 def _turned(context: PanelContext, handle: str, place: float, rate: float) -> list[Action]:
-    """The light turned by the control drawn last: by `rate` degrees for each unit that the hand at `place` moves, with
-    Shift by tenths."""
+    """Rotate the light by the control drawn last: by `rate` degrees for each unit that the pointer at `place` moves, a
+    tenth with Shift."""
     grip, fine = context.state.grip, imgui.get_io().key_shift
     if imgui.is_item_activated():
         travel = Travel((place, 0.0), fine=fine)
@@ -188,7 +188,7 @@ def _turned(context: PanelContext, handle: str, place: float, rate: float) -> li
 
 
 def _scrolled(draw_list: imgui.ImDrawList, picture: Picture, corner: ImVec2, end: ImVec2, shift: float) -> None:
-    """The environment with column `shift` of its width at the left edge, in the two parts the seam cuts it into."""
+    """The environment with column `shift` of its width at the left edge, in the two parts at the seam."""
     upper, lower = picture.corners()
     shift = shift % 1.0
     seam = corner.x + (1.0 - shift) * (end.x - corner.x)
@@ -200,7 +200,7 @@ def _scrolled(draw_list: imgui.ImDrawList, picture: Picture, corner: ImVec2, end
 
 
 def _even(context: PanelContext, draw_list: imgui.ImDrawList, corner: ImVec2, end: ImVec2) -> None:
-    if not context.document.objects:  # of a scene that is being opened nothing is known
+    if not context.document.objects:  # a scene that is being opened has no light yet
         return
     constant = context.document.light.environment == CONSTANT_ENVIRONMENT
     text = "even light" if constant else "no environment"
@@ -221,12 +221,12 @@ def _marker(context: PanelContext, draw_list: imgui.ImDrawList, corner: ImVec2, 
 
 
 def _dial(context: PanelContext, size: float) -> list[Action]:
-    """A compass seen from above; its knob stands at the rotation."""
+    """A compass seen from above; its knob shows the rotation."""
     corner = imgui.get_cursor_screen_pos()
     imgui.invisible_button("dial", ImVec2(size, size))
     widgets.tooltip("Turn the light around the scene, seen from above; up is -Z. With Shift it turns finely. "
                     "The mouse wheel turns it by 5°, with Shift by half a degree.")  # fmt: skip
-    imgui.set_item_key_owner(imgui.Key.mouse_wheel_y)  # the panel stays where it is
+    imgui.set_item_key_owner(imgui.Key.mouse_wheel_y)  # the panel does not scroll
     centre = ImVec2(corner.x + 0.5 * size, corner.y + 0.5 * size)
     radius = 0.5 * size - context.px(7)
     rotation = context.document.light.rotation
@@ -265,7 +265,7 @@ def _swept(context: PanelContext, draw_list: imgui.ImDrawList, centre: ImVec2, r
 
 
 def _turn(context: PanelContext, centre: ImVec2) -> list[Action]:
-    """The hand around the dial."""
+    """The pointer around the dial."""
     mouse, grip = imgui.get_mouse_pos(), context.state.grip
     angle = math.degrees(math.atan2(centre.x - mouse.x, centre.y - mouse.y))
     if isinstance(grip, TurnGrip):
@@ -274,7 +274,7 @@ def _turn(context: PanelContext, centre: ImVec2) -> list[Action]:
 
 
 def _wheel(context: PanelContext) -> list[Action]:
-    """The mouse wheel over the dial, away from the hand counter-clockwise."""
+    """The mouse wheel over the dial, forward counter-clockwise."""
     io, turn = imgui.get_io(), context.state.turn
     if not imgui.is_item_hovered() or io.mouse_wheel == 0.0 or context.state.grip is not None:
         return []

@@ -1,4 +1,4 @@
-"""The images of the selected layer: its texture and its weight map, a part of the material panel."""
+"""The images of the selected layer, its texture and its weight map: a part of the material panel."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ui.panels.context import Handles, PanelContext
 from ui.panels.picture import Picture
 from ui.theme import Icon, Theme
 
-# About the middle of an image's button, how far its row reaches to the sides and up and down, pixels at scale 1.
+# How far an image's row reaches from the middle of its button, to the sides and up and down, pixels at scale 1.
 ROW_REACH, ROW_HALF = 150.0, 14.0
 LABELS = {"texture": "Texture", "weight": "Weight map"}
 HINTS = {
@@ -45,12 +45,12 @@ def draw(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list
 
 
 def image_label(name: str) -> str:
-    """A file as a person reads it; of a picture inside a GLB file its number as well."""
+    """A file's name as it is shown; of a picture inside a GLB file with its number."""
     return Path(name).name
 
 
 def short_label(label: str) -> str:
-    """A label where there is little room: a file's ending says least; the number of a picture in a GLB file stays."""
+    """A label where there is little room: without the suffix; the number of a picture in a GLB file stays."""
     return label if "#" in label else Path(label).stem
 
 
@@ -65,7 +65,7 @@ def image_at(handles: Handles, theme: Theme, x: float, y: float) -> str | None:
 
 
 def _image(context: PanelContext, key: str, what: str, maps: LayerMaps, width: float) -> list[Action]:
-    """The picture and its file's name, which asks for another; a weight map's inversion; a button to take it away."""
+    """The picture and its file's name, which opens the file dialog; a weight map's inversion; a button to remove it."""
     widgets.label(context, LABELS[what], width)
     name = maps.texture if what == "texture" else maps.weight
     side, gap = imgui.get_frame_height(), context.px(4)
@@ -93,12 +93,12 @@ def _image(context: PanelContext, key: str, what: str, maps: LayerMaps, width: f
 
 
 def _without_file(maps: LayerMaps) -> str:
-    """What a weight map is that is no image."""
+    """The label of a weight map without an image."""
     return "Painted" if maps.strokes else "Even"
 
 
 def _thumbnail(context: PanelContext, what: str, picture: Picture, side: float, of_file: bool) -> bool:
-    """The image within a square, its aspect kept. Whether it was pressed."""
+    """The image within a square, with its aspect ratio; returns whether it was pressed."""
     corner, shrink = imgui.get_cursor_screen_pos(), side / max(picture.width, picture.height)
     size = ImVec2(picture.width * shrink, picture.height * shrink)
     low = ImVec2(corner.x + 0.5 * (side - size.x), corner.y + 0.5 * (side - size.y))
@@ -136,7 +136,7 @@ def _strength(context: PanelContext, key: str, maps: LayerMaps, width: float) ->
 
 
 def _repeats(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list[Action]:
-    """How often the texture repeats across and upwards, and how its numbers are meant."""
+    """The repeats of the texture across and upwards, and how its numbers are meant."""
     widgets.label(context, "Repeats", width)
     gap = context.px(4)
     room = imgui.get_content_region_avail().x - _segment_width(context, "Linear") - 2.0 * gap
@@ -157,7 +157,7 @@ def _repeats(context: PanelContext, key: str, maps: LayerMaps, width: float) -> 
 
 
 def _space(context: PanelContext, key: str, maps: LayerMaps) -> list[Action]:
-    """One button that goes through the three."""
+    """One button that steps through the three colour spaces."""
     chosen = SPACES.index(maps.texture_space)
     text, meaning = SPACE_CHOICES[chosen]
     hint = f"How the file's numbers are meant. {meaning} Click for another way to read them."
@@ -173,7 +173,7 @@ def _invert(context: PanelContext, key: str, maps: LayerMaps) -> list[Action]:
 
 
 def _segment_width(context: PanelContext, text: str) -> float:
-    """Of a button of `widgets.segments` with such a text."""
+    """The width of a button of `widgets.segments` with such a text."""
     return widgets.rich_width(text) + context.px(16)
 
 

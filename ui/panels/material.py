@@ -21,12 +21,12 @@ from ui.theme import Icon
 
 RGB = tuple[float, float, float]
 LARGEST_LABEL = 136.0
-# What three numbers, or a model's name, need.
+# The width that three numbers, or a model's name, need.
 WIDE_CONTROL = 136.0
 
 
 def draw(context: PanelContext) -> list[Action]:
-    """The whole panel, inside its window: what the mode has for the selected object, and its material."""
+    """The whole panel, inside its window: the mode's controls for the selected object, and its material."""
     tools = import_named(context.mode.tools)(context) if context.mode.tools else []
     return [*tools, *_material(context)]
 
@@ -64,7 +64,7 @@ def _material(context: PanelContext) -> list[Action]:
 
 
 def _sharing_note(state: ObjectState, index: int) -> str:
-    """Which layers are edited along with this one, and in what."""
+    """Which layers are edited along with this one, and in which curves."""
     layer, others = state.layers[index], [i for i in linked_indices(state.layers, index) if i != index]
     if layer.rises:
         lead = state.layers[linked_indices(state.layers, index)[0]]
@@ -77,7 +77,7 @@ def _heading(context: PanelContext, selection: Selection, layer: Layer, editable
     title = f"/  {layer.title}"
     room, gap = imgui.get_content_region_avail().x, imgui.get_style().item_spacing.x
     context.theme.push_bold()
-    # The object's name gives way to the layer's, but not by more than half of the line.
+    # The object's name is shortened before the layer's, but not below half of the line.
     imgui.text_unformatted(
         widgets.shortened(selection.object, max(room - gap - imgui.calc_text_size(title).x, 0.5 * room))
     )
@@ -97,13 +97,13 @@ def _shows_images(context: PanelContext, layer: Layer) -> bool:
 
 
 def _switches(context: PanelContext, key: str, layer: Layer) -> list[Action]:
-    """What few layers have, at the right: images, and a second term."""
+    """The switches of what few layers have, at the right: images, and a second term."""
     has_term = layer.rises or not layer.follows
     gap, texts = context.px(4), ["Images", *(["Fresnel"] if has_term else [])]
     widgets.same_line_at_right(
         sum(widgets.rich_width(text) + context.px(16) for text in texts) + gap * (len(texts) - 1)
     )
-    top = imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y  # words on one line
+    top = imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y  # aligns the text
     imgui.set_cursor_pos_y(top)
     actions = _image_switch(context, layer)
     if has_term:
@@ -114,7 +114,7 @@ def _switches(context: PanelContext, key: str, layer: Layer) -> list[Action]:
 
 
 def _image_switch(context: PanelContext, layer: Layer) -> list[Action]:
-    """Whether the rows of images are shown; those of a layer that has some always are."""
+    """Whether the rows of images are shown; those of a layer that has images always are."""
     shown = _shows_images(context, layer)
     hint = "A texture that multiplies the layer, a map of how much of it there is, and the object's bumps."
     pressed = widgets.segments(context, "material.images", [("Images", hint)], 0 if shown else -1)
@@ -133,7 +133,7 @@ def _fresnel_switch(context: PanelContext, key: str, layer: Layer) -> list[Actio
 
 
 def _label_width(context: PanelContext, layer: Layer) -> float:
-    """A column, at scale 1, in which the model's longest label fits, within limits."""
+    """The width of a column, at scale 1, in which the model's longest label fits, within limits."""
     longest = max((widgets.rich_width(widgets.subscripted(p.label)) for p in layer.parameter_table), default=0.0)
     return min(max(longest / context.theme.scale + 10.0, widgets.LABEL_WIDTH), LARGEST_LABEL)
 
@@ -186,7 +186,7 @@ def _right_clicked(n_lines: int) -> bool:
 
 
 def _measured(value: Measurement) -> list[Action]:
-    """The file's name; what is known of it as a hint."""
+    """The file's name; with the facts about it as a tooltip."""
     imgui.align_text_to_frame_padding()
     name = Path(value.file).name or "nothing"
     imgui.text_unformatted(widgets.fitting(name, imgui.get_content_region_avail().x))
@@ -195,7 +195,7 @@ def _measured(value: Measurement) -> list[Action]:
 
 
 def _own_value(context: PanelContext, key: str, layer: Layer, parameter: Parameter) -> Value:
-    """A parameter as the scene's file has it; where the file has no such layer, or of another model, its default."""
+    """A parameter as the scene's file has it; where the file has no such layer, or another model, its default."""
     described = next((own for name, own in context.scene_document.layers() if name == key), None)
     if described is None or described.model is not layer.model:
         return parameter.default
@@ -209,7 +209,7 @@ def _hint(context: PanelContext, key: str, parameter: Parameter) -> str:
 
 
 def value_text(value: Value) -> str:
-    """A parameter's value as a hint says it."""
+    """A parameter's value for a tooltip."""
     if isinstance(value, tuple):
         return f"{value[0]:.4g}" if len(set(value)) == 1 else ", ".join(f"{each:.3g}" for each in value)
     return choice_label(value) if isinstance(value, str) else f"{value:.4g}"
@@ -229,7 +229,7 @@ def _choice(context: PanelContext, key: str, parameter: Parameter, value: str) -
 
 
 def choice_label(choice: str) -> str:
-    """A choice as a person reads it; short ones are names by their initials."""
+    """A choice as it is shown; short ones are upper-case abbreviations."""
     return choice.upper() if len(choice) <= 3 else choice.capitalize()
 
 
@@ -245,7 +245,7 @@ def _scalar(context: PanelContext, key: str, parameter: Parameter, value: float)
 
 
 def number_format(parameter: Parameter) -> str:
-    """A format with as many digits as the range asks for, and the unit."""
+    """A number format with as many digits as the range requires, and the unit."""
     digits = "%.4g" if parameter.logarithmic else "%.3f" if parameter.maximum <= 10.0 else "%.4g"
     return f"{digits} {parameter.unit}".rstrip().replace(" °", "°")
 

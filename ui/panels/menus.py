@@ -1,6 +1,7 @@
-"""The bar at the top: menus left, which Alt opens; exposure, tone mapping, compare, fit, undo, picture and help right.
+"""The menu bar at the top: menus left, which Alt opens; exposure, tone mapping, compare, fit, undo, mode and help
+right.
 
-What stands right is always at hand.
+The controls at the right are always visible.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ MODE_WIDTH = 84.0
 RECENT_WIDTH = 320.0
 NOT_SAVED = ": there are edits that no session has yet"
 LEAST_EXPOSURE, LARGEST_EXPOSURE = -8.0, 8.0
-# Along its short trough a few pixels would be stops.
+# The drag of a short slider: by its track, a few pixels would be stops.
 PIXELS_A_STOP = 50.0
 
 
@@ -63,7 +64,7 @@ def draw(context: PanelContext) -> list[Action]:
 
 
 def _begin(context: PanelContext, title: str) -> bool:
-    """Whether a menu, or one within it, is open: to be ended then."""
+    """Whether a menu, or a submenu, is open: to be ended then."""
     corner, extent = imgui.get_cursor_screen_pos(), imgui.calc_text_size(title)
     context.handles.note(f"menu.{title}", corner.x + 0.5 * extent.x, corner.y + 0.5 * extent.y)
     return imgui.begin_menu(title)
@@ -109,7 +110,7 @@ def _file(context: PanelContext) -> list[Action]:
 
 
 def _recent(context: PanelContext) -> list[Action]:
-    """What was opened last; files that have gone are grey."""
+    """The files opened last; missing ones are grey."""
     if not _begin(context, "Open recent"):
         return []
     actions: list[Action] = []
@@ -160,7 +161,7 @@ def _can_reset(context: PanelContext, selected: Selection | None) -> bool:
 
 
 def _view(context: PanelContext) -> list[Action]:
-    """The picture first: in a small window the rest of the menu scrolls."""
+    """The picture's entries come first: in a small window the rest of the menu scrolls."""
     actions = _entry(context, "The picture alone", "alone", on=context.state.single_panel)
     actions += _entry(context, "Fit the picture", "whole", on=context.view.fit)
     actions += _entry(context, "Pixel for pixel", "pixels", on=_is_pixel_for_pixel(context))
@@ -196,7 +197,7 @@ SCROLL = (("scroll", "dolly", "Wheel: nearer, farther"), ("scroll", "orbit", "Tr
 
 
 def _camera(context: PanelContext) -> list[Action]:
-    """Where it can go, and what hand and fingers do."""
+    """Views of the camera, and the mouse and trackpad conventions."""
     actions = _entry(context, "Lens, size, kept views…", "camera", on=context.state.shows_camera)
     for bookmark in context.view.bookmarks:
         if imgui.menu_item_simple(f"{bookmark.name}###kept.{bookmark.name}"):
@@ -234,7 +235,7 @@ MENUS = (("File", _file), ("Edit", _edit), ("View", _view), ("Help", _help))
 
 
 def _menu_opened_by_alt(context: PanelContext) -> str | None:
-    """The menu that Alt asks for: by itself the first, with a menu's first letter that one."""
+    """The menu that Alt opens: by itself the first, with a menu's first letter that one."""
     if context.alt_tapped:
         return MENUS[0][0]
     letters = {title: getattr(imgui.Key, title[0].lower()) for title, _ in MENUS}
@@ -270,7 +271,7 @@ def _controls(context: PanelContext) -> list[Action]:
 
 
 def _modes(context: PanelContext) -> list[Action]:
-    """Which mode makes the picture, where there are several."""
+    """The choice of the mode, where there are several."""
     choices = [(mode.title, mode.tooltip or mode.title) for mode in context.modes]
     pressed = widgets.segments(context, "mode", choices, context.modes.index(context.mode), least=MODE_WIDTH)
     return [] if pressed is None else [SetView.of(mode=context.modes[pressed].name)]
@@ -304,7 +305,7 @@ def _gap(context: PanelContext) -> None:
 
 
 def _next(gap: float) -> None:
-    """Go on in the middle of the bar's height, `gap` pixels further."""
+    """Continue in the middle of the bar's height, `gap` pixels further."""
     imgui.same_line(0.0, gap)
     _centre()
 
@@ -318,7 +319,7 @@ def _hint(verb: str, label: str | None, keys: str) -> str:
 
 
 def _title(context: PanelContext, controls: float) -> None:
-    """What is open, between menus and controls."""
+    """The name of what is open, between menus and controls."""
     name = f"{context.name}*" if context.unsaved else context.name
     imgui.same_line(0.0, context.px(18))
     room = imgui.get_window_width() - controls - imgui.get_cursor_pos_x() - context.px(16)
@@ -359,7 +360,7 @@ def _tone_mapping(context: PanelContext) -> list[Action]:
 
 
 def _views(context: PanelContext, handle: str) -> list[Action]:
-    """The views to choose from, in a list or a menu."""
+    """The choice of the view transform, in a list or a menu."""
     actions: list[Action] = []
     for name, known in VIEWS.items():
         if imgui.menu_item_simple(known.label, None, name == context.view.tone_mapping):

@@ -1,8 +1,9 @@
-"""Numbers under the hand: sliders and fields that are dragged or typed into.
+"""Number controls: sliders and fields that are dragged or typed into.
 
-A click changes nothing. A drag begins when the mouse has gone a few pixels, and goes on from the value there was, with
-Shift by tenths. A double click, or one with Ctrl, lets the number be typed, all of it selected; what is out of its
-range is said, and changes nothing. The keyboard has them as imgui's own: Space, then arrow keys; Enter types.
+A click changes nothing. A drag begins when the mouse has moved a few pixels, and continues from the value, a tenth as
+fast with Shift. After a double click, or one with Ctrl, the number can be typed, all of it selected; a number out of
+range changes nothing, and a message says so. The keyboard works as on imgui's own controls: Space, then arrow keys;
+Enter types.
 """
 
 from __future__ import annotations
@@ -20,16 +21,16 @@ from ui.panels.drag_travel import Travel
 
 # Pixels at scale 1 after which a press is a drag.
 DRAG_DISTANCE = 3.0
-# Operators and parameters without a range of their own.
+# For operators and parameters without a range of their own.
 LARGEST = 1e12
-# Of what is felt by its factor, such as light or the width of a highlight.
+# For values that are perceived by ratio, such as light or the width of a highlight.
 PIXELS_TO_DOUBLE = 100.0
 Law = Callable[[float, float], float]
 
 
 @dataclass(frozen=True)
 class Touch:
-    """What a hand did with a control in this pass."""
+    """What the user did with a control in this pass."""
 
     changed: bool = False
     began: bool = False
@@ -41,8 +42,8 @@ WHOLE = Touch(changed=True, began=True, ended=True)
 
 @dataclass(frozen=True)
 class _Field:
-    """A number on screen: what it is, and where its control stands; at: its value at a column, where a press takes it
-    there."""
+    """A number on screen: its value, and the rectangle of its control; at: its value at a column, where a press takes
+    it there."""
 
     name: str
     title: str
@@ -56,13 +57,13 @@ class _Field:
     at: Callable[[float], float] | None = None
 
     def parts(self) -> tuple[str, str]:
-        """The number alone as a person reads and types it, and the unit after it."""
+        """The number alone as it is shown and typed, and the unit after it."""
         found = re.search(r"%[-+ #0]*\d*(?:\.\d+)?[a-zA-Z]", self.text)
         return (found.group() % self.value, self.text[found.end() :].replace("%%", "%")) if found else ("", "")
 
 
 def touch(changed: bool) -> Touch:
-    """The hand's doings with the control drawn last, one of imgui's."""
+    """The touch of the control drawn last, one of imgui's."""
     return Touch(changed, imgui.is_item_activated(), imgui.is_item_deactivated())
 
 
@@ -84,11 +85,11 @@ def slider(
 ) -> tuple[Touch, float]:
     """A horizontal slider filled from `origin` (its least value where None) to its value.
 
-    `pixels_to_double`: a drag by so many makes it twice as much, instead of following the trough: where that holds
-    many decades, a few pixels would be out of all proportion. What may be 0 leaves it evenly, and doubles well above 1.
-    `pixels_a_unit`: likewise, a drag by so many adds 1.
-    shown: words in the place of the number. jumps: to where it is pressed. Returns the touch and the value, kept in
-    [low, high]. `handle` names its grab for scripts, `title` it for a person.
+    `pixels_to_double`: a drag by so many doubles the value, instead of following the track: where the track covers many
+    decades, a few pixels would change it far too much. A value that may be 0 leaves it evenly, and doubles well above
+    1. `pixels_a_unit`: likewise, a drag by so many adds 1. shown: words in place of the number. jumps: to where it is
+    pressed. Returns the touch and the value, clamped to [low, high]. `handle` names its grab for scripts, `title` it
+    for the user.
     """
     corner = imgui.get_cursor_screen_pos()
     size = ImVec2(imgui.calc_item_width(), imgui.get_frame_height())
@@ -141,7 +142,7 @@ def number(
     speed: float | None = None,
     title: str = "",
 ) -> tuple[Touch, float]:
-    """A field without a trough; a drag changes it by `speed` a pixel (None: by a hundredth of what it is)."""
+    """A field without a track; a drag changes it by `speed` per pixel (None: by a hundredth of its value)."""
     corner = imgui.get_cursor_screen_pos()
     size = ImVec2(imgui.calc_item_width(), imgui.get_frame_height())
     field = _Field(name, title or name.replace("_", " "), value, low, high, text, corner, size)
@@ -176,7 +177,8 @@ def _control(
     ground: Callable[[bool], None],
     keyboard: Callable[[], tuple[bool, float]],
 ) -> tuple[Touch, float]:
-    """A number drawn, and what mouse or keyboard did with it. `keyboard` is imgui's control, seen by neither."""
+    """Draw a number, and return what mouse or keyboard did with it. `keyboard` is imgui's control, which is not
+    visible."""
     corner, size = field.corner, field.size
     hovered = imgui.is_mouse_hovering_rect(corner, ImVec2(corner.x + size.x, corner.y + size.y))
     hovered = hovered and imgui.is_window_hovered() and not _is_disabled()
@@ -201,16 +203,16 @@ def _is_disabled() -> bool:
 
 
 def _is_typed(field: _Field, hovered: bool) -> bool:
-    """Whether the number is being typed, or is from this press on, or has been until this pass, which takes it."""
+    """Whether the number is being typed: before, from this press on, or until this pass, which accepts it."""
     state = imgui.get_current_context()
     if imgui.get_id(f"##{field.name}.typed") in (state.active_id, state.active_id_previous_frame):
         return True
-    clicks = imgui.get_mouse_clicked_count(0)  # the fourth click of a row is the second of another double one
+    clicks = imgui.get_mouse_clicked_count(0)  # the fourth click of a row is the second of another double click
     return hovered and clicks > 0 and (clicks % 2 == 0 or bool(imgui.get_io().key_ctrl))
 
 
 def _typed_text(context: PanelContext, field: _Field) -> tuple[Touch, float]:
-    """The number as text; the press that opened it has put the keyboard into it."""
+    """The number as a text field; the press that opened it has given it the keyboard."""
     shown, unit = field.parts()
     imgui.set_next_item_width(field.size.x)
     _, typed = imgui.input_text(f"##{field.name}.typed", shown.strip(), imgui.InputTextFlags_.auto_select_all)
@@ -225,7 +227,7 @@ def _typed_text(context: PanelContext, field: _Field) -> tuple[Touch, float]:
 
 
 def read_number(typed: str, unit: str = "") -> float | None:
-    """What a person typed, with or without its unit, a comma for a point; None where it is no number."""
+    """The typed number, with or without its unit, with a comma or a point; None where it is no number."""
     text = typed.strip().removesuffix(unit.strip()).strip().replace(",", ".")
     try:
         found = float(text)
@@ -235,7 +237,7 @@ def read_number(typed: str, unit: str = "") -> float | None:
 
 
 def _is_allowed(context: PanelContext, field: _Field, value: float, typed: str) -> bool:
-    """Whether the number lies in its range; said where it does not."""
+    """Whether the number is in its range; a message says so where it is not."""
     if field.low <= value <= field.high:
         return True
     unit = field.parts()[1].rstrip()
@@ -246,7 +248,7 @@ def _is_allowed(context: PanelContext, field: _Field, value: float, typed: str) 
 
 
 def _moved(context: PanelContext, field: _Field, law: Law, changed: bool, keyed: float) -> tuple[Touch, float]:
-    """What a drag, or the keyboard, makes of the value. imgui's control was drawn last."""
+    """The value after a drag, or the keyboard. imgui's control was drawn last."""
     item, active = imgui.get_item_id(), imgui.is_item_active()
     if context.fields.is_held(item):
         if active:
@@ -270,7 +272,7 @@ def _moved(context: PanelContext, field: _Field, law: Law, changed: bool, keyed:
 
 
 def _dragged_value(context: PanelContext, field: _Field) -> tuple[Touch, float]:
-    """The value that the hand has come to, measured from where the drag began."""
+    """The value of the drag, measured from where it began."""
     held, mouse = context.fields.held, imgui.get_mouse_pos()
     assert held is not None
     at = (mouse.x, mouse.y)
@@ -284,7 +286,7 @@ def _dragged_value(context: PanelContext, field: _Field) -> tuple[Touch, float]:
 
 
 def slider_share(value: float, low: float, high: float, logarithmic: bool) -> float:
-    """Where between the ends a value stands, 0 to 1."""
+    """The place of a value between the ends, 0 to 1."""
     value = min(max(value, low), high)
     if logarithmic and low > 0.0:
         return math.log(value / low) / math.log(high / low)
@@ -292,19 +294,19 @@ def slider_share(value: float, low: float, high: float, logarithmic: bool) -> fl
 
 
 def slider_value(share: float, low: float, high: float, logarithmic: bool) -> float:
-    """The value that stands at a share, 0 to 1, between the ends."""
+    """The value at a place, 0 to 1, between the ends."""
     found = low * (high / low) ** share if logarithmic and low > 0.0 else low + share * (high - low)
     return min(max(found, low), high)
 
 
 def slider_zero(text: str) -> float:
-    """Where a logarithmic slider that starts at 0 puts its start: the least number that its format shows."""
+    """The place of 0 on a logarithmic slider that starts there: the least number that its format shows."""
     digits = re.search(r"%\+?\.(\d+)", text)
     return 10.0 ** -(int(digits.group(1)) if digits else 3)
 
 
 def slider_inset(context: PanelContext) -> float:
-    """Pixels from a slider's edge to where its least value stands."""
+    """Pixels from a slider's edge to its least value."""
     return 2.0 + 0.5 * imgui.get_style().grab_min_size
 
 
@@ -333,7 +335,7 @@ def _centred(field: _Field) -> None:
 
 
 def _slider_fill(corner: ImVec2, width: float, height: float, start: float, share: float, hovered: bool) -> None:
-    """The trough's filled part, between two shares of its width."""
+    """The track's filled part, between two fractions of its width."""
     rounding = imgui.get_style().frame_rounding
     low, high = sorted((start, share))
     if high - low < 1e-4:

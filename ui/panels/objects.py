@@ -80,7 +80,7 @@ def _arrow(context: PanelContext, is_open: bool) -> bool:
 
 
 def _ground(context: PanelContext, chosen: bool, hovered: bool) -> tuple[ImVec2, float, look.Colour]:
-    """Row background; (corner, width, the colour of icons in their normal state on it)."""
+    """Row background; returns (corner, width, the colour of icons in their normal state on it)."""
     corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     end = ImVec2(corner.x + width, corner.y + imgui.get_frame_height())
     inside = imgui.is_mouse_hovering_rect(corner, end) and imgui.is_window_hovered(
@@ -168,7 +168,7 @@ def _layer(context: PanelContext, state: ObjectState, index: int, layer: Layer) 
 
 
 def _drop(context: PanelContext, state: ObjectState) -> list[Action]:
-    """A material of the library that is let go on the row drawn last."""
+    """A material of the library that is dropped on the row drawn last."""
     if not imgui.begin_drag_drop_target():
         return []
     entry = dropped_material(context)
@@ -177,7 +177,7 @@ def _drop(context: PanelContext, state: ObjectState) -> list[Action]:
 
 
 def _object_menu(context: PanelContext, state: ObjectState) -> list[Action]:
-    """The right button on an object."""
+    """The context menu of an object."""
     actions: list[Action] = []
     if state.layers and imgui.begin_popup_context_item("menu"):
         if imgui.menu_item_simple("Copy the material"):
@@ -203,7 +203,7 @@ def _new_layers(state: ObjectState) -> list[Action]:
 
 
 def _layer_menu(context: PanelContext, state: ObjectState, path: str, layer: Layer) -> list[Action]:
-    """The right button on a layer."""
+    """The context menu of a layer."""
     actions: list[Action] = []
     if imgui.begin_popup_context_item("menu"):
         if imgui.menu_item_simple("Copy the layer"):
@@ -217,7 +217,7 @@ def _layer_menu(context: PanelContext, state: ObjectState, path: str, layer: Lay
 
 
 def _edited_mark(context: PanelContext, corner: ImVec2, width: float) -> None:
-    """A dot in the accent: this layer's curves carry operators."""
+    """A dot in the accent colour: this layer's curves have operators."""
     height = imgui.get_frame_height()
     place = ImVec2(corner.x + context.px(23), corner.y + 0.5 * height)
     imgui.get_window_draw_list().add_circle_filled(place, context.px(3), look.pack(look.ACCENT))
@@ -226,7 +226,7 @@ def _edited_mark(context: PanelContext, corner: ImVec2, width: float) -> None:
 def _toggle(
     context: PanelContext, name: str, on_icon: str, off_icon: str, normal: bool, quiet: look.Colour, hint: str
 ) -> bool:
-    """An icon that is quiet in its normal state (faint until the row is hovered) and plain otherwise."""
+    """An icon that is dim in its normal state (faint until the row is hovered) and plain otherwise."""
     imgui.same_line()
     height = imgui.get_frame_height()
     corner = imgui.get_cursor_screen_pos()

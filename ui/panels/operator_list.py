@@ -1,4 +1,4 @@
-"""Right of the plot: which tool pulls, the operators of the curve in their order, and their numbers to type."""
+"""Right of the plot: the active tool, the operators of the curve in their order, and their numbers as fields."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ CHANNEL_MARKS = tuple(zip("RGB", look.CHANNELS, strict=True))
 def draw(
     context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], editable: bool
 ) -> list[Action]:
-    """The column. A curve that may not be edited says so and shows its operators greyed."""
+    """The column. A curve that may not be edited shows why, and its operators greyed."""
     group = operators_in_use(operators, context.view)
     actions: list[Action] = []
     if not editable:
@@ -54,7 +54,7 @@ def draw(
 
 
 def _tools(context: PanelContext, group: OperatorGroup) -> list[Action]:
-    """Which tool is in hand: that of the selected operator, else the one that makes the next."""
+    """The active tool: that of the selected operator, else the one that makes the next."""
     kind, _, axes = tool_of(group).partition("_")
     actions: list[Action] = []
     hints = ("Translate: pulling the curve moves that part of it.", "Amplify: pulling the curve stretches that part.")
@@ -78,7 +78,7 @@ def _tools(context: PanelContext, group: OperatorGroup) -> list[Action]:
 def _whole(
     context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], group: OperatorGroup
 ) -> list[Action]:
-    """A new operator, and one table in the place of all."""
+    """A new operator, and one table in place of all."""
     actions: list[Action] = []
     hint = "New: put the handles back on a new operator, leaving those in the list as they are."
     if widgets.icon_button(context, "curve.new", Icon.ADD, hint, enabled=group.index is not None):
@@ -93,7 +93,7 @@ def _whole(
 def _list(
     context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], group: OperatorGroup
 ) -> list[Action]:
-    """The operators, the last to apply on top, in what height the numbers below leave."""
+    """The operators, the last to apply on top, in the height that the numbers below leave."""
     actions: list[Action] = []
     row = imgui.get_frame_height()
     below = len(group.operators) + 1
@@ -163,7 +163,7 @@ def _row(context: PanelContext, key: str, factor: str, operators: tuple[CurveEdi
 
 
 def _title(context: PanelContext, place: ImVec2, edit: tuple[CurveEdit, ...], ink: look.Colour) -> None:
-    """What the edit is, and the channels that it changes where it spares one."""
+    """The name of the edit, and the channels that it changes where it does not change all."""
     draw, text, first = imgui.get_window_draw_list(), operator_title(*edit), edit[0]
     draw.add_text(place, look.pack(ink), text)
     if not isinstance(first, Operator) or all(first.channels):
@@ -207,7 +207,7 @@ def _row_buttons(
 
 
 def _select(operators: tuple[CurveEdit, ...], places: range) -> Action:
-    """The next new operator is made as the selected one was."""
+    """Select an operator; the next new one is made like it."""
     first = operators[places.start]
     if not isinstance(first, Operator):
         return SetView.of(operator=places.start)
@@ -216,7 +216,7 @@ def _select(operators: tuple[CurveEdit, ...], places: range) -> Action:
 
 
 def magnitude_text(operator: CurveEdit) -> str:
-    """The magnitude as a person reads it: degrees along the angle, a signed value or a factor in height."""
+    """The magnitude as it is shown: degrees along the angle, a signed value or a factor in height."""
     if not isinstance(operator, Operator):
         return f"{len(operator.gammas)} samples"
     if operator.kind == "amplify":
@@ -229,7 +229,7 @@ def magnitude_text(operator: CurveEdit) -> str:
 def _numbers(
     context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], group: OperatorGroup
 ) -> list[Action]:
-    """a, b, c, d in degrees; magnitude and baseline of the operator in hand."""
+    """a, b, c, d in degrees; magnitude and baseline of the operator in use."""
     actions = _region_fields(context, key, factor, operators, group)
     for offset, operator in enumerate(group.operators):
         actions += _magnitude_fields(context, key, factor, operators, group, offset, operator)
@@ -257,7 +257,7 @@ def _region_fields(
 
 
 def _one_step(touch: number_fields.Touch, changed: list[Action]) -> list[Action]:
-    """What a field changed, a drag of it as one step of the history."""
+    """The changes of a field; a drag of it is one step of the history."""
     began: list[Action] = [BeginDrag(None)] if touch.began else []
     return [*began, *changed, *([EndDrag()] if touch.ended else [])]
 
@@ -316,7 +316,7 @@ def _magnitude_fields(
 
 
 def magnitude_range(operator: Operator) -> tuple[float, float]:
-    """The least and largest magnitude that the operator can have: along X where the curve would fold over."""
+    """The least and largest magnitude of the operator: along X until the curve would fold over."""
     if operator.axis == "y":
         return -number_fields.LARGEST, number_fields.LARGEST
     least = SMALLEST_STRETCH if operator.kind == "amplify" else -HALF_PI
@@ -335,13 +335,13 @@ def _with_member(
     offset: int,
     member: Operator,
 ) -> list[Action]:
-    """One of the operators in hand as it is now."""
+    """One of the operators in use, replaced."""
     members = (*group.operators[:offset], member, *group.operators[offset + 1 :])
     return _replaced(key, factor, operators, group, members) if members != group.operators else []
 
 
 def _checked(operator: Operator, **changes: Any) -> Operator:
-    """The operator with the typed numbers, or as it was where they make no legal operator."""
+    """The operator with the typed numbers, or as it was where they make no valid operator."""
     try:
         return dataclasses.replace(operator, **changes).clamp_magnitude()
     except OperatorError:

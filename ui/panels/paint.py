@@ -54,7 +54,7 @@ def painting_layer_key(context: PanelContext) -> str | None:
 
 
 def draw(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list[Action]:
-    """The row under the weight map; what an even one is, where the brush is on."""
+    """The row under the weight map; for a uniform one its value, where the brush is on."""
     widgets.label(context, "", width)
     on = context.state.paints
     actions: list[Action] = []
@@ -69,7 +69,7 @@ def draw(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list
 
 
 def _switched(context: PanelContext, maps: LayerMaps, on: bool) -> Action:
-    """On or off; of a map that is white all over the brush can only take something away, so that is what it does."""
+    """Toggle the brush; a map that is white all over can only be erased, so then the brush erases."""
     brush = context.state.brush
     if on and not maps.has_weight:
         brush = replace(brush, erases=True)
@@ -102,7 +102,7 @@ def _blend(context: PanelContext, key: str, width: float) -> list[Action]:
 
 
 def draw_strip(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[Action]:
-    """The brush's controls at the foot of the picture, where the hand is."""
+    """The brush's controls at the lower edge of the picture, near the pointer."""
     if painting_layer_key(context) is None or room.x < context.px(STRIP):
         return []
     actions: list[Action] = []
@@ -114,7 +114,7 @@ def draw_strip(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[Acti
 
 
 def _brush(context: PanelContext, width: float) -> list[Action]:
-    """Which way it paints, its three numbers in sliders of a width, and the end."""
+    """Paint or erase, three sliders, and a button that ends painting."""
     brush, gap = context.state.brush, context.px(6)
     pressed = widgets.segments(context, "brush", TOWARDS, int(brush.erases))
     actions = [] if pressed is None else [_with(brush, erases=bool(pressed))]
@@ -137,7 +137,7 @@ def _with(brush: Brush, **changes: float | bool) -> Action:
 
 
 def resize_brush(brush: Brush, steps: int) -> Action:
-    """The brush larger by so many steps, or smaller."""
+    """The brush, larger or smaller by so many steps."""
     return _with(brush, radius=min(max(brush.radius * STEP**steps, LEAST_RADIUS), MOST_RADIUS))
 
 
@@ -145,7 +145,7 @@ def resize_brush(brush: Brush, steps: int) -> Action:
 
 
 def begin(context: PanelContext, place: Point) -> list[Action]:
-    """The button went down at a place of the picture, in its pixels."""
+    """The button was pressed at a place of the picture, in its pixels."""
     brush = context.state.brush
     erases = brush.erases != _is_inverted()
     grip = PaintGrip("paint", place, False, 0.0 if erases else 1.0)
@@ -153,13 +153,13 @@ def begin(context: PanelContext, place: Point) -> list[Action]:
 
 
 def _is_inverted() -> bool:
-    """Whether a key turns the brush round: Ctrl, or Alt where that does not move the camera."""
+    """Whether a key inverts the brush: Ctrl, or Alt where that does not move the camera."""
     io = imgui.get_io()
     return bool(io.key_alt or io.key_ctrl)
 
 
 def go_on(context: PanelContext, grip: PaintGrip, place: Point) -> list[Action]:
-    """The button is held and the mouse at a place of the picture."""
+    """The button is held and the mouse is at a place of the picture."""
     if place == grip.offset:
         return []
     return _stroke(context, grip, sample_path([grip.offset, place], context.state.brush.radius), place)
@@ -180,7 +180,7 @@ def _stroke(context: PanelContext, grip: PaintGrip, places: list[Point], end: Po
 
 
 def draw_circle(context: PanelContext, scale: float) -> None:
-    """The brush about the mouse, and whether it adds; scale: pixels of the screen for each of the picture's."""
+    """The brush's circle about the mouse, and whether it adds; scale: pixels of the screen per pixel of the picture."""
     mouse, brush = imgui.get_mouse_pos(), context.state.brush
     draw_list = imgui.get_window_draw_list()
     radius, line = brush.radius * scale, context.px(1.5)

@@ -1,6 +1,6 @@
 """Folding panels away, so that the picture takes their room: a button on their tabs, and a strip to bring them back.
 
-What is folded is closed (`ViewState.panels`); its place is kept by the layout. Panels behind each other fold together.
+A folded panel is closed (`ViewState.panels`); the layout remembers its place. Panels in one dock fold together.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ MENU = "folded panels"
 
 
 def draw_buttons(context: PanelContext) -> list[Action]:
-    """One at the right end of the tabs of each place where panels are docked, the picture's apart."""
+    """A button at the right end of the tabs of each dock, except the picture's."""
     actions: list[Action] = []
     for node_id, panels in _places(context).items():
         node = imgui.internal.dock_builder_get_node(node_id)
@@ -57,7 +57,7 @@ def _places(context: PanelContext) -> dict[int, list[Panel]]:
 
 
 def draw_strip(context: PanelContext) -> list[Action]:
-    """The names of what is folded away, along the foot of the window; a click brings a panel back."""
+    """The names of folded panels, along the lower edge of the window; a click brings a panel back."""
     folded = [panel for panel in PANELS if not context.view.panel_open(panel.key)]
     if not folded or context.state.single_panel:
         return []
@@ -80,7 +80,7 @@ def draw_strip(context: PanelContext) -> list[Action]:
 
 
 def _tabs(context: PanelContext, folded: list[Panel]) -> list[Action]:
-    """A button for each; where they do not fit beside each other, one that lists them."""
+    """A button for each; where they do not fit side by side, one that lists them."""
     texts = [f"{Icon.UP}  {panel.title}" for panel in folded]
     pad = 2 * imgui.get_style().frame_padding.x + imgui.get_style().item_spacing.x
     if sum(imgui.calc_text_size(text).x + pad for text in texts) > imgui.get_content_region_avail().x:

@@ -15,7 +15,7 @@ from ui.panels.context import PanelContext
 def draw_guarded(
     barrier: Barrier, name: str, draw: Callable[[PanelContext], list[Action]], context: PanelContext
 ) -> list[Action] | None:
-    """What a panel asks for; None where it fails, or lately failed on the same."""
+    """The actions of a panel; None where it fails, or lately failed on the same input."""
     depth = depth_now()
 
     def drawn() -> list[Action] | None:
@@ -29,7 +29,7 @@ def draw_guarded(
 
 
 def draw_fault(name: str) -> None:
-    """In the place of a panel that failed: what to do."""
+    """In place of a panel that failed: what to do."""
     imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT_SOFT))
     imgui.text_wrapped(f"{name} cannot be drawn. Undo the last edit, or select something else.")
     imgui.pop_style_color()
@@ -43,7 +43,7 @@ def depth_now() -> imgui.internal.ErrorRecoveryState:
 
 
 def close_what_is_open(depth: imgui.internal.ErrorRecoveryState) -> None:
-    """End and pop what was begun and pushed since; imgui need not complain about each."""
+    """End and pop what was begun and pushed since; imgui reports no error for each."""
     io = imgui.get_io()
     tells = io.config_error_recovery_enable_assert, io.config_error_recovery_enable_debug_log
     io.config_error_recovery_enable_assert = io.config_error_recovery_enable_debug_log = False

@@ -1,4 +1,4 @@
-"""Things in the picture that a hand can drag: a grip at the end of a line. What they are, a mode says."""
+"""Handles in the picture that can be dragged: a grip at the end of a line. Each mode defines its own."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ RADIUS, REACH = 6.0, 10.0
 
 @dataclass(frozen=True)
 class PictureHandle:
-    """A grip at a place on screen, a line with it; what dragging it to a place does to the document, as one step of
-    the history called `label`; hint: what it is; by_line: whether a hand may take it anywhere along the line."""
+    """A grip at a place on screen, a line with it; the action of dragging it to a place, as one step of the history
+    called `label`; hint: its tooltip; by_line: whether it can be grabbed anywhere along the line."""
 
     name: str
     place: Place
@@ -33,7 +33,7 @@ class PictureHandle:
     by_line: bool = False
 
     def distance_to(self, x: float, y: float) -> float:
-        """How far a place on screen is from where it can be taken."""
+        """The distance of a place on screen from where it can be grabbed."""
         spot = complex(x, y)
         ends = [complex(*each) for each in self.line] if self.by_line else []
         return min(
@@ -45,7 +45,7 @@ class PictureHandle:
 
 
 def handles_of(context: PanelContext, placed: PictureRect) -> list[PictureHandle]:
-    """Those of the mode; where scripts find them is noted."""
+    """The mode's handles; registered for scripts."""
     found: list[PictureHandle] = import_named(context.mode.handles)(context, placed) if context.mode.handles else []
     for handle in found:
         context.handles.note(handle.name, *handle.place)
@@ -53,7 +53,7 @@ def handles_of(context: PanelContext, placed: PictureRect) -> list[PictureHandle
 
 
 def under_mouse(context: PanelContext, handles: Sequence[PictureHandle]) -> PictureHandle | None:
-    """The one that a press would take: of several the nearest, and one that is small before one along a line."""
+    """The handle that a press would grab: of several the nearest, and a small one before one along a line."""
     mouse = imgui.get_mouse_pos()
     away = [(each.by_line, each.distance_to(mouse.x, mouse.y), i) for i, each in enumerate(handles)]
     near = [each for each in away if each[1] <= context.px(REACH)]
@@ -61,40 +61,40 @@ def under_mouse(context: PanelContext, handles: Sequence[PictureHandle]) -> Pict
 
 
 def _distance_to_line(spot: complex, start: complex, end: complex) -> float:
-    """From a straight line."""
+    """The distance from a line segment."""
     along = end - start
     share = ((spot - start) * along.conjugate()).real / max(abs(along) ** 2, 1e-12)
     return abs(spot - start - min(max(share, 0.0), 1.0) * along)
 
 
 def held_handle(context: PanelContext, handles: Sequence[PictureHandle]) -> PictureHandle | None:
-    """The one in the hand."""
+    """The handle that is being dragged."""
     grip = context.state.grip
     return next((each for each in handles if grip is not None and grip.handle == each.name), None)
 
 
 def take_hold(handle: PictureHandle) -> list[Action]:
-    """Of a handle under the mouse, which stays as far from its middle as it was."""
+    """Grab a handle under the mouse, which keeps its offset from the mouse."""
     mouse = imgui.get_mouse_pos()
     offset = mouse.x - handle.place[0], mouse.y - handle.place[1]
     return [BeginDrag(handle.label), HoldGrip(Grip(handle.name, offset))]
 
 
 def drag_actions(context: PanelContext, handle: PictureHandle) -> list[Action]:
-    """What the hand has made of it by now."""
+    """The actions of the drag by now."""
     grip, mouse = context.state.grip, imgui.get_mouse_pos()
     assert grip is not None
     return handle.drag((mouse.x - grip.offset[0], mouse.y - grip.offset[1]))
 
 
 def hover(handle: PictureHandle) -> None:
-    """Tell what it is."""
+    """Show its tooltip."""
     imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
     widgets.tooltip(handle.hint)
 
 
 def draw(context: PanelContext, handles: Sequence[PictureHandle]) -> None:
-    """Over the picture, in the panel's draw list: thin, and legible on any ground."""
+    """Draw over the picture, in the panel's draw list: thin, and legible on any background."""
     draw_list = imgui.get_window_draw_list()
     lit = held_handle(context, handles) or (under_mouse(context, handles) if imgui.is_item_hovered() else None)
     for handle in handles:

@@ -1,6 +1,6 @@
-"""The plan of the picture: every line says what it has come to and why, and can be set by hand and given back.
+"""The plan of the picture: every line shows its value and the reason, and can be overridden and set back.
 
-What is set is an edit of the document, undone and saved as any other; a dot marks it.
+An override is an edit of the document, undone and saved as any other; a dot marks it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ GIVE_BACK = "Give this line back to the plan."
 
 
 def draw(context: PanelContext) -> list[Action]:
-    """The sheet, a heading above the lines of the picture and of each layer."""
+    """The plan table, a heading above the lines of the picture and of each layer."""
     actions: list[Action] = []
     group: str | None = None
     for line in plan_table(context.document, context.view, context.status):
@@ -44,7 +44,7 @@ def _heading(context: PanelContext, key: str, is_first: bool) -> None:
 
 
 def _line(context: PanelContext, line: PlanTableRow) -> list[Action]:
-    """Name and value on one line, why so below."""
+    """Name and value on one line, the reason below."""
     actions: list[Action] = []
     side, gap = imgui.get_frame_height(), imgui.get_style().item_spacing.x
     start, corner = imgui.get_cursor_pos_x(), imgui.get_cursor_screen_pos()
@@ -70,7 +70,7 @@ def _line(context: PanelContext, line: PlanTableRow) -> list[Action]:
 
 
 def _value(context: PanelContext, line: PlanTableRow, width: float) -> list[Action]:
-    """What it has come to, and a list of what else there is."""
+    """The value, and a list of the choices."""
     actions: list[Action] = []
     imgui.set_next_item_width(width)
     name = f"plan.{line.line}"

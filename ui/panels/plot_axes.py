@@ -1,12 +1,12 @@
-"""The axes of the curve plot: values to pixels and back, and where the labels stand.
+"""The axes of the curve plot: values to pixels and back, and the places of the labels.
 
 Angles are radians inside and degrees only in tick labels. Pure arithmetic: nothing here draws.
 
-A highlight's curve is a thousand times higher at its peak than in the skirt that lights most of the picture. Linear
-height gives the skirt a pixel, and a pixel's drag lifts it out of all proportion; the logarithm gives most of its room
-to what is next to nothing, and has no 0. So the height is linear up to 1, as reflectances are, and its logarithm above
-(*symlog*): a drag adds up to there, and from there on it multiplies. Rejected: the cube root, by which a third of the
-height lifted the skirt of a ring's gold by 6.6 and threw seven times the light there is.
+A highlight's curve is a thousand times higher at its peak than in the skirt that lights most of the picture. A linear
+height gives the skirt a pixel, and a pixel's drag raises it far too much; the logarithm gives most of its room to
+values near 0, and has no 0. So the height is linear up to 1, as reflectances are, and its logarithm above (*symlog*): a
+drag adds up to there, and from there on it multiplies. Rejected: the cube root, by which a third of the height raised
+the skirt of a ring's gold by 6.6 and reflected seven times the light it received.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Axis:
         return math.copysign(math.exp(min(abs(warped) - 1.0, 690.0)), warped)
 
     def _warp(self, values: np.ndarray) -> np.ndarray:
-        """Values as they are spaced evenly: the logarithm goes on at 1 with the slope of what lies below."""
+        """Values in the spacing of the axis: the logarithm continues at 1 with the slope of what is below."""
         if self.scale == "log":
             return np.log10(np.maximum(values, self.low))
         if self.scale == "linear":
@@ -143,9 +143,9 @@ def nice_ceiling(value: float) -> float:
 
 
 def value_range(values: np.ndarray, logarithmic: bool) -> tuple[float, float]:
-    """A calm range that shows all of `values`: from 0 (or the least negative) up, or at most eight decades.
+    """A steady range that shows all of `values`: from 0 (or the least negative) up, or at most eight decades.
 
-    The ends are rounded to few steps so that the axis stands still under small changes of the curve.
+    The ends are rounded to few steps so that the axis does not move under small changes of the curve.
     """
     finite = values[np.isfinite(values)]
     top = float(finite.max(initial=0.0))

@@ -1,4 +1,4 @@
-"""Asking for another resolution of the picture: presets of the scene's own, or numbers, and what they cost."""
+"""The dialog for another resolution of the picture: presets of the scene's own, or numbers, and their cost."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FIELD = 84.0
 
 
 def draw(context: PanelContext) -> list[Action]:
-    """A small window over the picture while somebody asks."""
+    """A small window over the picture while the dialog is open."""
     size, picture = context.state.resolution, context.picture
     if size is None or picture is None:
         return []
@@ -38,7 +38,7 @@ def draw(context: PanelContext) -> list[Action]:
 
 
 def scale_size(size: Size, share: float) -> Size:
-    """A size times a number, held to what a scene may have."""
+    """A size times a number, clamped to what a scene may have."""
     width, height = (min(max(round(side * share), 1), MAX_RESOLUTION) for side in size)
     return width, height
 
@@ -60,7 +60,7 @@ def _numbers(context: PanelContext, size: Size) -> Size:
 
 
 def _cost(context: PanelContext, size: Size, now: Size) -> bool:
-    """What the picture will need, beside what it needs now; whether that is more than there is."""
+    """The memory that the picture will need, beside its present need; returns whether that is more than there is."""
     needed, (free, _) = bytes_for(size), memory_bytes()
     times = size[0] * size[1] / (now[0] * now[1])
     too_much = free is not None and needed > free

@@ -38,7 +38,7 @@ CTRL, SHIFT, ALT = (int(key) for key in (imgui.Key.mod_ctrl, imgui.Key.mod_shift
 Key = imgui.Key
 
 
-# The groups of which one is chosen in the menu View > Camera, and what is chosen there.
+# The groups of which one is chosen in the menu View > Camera.
 BLENDER, MAYA = "Camera: mouse as in Blender", "Camera: mouse as in Maya"
 WHEEL, TRACKPAD = "Camera: wheel", "Camera: trackpad"
 CHOICES = {BLENDER: ("mouse", "blender"), MAYA: ("mouse", "maya"), WHEEL: ("scroll", "dolly"),
@@ -47,8 +47,8 @@ CHOICES = {BLENDER: ("mouse", "blender"), MAYA: ("mouse", "maya"), WHEEL: ("scro
 
 @dataclass(frozen=True)
 class Shortcut:
-    """`chord` for imgui (None: a mouse gesture, listed only), the words for it, and the name of what it does. `own` is
-    what stands in a menu, where the row is of several keys or not listed at all."""
+    """`chord` for imgui (None: a mouse gesture, listed only), its label, and the name of its action. `own` is the text
+    in a menu, where the row has several keys or is not listed at all."""
 
     group: str
     keys: str
@@ -148,26 +148,26 @@ SHORTCUTS = (
     Shortcut("Help", "?", "This list", "help", SHIFT | int(Key.slash)),
     Shortcut("", "", "", "help", int(Key.f1)),
 )
-# Steps, of which a key that is held makes one after the other.
+# Actions that a held key repeats.
 REPEATED = frozenset(
     {"undo", "redo", "undo_look", "redo_look", "darker", "brighter", "nearer", "farther", *camera_gestures.TURNS}
 )
 CAMERA_MOVES = frozenset(
     {"frame", "frame_all", "nearer", "farther", "own_view", "level", *camera_gestures.SIDES, *camera_gestures.TURNS}
 )
-# What would change document or view under a gesture's hand.
+# Actions that would change document or view during a gesture.
 EDITING = CAMERA_MOVES | {"undo", "redo", "undo_look", "redo_look", "mute", "delete", "paste", "paste_layers"}
 
 
 def keyboard(context: PanelContext) -> list[Action]:
-    """What the key pressed in this pass asks for; none while a person types, chooses from a list or a file."""
+    """The actions of the key pressed in this pass; none while the user types, or chooses from a list or a file."""
     if context.keys_taken or context.state.question is not None:
         return []
     actions: list[Action] = []
     for shortcut in SHORTCUTS:
         if context.state.grip is not None and shortcut.name in EDITING:
             continue
-        if shortcut.name == "alone" and imgui.get_io().nav_visible:  # it presses the control that has the frame
+        if shortcut.name == "alone" and imgui.get_io().nav_visible:  # the key presses the control that has the frame
             continue
         if shortcut.chord is not None and (imgui.is_key_chord_pressed(shortcut.chord) or _repeats(context, shortcut)):
             actions += (_play(context) if shortcut.name == "alone" else []) or perform(context, shortcut.name)
@@ -175,14 +175,14 @@ def keyboard(context: PanelContext) -> list[Action]:
 
 
 def _repeats(context: PanelContext, shortcut: Shortcut) -> bool:
-    """Whether the system repeats the shortcut, its keys being held, and it is one that goes step by step."""
+    """Whether the system repeats the shortcut while its keys are held, and its action goes step by step."""
     if context.repeated is None or shortcut.name not in REPEATED:
         return False
     return shortcut.chord == imgui.get_io().key_mods | int(context.repeated)
 
 
 def keys_of(name: str) -> str:
-    """The keys written beside a menu entry."""
+    """The keys shown beside a menu entry."""
     return next((keys for s in SHORTCUTS if s.name == name and (keys := s.own or s.keys)), "")
 
 
@@ -232,12 +232,12 @@ def perform(context: PanelContext, name: str) -> list[Action]:
 
 
 def _play(context: PanelContext) -> list[Action]:
-    """Where there is a line of time below the picture, it plays or stops."""
+    """Play or stop, where there is a timeline below the picture."""
     return timeline.toggle_playback(context) if context.mode.strip else []
 
 
 def _other_mode(context: PanelContext, name: str) -> str:
-    """The mode of this name where there is one, the first instead where that makes the picture already."""
+    """The mode of this name where there is one, or the first one where it is the present mode already."""
     names = [mode.name for mode in context.modes]
     return name if name in names and context.mode.name != name else names[0]
 
@@ -265,7 +265,7 @@ def _tool(tool: Tool, change: str) -> str:
 
 
 def _operators_in_use(context: PanelContext) -> OperatorGroup:
-    """What is in hand on the selected curve."""
+    """The operators in use on the selected curve."""
     selected = context.selected_layer
     if selected is None or selected.factor is None:
         return operators_in_use((), context.view)

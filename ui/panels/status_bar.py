@@ -1,6 +1,6 @@
-"""The line at the bottom: the truth about what is on screen, always.
+"""The status bar at the bottom: the state of what is on screen.
 
-What there is no room for in it, the last message or what the worker does, stands above it on as many lines as it takes.
+The last message or the worker's progress, where they do not fit, are above it on as many lines as they need.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ HEADLIGHT = "objects lit from the eye"
 HEADLIGHT_HINT = "Objects are lit from the eye, without shadows, until the first picture is computed."
 STAYS_HINT = "The picture stays until this mode has its own."
 MESSAGE_SECONDS, ERROR_SECONDS = 8.0, 30.0
-# Noise of the whole picture that cannot be overlooked.
+# Noise of the whole picture above this is visible.
 NOISY = 0.05
 FINISHED_HINT = (
     "Nothing more comes. What is left is chance in the light between surfaces: grain and bright dots. It is less with "
@@ -82,7 +82,7 @@ def draw(context: PanelContext) -> list[Action]:
 
 
 def _contents(context: PanelContext) -> tuple[list[ColouredText], list[Action]]:
-    """The line; what it had no room for, and what was asked for by a click."""
+    """The line; what it had no room for, and the actions of a click."""
     status = context.status
     ink, text, hint = picture_state(status, placeholder_text(context), view_sketch.has_moved(context))
     text = " · ".join(filter(None, (status.shown_by, text)))
@@ -115,15 +115,16 @@ def _contents(context: PanelContext) -> tuple[list[ColouredText], list[Action]]:
 
 
 def placeholder_text(context: PanelContext) -> str:
-    """What is seen while the picture is awaited."""
+    """What is shown while the picture is awaited."""
     if context.picture is None:
         return ""
     return f"{context.mode_before}'s picture" if context.mode_before else HEADLIGHT
 
 
 def picture_state(status: Status, meanwhile: str = "", camera_moved: bool = True) -> tuple[look.Colour, str, str]:
-    """Colour, words and explanation of what the picture is: waiting, preview, refining, finished or exact. meanwhile:
-    what is seen while it is awaited, "" where that is nothing. camera_moved: whether it is awaited from elsewhere."""
+    """Colour, words and explanation of the picture's state: waiting, preview, refining, finished or exact. meanwhile:
+    what is shown while it is awaited, "" where that is nothing. camera_moved: whether it is awaited for another
+    camera."""
     error = "" if status.image_error is None else f" (error {error_text(status.image_error)})"
     if status.estimate is not None:
         error = f", {status.estimate.short}"
@@ -149,7 +150,7 @@ def picture_state(status: Status, meanwhile: str = "", camera_moved: bool = True
 
 
 def _finished_state(status: Status) -> tuple[look.Colour, str, str]:
-    """The same of a picture to which nothing comes: its error as it is estimated, until then what is known of it."""
+    """The same for a finished picture: its error once it is estimated, until then what is known of it."""
     estimate, noise = status.estimate, status.image_error or 0.0
     if status.follows_input and estimate is None:
         return look.TEXT_SOFT, "finished", MODES_OWN
@@ -167,12 +168,12 @@ def _finished_state(status: Status) -> tuple[look.Colour, str, str]:
 
 
 def work_line(status: Status) -> str:
-    """What the worker does, or that it was stopped; empty when it rests."""
+    """The worker's progress, or that it was stopped; empty when it is idle."""
     return work_text(status) if status.stage else STOPPED if status.stopped else ""
 
 
 def _right(context: PanelContext, status: Status, draw: bool = True) -> float:
-    """Frame time and memory at the right edge; where they begin."""
+    """Frame time and memory at the right edge; returns where they begin."""
     frame, memory = f"{status.frame_ms:.1f} ms", f"{status.precomputed_mb:.0f} MB"
     icons = imgui.calc_text_size(f"{Icon.CLOCK}  ").x + imgui.calc_text_size(f"{Icon.MEMORY}  ").x
     frame_width = max(imgui.calc_text_size(frame).x, context.px(52))
@@ -198,7 +199,7 @@ def _value(context: PanelContext, icon: str, text: str, width: float, hint: str)
 
 
 def _message(context: PanelContext) -> ColouredText:
-    """The last thing that happened, for a while."""
+    """The last message, for a while."""
     notice = context.state.message
     if notice is None or not notice.text:
         return ColouredText()
@@ -221,7 +222,7 @@ def _words(words: ColouredText, hint: str = "") -> None:
 
 
 def _strip(context: PanelContext, left_over: list[ColouredText]) -> list[Action]:
-    """Above the line, at its right end; a click takes the message away."""
+    """A strip above the line, at its right end; a click dismisses the message."""
     viewport = imgui.get_main_viewport()
     room, bottom = viewport.size.x - context.px(48), viewport.pos.y + viewport.size.y - context.px(HEIGHT + 6)
     at, width = ImVec2(viewport.pos.x + viewport.size.x - context.px(12), bottom), min(context.px(STRIP_WIDTH), room)

@@ -1,4 +1,4 @@
-"""Draws the lobe of a picked pixel over the picture: faces in the colour of what is reflected, and wires."""
+"""Draws the lobe of a picked pixel over the picture: faces in the colour of the reflection, and wires."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SIZE = 110.0
 
 
 def draw(context: PanelContext, x: float, y: float, scale: float) -> None:
-    """Over a picture whose upper left corner is at (x, y), `scale` screen pixels for each of its own."""
+    """Draw over a picture whose upper left corner is at (x, y), `scale` screen pixels for each of its own."""
     board = context.brdf
     if context.view.lobe_pixel is None:
         return
@@ -43,7 +43,7 @@ def _faces(draw_list: imgui.ImDrawList, lobe: SurfaceLobe, places: np.ndarray) -
 
 
 def _wires(draw_list: imgui.ImDrawList, places: np.ndarray) -> None:
-    """Some rings, and lines from the pole outwards: the shape stands out from a picture of its own colour."""
+    """Some rings, and lines outwards from the normal: the shape is visible on a picture of its own colour."""
     ink = look.pack(look.grey(255, 0.4))
     for ring in places[2::3]:
         draw_list.add_polyline([ImVec2(*place) for place in ring.tolist()], ink, 1.0, int(imgui.ImDrawFlags_.closed))

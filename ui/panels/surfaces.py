@@ -1,4 +1,4 @@
-"""What Deform knows of the selected object's surface beyond its material: a part of the Material panel."""
+"""Settings of the selected object's surface that only Deform draws: a part of the Material panel."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ui.theme import Icon
 
 PLAIN = "As its material"
 PLAIN_HINT = "Light is reflected where it falls, as the layers below say."
-# By the parameter in whose place it stands: which of `SURFACE_IMAGES` it is, and what it does.
+# By the parameter that it replaces: which of `SURFACE_IMAGES` it is, and its effect.
 IMAGES = {
     "translucency": (
         "translucency", "A grey image of translucency by texture coordinates: black lets no light through, white all.",
@@ -29,7 +29,7 @@ IMAGES = {
 
 
 def draw(context: PanelContext, state: ObjectState) -> list[Action]:
-    """Which kind it is of, and what that kind has."""
+    """The kind of the surface, and the parameters of that kind."""
     imgui.separator_text(f"Surface of {state.name}")
     imgui.begin_disabled(state.frozen or not state.editable)
     actions, surface = _kind(context, state), state.surface
@@ -58,7 +58,7 @@ def _kind(context: PanelContext, state: ObjectState) -> list[Action]:
 
 
 def _row(context: PanelContext, state: ObjectState, parameter: Parameter, value: Any) -> list[Action]:
-    """A label and its control: a choice, a slider or two; where there is an image instead, its name."""
+    """A label and its control: a choice, one slider or two; where an image replaces it, the image's name."""
     file = value if parameter.kind == "scalar" else state.surface.values.get("file")
     widgets.label(context, parameter.label)
     if isinstance(value, tuple):
@@ -102,7 +102,7 @@ def _slider(context: PanelContext, state: ObjectState, parameter: Parameter, val
 
 
 def _pair(context: PanelContext, state: ObjectState, parameter: Parameter, value: tuple[float, float]) -> list[Action]:
-    """One number each way."""
+    """One number for each direction."""
     gap, actions = context.px(4), list[Action]()
     room = imgui.get_content_region_avail().x - gap
     for index, axis in enumerate("uv"):
@@ -119,7 +119,7 @@ def _pair(context: PanelContext, state: ObjectState, parameter: Parameter, value
 
 
 def _file(context: PanelContext, state: ObjectState, parameter: Parameter, file: str) -> list[Action]:
-    """An image's name, which asks for another, and a way to be without it."""
+    """An image's name, which opens the file dialog, and a button to remove it."""
     what, hint = IMAGES[parameter.name]
     side, gap, actions = imgui.get_frame_height(), context.px(4), list[Action]()
     room = imgui.get_content_region_avail().x - side - gap

@@ -1,4 +1,4 @@
-"""The line of time below the picture, where files of the scene have animations: play, scrub, loop, which of them."""
+"""The timeline below the picture, where files of the scene have animations: play, scrub, loop, choice of animation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _PADDING, _CLIP_WIDTH = 6.0, 130.0
 
 
 def draw(context: PanelContext, corner: ImVec2, room: ImVec2) -> tuple[float, list[Action]]:
-    """At the lower end of a room on screen; how much of its height that takes: nothing where nothing is animated."""
+    """Draw it at the lower end of a rectangle; returns the height that it takes: 0 where nothing is animated."""
     line = timeline(context.document, context.view)
     padding = context.px(_PADDING)
     height = imgui.get_frame_height() + 2.0 * padding
@@ -38,7 +38,7 @@ def draw(context: PanelContext, corner: ImVec2, room: ImVec2) -> tuple[float, li
 
 
 def toggle_playback(context: PanelContext) -> list[Action]:
-    """Play, or stop; nothing where nothing is animated."""
+    """Play or stop; does nothing where nothing is animated."""
     is_animated = timeline(context.document, context.view) is not None
     return [Play(context.view.playing is None)] if is_animated else []
 
@@ -50,7 +50,7 @@ def _play(context: PanelContext) -> list[Action]:
 
 
 def _scrub(context: PanelContext, line: Timeline, end: float) -> list[Action]:
-    """The time under the hand: one drag is one step of the history."""
+    """The time at the pointer: one drag is one step of the history."""
     imgui.set_next_item_width(max(end - imgui.get_cursor_screen_pos().x - _options_width(context, line), 1.0))
     hand, time = number_fields.slider(
         context, "time", line.time or 0.0, 0.0, max(line.duration, 1e-3), f"%.2f s of {line.duration:.2f} s",
@@ -68,7 +68,7 @@ def _scrub(context: PanelContext, line: Timeline, end: float) -> list[Action]:
 
 
 def _playback_options(context: PanelContext, line: Timeline) -> list[Action]:
-    """Which animation, whether it begins anew, and back to the pose of the file."""
+    """The choice of the animation, whether it loops, and a button back to the pose of the file."""
     actions: list[Action] = []
     if len(line.clips) > 1:
         imgui.set_next_item_width(context.px(_CLIP_WIDTH))

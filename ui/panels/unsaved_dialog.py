@@ -1,4 +1,4 @@
-"""What is asked before edits would be left behind, and which edits that were left behind can be brought back.
+"""The question before edits would be lost, and the list of edits that can be recovered.
 
 Small windows over the picture, which stays usable under them: nothing here stops the program.
 """
@@ -33,7 +33,7 @@ def draw(context: PanelContext) -> list[Action]:
 
 @contextmanager
 def _window(context: PanelContext, name: str) -> Iterator[bool]:
-    """At the upper edge, in the middle."""
+    """A window at the upper edge, in the middle."""
     viewport = imgui.get_main_viewport()
     top = ImVec2(viewport.get_work_center().x, viewport.work_pos.y + context.px(12))
     with widgets.strip(context, name, top, ImVec2(0.5, 0.0), ImVec2(14, 10)) as is_seen:

@@ -1,11 +1,11 @@
-"""Where a camera goes that no picture follows yet.
+"""A sketch of the view while the camera moves and no picture follows yet.
 
-In a mode that draws while something moves, before it has drawn anything: the picture of the view before, as if all that
-it shows stood on the plane through the camera's target. In any other: the objects' boxes as the camera sees them, over
-the view before, darkened.
+In a mode that draws while something moves, before it has drawn anything: the picture of the view before, projected onto
+the plane through the camera's target. In any other: the objects' boxes as the camera sees them, over the view before,
+darkened.
 
-Only while the camera has moved on from the one of the picture, and no mode draws what it sees meanwhile: another
-resolution, pose or bump is awaited as well, but seen from where the picture is, which stays as it is.
+Only while the camera differs from that of the picture, and no mode draws what it sees meanwhile: another resolution,
+pose or bump is awaited as well, but from the picture's own camera, which shows it as it is.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from ui.panels.viewport_layout import PictureRect
 # Corners are numbered by bits: 1 for the larger x, 2 for y, 4 for z. Edges join those that differ in one of them.
 CORNERS = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
 EDGES = np.array([(i, i | bit) for bit in (1, 2, 4) for i in range(8) if not i & bit])
-NEAREST = 1e-3  # of the distance to the target; what is behind the eye has no place in the picture
+NEAREST = 1e-3  # of the distance to the target; a point behind the camera has no place in the picture
 MOST_BOXES = 256
-N_CELLS = 8  # across a picture that is turned, each drawn without perspective
+N_CELLS = 8  # across a picture that is projected, each drawn without perspective
 
 Float64Array = NDArray[np.float64]
 
 
 def draw(context: PanelContext, placed: PictureRect, picture: Picture) -> None:
-    """Over the picture, in the panel's draw list."""
+    """Draw over the picture, in the panel's draw list."""
     if not context.status.is_away or context.status.follows_input or not has_moved(context):
         return
     seen = context.picture_camera
@@ -80,15 +80,15 @@ def _draw_boxes(context: PanelContext, placed: PictureRect) -> None:
 
 
 def has_moved(context: PanelContext) -> bool:
-    """Whether the camera is not the one that the picture is seen from."""
+    """Whether the camera is not that of the picture."""
     seen = context.picture_camera
     return seen is None or any(getattr(seen, name) != value for name, value in context.camera if name != "resolution")
 
 
 def turned_grid(seen: Camera, camera: Camera, size: tuple[float, float]) -> Float64Array | None:
     """Where another camera sees points of a picture of so many pixels across and down, N_CELLS + 1 in a row and in a
-    column (N_CELLS + 1, N_CELLS + 1, 2), if they lie on the plane through its target that faces it; None where the
-    other camera sees that plane's back, or a part of it is not before it."""
+    column (N_CELLS + 1, N_CELLS + 1, 2), if they are on the plane through its target that faces it; None where the
+    other camera sees that plane's back, or a part of it is not in front of the camera."""
     width, height = round(size[0]), round(size[1])
     columns, rows = np.meshgrid(np.linspace(0.0, width, N_CELLS + 1), np.linspace(0.0, height, N_CELLS + 1))
     directions = pixel_directions(seen, (width, height), columns, rows).astype(np.float64)
@@ -101,8 +101,8 @@ def turned_grid(seen: Camera, camera: Camera, size: tuple[float, float]) -> Floa
 
 
 def visible_edges(box: Float64Array, camera: Camera, size: tuple[float, float]) -> Float64Array:
-    """A box (2, 3) as lines (E, 2, 2) in a picture of so many pixels across and down: those parts of its twelve edges
-    that are before the camera."""
+    """A box (2, 3) as lines (E, 2, 2) in a picture of so many pixels across and down: the parts of its twelve edges
+    that are in front of the camera."""
     corners = np.where(CORNERS, box[1], box[0]) - np.array(camera.position)
     ends = corners[EDGES]
     depths = ends @ camera_frame(camera)[2] - NEAREST * distance(camera)

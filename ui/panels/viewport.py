@@ -1,4 +1,5 @@
-"""The picture: click selects, hover names, Shift-drag turns the light, A/B divider; the camera moves over it."""
+"""The picture: click selects, hover names, Shift-drag rotates the light, A/B divider; gestures move the camera over
+it."""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ from ui.theme import Icon
 DEGREES_PER_PIXEL = 0.5
 DIVIDER_REACH = 7.0
 LEGEND_WIDTH = 230.0
-BELOW = 0.9  # of the panel's height: where a plate hides little of the picture
+BELOW = 0.9  # of the panel's height: where a label hides little of the picture
 ERROR_LEGEND = "Error, of the picture's mean"
 ERROR_AWAITED = "Finding out where the picture is off…"
 ERROR_UNKNOWN = "Where the picture is off is not known"
@@ -44,7 +45,7 @@ def draw(context: PanelContext) -> list[Action]:
 
 
 def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[Action]:
-    """The picture in its room."""
+    """The picture in its rectangle."""
     end, draw_list = ImVec2(corner.x + room.x, corner.y + room.y), imgui.get_window_draw_list()
     imgui.invisible_button("picture", room)
     context.handles.note_item("viewport.centre")
@@ -80,7 +81,7 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
 def _gestures(
     context: PanelContext, picture: Picture, space: ViewportRect, placed: PictureRect, handles: list[PictureHandle]
 ) -> list[Action]:
-    """What the hand does over the picture: it moves the camera, or the picture in its panel, or is at work in it."""
+    """Gestures over the picture: they move the camera, or the picture in its panel, or act on the scene."""
     moved = camera_gestures.navigate(context, placed, picture)
     if moved is not None:
         clicked = camera_gestures.was_a_click(context, moved)
@@ -128,7 +129,8 @@ def _interact(
 
 
 def _drop(context: PanelContext, picture: Picture, placed: PictureRect) -> list[Action]:
-    """A material of the library over the picture: the object that would take it is outlined, and takes it."""
+    """A material of the library over the picture: the object that would get it is outlined, and gets it when
+    dropped."""
     if not imgui.begin_drag_drop_target():
         return []
     mouse = imgui.get_mouse_pos()
@@ -164,7 +166,7 @@ def _hover(context: PanelContext, picture: Picture, placed: PictureRect, on_divi
 
 
 def _turns_light() -> bool:
-    """Whether a drag turns the environment; with Alt, too, it is the lobe's."""
+    """Whether a drag rotates the environment; with Alt, too, it is the lobe's."""
     io = imgui.get_io()
     return bool(io.key_shift and not io.key_alt)
 
@@ -177,7 +179,7 @@ def _comparison_hint(context: PanelContext) -> str:
 
 
 def _draw_name(context: PanelContext, name: str, mouse: ImVec2) -> None:
-    """The object's name beside the mouse: at once, without the wait of a tooltip."""
+    """The object's name beside the mouse: at once, without a tooltip's delay."""
     place = ImVec2(mouse.x + context.px(14), mouse.y + context.px(12))
     _plate(context, imgui.get_foreground_draw_list(), place, name, look.TEXT)
 
@@ -199,7 +201,7 @@ def _take_hold(context: PanelContext, picture: Picture, placed: PictureRect, on_
 
 
 def _object_at(context: PanelContext, pixel: tuple[int, int] | None) -> str | None:
-    """What a pixel shows; nothing where the picture has gone on from what was traced."""
+    """The object at a pixel; None where the picture has moved on from the traced view."""
     status = context.status
     is_turned = status.draws_moving and view_sketch.has_moved(context)
     has_moved_on = status.is_away and (status.follows_input or is_turned)
@@ -207,7 +209,7 @@ def _object_at(context: PanelContext, pixel: tuple[int, int] | None) -> str | No
 
 
 def _pick_lobe(context: PanelContext, picture: Picture, placed: PictureRect) -> list[Action]:
-    """The lobe of what is under the mouse, of the object's selected layer; beside all objects none."""
+    """The lobe of what is under the mouse, of the object's selected layer; none beside all objects."""
     mouse = imgui.get_mouse_pos()
     pixel = placed.pixel(mouse.x, mouse.y, picture)
     name = context.object_at(*pixel) if pixel else None
@@ -233,7 +235,7 @@ def _drag(context: PanelContext, picture: Picture, placed: PictureRect, grip: Gr
 
 
 def _draw_divider(context: PanelContext, placed: PictureRect, upper: float, lower: float) -> None:
-    """The divider with its handle and letters, within the part of the picture that is seen."""
+    """The divider with its handle and letters, within the visible part of the picture."""
     draw_list = imgui.get_window_draw_list()
     x = round(divider_x(context, placed)) + 0.5
     top, bottom = max(placed.y, upper), min(placed.y + placed.height, lower)
@@ -258,7 +260,7 @@ def _draw_divider(context: PanelContext, placed: PictureRect, upper: float, lowe
 
 
 def _draw_zoom(context: PanelContext, end: ImVec2) -> None:
-    """How large the picture is shown, where that is neither fitted nor pixel for pixel."""
+    """The zoom of the picture, where it is neither fitted nor pixel for pixel."""
     if context.view.fit or context.view.zoom == 1.0:
         return
     text = f"{context.view.zoom:.0%}"
@@ -268,14 +270,14 @@ def _draw_zoom(context: PanelContext, end: ImVec2) -> None:
 
 
 def error_missing(status: Status) -> str:
-    """What is said where no false colours are seen."""
+    """The message where there are no false colours to show."""
     if status.no_estimate_reason:
         return status.no_estimate_reason
     return ERROR_AWAITED if status.image_error is not None or status.is_finished else ERROR_UNKNOWN
 
 
 def _draw_error_legend(context: PanelContext, corner: ImVec2) -> None:
-    """What the false colours over the picture stand for, above its lower left corner; why there are none."""
+    """The legend of the false colours over the picture, above its lower left corner; or why there are none."""
     pad, width = context.px(12), context.px(LEGEND_WIDTH)
     known = context.error_overlay is not None
     words = ERROR_LEGEND if known else error_missing(context.status)
@@ -293,7 +295,7 @@ def _draw_error_legend(context: PanelContext, corner: ImVec2) -> None:
 
 
 def _draw_solo(context: PanelContext, corner: ImVec2) -> None:
-    """That layers are hidden, so that nobody takes the picture for the whole material's."""
+    """A label that layers are hidden, so that the picture is not taken for the whole material's."""
     solo = solo_layer(context.document, context.view)
     if solo is None:
         return
@@ -303,7 +305,7 @@ def _draw_solo(context: PanelContext, corner: ImVec2) -> None:
 
 
 def _plate(context: PanelContext, draw_list: imgui.ImDrawList, place: ImVec2, text: str, ink: look.Colour) -> None:
-    """Words over the picture, on a ground that keeps them legible."""
+    """Words over the picture, on a background that keeps them legible."""
     extent, pad = imgui.calc_text_size(text), context.px(6)
     upper = ImVec2(place.x - pad, place.y - 0.6 * pad)
     lower = ImVec2(place.x + extent.x + pad, place.y + extent.y + 0.6 * pad)
@@ -312,7 +314,7 @@ def _plate(context: PanelContext, draw_list: imgui.ImDrawList, place: ImVec2, te
 
 
 def _draw_waiting(context: PanelContext, corner: ImVec2, room: ImVec2, down: float) -> None:
-    """What the window waits for, on a plate so far down: there may be objects behind it, lit from the eye."""
+    """What the window waits for, as a label so far down: there may be objects behind it, lit from the camera."""
     status = context.status
     text = f"{status.text or status.stage}…" if status.stage else "Starting to compute…"
     extent = imgui.calc_text_size(text)

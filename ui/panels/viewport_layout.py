@@ -1,8 +1,8 @@
-"""Where the picture stands in its panel: fitted, or zoomed and shifted; and the gestures that change it.
+"""The place of the picture in its panel, fitted, or zoomed and panned; and the gestures that change it.
 
-With Ctrl and Alt held the wheel zooms about the mouse and a drag moves the picture: without them both move the camera
-(`ui.panels.camera_gestures`). Rejected: leaving empty room beside a picture that is
-larger than its panel; it stops at its edges, so that it cannot be lost.
+With Ctrl and Alt held the wheel zooms about the mouse and a drag pans the picture: without them both move the camera
+(`ui.panels.camera_gestures`). Rejected: leaving empty room beside a picture that is larger than its panel; it stops at
+its edges, so that it cannot be lost.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ ZOOM_STEP = 1.2
 
 @dataclass(frozen=True)
 class PictureRect:
-    """Where the picture stands on screen: upper left corner, and screen pixels for each of the picture's."""
+    """The place of the picture on screen: upper left corner, and screen pixels per pixel of the picture."""
 
     x: float
     y: float
@@ -53,11 +53,11 @@ class ViewportRect:
 
     @property
     def fitting(self) -> float:
-        """The scale at which all of the picture is seen, as large as its aspect allows."""
+        """The scale at which all of the picture is visible, as large as its aspect ratio allows."""
         return min(self.width / self.picture.width, self.height / self.picture.height)
 
     def place(self, view: ViewState) -> PictureRect:
-        """The picture as the view has it."""
+        """The picture's place in this view."""
         if view.fit:
             return self.at(self.fitting, self.x, self.y)
         (u, v), scale = view.centre, view.zoom
@@ -79,19 +79,20 @@ class ViewportRect:
 
 
 def viewport_rect(corner: ImVec2, size: ImVec2, picture: Picture) -> ViewportRect:
-    """The room of a panel."""
+    """The rectangle of a panel."""
     return ViewportRect(corner.x, corner.y, size.x, size.y, picture)
 
 
 def _start(corner: float, room: float, extent: float, wanted: float) -> float:
-    """Where the picture begins along one axis: in the middle where it is the smaller, else so that the room is full."""
+    """Where the picture begins along one axis: in the middle where it is the smaller, else so that the panel is
+    full."""
     if extent <= room:
         return corner + 0.5 * (room - extent)
     return min(max(wanted, corner + room - extent), corner)
 
 
 def zoom_at(room: ViewportRect, placed: PictureRect, steps: float, x: float, y: float) -> SetView:
-    """Larger by so many steps about a place on screen; no smaller than all of it, or than pixel for pixel."""
+    """Zoom by so many steps about a place on screen; no smaller than all of it, or than pixel for pixel."""
     least, most = min(room.fitting, 1.0), LIMITS["zoom"][1]
     scale = min(max(placed.scale * ZOOM_STEP**steps, least), most)
     if scale == least == room.fitting:

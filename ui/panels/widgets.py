@@ -1,6 +1,6 @@
-"""The few controls that all panels share, so that labels, heights and tooltips are alike everywhere.
+"""The few controls that all panels share, so that labels, heights and tooltips are the same everywhere.
 
-Each draws one control and says what the hand did with it. None knows what it is used for.
+Each draws one control and returns what the user did with it. None depends on what it is used for.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ SUBSCRIPTS, LETTERS = "ᵢᵣᵤᵥₐₑₒₓₕₖₗₘₙₚₛₜ", "iruva
 
 
 def tooltip(text: str) -> None:
-    """Explain the control drawn last when the mouse rests on it, not while it is in use, at a readable width."""
+    """Show a tooltip of the control drawn last while the mouse hovers over it, not while it is in use, at a readable
+    width."""
     if not text or imgui.is_item_active():
         return
     scale = imgui.get_style().font_scale_dpi
@@ -34,7 +35,7 @@ def tooltip(text: str) -> None:
 
 
 def label(context: PanelContext, text: str, width: float = LABEL_WIDTH, least: float = LEAST_CONTROL) -> None:
-    """A soft label of fixed width, the control follows on the same line and fills the rest, or where that is less than
+    """A dim label of fixed width; the control follows on the same line and fills the rest, or where that is less than
     `least` on the next line."""
     start = imgui.get_cursor_pos_x()
     stacked = is_stacked(context, width, least)
@@ -45,12 +46,12 @@ def label(context: PanelContext, text: str, width: float = LABEL_WIDTH, least: f
 
 
 def is_stacked(context: PanelContext, width: float, least: float = LEAST_CONTROL) -> bool:
-    """Whether a control comes below its label."""
+    """Whether a control goes below its label."""
     return imgui.get_content_region_avail().x - context.px(width) < context.px(least)
 
 
 def caption(text: str) -> None:
-    """A line of small soft text."""
+    """A line of small dim text."""
     imgui.push_style_color(imgui.Col_.text, ImVec4(*look.TEXT_SOFT))
     imgui.push_font(None, look.SMALL_SIZE)
     imgui.push_text_wrap_pos(0.0)
@@ -61,7 +62,7 @@ def caption(text: str) -> None:
 
 
 def fitting(text: str, room: float) -> str:
-    """As much of a text as fits so many pixels, its end kept: that is where file names differ."""
+    """As much of a text as fits so many pixels, from its end: that is where file names differ."""
     if imgui.calc_text_size(text).x <= room:
         return text
     while len(text) > 4 and imgui.calc_text_size("…" + text).x > room:
@@ -70,7 +71,7 @@ def fitting(text: str, room: float) -> str:
 
 
 def shortened(text: str, room: float) -> str:
-    """As much of a text as fits so many pixels, its start kept."""
+    """As much of a text as fits so many pixels, from its start."""
     if imgui.calc_text_size(text).x <= room:
         return text
     while text and imgui.calc_text_size(text + "…").x > room:
@@ -79,7 +80,7 @@ def shortened(text: str, room: float) -> str:
 
 
 def begin_combo(name: str, shown: str) -> bool:
-    """imgui's list with what is chosen of it; where that is too long, first the arrow gives way, then its end."""
+    """imgui's list and its choice; a choice that is too long first takes the room of the arrow, then loses its end."""
     room = imgui.calc_item_width() - 2.0 * imgui.get_style().frame_padding.x
     fits = imgui.calc_text_size(shown).x <= room - imgui.get_frame_height()
     return imgui.begin_combo(name, shortened(shown, room), 0 if fits else imgui.ComboFlags_.no_arrow_button)
@@ -87,7 +88,7 @@ def begin_combo(name: str, shown: str) -> bool:
 
 @contextmanager
 def strip(context: PanelContext, name: str, at: ImVec2, pivot: ImVec2, padding: ImVec2) -> Iterator[bool]:
-    """A small window over the picture, its pivot (shares of its size) at a place; whether anything of it is seen."""
+    """A small window over the picture, its pivot (fractions of its size) at a place; yields whether it is visible."""
     imgui.set_next_window_pos(at, imgui.Cond_.always, pivot)
     flags = (
         imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_docking | imgui.WindowFlags_.always_auto_resize
@@ -105,7 +106,7 @@ def strip(context: PanelContext, name: str, at: ImVec2, pivot: ImVec2, padding: 
 def icon_button(
     context: PanelContext, name: str, icon: str, hint: str, enabled: bool = True, lit: bool = False
 ) -> bool:
-    """A square button without ground until hovered; `lit` shows it switched on. Whether it was pressed."""
+    """A square button without background until hovered; `lit` shows it switched on. Returns whether it was pressed."""
     side = imgui.get_frame_height()
     clear = ImVec4(0, 0, 0, 0)
     ink = look.ACCENT if lit else look.TEXT_SOFT
@@ -130,9 +131,11 @@ def segments(
     inks: Sequence[look.Colour] | None = None,
     least: float = 30.0,
 ) -> int | None:
-    """A row of joined buttons, one of them on. `choices` are (text, tooltip). The index that was pressed, or None.
+    """A row of joined buttons, one of them on. `choices` are (text, tooltip). Returns the index that was pressed, or
+    None.
 
-    The line between two belongs to the left one, so that no click on the row is lost."""
+    The line between two belongs to the left one, so that no click on the row is lost.
+    """
     pressed = None
     draw = imgui.get_window_draw_list()
     height, top = imgui.get_frame_height(), imgui.get_cursor_pos_y()
@@ -153,7 +156,7 @@ def segments(
 
 
 def segments_width(context: PanelContext, texts: Sequence[str], least: float = 30.0) -> float:
-    """Pixels across that `segments` of these texts cover."""
+    """The width in pixels of `segments` with these texts."""
     return sum(_segment_width(context, text, least) for text in texts) + len(texts) - 1
 
 
@@ -188,7 +191,7 @@ def _segment(
 
 
 def text_button(context: PanelContext, name: str, text: str, hint: str, enabled: bool = True) -> bool:
-    """A plain button with words. Whether it was pressed."""
+    """A plain button with words. Returns whether it was pressed."""
     imgui.begin_disabled(not enabled)
     pressed = imgui.button(f"{text}##{name}")
     imgui.end_disabled()
@@ -203,14 +206,15 @@ def align_right(width: float) -> None:
 
 
 def same_line_if_room(width: float) -> None:
-    """Go on in the same line, or below it where what follows, `width` pixels wide, has no room."""
+    """Continue in the same line, or below it where what follows, `width` pixels wide, does not fit."""
     imgui.same_line()
     if imgui.get_content_region_avail().x < width:
         imgui.new_line()
 
 
 def same_line_at_right(width: float) -> None:
-    """Go on at the right edge of the same line, or below it where what follows, `width` pixels wide, has no room."""
+    """Continue at the right edge of the same line, or below it where what follows, `width` pixels wide, does not
+    fit."""
     imgui.same_line()
     if imgui.get_content_region_avail().x < width:
         imgui.new_line()
@@ -236,7 +240,7 @@ def rich_text(draw: imgui.ImDrawList, place: ImVec2, colour: int, text: str) -> 
 
 
 def rich_width(text: str) -> float:
-    """Pixels that `rich_text` covers."""
+    """The width in pixels of `rich_text`."""
     body, _, subscript = text.partition("_")
     width = imgui.calc_text_size(body).x
     if subscript:

@@ -1,6 +1,7 @@
-"""What the window alone knows: which gesture is under way, which overlay is open, what it last told the person.
+"""State of the window alone: the gesture under way, the open overlays, the last message.
 
-Frozen values held by `ui.shell`; panels read them and ask for changes. Nothing here is part of a session.
+Frozen values held by `ui.shell`; panels read them and return actions that change them. Nothing here is part of a
+session.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Grip:
-    """A gesture as it began; later mouse positions are measured against this. `offset` (x, y): see who holds it."""
+    """A gesture as it began; later mouse positions are measured against this. `offset` (x, y): see the subclasses."""
 
     handle: str
     offset: tuple[float, float]
@@ -28,10 +29,10 @@ class Grip:
 class CurveGrip(Grip):
     """A gesture on the curve.
 
-    `handle` is "a", "b", "c", "d", "region", "magnitude" or "pan"; `offset` is where it stood, pixels (for "pan": where
-    the mouse is), `travel` how far the hand has come since; arrow keys keep count themselves. `operators` is the
-    curve's list at the start, `index` the one in hand (None: made by this gesture), `pair` whether the next one in the
-    list moves with it. The axes stand still meanwhile: `x_range` radians, `y_range` curve values.
+    `handle` is "a", "b", "c", "d", "region", "magnitude" or "pan"; `offset` is where it was, pixels (for "pan": where
+    the mouse is), `travel` how far the pointer has moved since; arrow keys count for themselves. `operators` is the
+    curve's list at the start, `index` the one in use (None: made by this gesture), `pair` whether the next one in the
+    list moves with it. The axes do not move meanwhile: `x_range` radians, `y_range` curve values.
     """
 
     operators: tuple[Operator | TabulatedCurve, ...]
@@ -55,15 +56,15 @@ class PaintGrip(Grip):
 
 @dataclass(frozen=True)
 class TurnGrip(Grip):
-    """A hand that turns the light. `offset` is where it is and the rotation at the start, `travel` how far it has come:
-    in pixels, or around the dial in degrees, which are counted on over whole turns."""
+    """A drag that rotates the light. `offset` is where it is and the rotation at the start, `travel` how far the
+    pointer has moved: in pixels, or around the dial in degrees, which continue over whole turns."""
 
     travel: Travel = Travel((0.0, 0.0))
 
 
 @dataclass(frozen=True)
 class WheelTurn:
-    """Turns of the mouse wheel that are one gesture: when it began and when it last went on, seconds."""
+    """Turns of the mouse wheel that are one gesture: when it began and when it last continued, seconds."""
 
     began: float
     last: float
@@ -71,7 +72,7 @@ class WheelTurn:
 
 @dataclass(frozen=True)
 class ScrollTurn:
-    """Turns of the wheel over the picture that move the camera as one gesture: which, when it began and last went on,
+    """Turns of the wheel over the picture that move the camera as one gesture: which, when it began and last continued,
     seconds; where the mouse was, pixels, and the point of the scene (3,) there."""
 
     gesture: str
@@ -83,7 +84,7 @@ class ScrollTurn:
 
 @dataclass(frozen=True)
 class Brush:
-    """The brush that paints weight maps: its radius in pixels of the picture; `erases`: it takes the layer away."""
+    """The brush that paints weight maps: its radius in pixels of the picture; `erases`: it removes the layer."""
 
     radius: float = 24.0
     hardness: float = 0.5
@@ -100,7 +101,7 @@ class KeyGrip(CurveGrip):
 
 @dataclass(frozen=True)
 class StatusMessage:
-    """One line for the person, with the time it was shown (seconds of the window's clock)."""
+    """One line for the user, with the time it was shown (seconds of the window's clock)."""
 
     text: str
     shown_at: float
@@ -109,11 +110,11 @@ class StatusMessage:
 
 @dataclass(frozen=True)
 class FileQuestion:
-    """A file is being asked for: why (a key of `ui.panels.file_dialog.TITLES`), where, and the name so far; of an
-    image for which layer, of a measurement whether it becomes cloth, of a picture whether it has 16 bits.
+    """A file is being asked for: the purpose (a key of `ui.panels.file_dialog.TITLES`), the folder, and the name so
+    far; the layer of an image, whether a measurement becomes cloth, whether a picture has 16 bits.
 
-    refusal: what is wrong with what was entered last, "" where nothing is. typed: the folder entered in vain, in the
-    place of the one that is shown. focus: the field that is about to take the keyboard, "name" or "folder"; "": none.
+    refusal: why the last entry was refused, "" where it was not. typed: the folder that was entered and refused, in
+    place of the one that is shown. focus: the field that is about to get the keyboard, "name" or "folder"; "": none.
     """
 
     purpose: str
@@ -129,7 +130,7 @@ class FileQuestion:
 
 @dataclass(frozen=True)
 class LibraryState:
-    """What is searched for in the library, and the name under which a material is about to be kept."""
+    """The search text of the library, and the name under which a material is about to be stored."""
 
     search: str = ""
     name: str = ""
@@ -139,19 +140,16 @@ class LibraryState:
 class PanelState:
     """The window's own state.
 
-    `resolution` is what the picture is about to get, None while nobody asks for another.
-    `pending_action` is the action that waits for what becomes of unsaved edits; `shows_recoveries`: those that were
-    left behind when the program ended are listed.
+    `resolution` is the one in the resolution dialog, None while that is closed. `pending_action` is the action that
+    waits for the answer on unsaved edits; `shows_recoveries`: the list of edits that can be recovered is open.
 
-    `shows_images`: the material panel has its rows for images, also where a layer has none.
-    `handle` is the curve's handle that the keyboard moves: "magnitude", "a", "b", "c", "d", "region"; None: not chosen.
-    `turn` is the last turning of the light by the mouse wheel.
-    `scroll` is the last moving of the camera by it; `shows_camera`: the camera's controls stand over the picture, where
-    the kept view `renames` is being given another name.
-    `picks_lobe`: the next click on the picture says where it carries the lobe.
-    `paints`: dragging over the selected object paints its layer's weight map, with `brush`.
-    `single_panel`: the picture has the place of all panels.
-    `front` are panels that come before those they share their places with, in the coming frame.
+    `shows_images`: the material panel has its rows for images, also where a layer has none. `handle` is the curve's
+    handle that the keyboard moves: "magnitude", "a", "b", "c", "d", "region"; None: not chosen. `turn` is the last
+    rotation of the light by the mouse wheel. `scroll` is the last move of the camera by it; `shows_camera`: the
+    camera's controls are over the picture, where the bookmarked view `renames` is being renamed. `picks_lobe`: the next
+    click on the picture chooses where it shows the lobe. `paints`: dragging over the selected object paints its layer's
+    weight map, with `brush`. `single_panel`: the picture has the place of all panels. `front` are panels that come in
+    front of the others in their dock, in the coming frame.
     """
 
     grip: Grip | None = None
