@@ -114,7 +114,7 @@ class HeadlessWindow:
         time.sleep(POLL_SECONDS)
         return False
 
-    # --------------------------------------------------------------------------------------------------------- the hand
+    # ------------------------------------------------------------------------------------------------------------ input
 
     def move(self, x: float, y: float) -> None:
         """Move the mouse there, in framebuffer pixels."""
