@@ -1,4 +1,5 @@
-"""Carries out what panels ask for: edits and view on the editor, the window's own state as a new value.
+"""Carries out the actions of panels: edits and view commands on the editor, changes of the window's own state as a new
+value.
 
 The only place where an action becomes a change.
 """
@@ -96,26 +97,26 @@ class FrameOutcome:
     quit: bool = False
 
     def after(self, earlier: FrameOutcome) -> FrameOutcome:
-        """This one, and what is still to be done of an earlier one of the same frame."""
+        """This outcome, with what is still to be done of an earlier one of the same frame."""
         return replace(
             self, screenshot=self.screenshot or earlier.screenshot, picture=self.picture or earlier.picture,
             quit=self.quit or earlier.quit,
         )  # fmt: skip
 
 
-# What files a question is about, where these are not images; each kind has a folder of its own.
+# The kinds of files that a question may be about, except images; each kind has its own folder.
 KIND_OF = {
     "open_scene": "scene", "save_session": "scene", "open_environment": "environment", "open_measured": "measured",
     "save_measured": "measured", "save_picture": "picture", "save_scene": "export",
 }  # fmt: skip
 
 
-# What the shown picture can be saved as.
+# The suffixes that the shown picture can be saved with.
 PICTURE_FILES = (".png", ".exr")
 
 
 class ActionHandler:
-    """Carries actions out on one editor. `recoveries` are edits that editors before it left behind."""
+    """Carries actions out on one editor. `recoveries` are edits that earlier editors left behind."""
 
     def __init__(
         self,
@@ -136,7 +137,7 @@ class ActionHandler:
         self.recoveries: tuple[Recovery, ...] = ()
 
     def perform(self, actions: Sequence[Action], state: PanelState, now: float) -> FrameOutcome:
-        """All actions of one frame, in order; `now` in seconds of the window's clock."""
+        """Carry out all actions of one frame, in order; `now` in seconds of the window's clock."""
         outcome = FrameOutcome(state)
         for action in actions:
             outcome = self._editor.barrier.run("This action", partial(self._perform, action, outcome), outcome)
@@ -188,7 +189,8 @@ class ActionHandler:
                 return outcome
 
     def _may_save(self, action: SavePicture) -> bool:
-        """Whether a picture can be put there, and if so its folder and kind remembered; else that is said."""
+        """Whether a picture can be saved there; if so its folder and kind are remembered, else a message says why
+        not."""
         if action.path.suffix.lower() not in PICTURE_FILES:
             self._editor.notify(f"{action.path}: the name of a picture ends in {' or '.join(PICTURE_FILES)}", True)
             return False
@@ -202,7 +204,7 @@ class ActionHandler:
         return True
 
     def _answer(self, action: AnswerQuestion, outcome: FrameOutcome) -> FrameOutcome:
-        """What was to be done with the chosen file; where it is refused, the file dialog stays and says why."""
+        """Do with the chosen file what was asked; where it is refused, the file dialog stays and shows why."""
         question, said_before = outcome.state.question, self._editor.status.message_number
         done = self._perform(action.action, replace(outcome, state=replace(outcome.state, question=None)))
         status = self._editor.status
@@ -291,7 +293,7 @@ class ActionHandler:
             editor.notify(str(error), True)
 
     def open_dropped(self, paths: Sequence[str], image: str | None = None) -> list[Action]:
-        """Open the file that was dropped on the window; several at once are refused, for one would hide the other.
+        """Open the file that was dropped on the window; several at once are refused, because one would hide the other.
 
         image: "texture" or "weight" where it was dropped on that of the selected layer.
         """
@@ -306,8 +308,8 @@ class ActionHandler:
         return []
 
     def open(self, path: str) -> None:
-        """Open a scene or session, light the scene by an environment, make the selected object of what was measured, or
-        give the selected layer a texture; anything else is refused in one line."""
+        """Open a scene or session, light the scene by an environment, make the selected object of a measured file, or
+        give the selected layer a texture; anything else is refused with one line."""
         suffix = Path(path).suffix.lower()
         if suffix in (*SCENE_ENDINGS, SESSION_ENDING, *LIGHT_ENDINGS, *MEASURED_ENDINGS):
             self._open_file(Path(path), suffix)
@@ -339,7 +341,7 @@ class ActionHandler:
             self._editor.do(SetBumps(key, name, file) if name in BUMP_KINDS else SetMap(key, name, file))
 
     def _check_file(self, path: Path, kind: str) -> bool:
-        """Whether it is a file, and if so its folder remembered for files of its kind; else that is said."""
+        """Whether it is a file; if so its folder is remembered for files of its kind, else a message says so."""
         if os.path.isfile(path):  # Path.is_file raises where no system takes the name
             self._folders[kind] = path.absolute().parent
             return True
@@ -359,9 +361,9 @@ class ActionHandler:
             self._editor.open(str(path))
 
     def _file_dialog(self, action: AskFile) -> FileQuestion:
-        """Where to look for the file, and of what is saved the name that it is likely to get.
+        """The folder to show in the file dialog, and the proposed name of a file to save.
 
-        Files of a kind are looked for where the last one was, else beside what is open.
+        The folder is that of the last file of the kind, else that of what is open.
         """
         editor = self._editor
         file = editor.file
@@ -388,7 +390,7 @@ class ActionHandler:
     # ---------------------------------------------------------------------------------------------------- unsaved edits
 
     def _replaces_document(self, action: Action) -> bool:
-        """Whether something else takes the place of what is open."""
+        """Whether an action replaces what is open."""
         match action:
             case OpenFile():
                 path = Path(action.path)
@@ -401,14 +403,14 @@ class ActionHandler:
         return False
 
     def _answer_unsaved(self, saves: bool, outcome: FrameOutcome) -> FrameOutcome:
-        """The answer to what becomes of unsaved edits; a session without a name asks for one first."""
+        """Carry out the answer on unsaved edits; a session without a name asks for one first."""
         if saves:
             return self._save(None, outcome)
         self._editor.give_up_unsaved()
         return self._resume_action(outcome)
 
     def _resume_action(self, outcome: FrameOutcome) -> FrameOutcome:
-        """With the action that waited."""
+        """Add the action that waited."""
         action, state = outcome.state.pending_action, replace(outcome.state, pending_action=None)
         return replace(outcome, state=state) if action is None else self._perform(action, replace(outcome, state=state))
 
@@ -424,7 +426,7 @@ class ActionHandler:
             self._editor.notify(str(error), True)
 
     def _portable(self, layers: Layers) -> tuple[Layers, str]:
-        """Layers as they leave their object, and what to say of that."""
+        """Layers as they leave their object, and the message about that."""
         found = without_strokes(layers)
         lost = "" if found == layers else ", without the strokes painted on its maps: they belong to their object"
         return with_full_names(found, self._editor.document.source), lost
@@ -447,5 +449,5 @@ class ActionHandler:
 
 
 def picture_name(folder: Path, moment: datetime) -> Path:
-    """Where a picture of the window goes when nobody named it."""
+    """The file of a picture of the window without a chosen name."""
     return folder / f"insitu-{moment:%Y-%m-%d-%H%M%S}.png"

@@ -1,10 +1,10 @@
-"""Keeps what the BRDF panel shows up to date: the selected layer's curves on the GPU, the parts that are on screen.
+"""Updates what the BRDF panel shows: the selected layer's curves on the GPU, and the parts that are on screen.
 
-One part a frame, the one made longest ago: each takes some ms on a software rasterizer. While a hand edits, parts take
-no more than a quarter of the time, so that the picture's frames stay short; what is left follows when it rests. Before
-the first picture nothing is made: the processors are the worker's. A driver compiles a program when a model is shown
-for the first time, on llvmpipe for 20 to 90 ms until Mesa has it on disk. Measured layers are their curves alone until
-their tables have come (`table_feed`), and the board says so.
+One part is made per frame, the one made longest ago: each takes some ms on a software rasterizer. During a drag, parts
+take no more than a quarter of the time, so that the picture's frames stay short; the rest follows when the user is
+idle. Before the first picture nothing is made: the processors are the worker's. A driver compiles a program when a
+model is shown for the first time, on llvmpipe for 20 to 90 ms until Mesa has it on disk. Measured layers are shown by
+their curves alone until their tables have come (`table_feed`), and the board says so.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ from ui.surface_lobe import SurfacePoint, surface_lobe
 from ui.table_feed import TableFeed
 from ui.tone_view import ToneView
 
-# Of the time while a hand edits, what parts may take.
+# The share of the time that parts may take during a drag.
 EDITING_SHARE = 0.25
-# The sphere and the albedo's sums are drawn in so many rows at a time as take about that long.
+# The sphere and the albedo's sums are drawn in as many rows at a time as take about this long.
 ROWS_SECONDS, LEAST_ROWS, LEAST_ALBEDO_ROWS = 0.010, 4, 4
 
 Layers = tuple[Layer, ...]
@@ -70,9 +70,9 @@ class BrdfFeed:
         self._rows, self._albedo_rows = LEAST_ROWS, LEAST_ALBEDO_ROWS
 
     def draw(self, editor: Editor, surface_at: SurfaceAt, is_dragging: bool, now: float) -> bool:
-        """Make the part that is due, where there is time; whether another frame would show more.
+        """Make the part that is due, where there is time; returns whether another frame would show more.
 
-        `surface_at` tells what a pixel (column, row) of the picture sees of the selected object.
+        `surface_at` returns the point of the selected object that a pixel (column, row) of the picture sees.
         """
         self._surface_at, self._tone_mapping = surface_at, self._view.follow(editor.view.tone_mapping)
         layers = shown_layers(editor.document, editor.view)
@@ -104,7 +104,7 @@ class BrdfFeed:
                 thing.release()
 
     def _want_tables(self, editor: Editor, layers: Layers) -> None:
-        """Have the tables of what is on screen, and say where they are missing."""
+        """Request the tables of what is on screen, and note which are missing."""
         measured: list[Measurement] = []
         if self._board.shown and editor.status.picture != "waiting":
             found = (measurement_in(layer) for layer in layers)
@@ -114,7 +114,7 @@ class BrdfFeed:
         self._board.why_alone = self._tables.problem_of(editor, measured)
 
     def _next_part(self, layers: Layers, editor: Editor) -> Part | None:
-        """The part on screen that is not as document and view have it, or not smooth yet."""
+        """The part on screen that is out of date, or not smooth yet."""
         board = self._board
         if not layers:
             board.clear()
@@ -129,7 +129,7 @@ class BrdfFeed:
         return "sphere" if unfinished and "sphere" in board.shown else None
 
     def _note_answered(self, part: Part, layers: Layers, view: ViewState) -> None:
-        """What is made in steps answers what was asked as they began, once they are done."""
+        """Note what a finished part shows: the document and view as they were when its first step began."""
         if self._board.problem:
             self._drawn_inputs[part] = self._inputs_of(part, layers, view)
         elif not (part == "albedo" and self._albedo is not None and self._albedo.is_begun):
@@ -169,7 +169,7 @@ class BrdfFeed:
                 board.surface = None if point is None else surface_lobe(self._stack, point, view.lobe_log)
 
     def _step_sphere(self, view: ViewState) -> None:
-        """Some rows of the sphere. A step that is under way is ended, be it with other curves, so that one is shown."""
+        """Draw some rows of the sphere. A step under way is finished, even with other curves, so that one is shown."""
         side, question = self._board.sphere_side, self._inputs_of("sphere", self._stack.layers, view)
         if self._sphere is None or self._sphere.side != side:
             if self._sphere is not None:
@@ -186,7 +186,7 @@ class BrdfFeed:
             self._board.sphere = self._picture(self._sphere.texture)
 
     def _step_albedo(self, view: ViewState) -> None:
-        """Some rows of the albedos' sums; those under way are ended first, be it with other curves."""
+        """Draw some rows of the albedos' sums; a sum under way is finished first, even with other curves."""
         if self._albedo is None:
             self._albedo = brdf_views.AlbedoShares(self._memory)
         if not self._albedo.is_begun:
@@ -198,25 +198,25 @@ class BrdfFeed:
             self._board.albedo = found
 
     def _pace(self, layers: Layers) -> None:
-        """Of other models, or with a table, a row may take several times as long: begin with few."""
+        """Start with few rows: with other models, or a table, a row may take several times as long."""
         what = tuple(layer.model for layer in layers), self._board.curves_alone
         if what != self._paced_for:
             self._paced_for, self._rows, self._albedo_rows = what, LEAST_ROWS, LEAST_ALBEDO_ROWS
 
     def _rows_in_time(self, rows: int, started: float) -> int:
-        """How many rows to draw the next time, where so many took since then."""
+        """How many rows to draw the next time, where so many took the time since then."""
         self._context.finish()
         ratio = ROWS_SECONDS / max(time.perf_counter() - started, 1e-6)
         return math.ceil(rows * min(max(ratio, 0.25), 1.5))
 
 
 def no_surface(column: int, row: int) -> SurfacePoint | None:
-    """Before there is a picture."""
+    """Stands in before there is a picture."""
     return None
 
 
 def shown_layers(document: Document, view: ViewState) -> Layers:
-    """The selected layer, a Fresnel term and its layer together, or all that are visible of the object.
+    """The selected layer, a Fresnel term and its layer together, or all visible layers of the object.
 
     None where nothing is selected.
     """

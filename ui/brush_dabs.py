@@ -1,4 +1,4 @@
-"""A brush on the picture: which points of a surface lie under its way."""
+"""A brush on the picture: which points of a surface lie on its path."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from engine.material.strokes import Stroke, pack_dabs
 from engine.scene.description import Camera
 from engine.scene.picture_frame import PictureFrame
 
-# Dabs are this share of the radius apart: between them the edge of a stroke gives way by a hundredth of it.
+# Dabs are this share of the radius apart: between them the edge of a stroke recedes by a hundredth of it.
 SPACING = 0.3
 MOST_DABS = 400  # in one frame
 _NEAR = 1024.0
@@ -24,7 +24,8 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class SurfaceSpot:
-    """What a pixel sees: a point (3,) of the world, the outward normal (3,), and how many metres a pixel is there."""
+    """What a pixel sees: a point (3,) of the world, the outward normal (3,), and the size of a pixel there in
+    metres."""
 
     place: Float64Array
     normal: Float64Array
@@ -46,7 +47,7 @@ def spot_of(frame: PictureFrame, camera: Camera, column: int, row: int, sample: 
 
 
 def sample_path(points: Sequence[Point], radius: float) -> list[Point]:
-    """Places on the way through points, pixels, close enough together for dabs; the first point is not among them."""
+    """Points on the path through these, pixels, close enough together for dabs; without the first one."""
     found: list[Point] = []
     step = max(SPACING * radius, 0.5)
     for (x, y), (to_x, to_y) in zip(points, points[1:], strict=False):
@@ -63,7 +64,7 @@ def spots_at(spot_at: SpotAt, places: Sequence[Point]) -> list[SurfaceSpot]:
 
 def stroke_at(spots: Sequence[SurfaceSpot], metres: float, value: float, strength: float, hardness: float) -> Stroke:
     """A stroke over these spots, at least one, with a brush of so many metres; see `Stroke`."""
-    # About a place that is near, and the same one for most strokes: 500 m away single precision tells 0.03 mm apart.
+    # About a near place, and the same one for most strokes: 500 m away single precision resolves 0.03 mm.
     x, y, z = (np.round(spots[0].place / _NEAR) * _NEAR + 0.0).tolist()
     dabs = pack_dabs([spot.place - (x, y, z) for spot in spots], [spot.normal for spot in spots])
     return Stroke(metres, value, strength, hardness, dabs, (x, y, z))

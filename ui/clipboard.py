@@ -9,9 +9,9 @@ class Clipboard:
     """Text in and out."""
 
     def put(self, text: str) -> None:
-        """Replace what is there."""
+        """Replace the content."""
         imgui.set_clipboard_text(text)
 
     def text(self) -> str:
-        """What is there; "" where there is nothing, or no text."""
+        """The content; "" where there is none, or no text."""
         return imgui.get_clipboard_text() or ""

@@ -1,6 +1,6 @@
-"""Whether a window can be opened here: in a process of its own, one is, and closed again.
+"""Checks whether a window can be opened here, by opening and closing one in a separate process.
 
-Of its own because a display that refuses ends the process inside Xlib, without a word to Python.
+A separate one, because a display that refuses ends the process inside Xlib, without an exception in Python.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def describe_display() -> str:
 
 
 def try_window() -> str:
-    """Open a window in this process, close it, and say what it had. Raises NoDisplay or GraphicsError."""
+    """Open a window in this process, close it, and return what it had. Raises NoDisplay or GraphicsError."""
     handle = open_glfw_window()
     try:
         glfw.hide_window(handle)

@@ -1,7 +1,7 @@
-"""Lines for a person, with the names that panels give to layers and to what they have.
+"""Lines for the user, with the names by which panels show layers and their parameters.
 
-Keys and paths ("tray.1", "theta_h") are what commands, scripts and the worker speak of; on screen the layer is
-"tray / lacquer" and its curve "half". A path that could be typed ("tray.1.alpha") stays one.
+Commands, scripts and the worker use keys and paths ("tray.1", "theta_h"); on screen the layer is "tray / lacquer" and
+its curve "half". A path that could be typed ("tray.1.alpha") stays one.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from engine.material.layer import Layer, object_of
 
 
 def with_display_names(document: Document, text: str) -> str:
-    """The line with layers by name, and the curve or parameter that follows one."""
+    """The line with layers by name, and the curve or parameter that follows each."""
     for key, layer in document.layers():
         if key in text:
             text = _with_layer_name(key, layer, text)

@@ -11,14 +11,14 @@ from app.editor.editor import Editor
 from ui import layout
 from ui.layout_memory import LayoutMemory
 
-# Frames until imgui has put its windows where they are docked, and their tabs know whom they share their place with.
+# Frames until imgui has docked its windows, and their tabs know which others are in the same dock.
 SETTLING = 3
-# So many frames before that, they are docked where a remembered text has them.
+# This many frames before that, they are docked where a remembered text has them.
 SETTLED_IN = 1
 
 
 class Docking:
-    """Follows the window's form, and remembers what a hand has moved and folded away."""
+    """Follows the window's form, and remembers what the user has moved and folded away."""
 
     def __init__(self, editor: Editor, file: Path | None, scale: float) -> None:
         self.form: layout.Form = "wide"
@@ -32,7 +32,7 @@ class Docking:
         self._behind_picture: tuple[str, ...] | None = None
 
     def take_size(self, size: tuple[int, int], scale: float) -> None:
-        """Before a frame: where the window has another form than before, the panels stand as they did in that one."""
+        """Before a frame: if the window has another form than before, restore the panels of that form."""
         form = layout.form_of(size, scale)
         if self._is_placed and form == self.form:
             return
@@ -50,25 +50,26 @@ class Docking:
 
     @property
     def is_settling(self) -> bool:
-        """Whether the places that panels have got show only in the coming frames."""
+        """Whether the panels' new places show only in the coming frames."""
         return self._unsettled > 0
 
     def rescale(self, scale: float) -> None:
-        """The screen's scale has changed, and with it every place."""
+        """Adopt another scale of the screen, which changes every place."""
         self._memory.rescale(scale)
         self._rebuild = True
 
     def make_room(self, front: tuple[str, ...]) -> None:
-        """In a small window there is room for one panel beside the picture: what comes to the front."""
+        """In a small window there is room for one panel beside the picture: the one that comes to the front."""
         if self.form == "small" and front:
             self._fold(layout.FOLDED["small"] - {*front})
 
     def begin_space(self, scale: float, alone: bool = False) -> tuple[str, ...]:
-        """Begin the space that panels dock in; where their places are new, or they come back from behind the picture
-        alone, those that are to be in front.
+        """Begin the space that panels dock in; where their places are new, or they come back after the picture was
+        alone, return those that are to be in front.
 
-        That is for the next pass, when the panels are there: of those that appear together the last would be. One a
-        pass: of panels that were docked elsewhere a frame ago imgui raises only the last that it is told.
+        That is for the next pass, when the panels are there: of those that appear together the last one would be in
+        front. One per pass: of panels that were docked elsewhere a frame ago imgui raises only the last that it is
+        given.
         """
         layout.begin_dock_space(self.form, scale, self._rebuild)
         rebuilt, self._rebuild = self._rebuild, False
@@ -90,18 +91,18 @@ class Docking:
         return ()
 
     def reset(self) -> None:
-        """All panels where they are by default."""
+        """Put all panels into the default layout."""
         self._rebuild = True
         self._fold(layout.FOLDED[self.form])
 
     def remember(self) -> None:
-        """After a frame: write what has changed, where imgui thinks it time."""
+        """After a frame: write what has changed, when imgui asks for it."""
         if imgui.get_io().want_save_ini_settings:
             self.keep()
             imgui.get_io().want_save_ini_settings = False
 
     def keep(self) -> None:
-        """Write how the panels stand."""
+        """Write the layout of the panels."""
         if self._is_placed:
             folded = (panel.key for panel in layout.PANELS if not self._editor.view.panel_open(panel.key))
             self._memory.keep(self.form, imgui.save_ini_settings_to_memory(), frozenset(folded))

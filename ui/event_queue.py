@@ -1,13 +1,13 @@
-"""What mouse and keyboard did, in the order they did it, on its way to imgui.
+"""Mouse and keyboard events, in their order, on their way to imgui.
 
-imgui knows a state, not a history: of what comes in between two of its frames it would see the end. It spreads
-presses of one button or key over frames by itself; chords it does not: of Z pressed and Ctrl let go in one long frame
-it would see Z alone, and of a drag that ends in one it would not see where. So each pass of the panels hears one act
-at most, a press, a release or turns of the wheel, with the place and the modifiers of then. Text is the exception:
-while a field takes it, all characters that came in go in together, with the keys that typed them. A press of the
-mouse, or a turn of its wheel, also waits for a pass that finds the mouse in its place already: items that others may
-overlap (rows, tabs) react only where the pass before found the mouse over them. The shell passes through its panels
-until all is heard (`ui.shell`).
+imgui has a state, no history: of the events between two of its frames it would see the end. It spreads presses of one
+button or key over frames by itself, but not chords: of Z pressed and Ctrl released in one long frame it would see Z
+alone, and of a drag that ends in one it would not see where. So each pass of the panels gets one act at most, a press,
+a release or turns of the wheel, with the position and the modifiers at that time. Text is the exception: while a field
+takes it, all characters that have come are passed together, with the keys that typed them. A press of the mouse, or a
+turn of its wheel, also waits for a pass in which the mouse is in its place already: items that others may overlap
+(rows, tabs) react only where the pass before found the mouse over them. The shell passes through its panels until all
+events are processed (`ui.shell`).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _TYPING = frozenset({_Kind.TYPE, _Kind.TEXT})
 
 
 def _can_share_pass(heard: set[_Kind], next_kind: _Kind) -> bool:
-    """Whether a pass that has `heard` these kinds may hear the next event as well."""
+    """Whether a pass that has processed these kinds may process the next event as well."""
     if not heard:
         return True
     if heard & _ACTS:
@@ -54,8 +54,9 @@ def _can_share_pass(heard: set[_Kind], next_kind: _Kind) -> bool:
 class EventQueue:
     """Events enter in order; `dispatch` gives imgui those of the coming pass.
 
-    `alt_tapped` is whether, in this pass, Alt was let go with nothing else done since it was pressed; `repeated` is the
-    key that the system says is still held, None where it says nothing. imgui's own controls repeat by imgui's clock.
+    `alt_tapped` is whether, in this pass, Alt was released with nothing else done since it was pressed; `repeated` is
+    the key that the system reports as still held, None where it reports none. imgui's own controls repeat by imgui's
+    clock.
     """
 
     def __init__(self, context: imgui.internal.Context, io: imgui.IO) -> None:
@@ -68,21 +69,21 @@ class EventQueue:
 
     @property
     def is_empty(self) -> bool:
-        """Whether imgui has heard all that came in."""
+        """Whether imgui has got all events."""
         return not self._waiting and self._context.input_events_queue.size() == 0
 
     def move(self, x: float, y: float) -> None:
-        """The mouse is there now, framebuffer pixels."""
+        """The mouse has moved, framebuffer pixels."""
         self._add(partial(self._io.add_mouse_pos_event, x, y), _Kind.MOVE)
 
     def button(self, button: int, pressed: bool) -> None:
-        """A mouse button: 0 left, 1 right, 2 middle."""
+        """A mouse button was pressed or released: 0 left, 1 right, 2 middle."""
         self._alt_alone = False
         kind = _Kind.CLICK if pressed else _Kind.RELEASE
         self._add(partial(self._io.add_mouse_button_event, button, pressed), kind)
 
     def wheel(self, x: float, y: float) -> None:
-        """The wheel turned, notches; y positive away from the hand."""
+        """The wheel turned, notches; y positive forward, away from the user."""
         self._alt_alone = False
         self._add(partial(self._io.add_mouse_wheel_event, x, y), _Kind.WHEEL)
 
@@ -98,24 +99,24 @@ class EventQueue:
         self._add(partial(self._io.add_key_event, key, pressed), kind)
 
     def repeat(self, key: imgui.Key) -> None:
-        """The system says once more that a key is held."""
+        """The system repeats a key that is held."""
         self._add(partial(self._repeat_key, key), _Kind.PRESS)
 
     def character(self, code: int) -> None:
-        """A character typed, by the key that was pressed, or repeated, just before."""
+        """A character was typed, by the key that was pressed, or repeated, just before."""
         if self._waiting and self._waiting[-1][0] is _Kind.PRESS:
             self._waiting[-1] = _Kind.TYPE, self._waiting[-1][1]
         self._add(partial(self._io.add_input_character, code), _Kind.TEXT)
 
     def focus(self, gained: bool) -> None:
-        """The window has the keyboard now, or has it no more."""
+        """The window has got the keyboard, or lost it."""
         self._alt_alone = False
         self._add(partial(self._io.add_focus_event, gained))
 
     def dispatch(self, is_typing: bool = False, waits: bool = False) -> None:
-        """Give imgui what belongs into the coming pass: nothing while it still spreads what it was given before.
+        """Give imgui the events of the coming pass: none while it still spreads those it was given before.
 
-        is_typing: whether a field takes text. waits: whether nothing is to be heard in this pass.
+        is_typing: whether a field takes text. waits: whether this pass is to get no events.
         """
         self.alt_tapped, self.repeated = False, None
         self._io.config_input_trickle_event_queue = True

@@ -1,6 +1,6 @@
-"""When the window's next frame is due: at once after what a hand did, soon while tooltips may come up, else with news.
+"""When the window's next frame is due: at once after input, soon while tooltips may appear, else when there is news.
 
-Frames take processor time from the worker: what only counts its progress waits.
+Frames take processor time from the worker: mere progress of the worker can wait.
 """
 
 from __future__ import annotations
@@ -11,21 +11,21 @@ from dataclasses import replace
 
 from app.messages.editor_status import Status
 
-# After an event tooltips and hover go on for this long, a frame every `REDRAW_SECONDS`.
+# After an event tooltips and hover need frames for this long, one every `REDRAW_SECONDS`.
 SETTLE_SECONDS = 0.9
 REDRAW_SECONDS = 0.1
-# So long frames follow each other at once.
+# For this long frames follow each other at once.
 AT_ONCE_SECONDS = 0.05
 # Frames that the layout takes to settle after the start.
 FIRST_FRAMES = 3
-# After an event, however long they take: the first hears it, the second shows what came of it in panels drawn before.
+# After an event, however long they take: the first processes it, the second shows its effect on panels drawn earlier.
 INPUT_FRAMES = 2
-# How often the worker's progress alone is worth a frame.
+# How often the worker's progress alone is drawn.
 PROGRESS_SECONDS = 0.1
 
 
 class FramePacing:
-    """`inputs` counts what asked for a frame. clock: steady, in seconds."""
+    """`inputs` counts what requested a frame. clock: steady, in seconds."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
@@ -36,7 +36,7 @@ class FramePacing:
         self._drawn_at = -math.inf
 
     def note_input(self) -> None:
-        """An event came in: tooltips and hover need frames for a little while."""
+        """An event came: tooltips and hover need frames for a short time."""
         self.inputs += 1
         self._last_input, self._input_frame = self._clock(), self._n_frames
 
@@ -45,17 +45,17 @@ class FramePacing:
         self.inputs += 1
 
     def begin_frame(self, now: float, status: Status) -> None:
-        """A frame that tells this status is being drawn."""
+        """A frame that shows this status is being drawn."""
         self._n_frames += 1
         self._drawn_status, self._drawn_at = _relevant_status(status), now
 
     @property
     def has_started(self) -> bool:
-        """Whether the first frames are behind it."""
+        """Whether the first frames have been drawn."""
         return self._n_frames > FIRST_FRAMES
 
     def has_news(self, now: float, status: Status) -> bool:
-        """Whether the status differs from what was drawn; by progress alone not sooner than a tenth of a second."""
+        """Whether the status differs from what was drawn; progress alone counts after a tenth of a second."""
         telling, told = _relevant_status(status), self._drawn_status
         if told is None or telling == told:
             return told is None
@@ -70,7 +70,7 @@ class FramePacing:
 
     @property
     def redraw_in(self) -> float | None:
-        """Seconds until the next frame is due after an event; None where it is long past."""
+        """Seconds until the next frame is due after an event; None where none is."""
         return REDRAW_SECONDS if self._since_input < SETTLE_SECONDS else None
 
     @property
@@ -79,5 +79,5 @@ class FramePacing:
 
 
 def _relevant_status(status: Status) -> Status:
-    """What of the status is worth a frame of its own."""
+    """The part of the status that requires a frame when it changes."""
     return replace(status, frame_ms=0.0, memory_mb=0.0, seconds_left=None, fraction=round(status.fraction, 2))

@@ -72,15 +72,15 @@ _MODIFIER_KEYS = frozenset(getattr(glfw, f"KEY_{side}_{name}") for name in _MODI
 
 
 def as_printed(key: int, name: str | None) -> int:
-    """The key by what is printed on it: GLFW's keys are places on an American keyboard, shortcuts go by letters.
+    """The key by what is printed on it: GLFW's keys are places on an American keyboard, shortcuts use letters.
 
-    `name` is what the layout has in the key's place; where that is no Latin letter the place counts.
+    `name` is the layout's character at the key's place; where that is no Latin letter the place counts.
     """
     return ord(name.upper()) if name and len(name) == 1 and name.upper() in _PRINTED else key
 
 
 def key_changes(key: int, pressed: bool, modifiers: int) -> list[tuple[imgui.Key, bool]]:
-    """What a key event of GLFW tells imgui, in order: the modifiers that a key was pressed with come before it."""
+    """The events for imgui of a key event of GLFW, in order: the modifiers come before the key."""
     parts = [(part, pressed) for part in KEYS.get(key, ())]
     return parts if key in _MODIFIER_KEYS or not pressed else [*held(modifiers), *parts]
 

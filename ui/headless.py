@@ -1,8 +1,8 @@
 """The window without a display: the same frames in a framebuffer, the same events as a mouse and a keyboard make.
 
-`insitu screenshot` and the tests run this. A hand moves in steps, one frame each, because what a drag does may depend
-on the frames between. Of most frames nobody asks for the pixels, and to fill them is two thirds of a frame's work where
-OpenGL is software: each is drawn into a single pixel, and into all of them when they are read.
+`insitu screenshot` and the tests run this. The pointer moves in steps, one frame each, because the effect of a drag may
+depend on the frames between. The pixels of most frames are never read, and to fill them is two thirds of a frame's work
+where OpenGL is software: each is drawn into a single pixel, and into all of them when they are read.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from ui.gl.context import create_headless_context
 from ui.shell import FrameResult, Shell
 
 FRAME_SECONDS = 1.0 / 60.0
-# Between two looks at the worker's answers while nothing is drawn: the processors are the worker's.
+# The time between two checks for the worker's responses while nothing is drawn: the processors are the worker's.
 POLL_SECONDS = 0.01
 DRAG_STEPS = 12
 DEFAULT_SIZE = (1280, 800)
 
 
 class HeadlessWindow:
-    """A window of `size` framebuffer pixels at `scale`, with a clock of its own that each frame and look moves on."""
+    """A window of `size` framebuffer pixels at `scale`; each frame and poll advances its own clock."""
 
     def __init__(
         self,
@@ -64,21 +64,22 @@ class HeadlessWindow:
         self.shell.pacing.note_change()
 
     def frame(self) -> FrameResult:
-        """Take the worker's answers and draw one frame; a picture that was asked for by a button is saved."""
+        """Process the worker's responses and draw one frame; saves a picture if a button requested one."""
         self.poll()
         return self.draw()
 
     def poll(self, telling: bool = False) -> bool:
-        """Take the worker's answers; whether the picture, or with `telling` anything, has to be drawn again."""
+        """Process the worker's responses; returns whether the picture, or with `telling` anything, has to be drawn
+        again."""
         self._time += FRAME_SECONDS
         return self.shell.idle(self._time) if telling else self.shell.take(self._time)
 
     def prepare(self) -> None:
-        """Bring the picture up to date, as a window does before it draws what the worker brought."""
+        """Update the picture, as a window does before it draws what the worker sent."""
         self.shell.prepare()
 
     def draw(self) -> FrameResult:
-        """Draw what is there."""
+        """Draw a frame without processing responses."""
         started = time.perf_counter()
         result = self.shell.frame(self._pixel, self.size, self._time)
         self._is_filled = self._is_filled and not result.drawn
@@ -94,9 +95,9 @@ class HeadlessWindow:
             self.frame()
 
     def run_until(self, done: Callable[[], bool], timeout: float) -> bool:
-        """Wait until `done()`, at most `timeout` seconds of real time; whether it came to be.
+        """Wait until `done()`, at most `timeout` seconds of real time; returns whether it came true.
 
-        A frame is drawn when the picture is to change, not for progress that nobody looks at; the first at once.
+        A frame is drawn when the picture is to change, not for progress, which nothing reads; the first at once.
         """
         end = time.monotonic() + timeout
         busy = True
@@ -107,7 +108,8 @@ class HeadlessWindow:
         return True
 
     def step(self, busy: bool) -> bool:
-        """One step of waiting: a look, and a frame if it is needed or the last was `busy`; whether this one is."""
+        """One step of waiting: a poll, and a frame if it is needed or the last was `busy`; returns whether this one
+        is."""
         if self.poll() or busy:
             self.prepare()
             return self.draw().busy
@@ -123,7 +125,7 @@ class HeadlessWindow:
         self.frame()
 
     def leave(self) -> None:
-        """Move the mouse out of the window, so that no tooltip and nothing lit by it stays."""
+        """Move the mouse out of the window, so that no tooltip or hover colour stays."""
         self.shell.events.move(-sys.float_info.max, -sys.float_info.max)
         self.frames(2)
 
@@ -133,7 +135,7 @@ class HeadlessWindow:
         self.frame()
 
     def release(self, button: int = 0) -> None:
-        """Let the button go."""
+        """Release the button."""
         self.shell.events.button(button, False)
         self.frame()
         self.frame()
@@ -146,14 +148,14 @@ class HeadlessWindow:
         self.release(button)
 
     def wheel(self, amount: float) -> None:
-        """Turn the wheel, positive away from the hand."""
+        """Turn the wheel, positive forward, away from the user."""
         self.shell.events.wheel(0.0, amount)
         self.frames(2)
 
     def drag(
         self, start: tuple[float, float], end: tuple[float, float], *, button: int = 0, steps: int = DRAG_STEPS
     ) -> None:
-        """Press at `start`, move to `end` in steps, let go."""
+        """Press at `start`, move to `end` in steps, release."""
         self.move(*start)
         self.frame()
         self.press(button)
@@ -185,7 +187,7 @@ class HeadlessWindow:
         self.frame()
 
     def hold(self, key: imgui.Key, down: bool) -> None:
-        """Hold a modifier down, or let it go."""
+        """Hold a modifier down, or release it."""
         self.shell.events.key(key, down)
         self.frame()
 
@@ -211,7 +213,7 @@ class HeadlessWindow:
         save_file(file, pixels_png(self.pixels()))
 
     def close(self) -> None:
-        """Free what was made here; a context that was handed in stays."""
+        """Free what was made here; a context that was passed in stays."""
         self.shell.close()
         for thing in (self._pixel, self._target, self._texture):
             thing.release()

@@ -1,7 +1,7 @@
-"""When a window showed what, and how long its thread was blocked: written to a file for `insitu measure`.
+"""Milestones of a launch, and the longest time that its thread was blocked: written to a file for `insitu measure`.
 
 The environment variable `INSITU_TIMES` names the file; without it nothing is written. Times are of the system's steady
-clock, which all processes of a machine share, so that whoever launched the program can subtract its own.
+clock, which all processes of a machine share, so that the launching process can subtract its own.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ class LaunchTimes:
         self._content: dict[str, float] = {}
 
     def blocked(self, seconds: float, streaming: bool) -> None:
-        """The window's thread was busy for so long; it counts while the worker has a scene to stream."""
+        """Note that the window's thread was busy for so long; it counts while the worker has a scene to stream."""
         if streaming:
             self._content["longest_block_s"] = max(self._content.get("longest_block_s", 0.0), seconds)
 
     def frame_shown(self, scene_is_open: bool, status: Status) -> None:
-        """A frame is on screen: note what it is the first of."""
+        """Note that a frame is on screen, and which milestones it is the first to show."""
         reached = {
             "first_frame": True,
             "scene": scene_is_open,
@@ -51,6 +51,6 @@ class LaunchTimes:
 
 
 def launch_times_from(environment: Mapping[str, str] = os.environ) -> LaunchTimes | None:
-    """Where times are wanted, what notes them."""
+    """The object that notes the times, where the variable is set."""
     file = environment.get(TIMES_VARIABLE)
     return LaunchTimes(Path(file)) if file else None

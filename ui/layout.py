@@ -1,9 +1,8 @@
-"""Where the panels are docked by default, for any size and scale of the window.
+"""The default docking of the panels, for any size and scale of the window.
 
-The picture is the middle and takes what the others leave. A window has one of three forms: wide, with a column on
-either side; compact, with one column and panels behind each other; small, with all panels behind each other beside the
-picture. Each form keeps its own arrangement (`ui.layout_memory`), so that a window made small for a moment is as it was
-when it is large again.
+The picture is the middle and gets what the others leave. A window has one of three forms: wide, with a column on either
+side; compact, with one column and panels in tabs; small, with all panels in tabs beside the picture. Each form has its
+own stored layout (`ui.layout_memory`), so that a window made small for a moment is as it was when it is large again.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ class Panel:
 
     @property
     def window(self) -> str:
-        """The name imgui knows it by; the title may change without losing its place."""
+        """The name that imgui knows it by; the title may change without losing its place."""
         return f"{self.title}###{self.key}"
 
 
@@ -51,7 +50,7 @@ PLAN = Panel("plan", "Plan")
 LIBRARY = Panel("library", "Library")
 BRDF = Panel("brdf", "BRDF")
 PANELS = (OBJECTS, VIEWPORT, CURVE, MATERIAL, LIGHT, ACCURACY, PLAN, BRDF, LIBRARY)
-# Of panels behind each other, those that are seen first; and those that are folded away at first.
+# The panels that are in front of the others in their dock at first; and those that are folded away at first.
 IN_FRONT: dict[Form, tuple[str, ...]] = {
     "wide": (ACCURACY.key,), "compact": (OBJECTS.key, MATERIAL.key, CURVE.key), "small": (),
 }  # fmt: skip
@@ -61,7 +60,7 @@ FOLDED: dict[Form, frozenset[str]] = {
 
 
 def form_of(size: tuple[float, float], scale: float) -> Form:
-    """The form of a window of so many framebuffer pixels."""
+    """The form of a window of this size in framebuffer pixels."""
     width, height = size[0] / scale, size[1] / scale
     if width >= LEAST_WIDE[0] and height >= LEAST_WIDE[1]:
         return "wide"
@@ -69,7 +68,7 @@ def form_of(size: tuple[float, float], scale: float) -> Form:
 
 
 def begin_dock_space(form: Form, scale: float, rebuild: bool) -> None:
-    """Fill what menu and status bar leave with the dock space; build the default where there is no layout yet."""
+    """Fill the area between menu and status bar with the dock space; build the default where there is no layout yet."""
     viewport = imgui.get_main_viewport()
     identity = imgui.get_id(DOCK_SPACE)
     if rebuild or imgui.internal.dock_builder_get_node(identity) is None:
@@ -128,7 +127,7 @@ def _small(root: int, scale: float) -> dict[Panel, int]:
 
 
 def _split(node: int, side: imgui.Dir, extent: float, most: float = 1.0) -> tuple[int, int]:
-    """(the new node at `side`, of so many pixels or at most that share, what remains)."""
+    """Split a node; returns (the new node at `side`, of so many pixels or at most that share, the rest)."""
     size = _size(node)
     whole = size.x if side in (imgui.Dir.left, imgui.Dir.right) else size.y
     split = imgui.internal.dock_builder_split_node(node, side, min(extent / max(whole, 1.0), most))
@@ -140,20 +139,20 @@ def _size(node: int) -> ImVec2:
 
 
 def is_behind(panel: Panel) -> bool:
-    """Whether another panel that shares its place is before it."""
+    """Whether another panel of its dock is in front of it."""
     window = imgui.internal.find_window_by_name(panel.window)
     return window is not None and bool(window.hidden)
 
 
 def chosen_tabs(places: str) -> tuple[str, ...]:
-    """Keys of the panels that imgui's text of their places has before others; once they are in those places."""
+    """Keys of the panels that imgui's text of their places has in front of others."""
     chosen = {int(number, 16) for number in _SELECTED.findall(places)}
     windows = {panel: imgui.internal.find_window_by_name(panel.window) for panel in PANELS if shares_place(panel)}
     return tuple(panel.key for panel, window in windows.items() if window.tab_id in chosen)
 
 
 def shares_place(panel: Panel) -> bool:
-    """Whether it is docked where other panels are too."""
+    """Whether other panels are in its dock."""
     window = imgui.internal.find_window_by_name(panel.window)
     node = None if window is None else window.dock_node
     return node is not None and len(node.windows) > 1

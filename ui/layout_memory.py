@@ -1,6 +1,6 @@
-"""What the window remembers of its panels: their places in each of its forms, and which are folded away.
+"""The window's stored layout of its panels: their places in each of its forms, and which are folded away.
 
-The file is imgui's own text for each form, under lines that say for which version and scale it was made; at another
+The file is imgui's own text for each form, under lines that name the version and scale it was made for; at another
 scale, where its pixels would be wrong, the defaults are built again. It is only a convenience: whatever is wrong with
 it, the window opens with the default layout.
 """
@@ -21,7 +21,8 @@ _FORM = re.compile(r"^; form (\w+) folded ?(.*)\n", re.MULTILINE)
 
 @dataclass
 class LayoutMemory:
-    """`places` are imgui's texts by form, `folded` keys of the panels that are closed. `file` None: nothing is kept."""
+    """`places` are imgui's texts by form, `folded` keys of the panels that are closed. `file` None: nothing is
+    stored."""
 
     file: Path | None
     scale: float
@@ -30,7 +31,7 @@ class LayoutMemory:
 
     @classmethod
     def read(cls, file: Path | None, scale: float) -> LayoutMemory:
-        """What the file remembers, nothing where it is missing, damaged, or of another version or scale."""
+        """The content of the file, empty where it is missing, damaged, or of another version or scale."""
         memory = cls(file, scale)
         try:
             text = "" if file is None else file.read_text(encoding="utf-8")
@@ -47,9 +48,9 @@ class LayoutMemory:
         return memory
 
     def keep(self, form: Form, places: str, folded: frozenset[str]) -> None:
-        """Take over the window's layout and write it; a folder that cannot be written to costs nothing but the memory.
+        """Note the window's layout and write it; a folder that cannot be written to costs only the memory.
 
-        Not waited for until it is on the disk: this runs between two frames, and a lost layout is built again.
+        It does not wait for the disk: this runs between two frames, and a lost layout is built again.
         """
         self.places[form], self.folded[form] = places, folded
         if self.file is None:

@@ -1,6 +1,6 @@
-"""All panels of a frame, each in its window: what they ask for, in the order in which they stand.
+"""All panels of a frame, each in its window; returns their actions in the order of the panels.
 
-A panel that fails is left out by the barrier and says so in its own window; the others are drawn.
+A panel that fails is left out by the barrier and shows so in its own window; the others are drawn.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Draw = Callable[[PanelContext], list[Action]]
 
 
 def draw_panels(context: PanelContext, barrier: Barrier, begin_space: Callable[[], None]) -> list[Action]:
-    """Draw all; begin_space: makes the place that windows are docked in, between the bars."""
+    """Draw all; begin_space: begins the area that windows are docked in, between the bars."""
     actions = draw_guarded(barrier, "The menu", menus.draw, context) or []
     actions += draw_guarded(barrier, "The status bar", status_bar.draw, context) or []
     actions += draw_guarded(barrier, "The strip of panels", panel_folding.draw_strip, context) or []
@@ -67,7 +67,7 @@ def _window(barrier: Barrier, context: PanelContext, panel: layout.Panel, draw: 
         return []
     if panel.key in context.state.front:
         imgui.set_next_window_focus()
-    # The narrow tabs of panels behind each other have no room for it; they are folded, or closed in the menu.
+    # The narrow tabs of panels in one dock have no room for it; they are folded, or closed in the menu.
     closable = None if layout.shares_place(panel) else True
     visible, is_open = imgui.begin(panel.window, closable, flags | imgui.WindowFlags_.no_collapse)
     actions = _panel(barrier, f"The panel {panel.title}", draw, context) if visible else []
@@ -76,7 +76,7 @@ def _window(barrier: Barrier, context: PanelContext, panel: layout.Panel, draw: 
 
 
 def _panel(barrier: Barrier, name: str, draw: Draw, context: PanelContext) -> list[Action]:
-    """A panel's contents, or a word in their place."""
+    """A panel's contents, or a message in their place."""
     actions = draw_guarded(barrier, name, draw, context)
     if actions is None:
         draw_fault(name)
@@ -93,7 +93,7 @@ def _picture_window(barrier: Barrier, context: PanelContext) -> list[Action]:
 
 
 def is_shown(context: PanelContext, panel: layout.Panel) -> bool:
-    """Whether a panel is in the window; the picture alone is there in any case."""
+    """Whether a panel is in the window; with only the picture shown, no other is."""
     if context.state.single_panel:
         return panel is layout.VIEWPORT
     return context.view.panel_open(panel.key)

@@ -1,13 +1,12 @@
-"""Brings the picture up to date, whichever mode makes it: the worker's answers to its source, and a drawing of it.
+"""Updates the picture of any mode: the worker's responses to its source, and a drawing of it.
 
     take: editor.tick ─► picture events ─► the mode's PictureSource; scene and sky also ─► SceneView
     draw: document, view ─► PictureSource.draw ─► display texture
 
-`draw` is part of a frame where the hand does something, else a step before it; `take` comes between two frames: so the
-hand is heard in the meantime. Everything slow is sliced: answers are taken for a few milliseconds and the rest the next
-time. Before there is a scene `take` rehearses, after which no shader is left to compile and no mode to import. Where
-another mode is chosen, or the scene is seen from elsewhere, the picture before that stays until there is something to
-show.
+`draw` is part of a frame during input, else a step before it; `take` runs between two frames, so that input is
+processed in the meantime. Everything slow is sliced: responses are processed for a few milliseconds and the rest the
+next time. Before there is a scene `take` warms up, after which no shader is left to compile and no mode to import. When
+another mode is chosen, or the camera moves, the picture before stays until there is something to show.
 """
 
 from __future__ import annotations
@@ -34,14 +33,14 @@ from ui.scene_view import SceneView
 from ui.still_saver import ViewportStill
 from ui.surface_lobe import SurfacePoint
 
-# Between two looks at what the worker has sent, while a curve that was selected is waited for.
+# The time between two checks for responses, while a selected curve is waited for.
 CURVE_POLL_SECONDS = 0.005
-# After so long no further answer is taken at once.
+# After so long no further response is processed at once.
 TAKING_SECONDS = 0.008
 
 
 class PictureSource(Protocol):
-    """A mode's picture in GL. What it has no use for it leaves as it is here."""
+    """A mode's picture in GL. The defaults do nothing."""
 
     def __init__(self, context: moderngl.Context) -> None: ...
 
@@ -54,16 +53,16 @@ class PictureSource(Protocol):
         return iter(())
 
     def take(self, editor: Editor, event: PictureEvent) -> None:
-        """Something that the picture is made of has come; with a `SceneFrame` all before it is void."""
+        """Take a part of the picture; a `SceneFrame` makes all before it void."""
 
     def prepare(self, event: SceneFrame) -> bool:
-        """Do a part of what taking this scene takes, short beside a frame; whether there is another part."""
+        """Do a part of the work for this scene, short compared with a frame; returns whether there is another part."""
         return False
 
     def draw(self, editor: Editor, last_frame_ms: float, all_taken: bool) -> bool:
-        """Follow the document and draw. Whether another frame would show more.
+        """Follow the document and draw. Returns whether another frame would show more.
 
-        `last_frame_ms` is what the last frame took in all; all_taken: whether no event waits to be taken.
+        `last_frame_ms` is the time of the whole last frame; all_taken: whether no event waits to be taken.
         """
 
     def still(self, editor: Editor) -> ViewportStill | None:
@@ -71,7 +70,7 @@ class PictureSource(Protocol):
         return None
 
     def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]:
-        """The "texture" and the "weight" of a layer, small, row 0 at the top; those there are."""
+        """The "texture" and the "weight" of a layer, small, row 0 at the top, where there are any."""
         return {}
 
     def map_refusal(self, editor: Editor, key: str) -> str | None:
@@ -83,12 +82,12 @@ class PictureSource(Protocol):
 
 
 def _made_of(editor: Editor) -> tuple[object, ...]:
-    """What a picture shows beside its mode; equal where it may stay."""
+    """What a picture depends on besides its mode; equal where it may stay."""
     return editor.document, replace(editor.view, mode="", hovered=None)
 
 
 class CopiedPicture:
-    """A display picture as it was, whatever becomes of its own. Raises GraphicsError where there is no room for it."""
+    """A copy of a display picture. Raises GraphicsError where there is no room for it."""
 
     def __init__(self, context: moderngl.Context, picture: moderngl.Texture) -> None:
         self._memory = TextureMemory(context)
@@ -99,12 +98,12 @@ class CopiedPicture:
         return self._picture
 
     def close(self) -> None:
-        """Free it."""
+        """Free the copy."""
         self._memory.release(self._picture)
 
 
 class PictureFeed:
-    """Feeds the source of the mode that is chosen; source: that of `mode`, where it is made already."""
+    """Feeds the source of the mode that is chosen; source: that of `mode`, where it exists already."""
 
     def __init__(self, context: moderngl.Context, mode: Mode, source: PictureSource | None = None) -> None:
         self._context = context
@@ -119,7 +118,7 @@ class PictureFeed:
         self._left_mode: Mode | None = None
         self._left_of: object = None  # what the picture of the mode before was made of, where it was finished
         self._finished_of: object = None
-        self._is_plain = False  # what is seen is objects lit from the eye, and no mode's picture
+        self._is_plain = False  # whether objects lit from the camera are shown, and no mode's picture
         self._choose(mode, source or import_named(mode.picture)(context))
 
     def _choose(self, mode: Mode, source: PictureSource) -> None:
@@ -138,32 +137,32 @@ class PictureFeed:
 
     @property
     def heading(self) -> float:
-        """Where the camera looks, degrees clockwise from -Z seen from above."""
+        """The camera's direction, degrees clockwise from -Z seen from above."""
         return self._scene.heading
 
     @property
     def shows_view_before(self) -> bool:
-        """Whether the picture is of the view before, for want of one from this."""
+        """Whether the picture is of the view before, because this one has none yet."""
         return self._left is not None and self._left_scene is not self._shown_scene
 
     @property
     def camera(self) -> Camera | None:
-        """The camera that the picture shown is seen from; None before there is a scene."""
+        """The camera of the shown picture; None before there is a scene."""
         scene = self._left_scene if self.shows_view_before else self._shown_scene
         return None if scene is None else scene.description.camera
 
     @property
     def mode_before(self) -> Mode | None:
-        """The mode whose picture stays until the present one has its own; None where what is shown is its own."""
+        """The mode whose picture stays until the present one has its own; None where it has."""
         return self._left_mode if self._left is not None and not self.shows_view_before else None
 
     @property
     def is_behind(self) -> bool:
-        """Whether something of what the worker answered is not in the picture yet."""
+        """Whether a response of the worker is not in the picture yet."""
         return bool(self._waiting)
 
     def object_at(self, column: int, row: int) -> str | None:
-        """The name of what a pixel of the picture sees."""
+        """The name of the object that a pixel of the picture sees."""
         return self._scene.object_at(column, row)
 
     def surface_at(self, column: int, row: int) -> SurfacePoint | None:
@@ -175,7 +174,7 @@ class PictureFeed:
         return self._scene.spot_at(column, row)
 
     def take(self, editor: Editor, now: float) -> bool:
-        """Take the worker's answers and ask it for what is missing. Whether there is something to draw."""
+        """Process the worker's responses and request what is missing. Returns whether there is something to draw."""
         until = time.perf_counter() + TAKING_SECONDS
         scene_came = False
         for event in editor.tick(now):
@@ -194,7 +193,7 @@ class PictureFeed:
         self._took = self._took or bool(self._waiting)
         try:
             if self._scene_waits:
-                # The first scene; of a later one the panels would draw a picture that is gone: `draw` takes it.
+                # The first scene; with a later one the panels would draw a picture that is gone: `draw` takes it.
                 if (
                     not (scene_came and time.perf_counter() >= until)
                     and self._prepare_scene(until)
@@ -210,9 +209,9 @@ class PictureFeed:
         return self._took or self._scene.thumbnail_is_ready
 
     def draw(self, editor: Editor, last_frame_ms: float) -> bool:
-        """Follow the document and draw. Whether another frame would show more.
+        """Follow the document and draw. Returns whether another frame would show more.
 
-        `last_frame_ms` is what the last frame took in all: what it spent on other things is kept out of the budget.
+        `last_frame_ms` is the time of the whole last frame: what it spent on other work is not part of the budget.
         """
         if self._stepped:
             self._frame_ms = last_frame_ms
@@ -250,7 +249,7 @@ class PictureFeed:
         return self.source.still(editor)
 
     def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]:
-        """The "texture" and the "weight" of a layer, small, row 0 at the top; those there are."""
+        """The "texture" and the "weight" of a layer, small, row 0 at the top, where there are any."""
         return self.source.map_thumbnails(key)
 
     def map_refusal(self, editor: Editor, key: str) -> str | None:
@@ -264,7 +263,7 @@ class PictureFeed:
         self.source.close()
 
     def _leave(self) -> None:
-        """What was shown before has had its time."""
+        """Drop the copy of what was shown before."""
         if self._left is not None:
             self._left.close()
         if self.shows_view_before and self._shown_scene is not None:
@@ -272,7 +271,7 @@ class PictureFeed:
         self._left = None
 
     def _keep_view_before(self, event: SceneFrame) -> None:
-        """What is shown goes with another scene; of the same seen otherwise it stays."""
+        """Copy what is shown, if only the view of the same scene changes; another scene removes it."""
         before = self._shown_scene
         if before is None or before.opening != event.opening:
             self._leave()
@@ -281,15 +280,15 @@ class PictureFeed:
                 self._left, self._left_scene = CopiedPicture(self._context, self.source.picture), before
                 self._left_mode = self._mode
             except GraphicsError:
-                pass  # objects are lit from the eye meanwhile
+                pass  # objects are lit from the camera meanwhile
 
     @property
     def _scene_waits(self) -> bool:
-        """Whether a scene is the next to be taken; nothing comes before one."""
+        """Whether a scene is the next event to be taken; nothing comes before one."""
         return bool(self._waiting) and isinstance(self._waiting[0], SceneFrame)
 
     def _prepare_scene(self, until: float) -> bool:
-        """Go on with what taking the scene that waits takes, until that time; whether all of it is done."""
+        """Continue the work for the scene that waits, until that time; returns whether all of it is done."""
         scene = self._waiting[0]
         assert isinstance(scene, SceneFrame)
         try:
@@ -302,7 +301,7 @@ class PictureFeed:
         return True
 
     def _take_waiting(self, editor: Editor, until: float) -> None:
-        """Take what waits until that time, one event at least with all that it is not to be seen without."""
+        """Take waiting events until that time, at least one with all that must be shown together with it."""
         while self._waiting:
             event = self._waiting.popleft()
             self._take(editor, event)
@@ -310,7 +309,7 @@ class PictureFeed:
                 return
 
     def _take(self, editor: Editor, event: PictureEvent) -> None:
-        if isinstance(event, SceneFrame) and event is not self._shown_scene:  # else it is told again, to another mode
+        if isinstance(event, SceneFrame) and event is not self._shown_scene:  # else announced again, to another mode
             self._keep_view_before(event)
         self.source.take(editor, event)
         if isinstance(event, SceneFrame):

@@ -1,6 +1,6 @@
 """The scene as the window knows it in any mode: what each pixel of the picture sees, and the sky behind it.
 
-From the primary hits that came with the scene, and its camera; no mode's picture has a part in it.
+It depends only on the primary hits that came with the scene, and its camera, on no mode's picture.
 """
 
 from __future__ import annotations
@@ -36,20 +36,20 @@ class SceneView:
         self._frame: PictureFrame | None = None
 
     def take_scene(self, event: SceneFrame) -> None:
-        """Another scene, or the same from another camera."""
+        """Take another scene, or the same from another camera."""
         self._description = event.description
         self._names = [described.name for described in event.description.objects]
         self._frame = event.frame
 
     def take_sky(self, radiance: NDArray[np.floating]) -> None:
-        """Another sky: make the panel's picture of it, in a thread; of no light at all there is none."""
+        """Take another sky: a thread makes the panel's picture of it; of no light at all there is none."""
         self._thumbnail_due = self._threads.submit(_thumbnail, radiance) if np.any(radiance) else None
         if self._thumbnail_due is None and self._thumbnail is not None:
             self._thumbnail.release()
             self._thumbnail = None
 
     def follow(self) -> bool:
-        """Show the sky's picture once it is made; whether it is a new one."""
+        """Show the sky's picture once it is made; returns whether it is new."""
         if self._thumbnail_due is None or not self.thumbnail_is_ready:
             return False
         if self._thumbnail is not None:
@@ -76,12 +76,12 @@ class SceneView:
 
     @property
     def thumbnail_is_ready(self) -> bool:
-        """Whether a new one only has to be shown."""
+        """Whether a new thumbnail only has to be shown."""
         return self._thumbnail_due is not None and self._thumbnail_due.done()
 
     @property
     def heading(self) -> float:
-        """Where the camera looks, degrees clockwise from -Z seen from above."""
+        """The camera's direction, degrees clockwise from -Z seen from above."""
         if self._description is None:
             return 0.0
         camera = self._description.camera
@@ -89,7 +89,7 @@ class SceneView:
         return math.degrees(math.atan2(x, -z))
 
     def object_at(self, column: int, row: int) -> str | None:
-        """The name of what a pixel of the picture sees."""
+        """The name of the object that a pixel of the picture sees."""
         index = -1 if self._frame is None else self._frame.object_at(column, row)
         return self._names[index] if 0 <= index < len(self._names) else None
 

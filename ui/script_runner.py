@@ -1,6 +1,6 @@
 """Runs scripts of edits, and takes pictures of the window, without a display (`insitu screenshot`).
 
-Drags are mouse events through the same frames as a hand's; `set`, `select`, `rotate`, `camera`, `undo` and `redo` are
+Drags are mouse events through the same frames as a user's; `set`, `select`, `rotate`, `camera`, `undo` and `redo` are
 the commands that panels return.
 """
 
@@ -76,7 +76,7 @@ WAIT_SECONDS = 1800.0
 
 
 class ScriptError(InsituError):
-    """A step could not be carried out, or what it asserts is not so."""
+    """A step could not be carried out, or what it asserts is false."""
 
 
 def take_screenshot(
@@ -128,7 +128,7 @@ def run_steps(window: HeadlessWindow, editor: Editor, steps: Sequence[Step]) -> 
 
 
 def wait_for_scene(window: HeadlessWindow, editor: Editor, timeout: float = WAIT_SECONDS) -> None:
-    """Until the worker has opened the scene; ScriptError with its words when it cannot."""
+    """Wait until the worker has opened the scene; ScriptError with its message when it cannot."""
     _wait(window, editor, lambda: editor.scene_is_open or editor.status.is_error, timeout)
     if not editor.scene_is_open:
         raise ScriptError(editor.status.message)
@@ -137,7 +137,7 @@ def wait_for_scene(window: HeadlessWindow, editor: Editor, timeout: float = WAIT
 def wait_for_picture(
     window: HeadlessWindow, editor: Editor, picture: AwaitedPicture, timeout: float = WAIT_SECONDS
 ) -> None:
-    """Until the first shaded, Orbit's own, or the exact picture is shown, or how far off that is."""
+    """Wait until the first shaded picture, Orbit's own, or the exact one is shown, or its error is estimated."""
 
     def there() -> bool:
         status = editor.status
@@ -225,7 +225,7 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
 
 
 def _moved(editor: Editor, move: MoveCamera) -> Camera:
-    """The camera as a step moves it."""
+    """The camera after a step has moved it."""
     camera = editor.camera_history.own_camera if move.own else editor.camera_history.camera
     if move.side is not None:
         camera = view_from_side(camera, move.side)
@@ -252,7 +252,7 @@ def _choose_mode(editor: Editor, name: str) -> None:
 
 
 def _paint(window: HeadlessWindow, editor: Editor, step: PaintStroke) -> None:
-    """As a hand's drag along the points; beside the object there is nothing to paint."""
+    """Drag along the points; beside the object there is nothing to paint."""
     try:
         name, index = split_key(editor.document, step.layer)
     except InsituError as error:
@@ -290,7 +290,7 @@ def _deforming(editor: Editor, step: DeformObject) -> list[EditCommand]:
 
 
 def _wait_for_files(window: HeadlessWindow, editor: Editor) -> None:
-    """Until a material is there that had to be read from a measured file."""
+    """Wait for a material that has to be read from a measured file."""
     if not editor.is_reading:
         return
     if not window.run_until(lambda: not editor.is_reading, WAIT_SECONDS):

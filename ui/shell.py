@@ -2,13 +2,12 @@
 
     events ─► panels (draw, return actions) ─► actions carried out ─┬─► picture ─► pixels
        ▲───────────────── while there are more events ◄─────────────┘
-    between two frames: the worker's answers, and the picture where the hand is still
+    between two frames: the worker's responses, and the picture where there is no input
 
-The order within a frame puts the hand first: what it did is in the document before the picture is brought up to date,
-so a drag and its picture are in the same frame. Events that came in during a long frame are all heard in the next one,
-in order, in as many passes through the panels as that takes (`ui.event_queue`). What only the worker changed is drawn
-before the frame, in a step of its own: the hand is heard before and after it, where picture and panels together would
-hold it up for too long.
+The order within a frame puts input first: it changes the document before the picture is updated, so a drag and its
+picture are in the same frame. Events that came during a long frame are all processed in the next one, in order, in as
+many passes through the panels as that takes (`ui.event_queue`). What only the worker changed is drawn before the frame,
+in a step of its own: input is processed before and after it, where picture and panels together would delay it too long.
 """
 
 from __future__ import annotations
@@ -59,19 +58,19 @@ from ui.table_feed import TableFeed
 from ui.view_thumbnails import ViewThumbnails
 
 TITLE = "Insitu"
-# Answers that took longer leave other work to the next look.
+# Responses that took longer leave other work to the next poll.
 SHORT_FRAME_SECONDS = 0.002
 # How long a frame that failed waits for the next, where no event comes.
 FAILED_SECONDS = 1.0
-# A frame hears no further events after this time, a fraction of a long frame; the next, at once, hears the rest.
+# A frame processes no further events after this time, a fraction of a long frame; the next, at once, does the rest.
 EVENT_SECONDS = 0.03
 # imgui's own 0.3 is less than desktops have, and passes in two frames.
 DOUBLE_CLICK_SECONDS = 0.45
-# imgui wants its clock to go on between two passes; it stands, while what came in earlier is being heard.
+# imgui requires its clock to advance between two passes; it stands still while earlier events are being processed.
 NO_TIME = 1e-4
-# What tells imgui that Alt is not its own to use: it would step to the tabs of panels.
+# Tells imgui that Alt is not its own to use: it would move to the tabs of panels.
 SHORTCUT_OWNER = 0x1A5171
-# Beyond this zoom a person looks at pixels, which are then squares.
+# Beyond this zoom the user inspects pixels, which are then drawn as squares.
 SHARP_ZOOM = 2.0
 
 
@@ -79,8 +78,8 @@ SHARP_ZOOM = 2.0
 class FrameResult:
     """`busy`: another frame should follow at once; `redraw_in`: else after this many seconds, None when nothing is due.
 
-    `screenshot`: where the person asked this frame's pixels to be saved; `quit`: whether the window was asked to close;
-    `drawn`: whether there is a picture of the window at all: the last one stays where a frame failed.
+    `screenshot`: the file for this frame's pixels, if the user asked for one; `quit`: whether the window was asked to
+    close; `drawn`: whether there is a picture of the window at all: the last one stays where a frame failed.
     """
 
     busy: bool
@@ -149,12 +148,12 @@ class Shell:
 
     @property
     def io(self) -> imgui.IO:
-        """What imgui knows of mouse and keyboard; events go into `events`."""
+        """imgui's state of mouse and keyboard; events go into `events`."""
         imgui.set_current_context(self._imgui)
         return self._io
 
     def note_frame_time(self, milliseconds: float) -> None:
-        """How long the last frame took until it was on screen, `prepare` not counted.
+        """Note how long the last frame took until it was on screen, without `prepare`.
 
         The next one is planned by the time of both, and panels show it.
         """
@@ -162,12 +161,12 @@ class Shell:
         self._prepared_ms = 0.0
 
     def request(self, *actions: Action) -> None:
-        """Have actions carried out in the coming frame, as if a panel asked for them then."""
+        """Carry out actions in the coming frame, as if a panel returned them then."""
         self._requested += actions
         self.pacing.note_input()
 
     def _save_picture(self, action: SavePicture) -> None:
-        """What is shown now, taken at once and written by a thread."""
+        """Save what is shown now, read at once and written by a thread."""
         still = None if self.source is None else self.source.still(self.editor)
         if still is None:
             self.editor.notify("there is no picture yet to be saved", True)
@@ -186,12 +185,12 @@ class Shell:
 
     @property
     def title(self) -> str:
-        """Of the window: what is open, and a star where it has edits that are not saved."""
+        """The window's title: what is open, and a star where it has unsaved edits."""
         name = self.editor.name
         return f"{name}{'*' if self.editor.unsaved else ''} - {TITLE}" if name else TITLE
 
     def do(self, *actions: Action) -> None:
-        """Carry out actions as if a panel had asked for them (scripts)."""
+        """Carry out actions at once as if a panel had returned them (scripts)."""
         self.state = self.actor.perform(actions, self.state, self._clock()).state
 
     def handle_position(self, name: str) -> tuple[float, float]:
@@ -199,7 +198,7 @@ class Shell:
         return self.handles.position(name)
 
     def set_scale(self, scale: float) -> None:
-        """Follow the screen's scale (1 at 96 dpi); the default layout is built for it."""
+        """Adopt the screen's scale (1 at 96 dpi); the default layout is built for it."""
         if scale != self.theme.scale:
             imgui.set_current_context(self._imgui)
             self.theme = replace(self.theme, scale=scale)
@@ -207,7 +206,7 @@ class Shell:
             self._docking.rescale(scale)
 
     def frame(self, target: moderngl.Framebuffer, size: tuple[int, int], now: float | None = None) -> FrameResult:
-        """Take the hand's events, bring the picture up to date and draw the window into `target`, `size` in pixels."""
+        """Process events, update the picture and draw the window into `target`, `size` in pixels."""
         now = self._clock() if now is None else now
         failed = FrameResult(busy=False, redraw_in=FAILED_SECONDS, drawn=False)
         return self.editor.barrier.run("The window", partial(self._frame, target, size, now), failed, ())
@@ -220,7 +219,7 @@ class Shell:
             raise
 
     def _end_what_was_begun(self) -> None:
-        """Leave imgui as it is between two frames."""
+        """End imgui's frame, where one has begun: leave imgui as it is between two frames."""
         imgui.set_current_context(self._imgui)
         if imgui.get_current_context().within_frame_scope:
             close_what_is_open(self._depth)
@@ -252,14 +251,14 @@ class Shell:
         return self._result(working or bool(actions) or self._docking.is_settling, outcome.screenshot, outcome.quit)
 
     def draw_interface(self, target: moderngl.Framebuffer) -> None:
-        """Draw what the panels of this frame, or of the last, asked for into `target`."""
+        """Draw the interface of this frame's panels, or of the last, into `target`."""
         imgui.set_current_context(self._imgui)
         target.use()
         target.clear(*theme.BACKDROP)
         self._interface.render(target)
 
     def _process_events(self, now: float) -> tuple[list[Action], FrameOutcome]:
-        """Pass through the panels until all events that came in are heard; what the panels asked for, carried out."""
+        """Pass through the panels until all events that have come are processed, and carry out the panels' actions."""
         end = time.perf_counter() + EVENT_SECONDS
         actions, outcome = self._pass(now)
         while not (self.events.is_empty or outcome.quit or time.perf_counter() > end):
@@ -271,13 +270,13 @@ class Shell:
         return actions, outcome
 
     def _pass(self, now: float) -> tuple[list[Action], FrameOutcome]:
-        """Let the panels answer the next events."""
+        """Pass the next events to the panels."""
         keys_taken, self._escape_is_imguis = escape_key.keys_are_taken(), escape_key.imgui_takes_escape()
         # imgui gives a field the keyboard in the pass after that in which the dialog asks for it.
         self.events.dispatch(escape_key.is_typing(), waits=self._focus_comes_in > 0)
         self._focus_comes_in = max(self._focus_comes_in - 1, 0)
         self._docking.make_room(self.state.front)
-        if not keys_taken:  # else imgui would step to a control of the panel that was last in use, too
+        if not keys_taken:  # else imgui would also move to a control of the panel that was last in use
             imgui.internal.set_key_owner(imgui.Key.home, SHORTCUT_OWNER)
         imgui.new_frame()
         self._depth = depth_now()
@@ -301,16 +300,16 @@ class Shell:
         return actions, outcome
 
     def _refusal(self, now: float) -> list[Action]:
-        """The line that says why a number typed was not taken."""
+        """The message that says why a typed number was refused."""
         refusal, self._fields.refusal = self._fields.refusal, ""
         return [SetPanel({"message": StatusMessage(refusal, now, True)})] if refusal else []
 
     def idle(self, now: float) -> bool:
-        """Between frames: take the worker's answers. Whether there is something new to draw."""
+        """Between frames: process the worker's responses. Returns whether there is something new to draw."""
         return self.take(now) or self.editor.barrier.run("The status", partial(self._has_news, now), False, ())
 
     def take(self, now: float) -> bool:
-        """As `idle`, but without regard to what only the panels would tell."""
+        """As `idle`, but without regard to what only the panels would show."""
         for line, failed in self._stills.finished_messages():
             self.editor.notify(line, failed)
         source, run = self.source, self.editor.barrier.run
@@ -325,11 +324,11 @@ class Shell:
 
     @property
     def awaits_table(self) -> bool:
-        """Whether the BRDF panel shows the curves alone of what was measured, until the rest of it is here."""
+        """Whether the BRDF panel shows only the curves of a measurement, until the rest of it is here."""
         return self._brdf_board.curves_alone and not self._brdf_board.why_alone
 
     def prepare(self) -> None:
-        """Before a frame, where the hand is still: bring the picture up to date, and wait until it is."""
+        """Before a frame without input: update the picture, and wait until it is drawn."""
         if self.source is None or self._is_dragging:
             return
         started = time.perf_counter()
@@ -338,7 +337,7 @@ class Shell:
         self._prepared_ms = 1e3 * (time.perf_counter() - started)
 
     def close(self) -> None:
-        """Remember the layout and free what was made here."""
+        """Store the layout and free what was made here."""
         imgui.set_current_context(self._imgui)
         self._stills.close()
         self._docking.keep()
@@ -352,11 +351,11 @@ class Shell:
 
     @property
     def _is_dragging(self) -> bool:
-        """Whether a drag is under way, whose frames are to hold its picture."""
+        """Whether a drag is under way, whose frames must include its picture."""
         return self.editor.history.dragging or self.state.grip is not None
 
     def _draw_picture(self) -> bool:
-        """Bring the picture up to date; textures that were replaced since the panels drew are drawn in their stead."""
+        """Update the picture; textures that were replaced since the panels drew are drawn in their place."""
         source = self.source
         if source is None:
             return False
@@ -379,7 +378,7 @@ class Shell:
         return editor.barrier.run("The BRDF's picture", draw, False, made_of)
 
     def _surface_at(self, column: int, row: int) -> SurfacePoint | None:
-        """What a pixel sees of the selected object."""
+        """The point of the selected object that a pixel sees."""
         source, selected = self.source, self.editor.view.selected
         point = None if source is None else source.surface_at(column, row)
         if source is None or point is None or selected is None or source.object_at(column, row) != selected.object:
@@ -403,12 +402,12 @@ class Shell:
 
     @property
     def _is_idle(self) -> bool:
-        """Whether nobody waits for a frame: neither a hand nor the picture."""
+        """Whether nothing waits for a frame: neither input nor the picture."""
         return not self._is_dragging and self.editor.status.is_finished
 
     @property
     def _thumbnails_pending(self) -> bool:
-        """Whether there is one to be made now."""
+        """Whether there is a thumbnail to be made now."""
         return self._is_idle and self._thumbnails.is_waiting
 
     def _advance_thumbnails(self) -> None:
@@ -421,16 +420,16 @@ class Shell:
             self.pacing.note_change()
 
     def _read_library(self) -> None:
-        """A material a frame, once the window has its first ones behind it."""
+        """Read one material per frame, once the window has drawn its first frames."""
         if self._library_unread and self.pacing.has_started:
             self._library_unread = self.actor.library.read_next()
 
     def _take_message(self, now: float) -> None:
-        """Show what the editor has to say, once; the same may be said again."""
+        """Show the editor's message, once; the same one may come again."""
         status = self.editor.status
         question = self.state.question
         if question is not None and question.refusal and status.message.endswith(question.refusal):
-            self._shown_message = status.message_number  # the file dialog says it
+            self._shown_message = status.message_number  # the file dialog shows it
         if status.message_number != self._shown_message:
             said = with_display_names(self.editor.document, status.message)
             self.state = replace(self.state, message=StatusMessage(said, now, status.is_error))
@@ -528,7 +527,7 @@ class Shell:
         if not imgui.is_key_pressed(imgui.Key.escape, False):
             return actions + (draw_guarded(barrier, "The keyboard", shortcuts.keyboard, context) or [])
         answered = escape_key.answer_escape(context, self._escape_is_imguis, self._is_dragging)
-        # What the panels ask for in mid-drag belongs to the drag, and goes with it.
+        # The panels' actions during a drag belong to the drag, and are cancelled with it.
         return answered if CancelDrag() in answered else actions + answered
 
     def _begin_space(self) -> None:

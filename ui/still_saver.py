@@ -1,6 +1,6 @@
-"""The picture in a file: what is on screen by itself, without the window, saved by a thread of its own.
+"""Saves the picture on screen, without the window's interface, to a file, in a thread of its own.
 
-The GPU is read at once, so that the file holds what the person saw; encoding takes longer than a frame has.
+The GPU is read at once, so that the file has what the user saw; encoding takes longer than a frame has.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from engine.render.picture_files import deep_png, exr_bytes, pixels_png
 class ViewportStill:
     """One picture at the scene's resolution.
 
-    shown: (H,W,3) in the screen's values, sRGB; radiance: (H,W,3) linear, the light's intensity in it, without
+    shown: (H,W,3) in the screen's values, sRGB; radiance: (H,W,3) linear, including the light's intensity, without
     exposure and tone mapping.
     """
 
@@ -36,18 +36,18 @@ class ViewportStill:
 
 
 class StillSaver:
-    """Saves pictures one after the other; what became of them is asked for between frames."""
+    """Saves pictures one after the other; their results are collected between frames."""
 
     def __init__(self) -> None:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="still")
         self._pending: list[Future[tuple[str, bool]]] = []
 
     def save(self, still: ViewportStill, path: Path, deep: bool, remark: str = "") -> None:
-        """Begin to write a picture; a remark is said along with its name when it is there."""
+        """Begin to write a picture; a remark is added to the message when it is written."""
         self._pending.append(self._thread.submit(_save, still, path, deep, remark))
 
     def finished_messages(self) -> list[tuple[str, bool]]:
-        """A line for the person of each that has ended, and whether it failed."""
+        """A line for the user for each that has ended, and whether it failed."""
         ended = [future for future in self._pending if future.done()]
         self._pending = [future for future in self._pending if not future.done()]
         return [future.result() for future in ended]

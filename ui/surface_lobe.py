@@ -1,8 +1,9 @@
-"""The lobe at a point of the picture: which of the light around it a surface sends to the eye, as a shape in space.
+"""The lobe at a point of the picture: the share of light from each direction that a surface reflects to the camera, as
+a shape in space.
 
-Its radius towards wi is brdf(wi, wo) cos theta_i, with wo to the eye, at most 1. Directions lie on rings of half
-vectors about the normal, denser at the pole, so that a narrow highlight has as much of the shape as a wide one. The
-shape stands on the point and keeps its size on screen: along the ray to the eye its distance does not matter.
+Its radius towards wi is brdf(wi, wo) cos theta_i, with wo to the camera, at most 1. Directions lie on rings of half
+vectors about the normal, denser near the normal, so that a narrow highlight has as much of the shape as a wide one. The
+shape is centred on the point and has a fixed size on screen: its distance along the ray to the camera does not matter.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ DECADES = 4.0
 
 @dataclass(frozen=True, eq=False)
 class SurfacePoint:
-    """What the eye sees at a pixel: the frame (t, b, n) as rows (3, 3), and the ray from the eye (3,), in the world."""
+    """What the camera sees at a pixel: the frame (t, b, n) as rows (3, 3), and the ray from the camera (3,), in the
+    world."""
 
     column: int
     row: int
@@ -46,7 +48,7 @@ class SurfaceLobe:
     colours: Float64Array
 
     def pixels(self, size: float) -> Float64Array:
-        """Where it stands in the picture, (R, A, 2) in pixels, its longest radius `size` pixels long at most."""
+        """Its points in the picture, (R, A, 2) in pixels, its longest radius at most `size` pixels long."""
         point = self.point
         _, height = point.resolution
         unit = size * 2.0 * np.tan(np.radians(point.camera.fov_y) / 2.0) / height
@@ -54,13 +56,13 @@ class SurfaceLobe:
 
     @cached_property
     def order(self) -> NDArray[np.int64]:
-        """The faces between rings and azimuths (R-1, A), flattened, farthest from the eye first."""
+        """The faces between rings and azimuths (R-1, A), flattened, farthest from the camera first."""
         depth = self.radii * (self.directions @ self.point.ray)
         return np.argsort(-_of_faces(depth).ravel(), kind="stable")
 
     @cached_property
     def shades(self) -> Float64Array:
-        """Colours of the faces (R-1, A, 3): brightest where they face the eye."""
+        """Colours of the faces (R-1, A, 3): brightest where they face the camera."""
         place = self.radii[..., None] * self.directions
         one = np.roll(place[1:], -1, axis=1) - place[:-1]
         two = place[1:] - np.roll(place[:-1], -1, axis=1)

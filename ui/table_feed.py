@@ -1,8 +1,8 @@
-"""Brings tables of measurements from the worker to the GPU, in pieces, for all who show a BRDF by itself.
+"""Brings tables of measurements from the worker to the GPU, in pieces, for all panels that show a BRDF by itself.
 
-    who shows a measured layer ─► `want` ─► editor.tables ─► worker ─► `go_on`, between frames ─► textures
+    panel with a measured layer ─► `want` ─► editor.tables ─► worker ─► `advance`, between frames ─► textures
 
-Room for 17.5 MB takes as long as a frame's panels where the processor draws, some 12 ms, so neither it nor a piece is
+Allocating 17.5 MB takes as long as a frame's panels where the processor draws, some 12 ms, so neither it nor a piece is
 part of a frame.
 """
 
@@ -22,7 +22,7 @@ from ui.gl.context import GraphicsError
 from ui.gl.measured_tables import MeasuredTables
 from ui.gl.textures import TextureMemory
 
-# What a piece of an upload may take.
+# The time that a piece of an upload may take.
 UPLOAD_SECONDS = 0.004
 
 
@@ -44,19 +44,20 @@ class TableFeed:
         return next(filter(None, reasons), "")
 
     def want(self, editor: Editor, measurements: Sequence[Measurement]) -> None:
-        """Ask for what is on screen, which stays on the GPU as long as it is."""
+        """Request what is on screen, which stays on the GPU as long as it is."""
         self._in_use = tuple(each.number for each in measurements)
         self._request_missing(editor, measurements)
 
     def _request_missing(self, editor: Editor, measurements: Iterable[Measurement]) -> bool:
-        """Ask the worker for the first that is missing, unless one is under way; whether there is one that may come."""
+        """Request the first missing table from the worker, unless one is under way; returns whether one may come."""
         coming = [each for each in self.missing(measurements) if not self.problem_of(editor, [each])]
         if coming and not self.tables.is_uploading:
             editor.tables.request_table(coming[0])
         return bool(coming)
 
     def complete(self, editor: Editor, layers: Layers) -> Layers | None:
-        """The layers with what their files hold, once their tables are here or known not to come; None until then."""
+        """The layers with what their files contain, once their tables are here or known not to come; None until
+        then."""
         measured = [found for layer in layers if (found := measurement_in(layer)) is not None]
         known = [editor.tables.resolve_measurement(each) for each in measured]
         if self._request_missing(editor, known):
@@ -64,7 +65,8 @@ class TableFeed:
         return with_measurements(layers, {each.file: each for each in known}) if known else layers
 
     def advance(self, editor: Editor) -> bool:
-        """Make room for a table that has come, or upload a piece of it. Whether there is something new to draw."""
+        """Make room for a table that has come, or upload a piece of it. Returns whether there is something new to
+        draw."""
         if not self.tables.is_uploading:
             come = editor.tables.take()
             return come is not None and not self._begin(*come)
@@ -78,7 +80,7 @@ class TableFeed:
         self.tables.release()
 
     def _begin(self, number: int, samples: NDArray[np.float32]) -> bool:
-        """Whether there is room."""
+        """Make room for a table; returns whether there is any."""
         try:
             self.tables.begin(number, samples)
         except GraphicsError as error:

@@ -1,9 +1,9 @@
-"""The look of the window: greys without tint, one accent, a real font, room around things.
+"""The theme of the window: greys without tint, one accent, a real font, ample spacing.
 
 Colour is judged beside this interface, so every surface is an exact grey (r = g = b) and the single accent, an amber,
-is kept to thin strokes and small areas. Red, green and blue in the curve editor mean colour channels, nothing else.
+is limited to thin strokes and small areas. Red, green and blue in the curve editor mean colour channels, nothing else.
 
-All sizes are stated for a scale of 1 and multiplied once, by `Theme.px`; the window works in framebuffer pixels
+All sizes are given for a scale of 1 and multiplied once, by `Theme.px`; the window works in framebuffer pixels
 throughout, so glyphs and hairlines stay crisp at any scale (rejected: logical units with a framebuffer scale, which
 leaves half-pixel lines).
 """
@@ -61,7 +61,7 @@ CHANNELS: tuple[Colour, Colour, Colour] = (
 
 
 class Icon:
-    """Glyphs of Font Awesome 6 Free Solid by what they mean here."""
+    """Glyphs of Font Awesome 6 Free Solid by their meaning here."""
 
     VISIBLE = "\uf06e"
     HIDDEN = "\uf070"
@@ -144,7 +144,7 @@ class Theme:
         return float(round(size * self.scale))
 
     def push_bold(self) -> None:
-        """Headings. Ends with imgui.pop_font()."""
+        """Use the bold font of headings. Ends with imgui.pop_font()."""
         imgui.push_font(self.fonts.bold, BODY_SIZE)
 
 

@@ -1,4 +1,4 @@
-"""The view that is shown: the one chosen, or the one before it while a table is made of that one.
+"""The view transform that is shown: the chosen one, or the one before it while the table of the chosen one is made.
 
 Making it imports a library and evaluates a quarter of a million colours: half a second, in a thread.
 """
@@ -24,12 +24,12 @@ def _start_table(view: ToneMapping) -> Future[NDArray[np.float16]]:
 
 
 def is_table_ready(view: ToneMapping) -> bool:
-    """Whether a view can be drawn with at once; if it cannot, it is being made from now on."""
+    """Whether a view can be drawn at once; if it cannot, its table is being made from now on."""
     return view not in TABULATED_VIEWS or _start_table(view).done()
 
 
 class ToneView:
-    """Follows what is chosen. `waits`: whether another frame will show it."""
+    """Follows the choice. `waits`: whether another frame will show it."""
 
     def __init__(self) -> None:
         self._shown: ToneMapping = "filmic"
@@ -37,7 +37,7 @@ class ToneView:
         self.waits = False
 
     def follow(self, wanted: ToneMapping) -> ToneMapping:
-        """What to show now. Raises InsituError once for a view that cannot be made."""
+        """The view to show now. Raises InsituError once for a view that cannot be made."""
         self.waits = not is_table_ready(wanted)
         if self.waits or wanted in self._refused:
             return self._shown

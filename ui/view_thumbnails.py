@@ -1,7 +1,7 @@
-"""Small pictures of the views that are kept: taken when a view is seen and its picture is whole, drawn from their JPEG.
+"""Thumbnails of bookmarked views: taken when a view is shown and its picture is complete, drawn from their JPEG.
 
-A view that is kept while its picture is still coming gets one as soon as that is there, and so does one that a session
-has without.
+A view that is bookmarked while its picture is still coming gets one as soon as that is there, and so does one that a
+session has without a thumbnail.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ QUALITY = 85
 
 
 class ViewThumbnails:
-    """The textures of those that are seen, by their files."""
+    """The textures of the visible ones, by their files."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._memory = TextureMemory(context)
@@ -38,7 +38,8 @@ class ViewThumbnails:
         return self._textures.get(data)
 
     def follow(self, editor: Editor, still: Callable[[], ViewportStill | None]) -> bool:
-        """Take the whole picture, where it is of a kept view that has none; whether there is a new one."""
+        """Take the complete picture, where it is of a bookmarked view that has none; returns whether there is a new
+        one."""
         self._forget_unused(editor.view.bookmarks)
         is_elsewhere = editor.status.is_away and not editor.status.follows_input
         if is_elsewhere or all(bookmark.thumbnail for bookmark in editor.view.bookmarks):

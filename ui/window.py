@@ -1,10 +1,9 @@
 """The real window: GLFW around `ui.shell`, drawn when something changed and asleep otherwise.
 
 The order of a start: the worker begins to import, the window shows its first frame, and only then the renderer is made
-and rehearses.
-While nothing happens the loop waits for events and looks at the worker's answers twenty times a second without drawing
-(oftener before the first picture), so that the processors are the worker's.
-What the worker brought is taken, brought into the picture and shown in three steps, events being heard between them.
+and warms up. While nothing happens the loop waits for events and polls the worker's responses twenty times a second
+without drawing (more often before the first picture), so that the processors are the worker's. A response is processed,
+drawn into the picture and shown in three steps, with events processed between them.
 """
 
 from __future__ import annotations
@@ -59,7 +58,7 @@ CURSORS = {
 }
 
 
-_clipboard: Any = glfw  # its stubs ask for a window, the library warns when given one
+_clipboard: Any = glfw  # its type stubs require a window, the library warns when given one
 
 
 class NoDisplay(InsituError):
@@ -74,7 +73,7 @@ def run(
     client: WorkerClient | None = None,
     on_frame: Callable[[Window], bool] | None = None,
 ) -> int:
-    """Open the editor on a scene and stay until it is closed; the exit status: 0, 1 (no GL) or 2 (no display).
+    """Open the editor on a scene and run until it is closed; returns the exit status: 0, 1 (no GL) or 2 (no display).
 
     `on_frame` is asked after each frame whether to close (tests, measurements).
     """
@@ -91,7 +90,7 @@ def run(
     editor = Editor(client or Client(), source, resolution=resolution, journal=Journal(), barrier=barrier)
     try:
         window = Window(handle, editor, require, recoveries)
-        gc.freeze()  # what the libraries brought stays: looking through it would block the window for 30 ms at a time
+        gc.freeze()  # the libraries' objects stay: collecting among them would block the window for 30 ms at a time
         try:
             window.loop(on_frame)
         finally:
@@ -130,7 +129,7 @@ def open_glfw_window(require: int = REQUIRED_VERSION) -> Any:
 
 
 def _text(value: Any) -> str:
-    """GLFW's words, which arrive as bytes."""
+    """GLFW's message, which arrives as bytes."""
     return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
 
 
@@ -140,7 +139,7 @@ def _core_hints(require: int) -> None:
     glfw.window_hint(glfw.CONTEXT_VERSION_MINOR, require // 10 % 10)
     glfw.window_hint(glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE)
     glfw.window_hint(glfw.OPENGL_FORWARD_COMPAT, True)
-    glfw.window_hint(glfw.DEPTH_BITS, 0)  # nothing of ours is tested for depth; clearing it took a tenth of a frame
+    glfw.window_hint(glfw.DEPTH_BITS, 0)  # nothing here is tested for depth; clearing it took a tenth of a frame
     glfw.window_hint(glfw.STENCIL_BITS, 0)
     glfw.window_hint(glfw.SCALE_TO_MONITOR, True)
 
@@ -155,7 +154,7 @@ def _first_size() -> tuple[int, int]:
 
 
 def _version_there_is() -> str:
-    """The OpenGL that this display does have, in words."""
+    """The OpenGL version that this display has, in words."""
     glfw.default_window_hints()
     glfw.window_hint(glfw.VISIBLE, False)
     probe = glfw.create_window(64, 64, TITLE, None, None)
@@ -245,7 +244,7 @@ class Window:
         return result
 
     def _sleep(self, draw_at: float) -> None:
-        """Until there is something to draw: an event, an answer of the worker, or a tooltip that is due."""
+        """Sleep until there is something to draw: an event, a response of the worker, or a tooltip that is due."""
         inputs = self.shell.pacing.inputs
         while self.shell.pacing.inputs == inputs and not glfw.window_should_close(self.handle):
             now = time.monotonic()
@@ -257,7 +256,7 @@ class Window:
             self._take_events(glfw.wait_events_timeout, max(min(self._pause(), draw_at - now), 0.001))
 
     def _pause(self) -> float:
-        """Seconds between two looks at the worker's answers: short while a person waits for one, none within one."""
+        """Seconds between two polls for the worker's responses: short while the user waits for one, none within one."""
         if self.editor.response_arriving:
             return 0.0
         if self.editor.controller.awaits_response:
@@ -265,7 +264,7 @@ class Window:
         return EAGER_POLL_SECONDS if self.editor.status.picture == "waiting" else WORKER_POLL_SECONDS
 
     def _take_events(self, take: Callable[..., None], *arguments: float) -> None:
-        """Let GLFW call our handlers; its Python side cannot read every file name that a desktop can drop."""
+        """Let GLFW call the handlers; its Python side cannot read every file name that a desktop can drop."""
         self.editor.barrier.run("An event", partial(self._call_handler, take, *arguments), None)
 
     def _call_handler(self, take: Callable[..., None], *arguments: float) -> None:
@@ -275,14 +274,14 @@ class Window:
             self.editor.notify("the dropped file's name is not UTF-8; rename it to open it here", True)
 
     def _poll(self, now: float) -> bool:
-        """Take the worker's answers between frames; whether there is something new to draw."""
+        """Process the worker's responses between frames; returns whether there is something new to draw."""
         found = self.shell.idle(now)
         if self._times is not None:
             self._times.blocked(time.monotonic() - now, self.editor.scene_is_open)
         return found
 
     def _prepare(self) -> None:
-        """Bring the picture up to date before the frame that shows it; events are taken before and after."""
+        """Update the picture before the frame that shows it; events are processed before and after."""
         self._take_events(glfw.poll_events)
         started = time.monotonic()
         self.shell.prepare()
@@ -303,7 +302,7 @@ class Window:
     # ----------------------------------------------------------------------------------------------------------- events
 
     def _connect(self) -> None:
-        """Hand GLFW's events to imgui."""
+        """Pass GLFW's events to imgui."""
         glfw.set_cursor_pos_callback(self.handle, self._on_move)
         glfw.set_mouse_button_callback(self.handle, self._on_button)
         glfw.set_scroll_callback(self.handle, self._on_scroll)
@@ -320,11 +319,11 @@ class Window:
         platform.platform_set_clipboard_text_fn = lambda context, text: _clipboard.set_clipboard_string(None, text)
 
     def _scale(self) -> float:
-        """Of the screen the window is on; 1 at 96 dpi."""
+        """The scale of the screen that the window is on; 1 at 96 dpi."""
         return float(max(glfw.get_window_content_scale(self.handle)))
 
     def _limit_size(self) -> None:
-        """No smaller than the panels can be, in screen units."""
+        """Make the window no smaller than the panels can be, in screen units."""
         (wide, _), (pixels, _) = glfw.get_window_size(self.handle), glfw.get_framebuffer_size(self.handle)
         unit = self._scale() * wide / max(pixels, 1)
         width, height = (round(side * unit) for side in LEAST_SIZE)
@@ -337,7 +336,7 @@ class Window:
             self.shell.events.move(*place)
 
     def _pixel(self, handle: Any, x: float, y: float) -> tuple[float, float] | None:
-        """A place in screen units in framebuffer pixels; None while the window has no size."""
+        """A position in screen units in framebuffer pixels; None while the window has no size."""
         window, pixels = glfw.get_window_size(handle), glfw.get_framebuffer_size(handle)
         if window[0] <= 0 or window[1] <= 0:
             return None
@@ -379,7 +378,7 @@ class Window:
         self.shell.events.focus(bool(focused))
 
     def _on_close(self, handle: Any) -> None:
-        """The person closes the window: edits that are not saved are asked about, once; then the journal keeps them."""
+        """The user closes the window: edits that are not saved open a question, once; then the journal stores them."""
         glfw.set_window_should_close(handle, False)
         self.shell.request(Quit(keep_journal=isinstance(self.shell.state.pending_action, Quit)))
 

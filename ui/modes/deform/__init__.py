@@ -1,0 +1,1 @@
+"""Deform in the window: its picture source, deformer handles, panel and status."""
