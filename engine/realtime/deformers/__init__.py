@@ -1,4 +1,4 @@
-"""The deformers there are, by their names: each a small module with a `KIND`."""
+"""The available deformers by name: each is a small module with a `KIND`."""
 
 from engine.realtime.deformers import bend, bulge, taper, twist, wave
 

@@ -1,4 +1,4 @@
-"""Bulge: the middle is wider than foot and top, which stay, by this share of it, or narrower."""
+"""Bulge: the middle becomes wider than foot and top, which stay, by this share, or narrower."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What a deformer is: a map of space with its Jacobian, in the box of the object that it bends.
+"""What a deformer is: a map of space with its Jacobian, within the bounding box of the object that it deforms.
 
-Space is measured in the object's height: its axis stands upright in +Y, from y = 0 at its foot to y = 1 at its top, and
-goes through x = z = 0. One number says how much; at 0 nothing moves.
+The unit of length is the object's height. The object's axis is vertical, along +Y from y = 0 at its foot to y = 1 at
+its top, at x = z = 0. One number gives the amount; at 0 nothing moves.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ Move = Callable[[Float64Array, float], tuple[Float64Array, Float64Array]]
 
 
 class DeformerKind(NamedTuple):
-    """A deformer by its name and, for people, its title and unit; limits of its amount.
+    """A deformer: its name, the title and unit that the user sees, and the limits of its amount.
 
-    move: points (V, 3) and an amount to where they go (V, 3) and its Jacobians (V, 3, 3). grip: where a hand takes hold
-    of it, across, in half widths of the object, and upwards, in its height: a place that goes far with the amount.
+    move: maps points (V, 3) and an amount to new positions (V, 3) and Jacobians (V, 3, 3). grip: position of the
+    handle, horizontally in half widths of the object and vertically in its height: a place that moves far with the
+    amount.
     """
 
     name: str
@@ -32,7 +33,7 @@ class DeformerKind(NamedTuple):
 
 
 def in_plane(xx: Any, xy: Any, yx: Any, yy: Any) -> Float64Array:
-    """Jacobians of maps of x and y that leave z alone: dx'/dx, dx'/dy, dy'/dx, dy'/dy, each (V,)."""
+    """Jacobians of maps of x and y that leave z unchanged: dx'/dx, dx'/dy, dy'/dx, dy'/dy, each (V,)."""
     jacobians = np.zeros((len(np.asarray(xx)), 3, 3))
     jacobians[:, 0, 0], jacobians[:, 0, 1], jacobians[:, 1, 0], jacobians[:, 1, 1] = xx, xy, yx, yy
     jacobians[:, 2, 2] = 1.0
@@ -40,7 +41,7 @@ def in_plane(xx: Any, xy: Any, yx: Any, yy: Any) -> Float64Array:
 
 
 def scaled_across(points: Float64Array, scale: Float64Array, slope: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """Points whose distance to the axis is scaled (V,) by a function of y with this slope (V,)."""
+    """Scale the points' distances to the axis by a function of y with these values (V,) and derivatives (V,)."""
     x, y, z = points.T
     jacobians = np.zeros((len(points), 3, 3))
     jacobians[:, 0, 0] = jacobians[:, 2, 2] = scale

@@ -1,4 +1,4 @@
-"""Taper: the top is wider than the foot by this share of it, or narrower; at -1 it is a point."""
+"""Taper: the top becomes wider than the foot by this share, or narrower; at -1 it is a point."""
 
 from __future__ import annotations
 

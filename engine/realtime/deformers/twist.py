@@ -1,4 +1,4 @@
-"""Twist: each height turns about the axis, the more the higher; the foot stays."""
+"""Twist: rotates about the axis in proportion to height; the foot stays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Wave: the axis becomes two periods of a sine, this share of the height to either side; the foot stays."""
+"""Wave: the axis becomes two periods of a sine with this share of the height as amplitude; the foot stays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compiled skinning: vertices moved by the mean of what their bones do.
+"""Compiled linear blend skinning: each vertex moves by the weighted mean of its bones' transforms.
 
 Kernels never validate: `engine.realtime.zonal_harmonics.animated_pose` does.
 """
@@ -18,14 +18,15 @@ def skin_range(
     turns: Float64Array,
     start: int, stop: int, moved: Float64Array, linear: Float64Array, turned: Float64Array,
 ) -> None:  # fmt: skip
-    """Add to moved[start:stop] (V, 3) and to linear parts (V, 3, 3) what bones do to places (V, 3); fill turned (V, 3)
-    with normals (V, 3) under them.
+    """Add the bones' displacement of places (V, 3) to moved[start:stop] (V, 3), and its Jacobian to linear (V, 3, 3);
+    fill turned (V, 3) with the transformed normals (V, 3).
 
-    bones (V, K) and weights (V, K): what each hangs on; moves (B, 3, 4): a bone's matrix less that at rest; turns
-    (B, 3, 3): its matrix for normals.
+    bones (V, K) and weights (V, K): the bones of each vertex; moves (B, 3, 4): a bone's matrix minus that at rest;
+    turns (B, 3, 3): its matrix for normals.
     """
     move, turn = np.empty((3, 4)), np.empty((3, 3))
     for v in range(start, stop):
+        # Blend the matrices by the weights.
         move[:] = 0.0
         turn[:] = 0.0
         for k in range(bones.shape[1]):
@@ -33,6 +34,7 @@ def skin_range(
             if share > 0.0:
                 move += share * moves[bones[v, k]]
                 turn += share * turns[bones[v, k]]
+        # Apply them to position and normal.
         x, y, z = places[v]
         nx, ny, nz = normals[v]
         for a in range(3):

@@ -1,4 +1,4 @@
-"""Compiled: how much light clusters of triangles take from points.
+"""Compiled: the light that clusters of triangles block at points.
 
 Kernels never validate: `engine.realtime.zonal_harmonics.blockers` does.
 """
@@ -16,7 +16,8 @@ from engine.realtime.zonal_harmonics._shading_kernels import _look_up
 
 Float32Array = NDArray[np.float32]
 
-LEAST = 2e-3  # of an even light: a cluster takes so much less than it does, and where that is all nothing
+# Share of uniform light that is subtracted from what each cluster blocks, so that clusters below it have no effect.
+LEAST = 2e-3
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
@@ -35,9 +36,10 @@ def shadow_range(
             row = rows[k]
             if not casts[owners[p], int(row[13])]:
                 continue
+            # Direction and squared distance to the cluster's centre.
             x, y, z = row[0] - places[p, 0], row[1] - places[p, 1], row[2] - places[p, 2]
             square = max(x * x + y * y + z * z, 1e-20)
-            most = row[3] / (row[3] + math.pi * square)  # as if it faced the point with all that it has
+            most = row[3] / (row[3] + math.pi * square)  # upper bound: the cluster faces the point with all of its area
             if most < LEAST:
                 continue
             distance, widest = math.sqrt(square), math.sqrt(most)
@@ -45,26 +47,29 @@ def shadow_range(
             if up < -widest or most * (max(up, 0.0) + 0.25 * widest) < LEAST:
                 continue
             x, y, z = x / distance, y / distance, z / distance
-            # The outline of an ellipsoid with spread Q, seen along d: pi sqrt(d^T adj(Q) d).
+            # Projected area of an ellipsoid with spread Q along d: pi sqrt(d^T adj(Q) d).
             outline = row[4] * x * x + row[5] * y * y + row[6] * z * z
             outline += 2.0 * (row[7] * x * y + row[8] * x * z + row[9] * y * z)
             outline = min(math.pi * math.sqrt(max(outline, 0.0)), row[3])
-            away = row[10] * x + row[11] * y + row[12] * z  # positive where it turns its back
+            away = row[10] * x + row[11] * y + row[12] * z  # positive if it faces away
             outline *= min(max(1.0 - 2.0 * away, 0.0), 1.0)
+            # Replace the outline by a cone: sin^2 of its half-angle, by the form factor A / (A + pi r^2) [Bunnell05].
             sine2 = outline / (outline + math.pi * square)
             sine = math.sqrt(sine2)
-            if up < sine:  # the cone dips below the horizon
+            if up < sine:  # the cone extends below the horizon
                 up = (up + sine) ** 2 / max(4.0 * sine, 1e-20) if up > -sine else 0.0
             weight = sine2 * up - LEAST
             if weight <= 0.0:
                 continue
             _look_up(table, x, y, z, light)
-            # The cone's mean of each band: (P_(l-1) - P_(l+1)) / ((2l+1)(1-c)) at its rim, c its cosine.
+            # Mean of each band's light over the cone: (P_(l-1) - P_(l+1)) / ((2l+1)(1-c)) at its rim, where c is the
+            # cosine.
             c = math.sqrt(1.0 - sine2)
             before, here = 1.0, c
-            for i in range(3):  # not all at once: for that the compiler makes the words of an error
+            for i in range(3):  # by channel: for whole rows the compiler generates error messages
                 mean[i] = window[0] * light[0, i]
             for l in range(1, n):  # noqa: E741
+                # Recurrence of the Legendre polynomials: (l + 1) P_(l+1) = (2l + 1) c P_l - l P_(l-1).
                 after = ((2 * l + 1) * c * here - l * before) / (l + 1)
                 share = window[l] * (before - after) / ((2 * l + 1) * (1.0 - c))
                 for i in range(3):
@@ -74,5 +79,5 @@ def shadow_range(
                 blocked[i] += weight * max(mean[i], 0.0)
         for i in range(3):
             if blocked[i] > 0.0 and white[p, i] > 0.0:
-                left = max(1.0 - 0.5 * blocked[i] / white[p, i], 0.0)  # clusters stand before one another, too
+                left = max(1.0 - 0.5 * blocked[i] / white[p, i], 0.0)  # clusters also occlude one another
                 white[p, i] *= left * left

@@ -1,8 +1,8 @@
 """Compiled: triangles to pixels, and pixels to radiance.
 
-A pixel's ray is linear in column and row, and so are the shares of a triangle's corners along it, up to the distance:
-nothing has to be divided, and nothing clipped where a triangle reaches behind the eye [Olano97].
-Kernels never validate: `engine.realtime.zonal_harmonics.raster` does.
+A pixel's ray is linear in column and row. So are the barycentric coordinates of a triangle along it, divided by the
+distance: homogeneous rasterization needs no division, and no clipping where a triangle extends behind the camera
+[Olano97]. Kernels never validate: `engine.realtime.zonal_harmonics.raster` does.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Float64Array = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 Int32Array = NDArray[np.int32]
 
-_NEAR = 1e-6  # of depth 1: what reaches nearer has no outline in the picture
+_NEAR = 1e-6  # depth, in units of depth 1, below which a corner has no projection
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -28,12 +28,12 @@ def set_up(
     plane: Float64Array, view: Float64Array,
     size: Int32Array, shares: Float32Array, boxes: Int32Array, front: Float32Array,
 ) -> None:  # fmt: skip
-    """Fill shares[start:stop] (T, 3, 3), of each corner of triangles (T, 3) over places (V, 3): at column 0, a column
-    to the right, a row down, divided by the distance, positive inside; boxes (T, 4): first and last column and row that
-    they may cover, none of those that turn their backs and have no points there; front (T,): positive seen from the
-    front.
+    """Fill shares[start:stop] (T, 3, 3), the edge functions of triangles (T, 3) over places (V, 3), one for each
+    corner: its value at column 0 and row 0, its change to the next column and to the next row; divided by the distance,
+    positive inside. Also fill boxes (T, 4), first and last column and row that a triangle may cover, empty if it faces
+    away and has no points on its back; and front (T,), positive if it is seen from the front.
 
-    plane (3, 3): the direction of the upper left corner, a column, a row; view (3, 3): rows that take a direction to
+    plane (3, 3): the direction of the upper left corner, a column, a row; view (3, 3): rows that map a direction to
     column and row times depth, and depth; size (2,): width, height.
     """
     p = np.empty((3, 3))
@@ -41,6 +41,7 @@ def set_up(
         behind = 0
         least_x = least_y = math.inf
         most_x = most_y = -math.inf
+        # Corners relative to the camera, and their projection.
         for k in range(3):
             for i in range(3):
                 p[k, i] = places[corners[t, k], i] - camera_position[i]
@@ -53,11 +54,13 @@ def set_up(
             least_x, most_x = min(least_x, x), max(most_x, x)
             least_y, most_y = min(least_y, y), max(most_y, y)
         boxes[t, 0], boxes[t, 1], boxes[t, 2], boxes[t, 3] = 0, -1, 0, -1
+        # Six times the signed volume of the tetrahedron with the camera: the sign tells the visible side [Olano97].
         determinant = _dot_cross(p[0], p[1], p[2])
         front[t] = -determinant
         is_hidden = determinant > 0.0 and sides[t, 1, 0] < 0 and sides[t, 0, 0] >= 0
         if behind == 3 or is_hidden or determinant == 0.0 or not math.isfinite(determinant):
             continue
+        # A triangle that extends behind the camera may cover any pixel.
         if behind:
             boxes[t, 0], boxes[t, 1], boxes[t, 2], boxes[t, 3] = 0, size[0] - 1, 0, size[1] - 1
         else:
@@ -65,6 +68,7 @@ def set_up(
             boxes[t, 1] = int(min(math.floor(max(most_x, -1e6) - 0.5), size[0] - 1.0))
             boxes[t, 2] = int(max(math.ceil(min(least_y, 1e6) - 0.5), 0.0))
             boxes[t, 3] = int(min(math.floor(max(most_y, -1e6) - 0.5), size[1] - 1.0))
+        # Edge functions: rows of the inverse of the matrix of corners, p_(k+1) × p_(k+2) / det [Olano97].
         for k in range(3):
             for i in range(3):
                 shares[t, k, i] = _dot_cross(plane[i], p[(k + 1) % 3], p[(k + 2) % 3]) / determinant
@@ -82,7 +86,7 @@ def fill_rows(
     start: int, stop: int, shares: Float32Array, boxes: Int32Array, nearness: Float32Array, found: Int32Array
 ) -> None:
     """Fill rows [start, stop) of found (H, W), the nearest triangle or -1, and of nearness (H, W), 1 / distance in
-    lengths of a pixel's direction."""
+    lengths of the pixel's direction."""
     half, tiny = np.float32(0.5), np.float32(-1e-6)
     nearness[start:stop], found[start:stop] = 0.0, -1
     for t in range(len(shares)):
@@ -95,6 +99,7 @@ def fill_rows(
             a0, a1, a2 = s[0, 0] + y * s[0, 2], s[1, 0] + y * s[1, 2], s[2, 0] + y * s[2, 2]
             for column in range(boxes[t, 0], boxes[t, 1] + 1):
                 x = np.float32(column) + half
+                # The three edge functions; their sum is the interpolated 1 / distance.
                 a, b, c = a0 + x * s[0, 1], a1 + x * s[1, 1], a2 + x * s[2, 1]
                 total = a + b + c
                 edge = tiny * total
@@ -110,16 +115,17 @@ def paint_rows(
     sky: Float32Array, turn: float,
     scale: float, picture: Float32Array,
 ) -> None:  # fmt: skip
-    """Fill rows [start, stop) of picture (H, W, 3): white (S, 3) between a triangle's points times the object's albedo
-    (M, 3), gloss (S, 3), what shines (M, 3), and the sky (h, w, 3) behind it all.
+    """Fill rows [start, stop) of picture (H, W, 3): white (S, 3), interpolated between a triangle's points, times the
+    object's albedo (M, 3), plus gloss (S, 3), emission (M, 3), and the sky (h, w, 3) in the background.
 
-    sides (T, 2, 3): a triangle's points on either side, -1 for none; front (T,): positive seen from the front.
+    sides (T, 2, 3): a triangle's points on either side, -1 for none; front (T,): positive if seen from the front.
     """
     height, width = sky.shape[0], sky.shape[1]
     for row in range(start, stop):
         for column in range(found.shape[1]):
             t, x, y = found[row, column], column + 0.5, row + 0.5
             if t < 0:
+                # Background: the pixel's direction to latitude and longitude, then bilinear interpolation.
                 dx = plane[0, 0] + x * plane[1, 0] + y * plane[2, 0]
                 dy = plane[0, 1] + x * plane[1, 1] + y * plane[2, 1]
                 dz = plane[0, 2] + x * plane[1, 2] + y * plane[2, 2]
@@ -134,6 +140,7 @@ def paint_rows(
                     lower = sky[bottom, left, i] + right * (sky[bottom, after, i] - sky[bottom, left, i])
                     picture[row, column, i] = np.float32(scale) * (upper + down * (lower - upper))
                 continue
+            # Emission is visible from the front only.
             side, m = 0 if front[t] > 0.0 else 1, i_object[t]
             for i in range(3):
                 picture[row, column, i] = emission[m, i] if side == 0 else 0.0
@@ -141,6 +148,7 @@ def paint_rows(
             if p < 0:
                 continue
             s = shares[t]
+            # Barycentric weights: edge functions normalized by their sum, which makes them perspective-correct.
             a = s[0, 0] + np.float32(x) * s[0, 1] + np.float32(y) * s[0, 2]
             b = s[1, 0] + np.float32(x) * s[1, 1] + np.float32(y) * s[1, 2]
             c = s[2, 0] + np.float32(x) * s[2, 1] + np.float32(y) * s[2, 2]

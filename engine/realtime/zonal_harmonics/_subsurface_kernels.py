@@ -1,4 +1,4 @@
-"""Compiled sums over where light enters a medium.
+"""Compiled sums over the places at which light enters a medium.
 
 Kernels never validate: `engine.realtime.zonal_harmonics.subsurface` does.
 """
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 Float64Array = NDArray[np.float64]
 
-_NEAR = 16.0  # squares of radii: nearer, the disc about a place is not a point
+_NEAR = 16.0  # squared distance in squared radii, below which the area around a place does not act as a point
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -24,17 +24,19 @@ def gather_range(
 ) -> None:  # fmt: skip
     """Fill leaving[start:stop] (P, n^2).
 
-    places (S, 3), areas (S,), numbers (S,): where light enters, and which row of `entering` does; own (S,): how much of
-    what enters a place comes out there. table: the reflectance over even steps of distance up to `reach`.
+    places (S, 3), areas (S,), numbers (S,): where light enters, and its row in `entering`; own (S,): share of a place's
+    light that leaves at the same place. table: the reflectance at equal steps of distance up to `reach`.
     """
     for p in range(start, stop):
         leaving[p] = 0.0
         x, y, z = points[p]
+        # Sum reflectance × area × entering light over all places within reach [Jensen01].
         for s in range(places.shape[0]):
             square = (places[s, 0] - x) ** 2 + (places[s, 1] - y) ** 2 + (places[s, 2] - z) ** 2
             if square > reach * reach:
                 continue
             disc = areas[s] / math.pi
+            # At the place itself and close to it, integrate over the disc with the place's area.
             if square < 1e-6 * disc:
                 share = own[s]
             elif square < _NEAR * disc:
@@ -48,8 +50,10 @@ def gather_range(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _over_disc(table: Float64Array, reach: float, square: float, disc: float) -> float:
-    """The mean over a disc in the plane, by its middle's distance and its radius, both squared; by seven of its points,
-    which are exact for polynomials of degree 5 [Abramowitz64, 25.4.61]."""
+    """Mean over a disc in the plane, given the squared distance of its centre and its squared radius, by a seven-point
+    rule that is exact for polynomials of degree 5 [Abramowitz64, 25.4.61]."""
+    # The centre, weight 1/4, and six points on the circle of radius sqrt(2/3) r, weight 1/8 each; two pairs are
+    # symmetric.
     further, cross = square + 2.0 / 3.0 * disc, 2.0 * math.sqrt(2.0 / 3.0 * disc * square)
     total = 2.0 * _look_up(table, reach, square)
     total += _look_up(table, reach, further + cross) + _look_up(table, reach, max(further - cross, 0.0))

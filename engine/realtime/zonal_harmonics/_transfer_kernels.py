@@ -1,4 +1,4 @@
-"""Compiled sums over the rays of a transfer simulation, and vectors of harmonics turned by a frame each.
+"""Compiled sums over the rays of a transfer simulation, and rotation of vectors of harmonics.
 
 Kernels never validate: `engine.realtime.zonal_harmonics.transfer` does.
 """
@@ -25,9 +25,10 @@ def turn_range(
     stop: int,
     turned: Float64Array,
 ) -> None:
-    """Fill turned[start:stop]: the functions (P, n^2) in axes that `frames` (P, 3, 3) take to their own.
+    """Fill turned[start:stop] with the functions (P, n^2), expressed in the axes that `frames` (P, 3, 3) map to their
+    own.
 
-    places (D, 3), weighed (D, n^2): a quadrature's directions, and the harmonics there times its weights.
+    places (D, 3), weighed (D, n^2): directions of a quadrature, and the harmonics there times its weights.
     """
     n2 = vectors.shape[1]
     n = int(np.sqrt(n2))
@@ -36,6 +37,7 @@ def turn_range(
         turned[p] = 0.0
         frame = frames[p]
         for d in range(places.shape[0]):
+            # Evaluate the function in the rotated direction: Σ_k y_k(R d) f_k.
             x, y, z = places[d]
             basis_at(
                 frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z,
@@ -46,6 +48,7 @@ def turn_range(
             value = 0.0
             for k in range(n2):
                 value += values[k] * vectors[p, k]
+            # Project it onto the harmonics by quadrature.
             for k in range(n2):
                 turned[p, k] += weighed[d, k] * value
 
@@ -56,13 +59,15 @@ def gather_range(
     corners: Int32Array,
     share: float, sent: Float64Array, start: int, stop: int, gathered: Float64Array,
 ) -> None:  # fmt: skip
-    """Fill gathered[start:stop]: `share` of what the hits of each point send (P, n^2).
+    """Fill gathered[start:stop] with `share` times the sum of what each point's hits send (P, n^2).
 
-    The hits of point p are firsts[p] to firsts[p + 1]: a triangle, and where on it; corners (T, 3): its points.
+    The hits of point p are firsts[p] to firsts[p + 1]: a triangle, and u and v on it; corners (T, 3): the triangle's
+    points.
     """
     for p in range(start, stop):
         gathered[p] = 0.0
         for h in range(firsts[p], firsts[p + 1]):
+            # Barycentric weights of the hit.
             a, b, c = corners[triangle[h]]
             of_b, of_c = share * u[h], share * v[h]
             of_a = share - of_b - of_c

@@ -1,4 +1,4 @@
-"""Compiled error of lobes that lie bilinearly between the nodes of a map, and how it changes with these.
+"""Compiled error of lobes that are bilinear between the nodes of a map, and its gradient with respect to the nodes.
 
 Kernels never validate: `engine.realtime.zonal_harmonics.wrinkle` does.
 """
@@ -15,7 +15,7 @@ from engine.sphere._harmonic_kernels import basis_at
 
 Float64Array = NDArray[np.float64]
 
-FIRST = 2  # the bands below are kept as they are
+FIRST = 2  # lower bands are stored exactly
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -23,7 +23,8 @@ def error_range(
     targets: Float64Array, places: Float64Array, axes: Float64Array, coefficients: Float64Array, start: int, stop: int,
     of_axes: Float64Array, of_coefficients: Float64Array,
 ) -> float:  # fmt: skip
-    """The squared error of samples start to stop (eq. 17); its gradient by the nodes is added (eq. 19 to 21).
+    """Return the squared error of samples start to stop [Sloan05, eq. 17]; add its gradient with respect to the nodes
+    [Sloan05, eqs. 19 to 21].
 
     targets (S, n^2) at places (S, 2) on the map, in nodes; axes (H, W, N, 3) of any length, coefficients (H, W, N, n).
     """
@@ -33,12 +34,14 @@ def error_range(
     rest, turned, weight = np.empty(n * n), np.empty(3), np.empty(4)
     error = 0.0
     for s in range(start, stop):
+        # The map's cell, and bilinear weights of its four nodes.
         row, column = min(int(places[s, 0]), n_rows - 2), min(int(places[s, 1]), n_columns - 2)
         down, right = places[s, 0] - row, places[s, 1] - column
         for r in range(2):
             for c in range(2):
                 weight[2 * r + c] = (down if r else 1.0 - down) * (right if c else 1.0 - right)
         axis[:], share[:] = 0.0, 0.0
+        # Interpolate axes and coefficients, normalize the axes, and evaluate the harmonics and their gradients there.
         for i in range(n_lobes):
             for corner in range(4):
                 r, c = row + corner // 2, column + corner % 2
@@ -50,12 +53,14 @@ def error_range(
             for k in range(3):
                 axis[i, k] /= size[i]
             basis_at(axis[i, 0], axis[i, 1], axis[i, 2], legendre, values[i], slopes[i])
+        # Residual t~ - t, with t~ by [Sloan05, eq. 11], and its squared length [Sloan05, eq. 17].
         for l in range(FIRST, n):  # noqa: E741
             for k in range(l * l, (l + 1) * (l + 1)):
                 rest[k] = targets[s, k]
                 for i in range(n_lobes):
                     rest[k] -= share[i, l] * values[i, k]
                 error += rest[k] * rest[k]
+        # Gradient by the coefficients [Sloan05, eq. 19] and by the axis [Sloan05, eq. 20].
         for i in range(n_lobes):
             turned[:] = 0.0
             for l in range(FIRST, n):  # noqa: E741
@@ -66,6 +71,8 @@ def error_range(
                         turned[c] -= 2.0 * rest[k] * share[i, l] * slopes[i, k, c]
                 for corner in range(4):
                     of_coefficients[row + corner // 2, column + corner % 2, i, l] += weight[corner] * along
+            # The axis is normalized, so only the tangential part counts, divided by the length [Sloan05, eq. 21]; the
+            # chain rule through the interpolation multiplies by the node's weight.
             outward = turned[0] * axis[i, 0] + turned[1] * axis[i, 1] + turned[2] * axis[i, 2]
             for corner in range(4):
                 for c in range(3):

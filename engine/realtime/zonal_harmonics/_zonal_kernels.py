@@ -1,9 +1,9 @@
 """Compiled fit of zonal lobes to vectors of spherical harmonics, point by point.
 
-For given axes the best coefficients of each band are those of a small linear system, whose matrix is a Legendre
-polynomial of the axes' cosines; so only the axes are searched for (variable projection), where [Sloan05, 4.1] searches
-for axes and coefficients at once. A ridge on the coefficients keeps them bounded where two axes meet.
-Kernels never validate: `engine.realtime.zonal_harmonics.zonal` does.
+For given axes, the best coefficients of each band solve a small linear system whose matrix is a Legendre polynomial of
+the axes' cosines. So only the axes are searched (variable projection), where [Sloan05, 4.1] searches axes and
+coefficients at once. A ridge term keeps the coefficients bounded where two axes coincide. Kernels never validate:
+`engine.realtime.zonal_harmonics.zonal` does.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from engine.sphere._harmonic_kernels import basis_at
 
 Float64Array = NDArray[np.float64]
 
-RIDGE = 1e-6  # of a lobe's own weight in the system
+RIDGE = 1e-6  # relative to a lobe's own diagonal entry
 _STEPS = 100
-_LEAST_GAIN = 1e-7  # of the error: a step that gains less is the last
+_LEAST_GAIN = 1e-7  # share of the error: the search ends when a step gains less
 _FIRST_TURN, _LARGEST_TURN = 0.1, 0.5  # radians
-_ARMIJO = 1e-4  # of the gain that the slope promises
+_ARMIJO = 1e-4  # share of the gain that the slope predicts
 _INVERSE_4PI = 0.25 / math.pi
 
 
@@ -34,9 +34,9 @@ def fit_range(
 ) -> None:  # fmt: skip
     """Fit the bands from `first` on of targets[start:stop] (P, n^2).
 
-    n_restarts: how often random axes are tried where the error is above `enough` of the vector's length.
-    scan (D, 3), scanned (D, n^2): directions that a lobe may begin with, and the harmonics there.
-    axes (P, N, 3), coefficients (P, N, n), errors (P,): filled.
+    n_restarts: number of restarts from random axes while the error exceeds `enough` of the vector's length. scan (D,
+    3), scanned (D, n^2): candidates for a lobe's first direction, and the harmonics there. Fills axes (P, N, 3),
+    coefficients (P, N, n), errors (P,).
     """
     n_lobes, n = axes.shape[1], coefficients.shape[2]
     work, single = _make_work(n_lobes, n), _make_work(1, n)
@@ -44,13 +44,15 @@ def fit_range(
     for point in range(start, stop):
         target = targets[point]
         length = _length(target, 0)
-        if not _length(target, first) > 0.0:  # nothing to fit: no lobe, about any axis
+        if not _length(target, first) > 0.0:  # nothing to fit: no lobe, any axis
             axes[point], coefficients[point], errors[point] = 0.0, 0.0, 0.0
             axes[point, :, 2] = 1.0
             continue
+        # One lobe after the other on the residual, then all axes together [Sloan05, 4.1].
         _add_greedily(target, first, scan, scanned, axes[point], single)
         errors[point] = _search(target, first, axes[point], work)
         _copy_rows(work.coefficients, coefficients[point])
+        # Restart from random axes while the error is high [Sloan05, 4.1].
         seed = np.uint64(point)
         for _ in range(n_restarts if n_lobes > 1 else 0):
             if errors[point] <= enough * length:
@@ -64,20 +66,20 @@ def fit_range(
 
 
 class _Work(NamedTuple):
-    """What a fit of N lobes of order n works in."""
+    """Working memory for a fit of N lobes of order n."""
 
     legendre: Float64Array  # (n, n + 1)
-    basis: Float64Array  # (N, n^2) of the lobes' axes
-    slopes: Float64Array  # (N, n^2, 3)
-    system: Float64Array  # (N, N), of a band
+    basis: Float64Array  # (N, n^2) at the lobes' axes
+    slopes: Float64Array  # (N, n^2, 3), gradients of the basis
+    system: Float64Array  # (N, N), of one band
     coefficients: Float64Array  # (N, n): g*, 0 in the bands below the first
-    rest: Float64Array  # (n^2,): what they leave of the target, 0 in the bands below the first
-    gradient: Float64Array  # (N, 3): of the squared error, as the axes turn
-    before: Float64Array  # (N, 3): the gradient where a step began
-    end: Float64Array  # (N, 3): the axes where it ends
+    rest: Float64Array  # (n^2,): the residual, 0 in the bands below the first
+    gradient: Float64Array  # (N, 3): of the squared error with respect to the axes
+    before: Float64Array  # (N, 3): the gradient at the start of a step
+    end: Float64Array  # (N, 3): the axes at its end
     step: Float64Array  # (N, 3)
     product: Float64Array  # (N, 3)
-    inverse: Float64Array  # (3N, 3N): of the Hessian, as BFGS knows it
+    inverse: Float64Array  # (3N, 3N): BFGS's approximation of the inverse Hessian
 
 
 @njit(cache=True, nogil=True)
@@ -91,7 +93,8 @@ def _make_work(n_lobes: int, n: int) -> _Work:
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _copy_rows(rows: Float64Array, out: Float64Array) -> None:
-    """Number by number: for whole arrays the compiler makes the words of an error, which takes longer than a fit."""
+    """Copy element by element: for whole arrays the compiler generates error messages, which takes longer than a
+    fit."""
     for i in range(rows.shape[0]):
         for k in range(rows.shape[1]):
             out[i, k] = rows[i, k]
@@ -101,7 +104,7 @@ def _copy_rows(rows: Float64Array, out: Float64Array) -> None:
 def _add_greedily(
     target: Float64Array, first: int, scan: Float64Array, scanned: Float64Array, axes: Float64Array, work: _Work
 ) -> None:
-    """Axes one by one, each the best for what those before it leave."""
+    """Add axes one by one, each the best for the residual of those before."""
     rest = target.copy()
     for i in range(axes.shape[0]):
         best = _best_of(rest, first, scanned)
@@ -114,13 +117,15 @@ def _add_greedily(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _best_of(target: Float64Array, first: int, scanned: Float64Array) -> int:
-    """The direction along which a single lobe leaves least of the target (eq. 18)."""
+    """Find the direction along which a single lobe leaves the smallest residual [Sloan05, eq. 18]."""
     best, most, n = 0, -1.0, int(math.sqrt(float(target.shape[0])))
     for d in range(scanned.shape[0]):
         gain = 0.0
         for l in range(first, n):  # noqa: E741
             along = 0.0
             for k in range(l * l, (l + 1) * (l + 1)):
+                # The gain of the best coefficient: (Σ_m y_lm t_lm)^2 / Σ_m y_lm^2, whose denominator is (2l + 1) / (4
+                # pi).
                 along += scanned[d, k] * target[k]
             gain += along * along / (2 * l + 1)
         if gain > most:
@@ -130,7 +135,7 @@ def _best_of(target: Float64Array, first: int, scanned: Float64Array) -> int:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _scatter(seed: np.uint64, axes: Float64Array) -> np.uint64:
-    """Random axes, not yet of length 1; the next seed [Knuth97, 3.3.4]."""
+    """Random axes, not normalized; returns the next seed [Knuth97, 3.3.4]."""
     for i in range(axes.shape[0]):
         for c in range(3):
             seed = seed * np.uint64(6364136223846793005) + np.uint64(1442695040888963407)
@@ -140,7 +145,7 @@ def _scatter(seed: np.uint64, axes: Float64Array) -> np.uint64:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _length(values: Float64Array, first: int) -> float:
-    """Of a vector from the band `first` on."""
+    """Length of a vector's bands from `first` on."""
     total = 0.0
     for k in range(first * first, values.shape[0]):
         total += values[k] * values[k]
@@ -149,14 +154,17 @@ def _length(values: Float64Array, first: int) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _search(target: Float64Array, first: int, axes: Float64Array, work: _Work) -> float:
-    """Turn the axes to where the error is least around, by BFGS; `work` has their coefficients. The error's length."""
+    """Minimize the error over the axes by BFGS; `work` then holds the coefficients. Returns the length of the
+    residual."""
     error = _evaluate(target, first, axes, work)
     largest = _largest(work.gradient)
+    # The first inverse Hessian: such that the first step turns the axes by _FIRST_TURN.
     _diagonal(work.inverse, _FIRST_TURN / max(largest, 1e-300))
     for step in range(_STEPS if largest > 0.0 else 0):
         slope = _point_downhill(work)
         if not slope < 0.0:
             break
+        # Backtracking line search with Armijo's condition.
         _copy_rows(work.gradient, work.before)
         share, next_error = 1.0, math.inf
         while share > 1e-6:
@@ -169,6 +177,7 @@ def _search(target: Float64Array, first: int, axes: Float64Array, work: _Work) -
             share *= 0.5
         if not next_error < error:
             break
+        # Accept the step; stop when it gains too little.
         _copy_rows(work.end, axes)
         work.step[:] *= share
         gain, error = error - next_error, next_error
@@ -181,12 +190,13 @@ def _search(target: Float64Array, first: int, axes: Float64Array, work: _Work) -
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _evaluate(target: Float64Array, first: int, axes: Float64Array, work: _Work) -> float:
-    """The squared error, ridge and all, of the best coefficients about these axes, which become of length 1, and its
+    """Normalize the axes, and compute the squared error of the best coefficients about them, ridge included, and its
     gradient.
 
-    The coefficients being the best, only the axes' own part is left of the gradient (eq. 20, 21).
+    The coefficients are optimal, so the gradient has only the axes' part [Sloan05, eqs. 20 and 21].
     """
     n_lobes, n = work.coefficients.shape
+    # Normalize the axes, and evaluate harmonics and their gradients there.
     for i in range(n_lobes):
         length = math.sqrt(axes[i, 0] ** 2 + axes[i, 1] ** 2 + axes[i, 2] ** 2)
         if not length > 1e-30:
@@ -197,6 +207,7 @@ def _evaluate(target: Float64Array, first: int, axes: Float64Array, work: _Work)
     work.gradient[:] = 0.0
     for l in range(first, n):  # noqa: E741
         error += _evaluate_band(target, l, work)
+    # Keep the tangential part of the gradient: the axes stay on the sphere [Sloan05, eq. 21].
     for i in range(n_lobes):
         outward = 0.0
         for c in range(3):
@@ -208,10 +219,12 @@ def _evaluate(target: Float64Array, first: int, axes: Float64Array, work: _Work)
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _evaluate_band(target: Float64Array, l: int, work: _Work) -> float:  # noqa: E741
-    """Its coefficients by the normal equations, its part of the error and of the gradient."""
+    """Compute one band's coefficients by the normal equations, its part of the error, and add its part of the
+    gradient."""
     n_lobes = work.coefficients.shape[0]
     low, high = l * l, (l + 1) * (l + 1)
     ridge = RIDGE * (2 * l + 1) * _INVERSE_4PI
+    # Normal equations: A_ij = Σ_m y_lm(s_i) y_lm(s_j), b_i = Σ_m y_lm(s_i) t_lm.
     for i in range(n_lobes):
         for j in range(i + 1):
             total = 0.0
@@ -227,12 +240,14 @@ def _evaluate_band(target: Float64Array, l: int, work: _Work) -> float:  # noqa:
     error = 0.0
     for i in range(n_lobes):
         error += ridge * work.coefficients[i, l] ** 2
+    # Residual t - t~ [Sloan05, eq. 11] and squared error [Sloan05, eq. 17].
     for k in range(low, high):
         rest = target[k]
         for i in range(n_lobes):
             rest -= work.basis[i, k] * work.coefficients[i, l]
         error += rest * rest
         work.rest[k] = rest
+        # Gradient by the axes [Sloan05, eq. 20].
         for i in range(n_lobes):
             for c in range(3):
                 work.gradient[i, c] -= 2.0 * rest * work.coefficients[i, l] * work.slopes[i, k, c]
@@ -241,14 +256,17 @@ def _evaluate_band(target: Float64Array, l: int, work: _Work) -> float:  # noqa:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _solve(system: Float64Array, values: Float64Array, l: int) -> None:  # noqa: E741
-    """values[:, l] by a positive definite system, of which the lower half is given; by Cholesky, in place."""
+    """Solve a positive definite system, given by its lower half, for values[:, l], by Cholesky factorization in
+    place."""
     size = system.shape[0]
+    # Factorize A = L L^T.
     for i in range(size):
         for j in range(i + 1):
             total = system[i, j]
             for k in range(j):
                 total -= system[i, k] * system[j, k]
             system[i, j] = math.sqrt(max(total, 1e-300)) if i == j else total / system[j, j]
+    # Solve L z = b, then L^T x = z.
     for i in range(size):
         for k in range(i):
             values[i, l] -= system[i, k] * values[k, l]
@@ -261,7 +279,7 @@ def _solve(system: Float64Array, values: Float64Array, l: int) -> None:  # noqa:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _point_downhill(work: _Work) -> float:
-    """The next step, no axis by more than the largest turn; how the error slopes along it."""
+    """Compute the quasi-Newton step, no axis by more than the largest turn; return the error's slope along it."""
     step, gradient = work.step.reshape(-1), work.gradient.reshape(-1)
     for a in range(step.shape[0]):
         total = 0.0
@@ -279,19 +297,21 @@ def _point_downhill(work: _Work) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _learn(work: _Work, is_first: bool) -> None:
-    """What the gradient's change over the last step says of the inverse Hessian [Nocedal06, eq. 6.17, 6.20]."""
+    """Update the inverse Hessian by the gradient's change over the last step [Nocedal06, eq. 6.17, 6.20]."""
     step, change, product = work.step.reshape(-1), work.before.reshape(-1), work.product.reshape(-1)
     gradient, inverse = work.gradient.reshape(-1), work.inverse
     size = step.shape[0]
+    # y: the gradient's change; curve = s·y.
     curve, size2 = 0.0, 0.0
     for a in range(size):
         change[a] = gradient[a] - change[a]
         curve += step[a] * change[a]
         size2 += change[a] * change[a]
     if not curve > 1e-14 * math.sqrt(size2):
-        return  # it bends the other way, and would make the matrix indefinite
+        return  # negative curvature would make the matrix indefinite
     if is_first:
         _diagonal(inverse, curve / size2)
+    # product = H y, bend = y·H y.
     bend = 0.0
     for a in range(size):
         total = 0.0
@@ -299,6 +319,7 @@ def _learn(work: _Work, is_first: bool) -> None:
             total += inverse[a, b] * change[b]
         product[a] = total
         bend += total * change[a]
+    # H += ((1 + y·H y / s·y) s s^T - s (H y)^T - (H y) s^T) / s·y [Nocedal06, eq. 6.17].
     for a in range(size):
         for b in range(size):
             inverse[a, b] += (

@@ -1,9 +1,9 @@
-"""A mesh where an animation of its file has taken it at a time: morph targets, then the skin [glTF20, 3.7, 3.11].
+"""Poses a mesh at a time of an animation from its file: morph targets, then the skin [glTF20, 3.7, 3.11].
 
-Each vertex moves by the sum of what its bones and targets do beyond resting: with all at rest it stays as it was to the
-last bit. Its axes go from the mesh at rest back to that of the accessors, by the Jacobian of morph targets there
-(differences over the triangles), and by the mean of its bones' linear parts, normals by that of their inverse
-transposes; how weights change along the surface is left out, as is usual [Sloan05, 5].
+Each vertex moves by the sum of the displacements of its bones and targets relative to rest, so that a mesh at rest
+stays bit-identical. Axes are transformed from the mesh at rest to the accessors' mesh, then by the Jacobian of the
+morph targets (differences over the triangles), and then by the mean of the bones' linear parts; normals use the mean of
+their inverse transposes. The variation of weights along the surface is ignored, as usual [Sloan05, 5].
 """
 
 from __future__ import annotations
@@ -22,17 +22,19 @@ Float64Array = NDArray[np.float64]
 Values = dict[tuple[int, str], Float64Array]
 
 REST_TOLERANCE = (
-    1e-5  # of the mesh's extent: a bone that moves nothing of it by more is at rest, but for the file's rounding
+    # Of the mesh's extent: a bone that displaces no part of it by more is at rest; such differences come from the
+    # file's rounding.
+    1e-5
 )
 
 
 def animated_pose(
     rig: Rig, rest: Pose, triangles: NDArray[np.int32], clip: str, time: float, loop: bool = True
 ) -> Pose:
-    """The pose at a time, seconds; beyond a clip's end it begins anew, or without `loop` stays as it ends.
+    """Compute the pose at a time in seconds; after the clip's end it repeats, or without `loop` holds the last frame.
 
-    rest: the object's vertices (V, 3), `Scene.vertices` in its range, and their axes; triangles (T, 3): numbers of
-    these. Raises ValueError where there is no such animation, or the time is not finite.
+    rest: the object's vertices (V, 3), `Scene.vertices` in its range, and their axes; triangles (T, 3): indices of
+    these. Raises ValueError if there is no such animation or the time is not finite.
     """
     if len(rig.binding.bones) != len(rest.positions):
         raise ValueError(f"{len(rest.positions)} vertices, expected {len(rig.binding.bones)}, as the rig has")
@@ -42,7 +44,7 @@ def animated_pose(
     is_morphed = any(morph_weight(m, weights) != morph_weight(m, rig.skeleton.weights) for m in rig.binding.morphs)
     if not is_morphed and not moves.any():
         return rest
-    # Places before any bone, now and at rest, and what the bones at rest make of the difference.
+    # Positions before skinning, now and at rest, and the difference transformed by the bones at rest.
     before, normals = rig.binding.morph_vertices(rig.skeleton.weights)
     places, positions = before, rest.positions.copy()
     has_normals = np.asarray(rig.binding.normals.any(axis=1))
@@ -52,7 +54,7 @@ def animated_pose(
         for morph in rig.binding.morphs:
             if morph.normals is None and morph_weight(morph, weights) != 0.0:
                 has_normals[morph.vertices] = False
-    # The bones' own part of it.
+    # Displacement by the bones.
     linear, turned = rig.rest_pose.linear.copy(), np.empty_like(positions)
     bones, shares, turns = rig.binding.bones, rig.binding.weights, normal_matrices(rig.rest_pose.matrices + moves)
     on_threads(
@@ -61,7 +63,7 @@ def animated_pose(
         ),
         *even_parts(len(positions)),
     )
-    # Axes from the mesh at rest back to before any bone, there by what targets do, and on.
+    # Transform the axes from the mesh at rest back to before skinning, by the morph targets, and forward again.
     if is_morphed:
         linear = linear @ gradients(before, places, triangles)
     axes = deformed_frames(rest.frames, linear @ rig.rest_pose.inverse)
@@ -71,7 +73,7 @@ def animated_pose(
 
 
 def sample_clip(clip: Clip, time: float, loop: bool = True) -> Values:
-    """The values of a clip's tracks, by node and path, at a time. Raises ValueError where it is not finite."""
+    """Evaluate a clip's tracks, by node and path, at a time. Raises ValueError if it is not finite."""
     if not np.isfinite(time):
         raise ValueError(f"time {time}, expected a finite number of seconds")
     if loop and clip.duration > 0.0 and not 0.0 <= time <= clip.duration:
@@ -80,7 +82,7 @@ def sample_clip(clip: Clip, time: float, loop: bool = True) -> Values:
 
 
 def _at(track: Track, time: float) -> Float64Array:
-    """A track's value between its keys, or of the nearest where there is none on one side."""
+    """Evaluate a track: interpolate between its keys; before the first and after the last, hold its value."""
     times, is_spline = track.times, track.interpolation == "CUBICSPLINE"
     after = int(np.searchsorted(times, time, side="right"))
     before = max(after - 1, 0)
@@ -96,13 +98,13 @@ def _at(track: Track, time: float) -> Float64Array:
 
 
 def _normalized(track: Track, value: Float64Array) -> Float64Array:
-    """The value, of a rotation at length 1."""
+    """Normalize the value of a rotation; leave other values."""
     length = float(np.linalg.norm(value)) if track.path == "rotation" else 1.0
     return value / length if length > 1e-6 else np.array([0.0, 0.0, 0.0, 1.0])
 
 
 def _hermite(before: Float64Array, after: Float64Array, span: float, share: float) -> Float64Array:
-    """Between two keys (3, W) of a cubic spline [glTF20, C.5]."""
+    """Evaluate a cubic spline between two keys (3, W) [glTF20, C.5]."""
     square, cube = share**2, share**3
     return np.asarray(
         (2 * cube - 3 * square + 1) * before[1]
@@ -113,7 +115,7 @@ def _hermite(before: Float64Array, after: Float64Array, span: float, share: floa
 
 
 def _slerp(before: Float64Array, after: Float64Array, share: float) -> Float64Array:
-    """Between two rotations, the shorter way round at an even speed [glTF20, C.4]."""
+    """Interpolate between two rotations along the shorter arc at constant speed [glTF20, C.4]."""
     before, after = before / np.linalg.norm(before), after / np.linalg.norm(after)
     cosine = float(before @ after)
     if cosine < 0.0:
@@ -127,7 +129,7 @@ def _slerp(before: Float64Array, after: Float64Array, share: float) -> Float64Ar
 
 
 def _bone_moves(rig: Rig, values: Values) -> Float64Array:
-    """The matrices of bones less those at rest (B, 3, 4); 0 of those at rest."""
+    """Matrices of bones minus those at rest (B, 3, 4); exactly 0 for bones at rest."""
     skeleton, moved = rig.skeleton, dict[int, Float64Array]()
     for node, rest in skeleton.parts.items():
         if any((node, path) in values for path in PATHS):
@@ -138,7 +140,7 @@ def _bone_moves(rig: Rig, values: Values) -> Float64Array:
     corners = np.array(
         [[x, y, z, 1.0] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
     )
-    # How far a bone takes the mesh, and how large it makes it.
+    # The largest displacement by a bone, and the size of the mesh.
     furthest, size = np.abs(moves @ corners.T).max(axis=(1, 2)), np.ptp(matrices @ corners.T, axis=2).max(axis=1)
     moves[furthest <= REST_TOLERANCE * size] = 0.0
     return moves

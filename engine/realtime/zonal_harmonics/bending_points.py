@@ -1,7 +1,7 @@
 """The points of a scene whose meshes bend: where transfer is known, how they move, and the triangles between them.
 
-They are those of Orbit: a mesh's vertices, and more of them where it is coarse, so that a floor of two triangles
-shows what stands on it. Meshes that are open, or whose backs light reaches, have points on their backs, too.
+The points are Orbit's: a mesh's vertices, and more where the mesh is coarse, so that a floor of two triangles shows the
+shadows on it. Open meshes, and meshes whose backs light reaches, have points on their backs as well.
 """
 
 from __future__ import annotations
@@ -28,14 +28,15 @@ Float64Array = NDArray[np.float64]
 Int32Array = NDArray[np.int32]
 
 _SAME_PLACE = 1e-6  # of the scene's size
-_FACING = 0.05  # of an object's size, that what faces another way is farther off
+_FACING = 0.05  # of an object's size: penalty on distance for opposite normals
 
 
 class BendingPoints:
     """S points and the T triangles between them.
 
-    places (V, 3): where what is drawn is now, the points before the corners of emitters; frames (S, 3, 3): rows
-    tangent, bitangent, normal, now. surface: the triangles; source (T,) and within (T, 3, 2): see `ShadingPoints`.
+    places (V, 3): current positions of everything that is drawn, first the points, then the corners of emitters; frames
+    (S, 3, 3): current rows tangent, bitangent, normal. surface: the triangles; source (T,) and within (T, 3, 2): see
+    `ShadingPoints`.
     """
 
     def __init__(self, scene: Scene, points: ShadingPoints) -> None:
@@ -67,11 +68,11 @@ class BendingPoints:
         return self._points.i_object
 
     def points_of(self, i_object: int) -> NDArray[np.int64]:
-        """The points of an object."""
+        """Indices of the points of an object."""
         return np.flatnonzero(self._points.i_object == i_object)
 
     def rest_geometry(self, i_object: int) -> Pose:
-        """All that is drawn of an object, as the scene's file has it; of an emitter's corners the axes are none."""
+        """The geometry that is drawn of an object, as in the scene's file; corners of emitters have no axes."""
         mine = np.flatnonzero(self._i_object == i_object)
         frames = np.tile(np.eye(3), (len(mine), 1, 1))
         is_point = mine < len(self)
@@ -79,25 +80,25 @@ class BendingPoints:
         return Pose(self._rest[mine], frames)
 
     def move_with_mesh(self, i_object: int, resting: Pose, rest: Pose, moved: Pose) -> Pose:
-        """What `rest_geometry` gave when the vertices of the object's mesh go from rest to a pose: each goes as the
-        triangle does that it lies on."""
+        """Move what `rest_geometry` returned along with the object's mesh, from rest to a pose: each vertex follows the
+        triangle that it lies on."""
         mine = np.flatnonzero(self._i_object == i_object)
         source, (u, v) = self._at[0][mine], self._at[1][mine].T
         vertices = self._scene.triangles[source] - self._scene.vertex_ranges[i_object, 0]
         shares = np.stack([1.0 - u - v, u, v], axis=1)
         places = np.einsum("nk,nki->ni", shares, (moved.positions - rest.positions)[vertices])
-        turns = np.einsum("vka,vkb->vab", rest.frames, moved.frames)  # of row vectors
+        turns = np.einsum("vka,vkb->vab", rest.frames, moved.frames)  # rotations of row vectors
         turned = resting.frames @ np.einsum("nk,nkab->nab", shares, turns[vertices])
         return Pose(resting.positions + places, orthonormal(turned, resting.frames))
 
     def uvs(self, i_object: int) -> Float64Array:
-        """Texture coordinates (P, 2) of an object's points; of one that has several, any of them."""
+        """Texture coordinates (P, 2) of an object's points; of a point with several, one of them."""
         mine = self.points_of(i_object)
         return uvs_at(self._scene, self._at[0][mine], *self._at[1][mine].T)
 
     def middles(self, i_object: int) -> tuple[Intersections, Float64Array, Float64Array]:
-        """Where the middles of an object's triangles lie on the scene's, their texture coordinates (T, 2), and how wide
-        a square of the texture each of the triangles covers (T,)."""
+        """Positions of the centres of an object's triangles on the scene's, their texture coordinates (T, 2), and the
+        side of the square of texture that each triangle covers (T,)."""
         own = np.flatnonzero(self.surface.i_object == i_object)
         u, v = self.within[own].mean(axis=1).T
         uvs = self.corner_uvs(self._scene, own)
@@ -105,7 +106,7 @@ class BendingPoints:
         return Intersections(self.source[own], u, v, np.zeros(len(own), np.float32)), uvs.mean(axis=1), sides
 
     def means_around(self, i_object: int, values: Float64Array) -> Float64Array:
-        """By area the means (P,) around an object's points of what its triangles (T,) have."""
+        """Average the triangles' values (T,) around each point of an object, weighted by area: (P,)."""
         own = np.flatnonzero(self.surface.i_object == i_object)
         a, b, c = np.moveaxis(self._points.corners[own].astype(np.float64), 1, 0)
         areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
@@ -125,18 +126,18 @@ class BendingPoints:
         return np.einsum("npk,nki->npi", shares, corner_uvs(scene, self.source[triangle]))
 
     def corners_at_rest(self, triangle: NDArray[np.integer]) -> Float64Array:
-        """Where the corners of triangles (N,) are at rest (N, 3, 3)."""
+        """Positions at rest (N, 3, 3) of the corners of triangles (N,)."""
         return self._points.corners[triangle]
 
     def set_pose(self, i_object: int, pose: Pose) -> None:
-        """Draw an object in a pose of what `rest_geometry` gave from now on."""
+        """Draw an object in a pose of its `rest_geometry` from now on."""
         mine = np.flatnonzero(self._i_object == i_object)
         self.places[mine] = pose.positions
         is_point = mine < len(self)
         self.frames[mine[is_point]] = pose.frames[is_point]
 
     def mesh(self, i_object: int, casters: tuple[int, ...]) -> TransferPoints:
-        """An object's points at rest, and which corners of the triangles of `caster` they are."""
+        """An object's points at rest, and which of them are corners of the triangles of `caster`."""
         mine, points = self.points_of(i_object), self._points
         numbers = np.full(len(points) + 1, -1, np.int32)
         numbers[mine] = np.arange(len(mine))
@@ -144,7 +145,8 @@ class BendingPoints:
         return TransferPoints(surface, self._rest_frames[mine], numbers[points.triangles[self._of(casters), 0]])
 
     def caster(self, casters: tuple[int, ...]) -> RayCaster:
-        """Rays against all triangles of some objects at rest; the last is kept, for objects that rest share one."""
+        """Ray caster against all triangles of some objects at rest; the last is cached, since objects at rest share
+        one."""
         if self._caster is None or self._caster[0] != casters:
             corners = self._points.corners[self._of(casters)]
             caster = RayCaster(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
@@ -152,16 +154,16 @@ class BendingPoints:
         return self._caster[1]
 
     def _of(self, objects: tuple[int, ...]) -> NDArray[np.bool_]:
-        """Which triangles (T,) are theirs."""
+        """Which triangles (T,) belong to these objects."""
         return np.isin(self.surface.i_object, objects)
 
     def has_same_points(self, other: BendingPoints, i_object: int) -> bool:
-        """Whether an object has the same points among these as among others of the scene."""
+        """Whether an object has the same points here and in another set of the scene's points."""
         mine, its = self.points_of(i_object), other.points_of(i_object)
         return len(mine) == len(its) and np.array_equal(self._rest[mine], other._rest[its])
 
     def nearest_of(self, other: BendingPoints) -> NDArray[np.int64]:
-        """For each point the nearest (S,) among others of the scene, of the same object and facing the same way."""
+        """For each point the nearest point (S,) of another set, of the same object and with a similar normal."""
         found = np.zeros(len(self), np.int64)
         for i in np.unique(self._points.i_object):
             mine, its = self.points_of(i), other.points_of(i)
@@ -177,7 +179,7 @@ class BendingPoints:
         return found
 
     def geometry(self, i_object: int, casters: tuple[int, ...]) -> tuple[NDArray[np.generic], ...]:
-        """All that an object's transfer hangs on, but for materials."""
+        """Everything that an object's transfer depends on, except materials."""
         mine = self.points_of(i_object)
         return (self._points.lifted[mine], self._rest_frames[mine], self._points.corners[self._of(casters)])
 
@@ -185,15 +187,16 @@ class BendingPoints:
 def bending_points(
     scene: Scene, caster: RayCaster, n_points: int, even: NDArray[np.bool_] | None = None
 ) -> BendingPoints:
-    """About n_points besides the meshes' own vertices; caster: of the scene's triangles; even: see `shading_points`."""
+    """Make the points, about n_points in addition to the meshes' vertices; caster: intersects the scene's triangles;
+    even: see `shading_points`."""
     points = shading_points(scene, caster, n_points, even, is_whole=True)
-    # Rays go out above the points themselves: beside them, as Orbit's do, they may begin within a coarse mesh.
+    # Rays start above the points themselves. Orbit moves its origins aside, which would put them inside a coarse mesh.
     points = replace(points, lifted=caster.offset_origins(points.position, points.normal))
     return BendingPoints(scene, with_backs(points, _is_open(scene) | lit_sides(scene, caster).reached[:, 1]))
 
 
 def _anchors(surface: RasterTriangles, points: ShadingPoints, count: int) -> tuple[NDArray[np.int64], Float64Array]:
-    """The scene's triangle (N,) that each of so many points lies on, and u and v (N, 2) there."""
+    """The scene's triangle (N,) on which each of `count` points lies, and u and v (N, 2) there."""
     source, within = np.zeros(count, np.int64), np.zeros((count, 2))
     for numbers in (surface.corners, surface.sides[:, 0], surface.sides[:, 1]):
         for k in range(3):
@@ -204,7 +207,7 @@ def _anchors(surface: RasterTriangles, points: ShadingPoints, count: int) -> tup
 
 
 def _is_open(scene: Scene) -> NDArray[np.bool_]:
-    """Which objects (M,) have edges with a triangle on one side alone, so that their backs can be seen."""
+    """Which objects (M,) have edges with only one triangle, so that their backs can be seen."""
     size = float(np.abs(scene.vertices).max(initial=0.0)) or 1.0
     keys = np.round(scene.vertices / (size * _SAME_PLACE)).astype(np.int64)
     _, welded = np.unique(keys, axis=0, return_inverse=True)

@@ -1,10 +1,10 @@
-"""Soft shadows of what bends on all else, while it moves: a few flat ellipsoids stand for its surface.
+"""Soft shadows of bending objects on all others while they move: a few flat ellipsoids approximate a surface.
 
-A cluster of triangles blocks the light of a cone about the direction of its middle, as wide as its outline is seen
-from the point [Bunnell05]; what light comes from there is known in low bands (`BandLight`), so that a shadow is soft,
-coloured as the light that it lacks, and darkest where the object touches. Clusters of a closed mesh that turn their
-backs to a point do not count, for others stand before them. An object never shades itself so: its own shadows are in
-its transfer. Spheres in the clusters' place were rejected: of a wing they make a ball.
+A cluster of triangles blocks the light of a cone about the direction of its centre, as wide as its outline seen from
+the point [Bunnell05]. The light from the cone is known in low bands (`BandLight`), so that a shadow is soft, has the
+colour of the light that it lacks, and is darkest at contacts. Clusters of a closed mesh that face away from a point do
+not count, because other clusters occlude them. These shadows exclude the object itself: its transfer contains its own
+shadows. Spheres instead of ellipsoids were rejected: they turn a wing into a ball.
 """
 
 from __future__ import annotations
@@ -24,20 +24,21 @@ Float32Array = NDArray[np.float32]
 Float64Array = NDArray[np.float64]
 
 N_CLUSTERS, MOST_CLUSTERS = 12, 48  # of an object, and of all
-ROW = 14  # numbers of a cluster: middle, area, adjugate (xx yy zz xy xz yz), mean normal, whose
-_MOST_TRIANGLES = 2000  # of an object, that its clusters are found of
+ROW = 14  # numbers of a cluster: centre, area, adjugate (xx yy zz xy xz yz), mean normal, object
+_MOST_TRIANGLES = 2000  # of an object, from which its clusters are computed
 _SEED = 4
 
 
 class Blockers:
-    """Of the objects of one scene, as they stand among its points."""
+    """Clusters of a scene's objects, at the current positions of its points."""
 
     def __init__(self, points: BendingPoints) -> None:
         self._points = points
         self._clusters: dict[tuple[int, int], _Clusters] = {}
 
     def rows(self, objects: list[int]) -> Float32Array:
-        """The clusters (K, `ROW`) of some objects, where these are now; by their place among these they say whose."""
+        """The clusters (K, `ROW`) of some objects at their current positions; the last number is the object's index in
+        `objects`."""
         count = max(1, min(N_CLUSTERS, MOST_CLUSTERS // max(len(objects), 1)))
         found = []
         for place, i in enumerate(objects[:MOST_CLUSTERS]):
@@ -49,7 +50,7 @@ class Blockers:
 
 
 class _Clusters:
-    """The triangles of an object, cluster by cluster."""
+    """The triangles of an object, sorted by cluster."""
 
     def __init__(self, points: BendingPoints, i_object: int, count: int) -> None:
         surface = points.surface
@@ -66,18 +67,18 @@ class _Clusters:
         self._firsts = np.flatnonzero(np.diff(labels[order], prepend=-1))
 
     def rows(self, places: Float32Array) -> Float32Array:
-        """See `Blockers.rows`: areas, and the second moments of triangles, as their corners stand."""
+        """See `Blockers.rows`: areas and second moments of triangles at the corners' current positions."""
         if not len(self._firsts):
             return np.zeros((0, ROW), np.float32)
         corners = places[self._corners].astype(np.float64)
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         areas, summed = 0.5 * np.linalg.norm(cross, axis=1), corners.sum(axis=1)
-        # Of a triangle: the integral of x x^T is A / 12 (sum of v v^T over its corners + (sum of v)(sum of v)^T).
+        # The integral of x x^T over a triangle is A / 12 (sum of v v^T over its corners + (sum of v)(sum of v)^T).
         squares = np.einsum("tki,tkj->tij", corners, corners) + summed[:, :, None] * summed[:, None, :]
         area = np.maximum(np.add.reduceat(areas, self._firsts), 1e-30)
         middle = np.add.reduceat(areas[:, None] * summed, self._firsts) / (3.0 * area[:, None])
         moment = np.add.reduceat((areas / 12.0)[:, None, None] * squares, self._firsts) / area[:, None, None]
-        spread = 4.0 * (moment - middle[:, :, None] * middle[:, None, :])  # of a disc, its radius squared
+        spread = 4.0 * (moment - middle[:, :, None] * middle[:, None, :])  # of a disc: its radius squared
         rows = np.zeros((len(area), ROW), np.float32)
         rows[:, :3], rows[:, 3] = middle, area * self._share
         a, b, c = spread[:, 0], spread[:, 1], spread[:, 2]
@@ -93,9 +94,10 @@ def add_shadows(
     rows: Float32Array, casts: NDArray[np.bool_], points: BendingPoints, places: Float32Array, normals: Float32Array,
     light: BandLight, white: Float32Array,
 ) -> None:  # fmt: skip
-    """Darken white (S, 3), what white matt points at places (S, 3) with normals (S, 3) send, by clusters (K, `ROW`).
+    """Darken white (S, 3), the radiance of white Lambertian points at places (S, 3) with normals (S, 3), by clusters
+    (K, `ROW`).
 
-    casts (M, C): on which objects each of those that have clusters casts its shadow. Where there are none the kernel
+    casts (M, C): whether each of the C objects with clusters casts shadows on each object. Without clusters the kernel
     runs all the same, so that it is compiled before anything bends.
     """
     window = spread_of(light.table.shape[2])
@@ -109,6 +111,6 @@ def add_shadows(
 
 @cache
 def spread_of(n: int) -> Float32Array:
-    """By what light in n bands is multiplied, so that a small bright one is a spot: Hann's window, which leaves 3 % of
-    its peak as rings. A shadow of none of these would be wider (`engine.sphere.deringing`), and half as dark."""
+    """Window for light in n bands, which turns a small bright light into a spot: Hann's, which leaves rings of 3 % of
+    the peak. A shadow without any rings would be wider (`engine.sphere.deringing`), and half as dark."""
     return np.asarray(0.5 * (1.0 + np.cos(np.pi * np.arange(n) / n)), np.float32)

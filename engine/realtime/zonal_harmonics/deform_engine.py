@@ -1,16 +1,17 @@
-"""Deform, kept: one scene whose meshes bend while their own shadows and reflections go along [Sloan05].
+"""Deform's renderer: draws one scene whose meshes bend, while their own shadows and reflections follow [Sloan05].
 
     deform = Deform(scene)
-    deform.set_light(sky)             what is wanted: costs nothing, and may be said again at any time
+    deform.set_light(sky)             declares the desired state: costs nothing, may be repeated at any time
     deform.set_layers(layers_of)
-    for progress in deform.work():    transfer, unshadowed at once, then roughly, then by all rays, object by object
-        ...                           between two pieces anything may be set or drawn
+    for progress in deform.work():    transfer: unshadowed at once, then by few rays, then by all, object by object
+        ...                           between two pieces the caller may set or draw anything
     picture = deform.draw(camera, (512, 384), poses)
 
-What an object's points see of itself turns with them when it bends. What they see of other objects does not: an object
-that is to bend has its own shadows alone in its transfer, those that stay have one another's; what bends shades all
-else by a few clusters of its surface (`engine.realtime.zonal_harmonics.blockers`). Distant light alone is known here.
-What the scene's file says of an object's surface (`engine.scene.surface_kinds`) takes the place of its own transfer.
+What an object's points see of the object itself rotates with them when it bends. What they see of other objects does
+not. So the transfer of an object that bends contains only its own shadows, and that of objects at rest contains one
+another's; bending objects shade all others by a few clusters of their surface
+(`engine.realtime.zonal_harmonics.blockers`). Only distant light counts. Where the scene's file describes an object's
+surface (`engine.scene.surface_kinds`), this replaces its own transfer.
 """
 
 from __future__ import annotations
@@ -48,21 +49,21 @@ from engine.sphere.harmonics import project
 
 Float32Array = NDArray[np.float32]
 
-N_POINTS = 12_000  # besides the meshes' own vertices
+N_POINTS = 12_000  # in addition to the meshes' vertices
 N_BOUNCES = 2  # of an object's light onto itself
-FEW_RAYS = 128  # of what stands in until there is better
+FEW_RAYS = 128  # for the first approximation
 _LIGHT_LEVEL = 5
 
 
 class Deform:
-    """A scene of which pictures are drawn in any pose, from anywhere; see above."""
+    """Draws a scene in any pose from any camera; see the module."""
 
     def __init__(
         self, scene: Scene, n_points: int | None = None, n_rays: int = N_RAYS, store: TransferStore | None = None,
         caster: RayCaster | None = None,
     ) -> None:  # fmt: skip
-        """scene: at rest; n_points: besides the meshes' vertices, None for `N_POINTS`; n_rays: a point; caster: of the
-        scene's triangles."""
+        """scene: at rest; n_points: in addition to the meshes' vertices, None for `N_POINTS`; n_rays: of each point;
+        caster: intersects the scene's triangles."""
         self.scene = scene
         self.version = 0
         self._caster = caster or RayCaster(scene.vertices, scene.triangles)
@@ -72,7 +73,7 @@ class Deform:
         self._light = SkyState(None)
         self._bands: BandLight | None = None
         self._layers_of: dict[int, tuple[Layer, ...]] = {}
-        self._reflectances: dict[int, Reflectance] = {}  # as they are asked for
+        self._reflectances: dict[int, Reflectance] = {}  # computed on request
         self._surfaces: dict[str, DeformSurface] = {}
         self._posed: frozenset[int] = frozenset()
         self._n_bounces = N_BOUNCES
@@ -86,23 +87,23 @@ class Deform:
         self._errors: Float32Array | None = None
         self._details: dict[int, Detail] = {}
 
-    # ------------------------------------------------------------------------------------------------ what is wanted
+    # ---------------------------------------------------------------------------------------------- desired state
 
     def set_light(self, sky: SkyState) -> None:
-        """The distant light from now on."""
+        """Set the distant light."""
         if sky != self._light or self._bands is None:
             self._light, self._bands = sky, band_light_of(sky)
             self.version += 1
 
     def set_emission(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
-        """Give emitters, by name, this radiance from now on: it is seen, but lights nothing here."""
+        """Set the radiance of emitters, by name: it is visible, but lights nothing here."""
         scene = self.scene.with_emission(emission)
         if not np.array_equal(scene.emission, self.scene.emission):
             self.scene = scene
             self.version += 1
 
     def set_layers(self, layers_of: LayersOf) -> None:
-        """The layers of each object, by its index, from now on."""
+        """Set the layers of each object, by its index."""
         layers = {i: tuple(each for each in own if each.visible) for i, own in layers_of.items()}
         layers = {i: own for i, own in layers.items() if self.scene.reflecting[i]}
         if layers != self._layers_of:
@@ -111,25 +112,25 @@ class Deform:
             self.version += 1
 
     def set_bending(self, names: Sequence[str]) -> None:
-        """The objects, by name, that bend: of shadows that transfer has they have their own alone; what they cast on
-        others is coarse, see `engine.realtime.zonal_harmonics.blockers`."""
+        """Set the names of the objects that bend. Their transfer contains only their own shadows; the shadows that they
+        cast on others are coarse, see `engine.realtime.zonal_harmonics.blockers`."""
         posed = frozenset(self.scene.object_index(each) for each in names if each in self.scene.object_names)
         if posed != self._posed:
             self._posed = posed
             self.version += 1
 
     def set_surfaces(self, surfaces: SurfacesByObject) -> None:
-        """What is said of the surfaces of objects, by name, from now on, in the place of what the scene's file says.
-        Raises LoadError where an image cannot be used."""
+        """Set descriptions of objects' surfaces, by name, which replace those of the scene's file. Raises LoadError if
+        an image cannot be used."""
         self.scene.textures.load(Images(weight=file) for _, surface in surfaces for _, file in surface.files)
         self._surfaces = dict(surfaces)
 
     def set_effort(self, n_rays: int, n_lobes: int) -> None:
-        """How many rays go from a point, and how many lobes, 1 to `N_LOBES`, stand for what they found, from now on."""
+        """Set the number of rays of each point, and of lobes that approximate the result, 1 to `N_LOBES`."""
         self._rays, self._n_lobes = (min(FEW_RAYS, n_rays), n_rays), n_lobes
 
     def set_bounces(self, n_bounces: int) -> None:
-        """How often light is reflected between light and eye from now on; 0: as at first, as often as it can be."""
+        """Set the number of reflections between light and camera; 0 restores the largest possible number."""
         self._n_bounces = min(n_bounces - 1, N_BOUNCES) if n_bounces else N_BOUNCES
 
     # ----------------------------------------------------------------------------------------------------- the work
@@ -141,14 +142,14 @@ class Deform:
 
     @property
     def is_done(self) -> bool:
-        """Whether there is no work left."""
+        """Whether no work is left."""
         return self._lobes is not None and all(
             self._cache.get(each.i_object) == each for each in self._final_transfers()
         )
 
     @property
     def fraction(self) -> float:
-        """How much of the work is done, by points."""
+        """Share of the work that is done, counted in points."""
         if self._points is None or not len(self._points):
             return 0.0
         counts = [len(self._points.points_of(each.i_object)) for each in self._final_transfers()]
@@ -157,13 +158,14 @@ class Deform:
 
     @property
     def n_bytes(self) -> int:
-        """What points keep."""
+        """Bytes that the points' data take."""
         lobes = self._lobes
         return 0 if lobes is None else lobes.low.nbytes + lobes.axes.nbytes + lobes.coefficients.nbytes
 
     @property
     def lost_shares(self) -> dict[int, float]:
-        """The share of the sharpest layer's reflection that is too sharp for this, by object; see `LowGloss.lost`."""
+        """For each object, the share of its sharpest layer's reflection that is too sharp for the bands; see
+        `LowGloss.lost_share`."""
         found = {
             i: [low_gloss(each, ORDER).lost_share for each in own if is_glossy(each)]
             for i, own in self._layers_of.items()
@@ -171,12 +173,12 @@ class Deform:
         return {i: max(each) for i, each in found.items() if each}
 
     def work(self) -> Iterator[StillProgress]:
-        """All that is missing, piece by piece; ends where nothing is. What is set meanwhile is taken up at once."""
+        """Compute what is missing, piece by piece, until nothing is. Changes made meanwhile take effect at once."""
         if self._points is None or self._even != self._translucent():
             yield StillProgress(0.0, "placing points")
             self._make_points()
         for layer in [each for own in self._layers_of.values() for each in own if is_glossy(each)]:
-            low_gloss(layer, ORDER)  # kept: no picture waits for it
+            low_gloss(layer, ORDER)  # cached: no picture waits for it
             yield StillProgress(self.fraction, "finding reflections")
         while (wanted := self._most_urgent()) is not None:
             if self._job is None or self._job[0] != wanted:
@@ -188,11 +190,12 @@ class Deform:
                 self._set_transfer(wanted, end.value)
 
     def _translucent(self) -> frozenset[int]:
-        """Objects that light goes through: a sum over points that lie unevenly would show where triangles are cut."""
+        """Objects that transmit light. They need evenly spaced points: their sums over points would show where
+        triangles are split."""
         return frozenset(i for i in range(len(self.scene.smooth)) if self._surface_of(i).subsurface is not None)
 
     def _make_points(self) -> None:
-        """All points, and lobes for them as if nothing shaded them; where there were some before, as near ones had."""
+        """Make all points, with unshadowed lobes, or with those of the nearest points if there were points before."""
         before, had, errors = self._points, self._lobes, self._errors
         self._even = self._translucent()
         even = np.isin(np.arange(len(self.scene.smooth)), list(self._even))
@@ -209,7 +212,7 @@ class Deform:
         self.version += 1
 
     def _final_transfers(self) -> list[ObjectTransfer]:
-        """The best transfer of all objects that there is to be."""
+        """The best transfer that each object is to get."""
         resting = tuple(i for i in range(len(self.scene.smooth)) if i not in self._posed)
         found = []
         for i in self._layers_of:
@@ -221,7 +224,7 @@ class Deform:
         return found
 
     def _reflectance(self, i: int) -> Reflectance:
-        """What an object reflects onto itself."""
+        """The albedos with which an object reflects light onto itself."""
         if i not in self._reflectances:
             assert self._points is not None
             self._reflectances[i] = reflectance(albedos(self.scene, self._points, i, self._layers_of[i], ORDER))
@@ -232,13 +235,13 @@ class Deform:
         return 0.0 if known is None else 1.0 if known == wanted else 0.1
 
     def _surface_of(self, i: int) -> DeformSurface:
-        """What is said of an object's surface."""
+        """The description of an object's surface."""
         described = self.scene.description.objects[i]
         return self._surfaces.get(described.name, described.deform)
 
     def _most_urgent(self) -> ObjectTransfer | None:
-        """What is most urgent: of every object something before of any all; those that rest first, for on them stand
-        shadows that have gone."""
+        """Choose the most urgent transfer: a first approximation of every object before the final one of any; objects
+        at rest first, because they show outdated shadows."""
         missing = [each for each in self._final_transfers() if self._cache.get(each.i_object) != each]
         missing.sort(key=lambda each: each.i_object in self._posed)
         for each in missing:
@@ -250,7 +253,7 @@ class Deform:
         return missing[0] if missing else None
 
     def _load_or_simulate(self, wanted: ObjectTransfer) -> Generator[float, None, Zonal]:
-        """What was kept of it, or found anew; yields the share of the rays that is done."""
+        """Load a transfer from the cache or compute it; yields the share of the rays that is done."""
         assert self._points is not None and self._transfers is not None
         is_final = (wanted.n_rays, wanted.n_lobes) == (self._rays[1], self._n_lobes)
         if is_final and (kept := self._transfers.get(wanted)) is not None:
@@ -282,8 +285,8 @@ class Deform:
         self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (), quality: Quality = "moving",
         turned: bool = True,
     ) -> Float32Array:  # fmt: skip
-        """Radiance (H, W, 3) as it is known by now; resolution (width, height). "rest": four samples a pixel. turned:
-        whether transfer turns with the surface; False shows what one would get if it did not.
+        """Draw radiance (H, W, 3) as it is known now; resolution (width, height). "rest": four samples a pixel. turned:
+        whether transfer rotates with the surface; False shows the picture without this, for comparison.
 
         Raises ValueError before `is_ready`.
         """
@@ -291,38 +294,38 @@ class Deform:
         return pictures.draw(subject, camera, resolution, poses, quality, turned)
 
     def draw_errors(self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = ()) -> Float32Array:
-        """How far the lobes of what is seen are off the transfer they were fitted to (H, W, 3): see `error_colours`.
-        Raises ValueError before `is_ready`."""
+        """Draw the errors of the visible lobes relative to the transfer that they were fitted to (H, W, 3): see
+        `error_colours`. Raises ValueError before `is_ready`."""
         subject, pictures = self._shading_state()
         return pictures.draw_errors(subject, camera, resolution, poses)
 
     def export_picture(self, camera: CameraDescription, poses: Poses, known: Numbers = NO_PARTS) -> PictureExport:
-        """What a graphics card draws the same picture of, but for parts whose numbers are known. Raises ValueError
-        before `is_ready`."""
+        """Export what a graphics card needs to draw the same picture, without the parts whose numbers are known. Raises
+        ValueError before `is_ready`."""
         subject, _ = self._shading_state()
         assert self._exporter is not None
         return self._exporter.export(subject, camera_position_of(self.scene, camera), poses, known)
 
     def carried(self, poses: Poses) -> dict[str, tuple[float, float, float]]:
-        """How far animations have carried the objects in these poses, by name: x, y, z."""
+        """Translations (x, y, z) by animations of the objects in these poses, by name."""
         return {} if self._pictures is None else self._pictures.posed.animation_offsets(poses)
 
     def _shading_state(self) -> tuple[ShadingState, PictureRenderer]:
-        """What is known by now."""
+        """A snapshot of everything that pictures use."""
         if self._pictures is None or self._lobes is None or self._errors is None or self._bands is None:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
         known = self._layers_of, self._lobes, self._errors, self._details, self._missing_casters()
         return ShadingState(self.version, self.scene, self._light, self._bands, *known), self._pictures
 
     def _missing_casters(self) -> tuple[frozenset[int], ...]:
-        """For each object the others that bend, and that its transfer, as it is by now, does not see."""
+        """For each object the other bending objects that its transfer, as it is now, does not contain."""
         seen = {i: each.casters for i, each in self._cache.items()}
         shown = self._posed.intersection(self._layers_of)
         return tuple(shown.difference((i, *seen.get(i, ()))) for i in range(len(self.scene.smooth)))
 
 
 def _unshadowed_lobes(n_points: int) -> Lobes:
-    """Of points that see all that is above them."""
+    """Lobes of points that see everything above their horizon."""
     one = run_to_end(fit(unshadowed(1, ORDER), 1))
     low, axes = np.repeat(one.low, n_points, axis=0), np.zeros((n_points, N_LOBES, 3))
     axes[:, :, 2] = 1.0
@@ -333,7 +336,7 @@ def _unshadowed_lobes(n_points: int) -> Lobes:
 
 
 def band_light_of(sky: SkyState) -> BandLight:
-    """A sky in as many bands as transfer has."""
+    """Project a sky onto the bands of transfer."""
     if sky.environment is None:
         return band_light(np.zeros((ORDER * ORDER, 3)))
     powers = triangle_integrals(sky.environment, sky.rotation, _LIGHT_LEVEL) * sky.scale
@@ -341,7 +344,7 @@ def band_light_of(sky: SkyState) -> BandLight:
 
 
 def finish_deform(deform: Deform) -> Deform:
-    """With all its work done."""
+    """Do all the work of a Deform."""
     run_to_end(_export_picture(deform))
     return deform
 

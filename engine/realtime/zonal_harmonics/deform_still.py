@@ -1,4 +1,4 @@
-"""A still in Deform's way, of the meshes as they stand."""
+"""Renders a still with Deform's method, of the meshes in their current poses."""
 
 from __future__ import annotations
 
@@ -12,6 +12,6 @@ from engine.render.still import StillProgress
 
 
 def render_deform(deform: Deform, resolution: tuple[int, int]) -> Generator[StillProgress, None, NDArray[np.float32]]:
-    """Radiance (H, W, 3) of a scene, as Deform shows it when the hand rests; yields how far it is."""
+    """Render radiance (H, W, 3) of a scene as Deform shows it at rest; yields the progress."""
     yield from deform.work()
     return deform.draw(deform.scene.description.camera, resolution, (), "rest")

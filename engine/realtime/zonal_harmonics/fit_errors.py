@@ -1,4 +1,4 @@
-"""How well a few zonal lobes hold transfer, as [Sloan05] measures it: of random functions and of a shadowed mesh."""
+"""Error of zonal lobes relative to transfer, as [Sloan05] measures it: of random functions and of a shadowed mesh."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from engine.scene.surface_points import surface_points
 
 Float64Array = NDArray[np.float64]
 
-# [Sloan05]: of a random vector of order 6 with 6 lobes (figure 2), of a shadowed mesh with 3 (section 3.3).
+# [Sloan05]: error of a random vector of order 6 with 6 lobes (figure 2), and of a shadowed mesh with 3 (section 3.3).
 PAPERS_RANDOM_6, PAPERS_MESH_3 = 0.00908, 0.045
 ORDER = 6
 MESH = ("idol", "head")
@@ -26,7 +26,7 @@ N_RANDOM, N_POINTS, N_RAYS = 200, 1100, 2000
 
 
 def random_vectors(count: int = N_RANDOM, n: int = ORDER) -> Float64Array:
-    """Vectors (P, n^2) of length 1 in random directions."""
+    """Unit vectors (P, n^2) in random directions."""
     vectors = np.random.default_rng(7).normal(size=(count, n * n))
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1)[:, None])
 
@@ -34,7 +34,7 @@ def random_vectors(count: int = N_RANDOM, n: int = ORDER) -> Float64Array:
 def shadowed_mesh(
     n_points: int = N_POINTS, n_rays: int = N_RAYS, n: int = ORDER
 ) -> Generator[float, None, Float64Array]:
-    """Vectors (P, n^2) of about so many vertices, evenly chosen, of the built-in head with its own shadows. Yields the
+    """Vectors (P, n^2) of about n_points vertices, evenly chosen, of the built-in head with its own shadows. Yields the
     share that is done."""
     scene = load_scene(builtin_scenes()[MESH[0]])
     i = scene.object_index(MESH[1])
@@ -52,8 +52,8 @@ def shadowed_mesh(
 def fit_errors(
     vectors: Float64Array, n_lobes: Sequence[int] = tuple(range(1, MAX_LOBES + 1))
 ) -> Generator[float, None, dict[int, float]]:
-    """For each number of lobes the error over all points, as a share of all points' signal: both root mean squares
-    [Sloan05, figure 3]. Yields the share that is done."""
+    """For each number of lobes the root mean square error over all points, divided by the root mean square of the
+    signal [Sloan05, figure 3]. Yields the share that is done."""
     signal = np.linalg.norm(vectors)
     found = {}
     for k, count in enumerate(n_lobes):

@@ -1,9 +1,9 @@
-"""What low frequencies allow of a layer that is not matt: a lobe about the direction its light comes from on average.
+"""Low-frequency approximation of a glossy layer: a lobe about the mean direction of the light that it reflects.
 
-For each angle of the eye the reflection is taken for symmetrical about that direction, and n bands of it are kept,
-moved as little as they must be for the lobe to have no rings (`engine.sphere.deringing`): with n = 6 it is some 33
-degrees wide, or more. How far a sharper one is off is known, and told. What of the light is blocked is taken for the
-same share as of a matt surface's.
+For each polar angle of wo, the reflection is taken to be symmetric about that direction, and n of its bands are stored,
+changed as little as necessary for the lobe to have no rings (`engine.sphere.deringing`): with n = 6 it is at least
+about 33 degrees wide. The error for sharper lobes is known, and reported. The share of light that is blocked is taken
+to be that of a Lambertian surface.
 """
 
 from __future__ import annotations
@@ -30,16 +30,17 @@ Float32Array = NDArray[np.float32]
 
 N_ANGLES = 16
 STEEPEST = np.radians(85.0)
-EVEN = 0.125  # of the mean light, that reaches all points where it is asked how much of the light is blocked
+EVEN = 0.125  # share of the mean light that is added to both sides of the visibility ratio
 _LEVEL = 5
 
 
 @dataclass(frozen=True, eq=False)
 class LowGloss:
-    """A layer's reflection for `N_ANGLES` angles of the eye, 0 to `STEEPEST`: bands (A, n, 3), what it makes of each
-    band of the light along its axis; lean (A,): how far that leans from the normal to the mirrored eye, radians.
+    """A layer's reflection for `N_ANGLES` polar angles of wo, 0 to `STEEPEST`: bands (A, n, 3), the factors of each
+    band of the light along the lobe's axis; lean (A,): angle in radians from the normal to the axis, towards the mirror
+    direction of wo.
 
-    lost: what n bands are off, as a share of the reflection's energy, 0 to 1, for an eye at 45 degrees.
+    lost_share: error of n bands as a share of the reflection's energy, 0 to 1, for wo at 45 degrees.
     """
 
     bands: Float32Array
@@ -48,7 +49,7 @@ class LowGloss:
 
     @property
     def albedo(self) -> Float64Array:
-        """What of even light it reflects (3,), of all angles of the eye."""
+        """Share of uniform light that it reflects (3,), averaged over all directions of wo."""
         angles = np.linspace(0.0, STEEPEST, N_ANGLES)
         weights = np.sin(2.0 * angles)
         return np.asarray(weights @ self.bands[:, 0] / weights.sum())
@@ -56,7 +57,7 @@ class LowGloss:
 
 @lru_cache(maxsize=64)
 def low_gloss(layer: Layer, n: int) -> LowGloss:
-    """Of order n; a layer that is not isotropic as it reflects along its tangent."""
+    """Compute the approximation of order n; an anisotropic layer is represented by its reflection along the tangent."""
     sphere = geodesic(_LEVEL)
     above = sphere.centres[:, 2] > 0.0
     wi, weights = sphere.centres[above], sphere.solid_angles[above, None]
@@ -70,7 +71,8 @@ def low_gloss(layer: Layer, n: int) -> LowGloss:
         legendre = eval_legendre(np.arange(n)[:, None], np.clip(wi @ axis, -1.0, 1.0))
         exact = legendre @ (weights * sent)
         bands[i] = np.stack([without_rings(exact[:, c]) for c in range(3)], axis=1)
-        # Of the square integral of what is sent: |f|^2 - |f - h|^2, of which f has the exact bands and h those kept.
+        # Share of the squared integral of the reflection that is lost: |f|^2 - |f - h|^2, where f has the exact bands
+        # and h the stored ones.
         grey, kept = exact @ LUMINANCE, bands[i] @ LUMINANCE
         held = ((2 * np.arange(n) + 1) / (4.0 * np.pi) * (2.0 * grey * kept - kept**2)).sum()
         lost[i] = 1.0 - held / max(float((weights[:, 0] * (sent @ LUMINANCE) ** 2).sum()), 1e-30)
@@ -83,9 +85,10 @@ def add_gloss(
     normals: Float32Array,
     camera_position: Float64Array, light: BandLight, white: Float32Array, sent: Float32Array,
 ) -> None:  # fmt: skip
-    """Add to sent (S, 3) what points (P,) of all send to the eye (3,), times factor (3,).
+    """Add to sent (S, 3) what points (P,), out of all, send to the camera (3,), times factor (3,).
 
-    places (S, 3), normals (S, 3), white (S, 3): what white matt points would send, which says how much is blocked.
+    places (S, 3), normals (S, 3); white (S, 3): radiance of white Lambertian points, which tells how much light is
+    blocked.
     """
     cosine = (clamped_cosine(light.table.shape[2]) / np.pi).astype(np.float32)
     bands = np.ascontiguousarray(gloss.bands * np.asarray(factor, np.float32))
@@ -101,5 +104,5 @@ def add_gloss(
 
 
 def even_light(light: BandLight) -> float:
-    """`EVEN` of what a white surface reflects of the light's mean, summed over the channels."""
+    """`EVEN` times what a white surface reflects of the mean light, summed over the channels."""
     return EVEN * float(light.harmonics[0].sum()) / float(np.sqrt(4.0 * np.pi))

@@ -1,5 +1,5 @@
-"""Tells the parts that a graphics card draws of (`engine.realtime.zonal_harmonics.gpu_parts`), which the window knows
-without all this; of a pose that moves, what the window does not have."""
+"""Exports the parts that a graphics card draws (`engine.realtime.zonal_harmonics.gpu_parts`), which the window's
+process can read without this module's imports; for a moving pose, only the parts that the window does not have."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ from engine.scene.scene_loader import Scene
 from engine.sphere.harmonics import clamped_cosine
 from engine.texture.gpu_export import ImageExporter, image_words, stroke_words
 
-_numbers = count(1 + randbits(48))  # of parts: another worker's are others
+_numbers = count(1 + randbits(48))  # of parts: random start, so that another worker's numbers differ
 
 
 class PictureExporter:
-    """Of one scene's points."""
+    """Exports pictures of one scene's points."""
 
     def __init__(self, points: BendingPoints, posed: PosedPoints, blockers: Blockers) -> None:
         self._points, self._posed, self._blockers = points, posed, blockers
@@ -51,7 +51,7 @@ class PictureExporter:
     def export(
         self, of: ShadingState, camera_position: NDArray[np.float64], poses: Poses, known: Numbers = NO_PARTS
     ) -> PictureExport:
-        """All of a picture but the parts whose numbers are known; eye (3,): where the camera stands."""
+        """Export a picture without the parts whose numbers are known; camera_position (3,)."""
         places, frames = self._posed.at(poses)
         if self._shape is None or self._shape[0] is not of.lobes:
             self._shape = of.lobes, shape_part(self._points, of.lobes)
@@ -76,7 +76,7 @@ class PictureExporter:
         )  # fmt: skip
 
     def _export_appearance(self, of: ShadingState) -> AppearancePart:
-        """The look, after the cover that it speaks of."""
+        """Export the appearance, after the cover that it refers to."""
         images, firsts = ImageExporter(of.scene.textures, of.scene.origin), dict[int, ExportedDetail]()
         n_told = 0
         for i, each in of.details.items():
@@ -145,14 +145,14 @@ def posed_part(
     blockers: Float32Array,
     camera_position: NDArray[np.float64],
 ) -> PosedPart:
-    """places (V, 3) of all that is drawn, frames (S, 3, 3) of the points, which are the first of them."""
+    """places (V, 3) of everything that is drawn; frames (S, 3, 3) of the points, which come first."""
     rows = np.zeros((len(places), 12), np.float32)
     rows[: len(frames), :9], rows[:, 9:] = frames.reshape(-1, 9), places
     return PosedPart(rows, axes, blockers, _as_triple(camera_position))
 
 
 def _corners(points: BendingPoints, which: NDArray[np.integer]) -> NDArray[np.int32]:
-    """Of triangles (T, 3, 4): place, points on front and back, 0."""
+    """Corners of triangles (T, 3, 4): place, points on front and back, 0."""
     surface = points.surface
     found = np.zeros((len(which), 3, 4), np.int32)
     found[..., 0] = surface.corners[which]
@@ -161,7 +161,7 @@ def _corners(points: BendingPoints, which: NDArray[np.integer]) -> NDArray[np.in
 
 
 def _covered_corners(scene: Scene, points: BendingPoints, which: NDArray[np.integer]) -> NDArray[np.int32]:
-    """Of triangles (T, 3, 12), without axes."""
+    """Corners of triangles (T, 3, 12), without axes."""
     at_rest = np.zeros((len(which), 3, 8), np.float32)
     at_rest[..., :2] = points.corner_uvs(scene, which)
     at_rest[..., 2:5] = points.corners_at_rest(which)
@@ -181,7 +181,7 @@ def _lobe_rows(detail: Detail) -> Float32Array:
 
 
 def _rows(lobes: Lobes) -> Float32Array:
-    """Low, then of each lobe its axis and its bands (P, 4 + N (3 + n))."""
+    """Pack lobes: low, then the axis and the bands of each lobe (P, 4 + N (3 + n))."""
     each = np.concatenate([lobes.axes, lobes.coefficients], axis=2).reshape(len(lobes.low), -1)
     return np.hstack([lobes.low, each])
 

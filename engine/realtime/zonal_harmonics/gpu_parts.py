@@ -1,6 +1,6 @@
-"""What moving pictures are drawn of by a graphics card, part by part: arrays as its buffers have them.
+"""The data of moving pictures, part by part, as arrays in the layout of GPU buffers.
 
-Shape, look, cover and sky stay as they are while a pose and a camera move; then nothing is sent but places and axes.
+Shape, appearance, cover and sky stay the same while pose and camera move; then only places and axes are sent.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ Int32Array = NDArray[np.int32]
 
 @dataclass(frozen=True, eq=False)
 class ShapePart:
-    """corners (3 T, 4) of triangles: the place of each, the point on the side that the winding faces and on the other,
-    -1 for none, the object; owners (S,): the object of each point; lobes (S, 4 + N (3 + n)): low, then of each lobe its
-    axis and its bands. number: another one has other arrays."""
+    """corners (3 T, 4) of triangles: place, the point on the side that the winding faces and on the other, -1 for none,
+    object; owners (S,): the object of each point; lobes (S, 4 + N (3 + n)): low, then each lobe's axis and bands.
+    number: differs for different arrays."""
 
     number: int
     corners: Int32Array
@@ -32,7 +32,8 @@ class ShapePart:
 
 @dataclass(frozen=True)
 class ExportedDetail:
-    """A `LobeMap` among the lobes of all: where it begins, its rows and columns, and lobes of each entry."""
+    """A `LobeMap` in the shared array of lobes: its first entry, rows and columns, and number of lobes of each
+    entry."""
 
     first: int
     shape: tuple[int, int]
@@ -43,7 +44,8 @@ class ExportedDetail:
 
 @dataclass(frozen=True)
 class ExportedTerm:
-    """What pixels add to an object: its matt light, of its points or of detail, times reflectance (3,) and maps."""
+    """A term that pixels add to an object: diffuse light, of its points or of detail, times reflectance (3,) and
+    maps."""
 
     i_object: int
     reflectance: tuple[float, float, float]
@@ -53,10 +55,10 @@ class ExportedTerm:
 
 @dataclass(frozen=True, eq=False)
 class CoverPart:
-    """What lies on objects by texture coordinates. corners (3 T, 12) of their triangles, object by object: the place of
-    each, the point on its front and on its back, -1 for none, its axes among those of the pose, texture coordinates,
-    the place on the mesh at rest and the normal of the face there (bits); ranges: the first and the last, excluded, of
-    an object's triangles; lobes: of all `ExportedDetail`; images and strokes: see `engine.texture.gpu_export`."""
+    """Detail and images on objects, by texture coordinates. corners (3 T, 12) of their triangles, object by object:
+    place, the point on the front and on the back, -1 for none, axes among those of the pose, texture coordinates, and
+    position and face normal at rest (bits); ranges: first and last, excluded, of an object's triangles; lobes: of all
+    `ExportedDetail`; images and strokes: see `engine.texture.gpu_export`."""
 
     number: int
     corners: Int32Array
@@ -69,12 +71,12 @@ class CoverPart:
 
 @dataclass(frozen=True, eq=False)
 class AppearancePart:
-    """harmonics (n^2, 3) and table (rows, columns, n, 3) of the light, see `BandLight`; objects (M, 8): albedo, the
-    first of its layers with gloss, emission, how many they are; gloss (G, A, 3 n + 1): of each such layer, for angles
-    of the eye up to `steepest`, its bands and its lean, see `LowGloss`; cosine (n,): the bands of a white matt surface;
+    """harmonics (n^2, 3) and table (rows, columns, n, 3) of the light, see `BandLight`; objects (M, 8): albedo, first
+    glossy layer, emission, number of glossy layers; gloss (G, A, 3 n + 1): for each glossy layer and polar angles of wo
+    up to `steepest`, its bands and its lean, see `LowGloss`; cosine (n,): the bands of a white Lambertian surface;
     even: see `engine.realtime.zonal_harmonics.gloss.even_light`; casts (M, C), spread (n,), least: see
-    `engine.realtime.zonal_harmonics.blockers`; turn, scale: of the sky, see `Backdrop`; terms: by the cover that is
-    told with it, or was."""
+    `engine.realtime.zonal_harmonics.blockers`; turn, scale: of the sky, see `Backdrop`; terms: refer to the cover that
+    is exported with it or was before."""
 
     number: int
     harmonics: Float32Array
@@ -94,7 +96,7 @@ class AppearancePart:
 
 @dataclass(frozen=True, eq=False)
 class SkyPart:
-    """radiance (h, w, 3) of what is behind it all, see `Backdrop`: the largest part, the same however it turns."""
+    """radiance (h, w, 3) of the background, see `Backdrop`: the largest part, independent of rotation."""
 
     number: int
     radiance: Float32Array
@@ -102,9 +104,10 @@ class SkyPart:
 
 @dataclass(frozen=True, eq=False)
 class PosedPart:
-    """places (V, 12) of all that is drawn: of points the rows of their axes, then where they are; of emitters' corners
-    that alone. axes (A, 9) that details lie in: along u, along v, outwards. blockers (K, 14): clusters of what shades
-    others, see `engine.realtime.zonal_harmonics.blockers`. eye (3,): where the camera stands among them."""
+    """places (V, 12) of everything that is drawn: of points the rows of their axes, then the position; of emitters'
+    corners the position alone. axes (A, 9) of details: along u, along v, outwards. blockers (K, 14): clusters that
+    shade other objects, see `engine.realtime.zonal_harmonics.blockers`. camera_position (3,): in the same coordinates.
+    """
 
     places: Float32Array
     axes: Float32Array
@@ -112,13 +115,14 @@ class PosedPart:
     camera_position: tuple[float, float, float]
 
 
-Numbers = tuple[int, int, int, int]  # of shape, look, cover and sky; 0 for none
+Numbers = tuple[int, int, int, int]  # of shape, appearance, cover and sky; 0 for none
 NO_PARTS: Numbers = (0, 0, 0, 0)
 
 
 @dataclass(frozen=True, eq=False)
 class PictureExport:
-    """All that a picture is drawn of: the pose, and parts by their numbers; those that are None are known by now."""
+    """Everything that a picture needs: the pose, and the other parts by their numbers; those that are None are known
+    already."""
 
     posed: PosedPart
     numbers: Numbers
@@ -128,6 +132,6 @@ class PictureExport:
     sky: SkyPart | None
 
     def is_missing_parts(self, known: Numbers) -> bool:
-        """Whether more parts are needed to draw it than it brings, and than those of these numbers."""
+        """Whether drawing requires parts that are neither included nor among these numbers."""
         parts = zip((self.shape, self.appearance, self.cover, self.sky), self.numbers, known, strict=True)
         return any(part is None and number != here for part, number, here in parts)

@@ -1,4 +1,4 @@
-"""Jacobians of a map of a surface that is known at its vertices alone, by differences over its triangles."""
+"""Jacobians of a map of a surface that is known only at its vertices, by differences over its triangles."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ _FLAT = 1e-12
 
 
 def gradients(before: Float64Array, after: Float64Array, triangles: NDArray[np.int32]) -> Float64Array:
-    """Jacobians (V, 3, 3) at the vertices of a mesh that goes from places (V, 3) to others: the mean over their
-    triangles, by area; a triangle's takes its edges along and its normal to its normal. The identity where a vertex has
-    none with an area."""
+    """Jacobians (V, 3, 3) at the vertices of a mesh that moves from `before` (V, 3) to `after`: the mean over adjacent
+    triangles, weighted by area. A triangle's Jacobian maps its edges to its edges and its normal to its normal. A
+    vertex without triangles of nonzero area gets the identity."""
     edges, there = _edges(before, triangles), _edges(after, triangles)
     areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     has_area = areas > _FLAT * (edges**2).sum(axis=2).max(axis=1)
@@ -37,7 +37,7 @@ def _edges(places: Float64Array, triangles: NDArray[np.int32]) -> Float64Array:
 
 
 def _with_normals(edges: Float64Array) -> Float64Array:
-    """Two edges and a normal as long as they are, as columns (T, 3, 3)."""
+    """Two edges and a normal of comparable length, as columns (T, 3, 3)."""
     normal = np.cross(edges[:, 0], edges[:, 1])
     doubled = np.linalg.norm(normal, axis=1, keepdims=True)
     normal = normal / np.sqrt(np.where(doubled > 0.0, doubled, 1.0))

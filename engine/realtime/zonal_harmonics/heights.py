@@ -1,6 +1,6 @@
-"""Heights of small patches that repeat over a surface: made by formula, or a picture's brightness.
+"""Height fields of small patches that repeat over a surface, by formula or from an image's brightness.
 
-Each is (H, W), in sides of the patch, row 0 at the top, and goes on without a seam on all sides.
+Each is (H, W), in units of the patch's side, row 0 at the top, and continues without a seam on all sides.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ SIDE = 128
 
 
 def bumps(side: int = SIDE) -> Float64Array:
-    """Half balls in rows that are set off against each other."""
+    """Hemispheres in staggered rows."""
     u, v = _places(side)
     radius, height = 0.19, np.zeros((side, side))
     for at_u, at_v in ((0.25, 0.25), (0.75, 0.25), (0.0, 0.75), (0.5, 0.75)):
@@ -33,7 +33,7 @@ def waffle(side: int = SIDE) -> Float64Array:
 
 
 def swirl(side: int = SIDE) -> Float64Array:
-    """Ridges that wind about the patch's middle and flatten out towards its edge."""
+    """Ridges that spiral around the patch's centre and flatten towards its edge."""
     u, v = _places(side)
     x, y = u - 0.5, v - 0.5
     radius = np.hypot(x, y)
@@ -42,18 +42,18 @@ def swirl(side: int = SIDE) -> Float64Array:
 
 
 def weave(side: int = SIDE) -> Float64Array:
-    """Four threads each way, round, that go over and under each other."""
+    """Four round threads in each direction that pass over and under each other."""
     u, v = _places(side)
     up, across = (_thread(each) for each in (u, v))
-    # At a crossing one lies above: crossings take turns like the squares of a chess board.
+    # At a crossing one thread is above: crossings alternate like the squares of a chess board.
     turn = np.cos(4.0 * np.pi * u) * np.cos(4.0 * np.pi * v)
     return np.asarray(0.03 * np.maximum(up * (1.0 + 0.8 * turn), across * (1.0 - 0.8 * turn)))
 
 
 def of_image(image: ArrayLike, height: float = 0.1) -> Float64Array:
-    """From a picture's brightness (H, W) or linear RGB (H, W, 3): black at 0, its brightest at `height` [Sloan05, 6].
+    """From an image's brightness (H, W) or linear RGB (H, W, 3): black at 0, the brightest at `height` [Sloan05, 6].
 
-    Raises ValueError where it is not a picture of finite numbers.
+    Raises ValueError if it is not an image of finite numbers.
     """
     values = np.asarray(image, np.float64)
     if values.ndim not in (2, 3) or 0 in values.shape or not np.isfinite(values).all():
@@ -67,22 +67,22 @@ PATTERNS: dict[str, Callable[..., Float64Array]] = {"bumps": bumps, "waffle": wa
 
 
 def _places(side: int) -> tuple[Float64Array, Float64Array]:
-    """u and v (H, W) of the texels' middles."""
+    """u and v (H, W) of the texels' centres."""
     middle = (np.arange(side) + 0.5) / side
     return np.tile(middle, (side, 1)), np.tile(1.0 - middle[:, None], (1, side))
 
 
 def _periodic_distance(value: Float64Array, place: float, period: float = 1.0) -> Float64Array:
-    """The distance to the nearest of places that repeat."""
+    """Distance to the nearest of periodic places."""
     return np.abs(np.mod(value - place + period / 2.0, period) - period / 2.0)
 
 
 def _thread(value: Float64Array) -> Float64Array:
-    """The profile of threads that lie a quarter apart."""
+    """Profile of threads that are a quarter apart."""
     return np.asarray(np.sqrt(np.maximum(1.0 - (_periodic_distance(value, 0.0, 0.25) / 0.11) ** 2, 0.0)))
 
 
 def _smooth(value: Float64Array) -> Float64Array:
-    """From 0 below 0 to 1 above 1 without a kink."""
+    """Smooth step from 0 below 0 to 1 above 1."""
     t = np.clip(value, 0.0, 1.0)
     return np.asarray(t * t * (3.0 - 2.0 * t))

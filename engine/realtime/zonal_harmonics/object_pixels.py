@@ -1,4 +1,4 @@
-"""The pixels that show an object, where more is to be known of them than what lies between its points."""
+"""The pixels that show one object, for values that need more detail than interpolation between points gives."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ Float32Array = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class Pixels:
-    """N pixels: rows and columns (N,); triangle (N,) that each shows, and the shares (N, 3) of its corners; whether its
-    front is seen (N,); points (N, 3) at the corners on that side, -1 for none."""
+    """N pixels: rows and columns (N,); the triangle (N,) that each shows, and barycentric weights (N, 3); is_front
+    (N,); points (N, 3) at the corners on the visible side, -1 for none."""
 
     rows: IntegerArray
     columns: IntegerArray
@@ -38,7 +38,7 @@ class Pixels:
 
     @cached_property
     def at(self) -> Intersections:
-        """Where on the scene's meshes."""
+        """Positions on the scene's meshes."""
         u, v = np.einsum("nk,nki->in", self.weights, self._all.within[self.triangle])
         return Intersections(self._all.source[self.triangle], u, v, np.zeros(len(u), np.float32))
 
@@ -47,7 +47,7 @@ class Pixels:
         return np.einsum("nk,nki->ni", self.weights, self._corner_uvs(scene))
 
     def factor(self, scene: Scene, maps: LayerMaps, is_quick: bool) -> Float32Array:
-        """By what images and strokes multiply a layer (N, 3), filtered over the pixel; is_quick: by fewer look-ups."""
+        """Factor of images and strokes for a layer (N, 3), filtered over the pixel; is_quick: with fewer look-ups."""
         if maps.is_plain:
             return np.ones((1, 3), np.float32)
         corners = self._corner_uvs(scene)
@@ -64,12 +64,12 @@ class Pixels:
         return np.asarray(maps.factor(texture, paint_weights(scene, self.at, maps.strokes, weight)), np.float32)
 
     def _corner_uvs(self, scene: Scene) -> Float64Array:
-        """Of the corners of what pixels show (N, 3, 2)."""
+        """Texture coordinates of the visible triangles' corners (N, 3, 2)."""
         return self._all.corner_uvs(scene, self.triangle)
 
 
 def pixels_of(i_object: int, drawn: RasterResult, points: BendingPoints) -> Pixels | None:
-    """Those that show an object; None where none does."""
+    """The pixels that show an object; None if there are none."""
     surface, sees = points.surface, drawn.found >= 0
     rows, columns = np.nonzero(sees & (surface.i_object[np.where(sees, drawn.found, 0)] == i_object))
     if not len(rows):

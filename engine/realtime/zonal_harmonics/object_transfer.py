@@ -1,4 +1,4 @@
-"""The transfer of one object of a scene, as it is said to be: what it hangs on, and how it is found."""
+"""The transfer of one object of a scene: what it depends on, and how it is computed."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ ORDER, N_LOBES = 6, 4
 
 @dataclass(frozen=True)
 class ObjectTransfer:
-    """Which object's; the objects that shade its points; what is said of its surface; how bright its points are,
-    and how often light goes from it onto itself; rays and lobes a point."""
+    """Description of one object's transfer: the object; the objects that shade its points; its surface; its points'
+    reflectance and the number of bounces on the object itself; rays and lobes of each point."""
 
     i_object: int
     casters: tuple[int, ...]
@@ -39,11 +39,11 @@ class ObjectTransfer:
 
     @property
     def is_worth_storing(self) -> bool:
-        """Whether it takes longer to find than to read; a membrane's map may change beneath what is kept."""
+        """Whether computing it takes longer than reading it; a membrane's map may also change while the cache stays."""
         return self.surface.membrane is None
 
     def dependencies(self, scene: Scene, points: BendingPoints) -> tuple[object, ...]:
-        """All that it hangs on."""
+        """Everything that it depends on."""
         surface = self.surface
         if surface.wrinkles is not None:  # one map for all depths
             return ("wrinkles 2",)
@@ -55,25 +55,25 @@ class ObjectTransfer:
         return *points.geometry(self.i_object, self.casters), *own, self.n_rays, *lobes
 
     def n_places(self, scene: Scene, points: BendingPoints) -> int:
-        """How many places it is found at: the object's points, or a map's texels."""
+        """Number of places it is computed at: the object's points, or a map's texels."""
         if self.surface.is_mapped:
             return n_texels(scene, self.surface)
         return len(points.points_of(self.i_object))
 
     def compute(self, scene: Scene, points: BendingPoints) -> Generator[float, None, Zonal]:
-        """By rays, where these are needed, then lobes. Yields the share of the rays that is done."""
+        """Compute transfer by rays, where needed, and fit lobes. Yields the share of the rays that is done."""
         surface = self.surface
         if surface.membrane is not None:
             return membrane(_translucency(scene, points, self.i_object, surface.membrane.translucency), ORDER)
         if surface.wrinkles is not None:
             return (yield from wrinkle_lobes(ORDER))
         vectors = yield from self._vectors(scene, points)
-        if self.n_lobes == 1:  # which is soon to be another
+        if self.n_lobes == 1:  # it will soon be replaced
             return fit_linear_lobe(vectors)
         return (yield from map_steps(fit(vectors, self.n_lobes), lambda _: 1.0))
 
     def _vectors(self, scene: Scene, points: BendingPoints) -> Generator[float, None, NDArray[np.float64]]:
-        """Of the object's points, or of a patch's texels (P, n^2)."""
+        """Vectors of the object's points or of a patch's texels (P, n^2)."""
         if self.surface.patch is not None:
             return (yield from patch_vectors(scene, self.surface.patch, ORDER, self.n_rays))
         mesh, caster = points.mesh(self.i_object, self.casters), points.caster(self.casters)
@@ -90,7 +90,8 @@ class ObjectTransfer:
 
 
 class TransferStore(Protocol):
-    """Where fitted transfer is kept, by all that it hangs on. What `get` finds is of so many places."""
+    """Stores fitted transfer by everything that it depends on. `get` returns transfer of the requested number of
+    places."""
 
     def get(self, made_of: tuple[object, ...], n_places: int) -> Zonal | None: ...
 
@@ -98,13 +99,13 @@ class TransferStore(Protocol):
 
 
 class TransferCache:
-    """What was found of a scene's objects: the last two of each at hand, for one that bends will rest again, and all
-    on the shelf."""
+    """Caches the transfer of a scene's objects: the last two of each in memory, because a bent object returns to rest,
+    and all of them in the store."""
 
     def __init__(self, scene: Scene, points: BendingPoints, store: TransferStore | None) -> None:
         self._scene, self._points, self._store = scene, points, store
         self._at_hand: dict[ObjectTransfer, Zonal] = {}
-        self._loaded: dict[int, ObjectTransfer] = {}  # in vain, the last of each object
+        self._loaded: dict[int, ObjectTransfer] = {}  # the last look-up of each object, which is not repeated
 
     def get(self, wanted: ObjectTransfer) -> Zonal | None:
         if wanted in self._at_hand or self._loaded.get(wanted.i_object) == wanted:
@@ -129,7 +130,7 @@ class TransferCache:
 
 
 def _translucency(scene: Scene, points: BendingPoints, i: int, surface: float | str) -> NDArray[np.float64]:
-    """Of an object's points (P,), 0 to 1."""
+    """Translucency of an object's points (P,), 0 to 1."""
     if not isinstance(surface, str):
         return np.full(len(points.points_of(i)), surface)
     image = scene.textures.weight(Images(weight=surface))

@@ -1,8 +1,8 @@
 """Patches of detail that repeat over a surface: their transfer as a texture [Sloan05, 6].
 
-A patch is a height field, simulated once among its own copies; its texels hold zonal lobes in the axes of the surface
-that it is laid on: tangent along u, bitangent along v, normal. So it goes onto any surface with texture coordinates,
-however that is bent, and costs no more of it. Detail shades itself, and does not move what is seen.
+A patch is a height field, simulated once among copies of itself. Its texels hold zonal lobes in the axes of the surface
+below: tangent along u, bitangent along v, normal. So it fits any surface with texture coordinates, however that bends,
+at no further cost. Detail shades itself, but does not displace the surface.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from engine.scene.surface_points import surface_points
 
 Float64Array = NDArray[np.float64]
 
-UNDER_EVERY = 4  # texels, between places where light enters from below
+UNDER_EVERY = 4  # texels between the places where light enters from below
 
 
 @dataclass(frozen=True)
 class Slab:
-    """What a patch is made of where light goes through it: a medium, by the patch's side in place of the metre, and how
-    far its flat underside, which is lit from below, lies under height 0."""
+    """The material of a patch that transmits light: a medium, in units of the patch's side instead of metres, and the
+    depth of its flat underside, which is lit from below, below height 0."""
 
     medium: Medium
     thickness: float
@@ -47,10 +47,10 @@ class Slab:
 def simulate_patch(
     heights: ArrayLike, n: int, albedo: float = 0.0, n_bounces: int = 0, slab: Slab | None = None, n_rays: int = N_RAYS
 ) -> Generator[float, None, Float64Array]:
-    """The vectors (H W, n^2) of a patch's texels, row by row, with its shadows and either what it reflects onto itself
-    or, of a slab, what light goes through it. heights (H, W): see `heights`. Yields the share that is done.
+    """Compute the vectors (H W, n^2) of a patch's texels, row by row, with its shadows and either its reflections onto
+    itself or, of a slab, the light that it transmits. heights (H, W): see `heights`. Yields the share that is done.
 
-    Raises ValueError where heights are not finite, or the slab has no thickness there.
+    Raises ValueError if heights are not finite, or the slab has no thickness somewhere.
     """
     heights = np.asarray(heights, np.float64)
     if heights.ndim != 2 or min(heights.shape) < 2 or not (np.abs(heights) <= 10.0).all():
@@ -72,8 +72,8 @@ def simulate_patch(
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """A patch's lobes as they are looked up: low (H, W, 4), axes (H, W, N, 3), coefficients (H, W, N, n); errors (H, W)
-    of their fit, as shares."""
+    """A patch's lobes for look-ups: low (H, W, 4), axes (H, W, N, 3), coefficients (H, W, N, n); errors (H, W) of their
+    fit, relative."""
 
     low: NDArray[np.float32]
     axes: NDArray[np.float32]
@@ -81,8 +81,8 @@ class Patch:
     errors: Float64Array
 
     def at(self, uvs: ArrayLike) -> Lobes:
-        """The lobes at texture coordinates (P, 2), which repeat: bands that are kept as they are lie between texels,
-        lobes are the nearest texel's, as neighbours' have nothing to do with each other."""
+        """Look up the lobes at texture coordinates (P, 2), which repeat: the exact low bands are interpolated, lobes
+        are the nearest texel's, because those of neighbours do not correspond."""
         uvs = np.ascontiguousarray(uvs, np.float64)
         found = Lobes(*(np.empty((len(uvs), *each.shape[2:]), np.float32) for each in self._maps()))
         on_threads(
@@ -94,7 +94,7 @@ class Patch:
         return found
 
     def errors_at(self, uvs: ArrayLike) -> Float64Array:
-        """Of the texels (P,) that hold texture coordinates (P, 2)."""
+        """Errors of the texels (P,) that contain texture coordinates (P, 2)."""
         height, width = self.errors.shape
         u, v = np.mod(np.asarray(uvs, np.float64), 1.0).T
         return self.errors[np.minimum(((1.0 - v) * height).astype(int), height - 1), (u * width).astype(int) % width]
@@ -104,7 +104,7 @@ class Patch:
 
 
 def patch(zonal: Zonal, shape: tuple[int, int]) -> Patch:
-    """Of lobes fitted to the vectors of a patch's texels."""
+    """Make a patch of lobes fitted to the vectors of its texels."""
     flat = lobes(zonal)
     maps = flat.low, flat.axes, flat.coefficients
     low, axes, coefficients = (each.reshape(*shape, *each.shape[1:]) for each in maps)
@@ -112,7 +112,7 @@ def patch(zonal: Zonal, shape: tuple[int, int]) -> Patch:
 
 
 def _among_copies(heights: Float64Array) -> tuple[TransferPoints, RayCaster]:
-    """The texels of a patch, and what stands around them: the patch and its eight neighbours."""
+    """Make the mesh of a patch's texels and its surroundings: the patch and its eight neighbours."""
     n_rows, n_columns = heights.shape
     row, column = np.mgrid[-n_rows : 2 * n_rows + 1, -n_columns : 2 * n_columns + 1]
     height = heights[row % n_rows, column % n_columns]
@@ -129,14 +129,14 @@ def _among_copies(heights: Float64Array) -> tuple[TransferPoints, RayCaster]:
     upright = np.tile(np.eye(3), (len(normals), 1, 1))
     frames = orthonormal(np.concatenate([upright[:, :2], normals[:, None]], axis=1), upright)
     numbers = ((row % n_rows) * n_columns + column % n_columns).ravel().astype(np.int32)
-    corners = numbers[triangles]  # a copy's are the patch's own: only their normals say which way they face
+    corners = numbers[triangles]  # a copy has the patch's own vertices: only its normals give its orientation
     points = surface_points(caster, inside, normals)
     return TransferPoints(points, frames, corners, normals[corners].sum(axis=1)), caster
 
 
 def _sources(places: Float64Array, upright: Float64Array, shape: tuple[int, int], slab: Slab) -> Sources:
-    """Where light enters a slab from above and from below, in the patch and as far around it as the medium reaches; of
-    what enters below there is one vector, after those of the texels."""
+    """Make the places where light enters a slab from above and from below, in the patch and as far around it as the
+    medium's reach; one vector, after those of the texels, describes all light from below."""
     reach = min(slab.medium.reach, 2.0)
     texel = 1.0 / (shape[0] * shape[1])
     under = [np.arange(0, size, UNDER_EVERY) for size in shape]
@@ -153,5 +153,5 @@ def _sources(places: Float64Array, upright: Float64Array, shape: tuple[int, int]
 
 
 def _mirrored(n: int) -> Float64Array:
-    """What turns a function of order n upside down, about the plane z = 0: (n^2,)."""
+    """Factors (n^2,) that reflect a function of order n at the plane z = 0."""
     return np.array([(-1.0) ** (band + m) for band in range(n) for m in range(-band, band + 1)])

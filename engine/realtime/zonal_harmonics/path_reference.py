@@ -1,5 +1,5 @@
-"""A pose as paths show it, pass by pass; and that beside Deform's own picture and transfer that does not turn, as three
-parts of one [Sloan05, figure 6]."""
+"""A path-traced picture of a pose, pass by pass, and its comparison with Deform's own picture and with transfer that
+does not rotate, as three parts of one picture [Sloan05, figure 6]."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from engine.scene.scene_loader import Scene
 
 Float32Array = NDArray[np.float32]
 
-N_PASSES, N_SAMPLES = 32, 4  # of so many paths a pixel each
-_MISSING = 0.2  # how bright the own picture stands where paths have not come yet
+N_PASSES, N_SAMPLES = 32, 4  # passes of so many paths a pixel each
+_MISSING = 0.2  # brightness of the own picture where no paths have arrived yet
 
 
 class PathReference:
-    """What paths have shown by now: picture (H, W, 3), None before the first pass."""
+    """The accumulated path-traced picture (H, W, 3), None before the first pass."""
 
     def __init__(self, scene: Scene, poses: Poses) -> None:
-        """scene: at rest, seen as it is to be traced."""
+        """scene: at rest, with the camera to trace from."""
         self._placement = Placement(pose_scene(scene, poses))
         self.n_passes = 0
         self.picture: Float32Array | None = None
 
     def trace(self, layers_of: LayersOf, sky: SkyState, n_bounces: int) -> Generator[StillProgress, None, None]:
-        """One pass more."""
+        """Trace one more pass."""
         found = yield from render_paths(self._placement, layers_of, sky, n_bounces, N_SAMPLES, seed=self.n_passes)
         self.n_passes += 1
         before = np.zeros_like(found) if self.picture is None else self.picture
@@ -42,8 +42,9 @@ class PathReference:
 def compose_split(
     traced: Float32Array | None, stays: Float32Array, own: Float32Array, split: tuple[float, float]
 ) -> Float32Array:
-    """One picture (H, W, 3) of three: up to the first share of its width what paths show, up to the second transfer
-    that does not turn, then the own. traced may have other pixels; None: not there yet, so that the own stands dark."""
+    """Compose one picture (H, W, 3) of three: up to the first share of its width the traced one, up to the second
+    transfer that does not rotate, then the own. traced may have another resolution; None: not available yet, shown as a
+    darkened own picture."""
     height, width = own.shape[:2]
     first, second = (round(share * width) for share in split)
     left = own * np.float32(_MISSING)

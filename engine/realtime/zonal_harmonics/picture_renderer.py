@@ -1,5 +1,5 @@
-"""Pictures of points that bend, drawn by compiled code: what points send, triangles between them, and what is to be
-known pixel by pixel."""
+"""Draws pictures of bending points with compiled code: the points' radiance, triangles between them, and details pixel
+by pixel."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Quality = Literal["moving", "rest"]
 
 
 class PictureRenderer:
-    """Of one scene's points."""
+    """Draws pictures of one scene's points."""
 
     def __init__(self, scene: Scene, points: BendingPoints) -> None:
         self._points = points
@@ -37,7 +37,7 @@ class PictureRenderer:
         self, of: ShadingState, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (),
         quality: Quality = "moving", turned: bool = True,
     ) -> Float32Array:  # fmt: skip
-        """Radiance (H, W, 3); see `Deform.draw`."""
+        """Draw radiance (H, W, 3); see `Deform.draw`."""
         points, camera_position, fine = (
             self._points,
             camera_position_of(of.scene, camera),
@@ -55,7 +55,7 @@ class PictureRenderer:
     def draw_errors(
         self, of: ShadingState, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = ()
     ) -> Float32Array:
-        """How far the lobes of what is seen are off (H, W, 3); see `Deform.draw_errors`."""
+        """Draw the errors of the visible lobes (H, W, 3); see `Deform.draw_errors`."""
         drawn = draw(
             self._points.surface, self.posed.at(poses)[0], camera, camera_position_of(of.scene, camera), resolution
         )
@@ -71,7 +71,7 @@ class PictureRenderer:
     def _shade_points(
         self, of: ShadingState, poses: Poses, places: Float32Array, frames: Float32Array, turned: bool
     ) -> Float32Array:
-        """What white matt points send (S, 3), with the shadows that no transfer has."""
+        """Radiance of white Lambertian points (S, 3), with the shadows that transfer does not contain."""
         made_of = (poses, turned, of.lobes, of.bands, of.casters)
         if self._white[0] != made_of:
             turns = frames if turned else self._points.rest_frames_of_drawn
@@ -89,7 +89,7 @@ class PictureRenderer:
         camera_position: NDArray[np.float64],
         white: Float32Array,
     ) -> Float32Array:
-        """What points send to the eye of layers that are not matt (S, 3)."""
+        """Radiance that points with glossy layers send to the camera (S, 3)."""
         sent = np.zeros_like(white)
         normals = np.ascontiguousarray(frames[:, 2])
         for i in of.layers_of:
@@ -118,7 +118,7 @@ class PictureRenderer:
             picture[pixels.rows, pixels.columns] += np.maximum(diffuse * factor * albedo(layer), 0.0)
 
     def _diffuse(self, of: ShadingState, i: int, pixels: Pixels, white: Float32Array) -> Float32Array:
-        """What white matt pixels send (N, 3)."""
+        """Radiance of white Lambertian pixels (N, 3)."""
         if i not in of.details:
             return np.einsum("nk,nki->ni", pixels.weights, white[pixels.points])
         numbers, axes = self.posed.axes_of(i)
@@ -127,11 +127,11 @@ class PictureRenderer:
 
 
 def camera_position_of(scene: Scene, camera: CameraDescription) -> NDArray[np.float64]:
-    """Where a camera stands among a scene's vertices (3,)."""
+    """A camera's position in the coordinates of a scene's vertices (3,)."""
     return np.subtract(camera.position, scene.origin).astype(np.float64)
 
 
 def _downsample(picture: Float32Array) -> Float32Array:
-    """With half as many pixels a side."""
+    """Halve the resolution."""
     height, width = picture.shape[0] // 2, picture.shape[1] // 2
     return np.asarray(picture.reshape(height, 2, width, 2, 3).mean(axis=(1, 3)), np.float32)

@@ -1,7 +1,7 @@
-"""A mesh in another pose: deformers in a row, and the axes that its points have then [Sloan05, 5].
+"""A mesh in a pose: a sequence of deformers, and the axes that its points get [Sloan05, 5].
 
-The Jacobian of the whole row, by the chain rule, takes tangents along and normals by its cofactors, which need no
-inverse: where space collapses, a point keeps what axes it can.
+The Jacobian of the whole sequence, by the chain rule, transforms tangents; its cofactors transform normals and need no
+inverse: where space collapses, a point keeps as much of its axes as possible.
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ Float64Array = NDArray[np.float64]
 
 MAX_GROWTH = 1000.0
 _SHORT = 1e-12
-_SIDES = 9  # of a cube, at so many places along each
-AXES = {"x": (1, 0, 2), "y": (0, 1, 2), "z": (0, 2, 1)}  # places of across, axis, depth
+_SIDES = 9  # sample points along each edge of a cube
+# Indices of the horizontal axis, the deformer's axis and the depth axis.
+AXES = {"x": (1, 0, 2), "y": (0, 1, 2), "z": (0, 2, 1)}
 
 
 @dataclass(frozen=True)
 class Deformation:
-    """One deformer at work: its kind's name, how much, and which of the object's axes it stands on: x, y or z."""
+    """An applied deformer: its kind's name, the amount, and the axis of the object that it acts along: x, y or z."""
 
     kind: str
     amount: float
@@ -44,7 +45,7 @@ class Deformation:
 
 @dataclass(frozen=True)
 class Moment:
-    """Where an animation of the object's file has taken it at a time, seconds; beyond its ends it begins anew."""
+    """A time, in seconds, of an animation from the object's file; beyond its ends it repeats."""
 
     clip: str
     time: float
@@ -54,12 +55,12 @@ class Moment:
             raise ValueError(f"time {self.time:g}, expected a finite number of seconds")
 
 
-Motion = tuple[Moment | Deformation, ...]  # what an object goes through, one after another; a moment comes first
-Poses = tuple[tuple[str, Motion], ...]  # of objects, by name
+Motion = tuple[Moment | Deformation, ...]  # the steps that pose an object, in order; a moment comes first
+Poses = tuple[tuple[str, Motion], ...]  # by object name
 
 
 def without_identity(poses: Sequence[tuple[str, Motion]]) -> Poses:
-    """What of them moves anything: no deformer of no amount, no object without any."""
+    """Remove what moves nothing: deformers of amount 0 and objects without any."""
     rows = ((name, tuple(each for each in row if isinstance(each, Moment) or each.amount)) for name, row in poses)
     return tuple((name, row) for name, row in rows if row)
 
@@ -73,13 +74,13 @@ class Pose:
 
     @property
     def box(self) -> Float64Array:
-        """The least and the largest corner (2, 3)."""
+        """Bounding box: minimum and maximum (2, 3)."""
         return np.stack([self.positions.min(axis=0), self.positions.max(axis=0)])
 
 
 def deform(pose: Pose, deformations: Sequence[Deformation], box: Float64Array | None = None) -> Pose:
-    """The pose after the deformers, one after another, each in the same box (2, 3): the resting mesh's, or None where
-    that is the pose's own."""
+    """Apply deformers one after another, each in the same box (2, 3): the resting mesh's, or None for the pose's
+    own."""
     if not deformations:
         return pose
     positions, jacobians = pose.positions, np.broadcast_to(np.eye(3), pose.frames.shape)
@@ -88,7 +89,7 @@ def deform(pose: Pose, deformations: Sequence[Deformation], box: Float64Array | 
         places = list(AXES[deformation.axis])
         foot, height = (low + high) / 2.0, high[places[1]] - low[places[1]]
         if not height > 0.0:
-            continue  # flat along that axis: there is nothing to bend
+            continue  # flat along that axis: nothing can bend
         foot[places[1]] = low[places[1]]
         moved, jacobian = KINDS[deformation.kind].move((positions - foot)[:, places] / height, deformation.amount)
         back = np.argsort(places)
@@ -98,14 +99,14 @@ def deform(pose: Pose, deformations: Sequence[Deformation], box: Float64Array | 
 
 
 def largest_growth(deformations: Sequence[Deformation]) -> float:
-    """How many times as large a cube becomes by deformers, one after another, along the axis where that is most."""
+    """Largest factor by which deformers, applied one after another, lengthen a unit cube along an axis."""
     places = np.stack(np.meshgrid(*[np.linspace(0.0, 1.0, _SIDES)] * 3), axis=-1).reshape(-1, 3)
     moved = deform(Pose(places, np.broadcast_to(np.eye(3), (len(places), 3, 3))), deformations)
     return float(np.ptp(moved.positions, axis=0).max())
 
 
 def check_extent(name: str, positions: Float64Array, most: float) -> None:
-    """Raises InsituError where an object, by name, reaches farther than so many metres in a pose."""
+    """Raise InsituError if an object, by name, extends beyond so many metres in a pose."""
     extent = float(np.abs(positions).max(initial=0.0))
     if not extent <= most:
         raise InsituError(f"{name}: reaches {extent:.3g} m in this pose, expected at most {most:g} m")
@@ -114,7 +115,8 @@ def check_extent(name: str, positions: Float64Array, most: float) -> None:
 def deformed_frames(frames: ArrayLike, jacobians: ArrayLike) -> Float64Array:
     """Axes (V, 3, 3), rows tangent, bitangent, normal, after maps with these Jacobians (V, 3, 3).
 
-    The normal stays normal to the surface, on its outer side; the tangent stays as near to its image as it may.
+    The normal stays perpendicular to the surface, on its outer side; the tangent stays as close to its image as
+    possible.
     """
     frames, jacobians = np.asarray(frames, np.float64), np.asarray(jacobians, np.float64)
     normal = np.einsum("vab,vb->va", _cofactors(jacobians), frames[:, 2])
@@ -124,8 +126,8 @@ def deformed_frames(frames: ArrayLike, jacobians: ArrayLike) -> Float64Array:
 
 
 def orthonormal(frames: Float64Array, instead: Float64Array) -> Float64Array:
-    """Axes (V, 3, 3) with the normals' directions and tangents as near to these as they may be; where one has no
-    length, that of others."""
+    """Orthonormalize axes (V, 3, 3): keep the normals' directions, and tangents as close as possible; where a vector
+    has no length, take it from `instead`."""
     normal = _unit(frames[:, 2], instead[:, 2])
     tangent = _unit(_across(frames[:, 0], normal), _across(instead[:, 0], normal))
     tangent = _unit(tangent, np.cross(instead[:, 1], normal))
@@ -143,7 +145,7 @@ def _across(vectors: Float64Array, normal: Float64Array) -> Float64Array:
 
 
 def _unit(vectors: Float64Array, instead: Float64Array) -> Float64Array:
-    """Vectors (V, 3) of length 1; where they have none, the others (V, 3)."""
+    """Normalize vectors (V, 3); where they have no length, take those of `instead` (V, 3)."""
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     others = np.linalg.norm(instead, axis=1, keepdims=True)
     has_length = lengths > _SHORT

@@ -1,4 +1,4 @@
-"""Where all that is drawn of a scene stands in a pose; what did not move since the last one stays."""
+"""Positions of everything that is drawn of a scene in a pose; updates only what moved since the last pose."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class PosedPoints:
         self._axes_now: dict[int, tuple[object, Float32Array]] = {}
 
     def at(self, poses: Poses) -> tuple[Float32Array, Float32Array]:
-        """Places (V, 3) of all that is drawn, and axes (S, 3, 3) of points. Raises InsituError where an object would
-        reach beyond the largest scene."""
+        """Positions (V, 3) of everything that is drawn, and axes (S, 3, 3) of points. Raises InsituError if an object
+        would extend beyond the largest allowed scene."""
         scene = self._scene
         rows = {scene.object_index(name): row for name, row in poses if name in scene.object_names}
         for i in range(len(scene.smooth)):
@@ -38,15 +38,15 @@ class PosedPoints:
         return self._points.places, self._points.frames
 
     def animation_offsets(self, poses: Poses) -> dict[str, tuple[float, float, float]]:
-        """How far animations have carried the objects in these poses, by name: x, y, z; names of none do not count, as
-        where a document has an object that the scene is yet to be opened with."""
+        """Translations (x, y, z) by animations of the objects in these poses, by name; unknown names are ignored,
+        because a document may have an object before the scene is opened with it."""
         self.at(poses)
         names = [name for name, _ in poses if name in self._scene.object_names]
         shifts = {name: self._shifts[self._scene.object_index(name)] for name in names}
         return {name: (float(x), float(y), float(z)) for name, (x, y, z) in shifts.items() if x or y or z}
 
     def axes_of(self, i: int) -> tuple[Int32Array, Float32Array]:
-        """Which axes along texture coordinates the corners of an object's triangles have, and these as they stand now,
+        """Indices of the axes along texture coordinates at the corners of an object's triangles, and the current axes,
         see `SurfaceAxes`."""
         if i not in self._axes:
             self._axes[i] = SurfaceAxes(self._scene, self._points, i)
@@ -56,7 +56,7 @@ class PosedPoints:
         return own.numbers, self._axes_now[i][1]
 
     def _pose(self, i: int, row: Motion) -> Pose:
-        """Where a row takes all that is drawn of an object."""
+        """Compute the pose of everything that is drawn of an object."""
         carried = resting = self._points.rest_geometry(i)
         self._shifts[i] = np.zeros(3)
         if moment_of(self._scene, i, row) is not None:

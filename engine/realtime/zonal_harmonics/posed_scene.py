@@ -1,4 +1,4 @@
-"""A scene whose objects stand in other poses: the same triangles, with their corners and normals moved."""
+"""A scene with objects in other poses: the same triangles, with moved vertices and normals."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from engine.scene.scene_loader import MAX_EXTENT, Scene
 
 
 def pose_scene(scene: Scene, poses: Poses) -> Scene:
-    """The scene with these objects, by name, in these poses; names of none do not count. The same scene where nothing
-    is moved. Raises InsituError where one of them would reach beyond the largest scene.
+    """Return the scene with these objects, by name, in these poses; unknown names are ignored. Returns the same scene
+    if nothing moves. Raises InsituError if an object would extend beyond the largest allowed scene.
 
-    A face that has no area left keeps the normal it had.
+    A face that loses all its area keeps its normal.
     """
     moving = [(scene.object_index(name), row) for name, row in poses if name in scene.object_names]
     if not moving:
@@ -39,18 +39,18 @@ def pose_scene(scene: Scene, poses: Poses) -> Scene:
 
 
 def deformers(row: Motion) -> list[Deformation]:
-    """What comes after the moment."""
+    """The deformers of a motion, without its moment."""
     return [each for each in row if isinstance(each, Deformation)]
 
 
 def animation_offset(rest: Pose, moment: Pose) -> NDArray[np.float64]:
-    """How far an animation has carried an object as a whole (3,): the box that deformers stand in goes along."""
+    """Translation (3,) of an object as a whole by an animation: the deformers' box moves along."""
     return np.asarray((moment.positions - rest.positions).mean(axis=0))
 
 
 def animate_vertices(scene: Scene, i: int, row: Motion) -> tuple[Pose, Pose]:
-    """The vertices of object i in their range, as the scene's file has them and as the row's moment does: the same
-    where it has none, or the object no such animation."""
+    """The vertices of object i in their range, as in the scene's file and at the motion's moment; both are the same if
+    there is none, or the object has no such animation."""
     rest, rig, moment = _rest_vertices(scene, i), scene.rigs[i], moment_of(scene, i, row)
     if rig is None or moment is None:
         return rest, rest
@@ -59,7 +59,7 @@ def animate_vertices(scene: Scene, i: int, row: Motion) -> tuple[Pose, Pose]:
 
 
 def moment_of(scene: Scene, i: int, row: Motion) -> Moment | None:
-    """The row's, where object i has such an animation."""
+    """The moment of a motion, if object i has that animation."""
     clips = [] if (rig := scene.rigs[i]) is None else [clip.name for clip in rig.skeleton.clips]
     return next((each for each in row if isinstance(each, Moment) and each.clip in clips), None)
 

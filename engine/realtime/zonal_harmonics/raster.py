@@ -1,7 +1,8 @@
-"""Pictures of triangles whose corners move in every frame: no tree to build, compiled code on all cores.
+"""Rasterizes triangles whose corners move in every frame, in compiled code on all cores, without an acceleration
+structure.
 
-With corners in other places every time, a tree for rays would be built for every picture; the triangles are drawn
-instead, each thread into rows of its own, and a pixel then takes its colours between the three points around it.
+A ray tree would have to be rebuilt for every picture. Instead the triangles are rasterized, each thread into rows of
+its own, and a pixel then interpolates between the three points around it.
 """
 
 from __future__ import annotations
@@ -21,13 +22,13 @@ Float64Array = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 Int32Array = NDArray[np.int32]
 
-_BANDS = 2  # of rows a thread: what is in the picture lies unevenly
+_BANDS = 2  # bands of rows for each thread, because pictures are not filled evenly
 
 
 @dataclass(frozen=True, eq=False)
 class RasterTriangles:
-    """T triangles: corners (T, 3), numbers of the places they are drawn at; sides (T, 2, 3), the points on the side
-    that the winding faces and on the other, -1 where there are none; the object (T,) of each."""
+    """T triangles: corners (T, 3), indices of the positions; sides (T, 2, 3), the points on the side that the winding
+    faces and on the other, -1 for none; the object (T,) of each."""
 
     corners: Int32Array
     sides: Int32Array
@@ -36,8 +37,8 @@ class RasterTriangles:
 
 @dataclass(frozen=True, eq=False)
 class RasterResult:
-    """Which triangle each pixel of a picture sees: found (H, W), -1 for none; shares (T, 3, 3), see `set_up`; front
-    (T,), positive where the winding faces the eye; plane (3, 3): the directions of pixels."""
+    """The triangle that each pixel of a picture sees: found (H, W), -1 for none; shares (T, 3, 3), see `set_up`; front
+    (T,), positive if the winding faces the camera; plane (3, 3): the directions of pixels."""
 
     found: Int32Array
     shares: Float32Array
@@ -47,8 +48,8 @@ class RasterResult:
     def weights(
         self, rows: NDArray[np.integer], columns: NDArray[np.integer], right: float = 0.0, below: float = 0.0
     ) -> Float32Array:
-        """The shares (N, 3) of the corners at pixels that see a triangle, or so many pixels beside these in its plane;
-        beyond its horizon they are without bounds."""
+        """Barycentric weights (N, 3) at pixels that see a triangle, or at an offset of right and below pixels in its
+        plane; beyond the plane's horizon they are unbounded."""
         at = np.stack([np.ones(len(rows)), columns + 0.5 + right, rows + 0.5 + below], axis=1).astype(np.float32)
         weights = np.einsum("nki,ni->nk", self.shares[self.found[rows, columns]], at)
         return np.asarray(weights / np.maximum(weights.sum(axis=1, keepdims=True), np.float32(1e-20)), np.float32)
@@ -56,7 +57,7 @@ class RasterResult:
 
 @dataclass(frozen=True, eq=False)
 class Backdrop:
-    """What is behind it all: radiance (h, w, 3) by latitude and longitude, turned by so many radians, times scale."""
+    """The background: radiance (h, w, 3) by latitude and longitude, rotated by turn radians, times scale."""
 
     radiance: Float32Array
     turn: float = 0.0
@@ -73,7 +74,8 @@ def draw(
     camera_position: Float64Array,
     size: tuple[int, int],
 ) -> RasterResult:
-    """What a camera sees of triangles over places (V, 3); eye (3,): where it stands among them; size: width, height."""
+    """Rasterize triangles over places (V, 3) for a camera; camera_position (3,): in the same coordinates; size: width,
+    height."""
     width, height = size
     plane, view = _plane(camera, size)
     n = len(surface.corners)
@@ -122,7 +124,7 @@ def paint(
 
 
 def _bands(height: int) -> tuple[list[int], list[int]]:
-    """Rows for each thread, in bands."""
+    """Divide rows into bands for the threads."""
     n = n_threads() * _BANDS
     bounds = [height * i // n for i in range(n + 1)]
     return bounds[:-1], bounds[1:]
@@ -130,7 +132,7 @@ def _bands(height: int) -> tuple[list[int], list[int]]:
 
 def _plane(camera: CameraDescription, size: tuple[int, int]) -> tuple[Float64Array, Float64Array]:
     """The directions of pixels as `paint_rows` takes them, see `engine.scene.camera.pixel_directions`; and rows that
-    take a direction to column and row times depth, and depth."""
+    map a direction to column and row times depth, and depth."""
     (width, height), half = size, math.tan(math.radians(camera.fov_y) / 2)
     right, up, forward = camera_frame(camera)
     pixel = 2.0 * half / height

@@ -1,7 +1,7 @@
-"""How much of its light an object's points reflect onto the rest of it, images and strokes and all; so coarsely that
-most edits of a material leave what hangs on it as it is.
+"""The albedos with which an object's points reflect light onto the object itself, images and strokes included;
+quantized so coarsely that most edits of a material do not invalidate the transfer that depends on them.
 
-Light between points is without colour, as all transfer: an albedo is its luminance.
+Light between points is colourless, like all transfer: an albedo is its luminance.
 """
 
 from __future__ import annotations
@@ -24,27 +24,27 @@ from engine.texture.pyramid import Pyramid
 Float64Array = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 
-ALBEDO_STEPS = 8  # of the brightest point
-SHARE_STEPS = 15  # of the others, by that one's
+ALBEDO_STEPS = 8  # for the brightest point
+SHARE_STEPS = 15  # for the others, relative to it
 
 
 @dataclass(frozen=True)
 class Reflectance:
-    """brightest: the greatest albedo of an object's points, in `ALBEDO_STEPS`; shares: what of that each point has, in
-    `SHARE_STEPS`; empty where all have the same."""
+    """brightest: the largest albedo of an object's points, in `ALBEDO_STEPS`; shares: each point's share of it, in
+    `SHARE_STEPS`; empty if all are equal."""
 
     brightest: int = 0
     shares: bytes = b""
 
     @property
     def albedo(self) -> Float64Array:
-        """Of the points (P,), or of all of them ()."""
+        """Albedo of the points (P,), or of all of them ()."""
         shares = np.frombuffer(self.shares, np.uint8) / SHARE_STEPS if self.shares else np.ones(())
         return np.asarray(self.brightest / ALBEDO_STEPS * shares)
 
 
 def reflectance(albedo: Float64Array) -> Reflectance:
-    """Of points (P,), below 1."""
+    """Quantize the albedos of points (P,), which are below 1."""
     most = float(albedo.max(initial=0.0))
     brightest = min(round(most * ALBEDO_STEPS), ALBEDO_STEPS - 1)
     if not brightest:
@@ -54,8 +54,8 @@ def reflectance(albedo: Float64Array) -> Reflectance:
 
 
 def albedos(scene: Scene, points: BendingPoints, i_object: int, layers: Sequence[Layer], order: int) -> Float64Array:
-    """Of an object's points (P,), gloss as if it were matt: the mean over the triangles around each, for an image may
-    be finer than they. order: in which gloss is known. Raises LoadError."""
+    """Albedos of an object's points (P,), gloss taken as diffuse: the mean over the triangles around each, because an
+    image may be finer than the points. order: of the approximation of gloss. Raises LoadError."""
     middles, uvs, sides = points.middles(i_object)
     none, total = np.zeros_like(sides), np.zeros(len(sides))
     across, down = np.stack([sides, none], axis=1), np.stack([none, sides], axis=1)

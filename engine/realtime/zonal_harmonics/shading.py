@@ -1,7 +1,7 @@
-"""Radiance of points whose transfer is zonal lobes, in the axes that a deformed mesh gives them [Sloan05, 5].
+"""Radiance of points whose transfer is zonal lobes, in the axes of a deformed mesh [Sloan05, 5].
 
-The light is tabulated once for all points, band by band over the directions that an axis may have; then a lobe costs
-one look-up. As the lobes are turned and not the light, the table serves every point of every pose.
+The light is tabulated once for all points, band by band over the directions of lobe axes; each lobe then costs one
+look-up. The lobes rotate, not the light, so the table serves every point of every pose.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ ROWS, COLUMNS = 32, 64
 
 @dataclass(frozen=True, eq=False)
 class BandLight:
-    """Distant light: its harmonics (n^2, 3), and table (rows, columns, n, 3), each band of it along each direction, by
-    latitude from +z and longitude from -x (eq. 24)."""
+    """Distant light: its harmonics (n^2, 3), and table (rows, columns, n, 3) with each band along each direction, by
+    latitude from +z and longitude from -x [Sloan05, eq. 24]."""
 
     harmonics: Float32Array
     table: Float32Array
 
 
 def band_light(light: ArrayLike) -> BandLight:
-    """Of light (n^2, 3), see `engine.sphere.harmonics.project`."""
+    """Tabulate light (n^2, 3), see `engine.sphere.harmonics.project`."""
     harmonics = np.asarray(light, np.float64)
     n = order_of(harmonics.T)
     products = _basis_of_table(n)[:, :, None] * harmonics
@@ -42,7 +42,7 @@ def band_light(light: ArrayLike) -> BandLight:
 
 @dataclass(frozen=True, eq=False)
 class Lobes:
-    """Zonal lobes in single precision, as they are shaded: see `Zonal`."""
+    """Zonal lobes in single precision for shading: see `Zonal`."""
 
     low: Float32Array
     axes: Float32Array
@@ -54,7 +54,7 @@ def lobes(zonal: Zonal) -> Lobes:
 
 
 def shade(lobes: Lobes, frames: ArrayLike, light: BandLight) -> Float32Array:
-    """Radiance (P, 3) of white points whose axes are now the rows of frames (P, 3, 3)."""
+    """Radiance (P, 3) of white points whose current axes are the rows of frames (P, 3, 3)."""
     frames = np.ascontiguousarray(frames, np.float32)
     radiance = np.empty((len(frames), 3), np.float32)
     on_threads(

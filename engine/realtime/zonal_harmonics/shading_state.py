@@ -1,4 +1,4 @@
-"""All that pictures of bending meshes are drawn of, as it is known by now."""
+"""A snapshot of everything that pictures of bending meshes use."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ LayersOf = Mapping[int, Sequence[Layer]]
 
 @dataclass(frozen=True, eq=False)
 class ShadingState:
-    """A scene in some light: the visible layers of its objects by their index, lobes of all points and errors (S,) of
-    their fit, details of the objects that have any; casters: for each object the others that bend and whose shadows its
-    transfer does not have. version: another one looks otherwise."""
+    """A scene in some light: the visible layers of its objects by index, lobes of all points and errors (S,) of their
+    fit, details of the objects that have any; casters: for each object the other bending objects whose shadows its
+    transfer does not contain. version: differs for different pictures."""
 
     version: int
     scene: Scene
@@ -42,20 +42,20 @@ class ShadingState:
 
     @property
     def casting_objects(self) -> list[int]:
-        """The C objects that shade others from somewhere else than where transfer has them."""
+        """The C objects whose current shadows differ from those in some object's transfer."""
         return sorted(frozenset[int]().union(*self.casters))
 
     @property
     def casts(self) -> NDArray[np.bool_]:
-        """Whether the shadow of each of these is to be on an object (M, C)."""
+        """Whether each of these casts a shadow on an object (M, C)."""
         shading = self.casting_objects
         found = np.array([[each in casters for each in shading] for casters in self.casters], bool)
         return found.reshape(len(self.scene.smooth), len(shading))
 
     @property
     def albedos(self) -> Float32Array:
-        """What objects (M, 3) make of the matt light of their points; that of detail, and of what images lie on, is
-        added pixel by pixel."""
+        """Albedos of objects (M, 3) for the diffuse light of their points; layers with detail or images are added pixel
+        by pixel."""
         found = np.zeros((len(self.scene.smooth), 3), np.float32)
         for i, own in self.layers_of.items():
             if i not in self.details:
@@ -68,24 +68,25 @@ class ShadingState:
         return BLACK if environment is None else Backdrop(environment.radiance, turn, self.light.scale)
 
     def pixel_layers(self, i: int) -> Iterator[Layer]:
-        """The matt layers of an object whose light is known of no point: those that images lie on, of detail all."""
+        """The diffuse layers of an object that are shaded pixel by pixel: those with images, or all if it has
+        detail."""
         for layer in self.layers_of.get(i, ()):
             if not is_glossy(layer) and (i in self.details or not layer.maps.is_plain):
                 yield layer
 
     def glosses_of(self, i: int) -> Iterator[tuple[LowGloss, NDArray[np.floating]]]:
-        """Of an object's layers that are not matt, and by what images multiply them on average (3,)."""
+        """An object's glossy layers, with the mean factor of their images (3,)."""
         for layer in filter(is_glossy, self.layers_of.get(i, ())):
             yield low_gloss(layer, self.bands.table.shape[2]), mean_factor(self.scene, i, layer.maps)
 
 
 def diffuse_albedo(layers: Sequence[Layer]) -> NDArray[np.float64]:
-    """Of the matt ones without images, together (3,)."""
+    """Sum of the diffuse albedos without images (3,)."""
     return sum((albedo(each) for each in layers if each.maps.is_plain), np.zeros(3))
 
 
 def albedo(layer: Layer) -> NDArray[np.float64]:
-    """Of a layer that is matt (3,), 0 of any other."""
+    """Albedo of a diffuse layer (3,), 0 for any other."""
     found = _reflectance(layer)
     return np.zeros(3) if found is None else found * np.pi
 
@@ -94,4 +95,4 @@ def is_glossy(layer: Layer) -> bool:
     return _reflectance(layer) is None
 
 
-_reflectance = lru_cache(maxsize=256)(diffuse_reflectance)  # which every picture asks for
+_reflectance = lru_cache(maxsize=256)(diffuse_reflectance)  # every picture needs it

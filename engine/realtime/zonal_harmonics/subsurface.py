@@ -1,9 +1,9 @@
-"""Light that enters a surface and comes out elsewhere: the dipole of [Jensen01], over points of a mesh.
+"""Subsurface scattering by the dipole of [Jensen01], over points of a mesh.
 
-A point sends out what all others take in, by their distance through the medium: so thin parts let light through. It
-is linear in the light, and a point's transfer is a sum of other points' transfer; zonal lobes are fitted to that as to
-any other. Light enters and leaves as from a matt surface: Fresnel's law is left out but for what it reflects inside.
-The dipole is that of a flat, half-infinite medium; around sharp edges it is too dark, in thin sheets too bright.
+A point emits what enters at all others, weighted by the distance through the medium, so thin parts are translucent.
+This is linear in the light: a point's transfer is a sum of other points' transfer, and zonal lobes are fitted to it as
+to any other. Light enters and leaves diffusely: Fresnel's law is ignored except for internal reflection. The dipole
+assumes a flat, half-infinite medium; it is too dark around sharp edges and too bright in thin sheets.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from engine.scene.raycaster import RayCaster
 
 Float64Array = NDArray[np.float64]
 
-LEFT_OUT = 1e-3  # of the reflectance, which comes from further away
+LEFT_OUT = 1e-3  # of the reflectance, beyond the reach
 _TABLE = 4096
 _BLOCK = 1024
 
@@ -32,7 +32,7 @@ _BLOCK = 1024
 class Medium:
     """A scattering medium: reduced scattering and absorption, per metre, and index of refraction.
 
-    Raises ValueError where they are not finite, scattering is not above 0, absorption below 0, or the index below 1.
+    Raises ValueError unless they are finite, scattering is above 0, absorption at least 0, and the index at least 1.
     """
 
     scattering: float
@@ -46,19 +46,19 @@ class Medium:
 
     @property
     def albedo(self) -> float:
-        """Reduced, of a single scattering."""
+        """Reduced albedo of a single scattering."""
         return self.scattering / (self.scattering + self.absorption)
 
     @property
     def depths(self) -> tuple[float, float]:
-        """Of the real source below the surface and of the virtual one above it, metres [Jensen01, 2.3]."""
+        """Depth of the real source below the surface and height of the virtual one above it, metres [Jensen01, 2.3]."""
         inside = -1.440 / self.ior**2 + 0.710 / self.ior + 0.668 + 0.0636 * self.ior
         real = 1.0 / (self.scattering + self.absorption)
         return real, real * (1.0 + 4.0 / 3.0 * (1.0 + inside) / (1.0 - inside))
 
     @property
     def decay(self) -> float:
-        """The effective transport coefficient, per metre."""
+        """Effective transport coefficient, per metre."""
         return math.sqrt(3.0 * self.absorption * (self.scattering + self.absorption))
 
     def reflectance(self, distance: ArrayLike) -> Float64Array:
@@ -71,7 +71,7 @@ class Medium:
         return np.asarray(self.albedo / (4.0 * np.pi) * total)
 
     def integral_beyond(self, distance: ArrayLike) -> Float64Array:
-        """Its integral over the plane beyond a distance; at 0 the whole diffuse reflectance."""
+        """Integral of the reflectance over the plane beyond a distance; at 0 the whole diffuse reflectance."""
         radius = np.asarray(distance, np.float64)
         total = np.zeros(radius.shape)
         for depth in self.depths:
@@ -81,7 +81,7 @@ class Medium:
 
     @property
     def reach(self) -> float:
-        """Beyond which less than `LEFT_OUT` of the reflectance lies, metres."""
+        """Distance in metres beyond which less than `LEFT_OUT` of the reflectance lies."""
         low, high = 0.0, self.depths[1]
         while self.integral_beyond(high) > LEFT_OUT * self.integral_beyond(0.0):
             low, high = high, 2.0 * high
@@ -95,7 +95,8 @@ class Medium:
 
 @dataclass(frozen=True, eq=False)
 class Sources:
-    """Where light enters: places (S, 3), areas (S,), and numbers (S,) of what enters there; copies may share one."""
+    """Where light enters: places (S, 3), areas (S,), and numbers (S,), the index of the entering vector; copies may
+    share one."""
 
     places: Float64Array
     areas: Float64Array
@@ -105,7 +106,7 @@ class Sources:
 def subsurface(
     entering: ArrayLike, points: ArrayLike, sources: Sources, medium: Medium
 ) -> Generator[float, None, Float64Array]:
-    """What leaves at points (P, 3), of vectors (Q, n^2) that enter: both in the same axes for all. Yields the share
+    """Vectors that leave at points (P, 3), given vectors (Q, n^2) that enter, both in the same axes. Yields the share
     that is done."""
     entering, points = np.ascontiguousarray(entering, np.float64), np.ascontiguousarray(points, np.float64)
     places, areas = (np.ascontiguousarray(each, np.float64) for each in (sources.places, sources.areas))
@@ -114,7 +115,7 @@ def subsurface(
     table = medium.reflectance(np.linspace(0.0, reach, _TABLE))
     own = np.subtract(
         medium.integral_beyond(0.0), medium.integral_beyond(np.sqrt(areas / np.pi))
-    )  # over a disc as large as the place's surface
+    )  # over a disc with the place's area
     leaving = np.empty((len(points), entering.shape[1]))
     for first in range(0, len(points), _BLOCK):
         count = min(_BLOCK, len(points) - first)
@@ -132,7 +133,7 @@ def subsurface(
 def simulate_subsurface(
     mesh: TransferPoints, caster: RayCaster, triangles: NDArray[np.int32], n: int, medium: Medium, n_rays: int = N_RAYS
 ) -> Generator[float, None, Float64Array]:
-    """Vectors (P, n^2) of the points of a mesh, with its own shadows, in their own axes; triangles (T, 3): numbers of
+    """Vectors (P, n^2) of the points of a mesh, with its own shadows, in their own axes; triangles (T, 3): indices of
     these points. Yields the share that is done."""
     entering = yield from map_steps(simulate(mesh, caster, n, n_rays=n_rays), lambda share: 0.6 * share)
     places = mesh.points.position.astype(np.float64)
@@ -143,7 +144,7 @@ def simulate_subsurface(
 
 
 def vertex_areas(places: Float64Array, triangles: NDArray[np.int32]) -> Float64Array:
-    """Of the surface about each vertex (V,): a third of its triangles'."""
+    """Area of the surface around each vertex (V,): a third of its triangles'."""
     a, b, c = (places[triangles[:, k]] for k in range(3))
     thirds = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
     return np.asarray(np.bincount(triangles.ravel(), np.repeat(thirds, 3), len(places)), np.float64)

@@ -1,7 +1,8 @@
-"""Detail that lies on an object's texture coordinates, pixel by pixel: patches of heights, and wrinkles [Sloan05, 6].
+"""Detail on an object's texture coordinates, shaded pixel by pixel: patches of height fields, and wrinkles [Sloan05,
+6].
 
-Its lobes are in axes along u and v, which are found of the mesh as it is bent. It shades itself alone: what the rest of
-the object does to it is left out.
+Its lobes are in axes along u and v, which are computed from the bent mesh. It shades only itself: shadows of the rest
+of the object on it are ignored.
 """
 
 from __future__ import annotations
@@ -33,10 +34,11 @@ Float32Array = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class LobeMap:
-    """Lobes as shaders look them up (H, W, ...), v upwards, in axes along u, along v, outwards.
+    """Lobes for look-ups by shaders (H, W, ...), v upwards, in axes along u, along v, outwards.
 
-    repeats: along u and v. is_smooth: lobes lie between entries and axes are to be made of length 1, else they are the
-    nearest entry's; such a map has one column, and the sum of u and v times repeats runs along its rows, first to last.
+    repeats: along u and v. is_smooth: lobes are interpolated between entries and their axes normalized; otherwise the
+    nearest entry's are taken. A smooth map has one column, and the sum of u and v times repeats runs along its rows,
+    first to last.
     """
 
     lobes: Lobes
@@ -48,13 +50,13 @@ class Detail(Protocol):
     """Lobes by texture coordinates."""
 
     def at(self, uvs: Float64Array) -> Lobes:
-        """At (P, 2), in axes along u, along v, outwards."""
+        """Lobes at (P, 2), in axes along u, along v, outwards."""
 
     def errors_at(self, uvs: Float64Array) -> Float64Array:
-        """How far they are off what they were fitted to (P,), as a share of it."""
+        """Errors (P,) relative to the vectors that they were fitted to."""
 
     def map(self) -> LobeMap:
-        """All of them."""
+        """All lobes."""
 
 
 class PatchDetail(Detail):
@@ -92,7 +94,7 @@ class WrinkleDetail(Detail):
         return LobeMap(column, (surface.repeats, 0.0) if surface.across == "u" else (0.0, surface.repeats), True)
 
     def _on_surface(self, found: Zonal) -> Zonal:
-        """In axes along u, along v, outwards."""
+        """Express lobes in axes along u, along v, outwards."""
         if self._surface.across == "u":
             return found
         return found.rotate([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # across and along it are v and -u
@@ -103,7 +105,8 @@ class WrinkleDetail(Detail):
 
 
 def heights(scene: Scene, surface: PatchSays) -> Float64Array:
-    """(H, W), in sides of the patch; of an image as many texels as there are to be at most."""
+    """Height field (H, W), in units of the patch's side; an image is reduced to the largest allowed number of
+    texels."""
     if surface.kind is not None:
         return PATTERNS[surface.kind]() * surface.height
     image = scene.textures.weight(Images(weight=surface.file or ""))
@@ -114,24 +117,24 @@ def heights(scene: Scene, surface: PatchSays) -> Float64Array:
 
 
 def patch_vectors(scene: Scene, surface: PatchSays, n: int, n_rays: int) -> Generator[float, None, Float64Array]:
-    """The vectors of a patch's texels, row by row. Yields the share that is done."""
+    """Vectors of a patch's texels, row by row. Yields the share that is done."""
     return (yield from simulate_patch(heights(scene, surface), n, n_rays=n_rays))
 
 
 def wrinkle_lobes(n: int) -> Generator[float, None, Zonal]:
-    """The lobes of a map of wrinkles, row by row. Yields the share that is done."""
+    """Lobes of a map of wrinkles, row by row. Yields the share that is done."""
     found = yield from wrinkles(n)
     maps = (found.low, found.axes, found.coefficients, found.errors)
     return Zonal(*(each.reshape(-1, *each.shape[2:]) for each in maps))
 
 
 def n_texels(scene: Scene, surface: DeformSurface) -> int:
-    """How many texels of a patch, or nodes of a map of wrinkles, have lobes."""
+    """Number of a patch's texels, or of nodes of a map of wrinkles, that have lobes."""
     return SIDE * SIDE if surface.patch is None else heights(scene, surface.patch).size
 
 
 def detail(scene: Scene, surface: DeformSurface, zonal: Zonal) -> Detail:
-    """Of lobes of `n_texels`."""
+    """Make the detail from lobes of `n_texels`."""
     if surface.wrinkles is not None:
         maps = (zonal.low, zonal.axes, zonal.coefficients, zonal.errors)
         of_nodes = (each.reshape(SIDE, SIDE, *each.shape[1:]).astype(np.float64) for each in maps)
@@ -149,8 +152,8 @@ def shade_pixels(
     is_front: NDArray[np.bool_],
     light: BandLight,
 ) -> Float32Array:
-    """What white matt pixels (N, 3) send; axes (N, 3, 3, 3) of the corners of their triangles and shares (N, 3) of
-    these; of backs the detail is turned inside out."""
+    """Radiance of white Lambertian pixels (N, 3); axes (N, 3, 3, 3) at the corners of their triangles, and weights (N,
+    3); on backs the detail is turned inside out."""
     mean = np.einsum("nk,nkab->nab", weights, axes)
     handed = np.sign(np.linalg.det(mean))[:, None]
     frames = orthonormal(mean.astype(np.float64), axes[:, 0].astype(np.float64))

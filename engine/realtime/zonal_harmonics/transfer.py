@@ -1,9 +1,9 @@
-"""How light from afar comes back from points of a mesh: transfer vectors by rays [Sloan05, 3.2].
+"""Transfer vectors of points of a mesh under distant light, by ray tracing [Sloan05, 3.2].
 
-A transfer vector t (n^2,) is that of a white matt surface: under light e its radiance is e . t, times its albedo. It is
-in the axes of the point itself, so that it follows them when the mesh bends. What the mesh reflects onto itself is
-added bounce by bounce; light that is blocked by what is far away is not local, and wrong as soon as that moves: what is
-to cast shadows is the caller's choice.
+A transfer vector t (n^2,) describes a white Lambertian surface: under light e its radiance is e . t, times its albedo.
+It is expressed in the axes of the point itself, so that it follows them when the mesh bends. Reflections of the mesh
+onto itself are added bounce by bounce. Shadows of distant objects are not local, and become wrong as soon as these
+move; the caller chooses what casts shadows.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ Float64Array = NDArray[np.float64]
 
 N_RAYS = 5000
 N_BOUNCE_RAYS = 1000
-_BLOCK_RAYS = 1 << 19  # a piece of work that pictures can be drawn between
+_BLOCK_RAYS = 1 << 19  # rays of a piece of work; pictures can be drawn between pieces
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 
 
 @dataclass(frozen=True, eq=False)
 class TransferPoints:
-    """P points to be simulated: where (`SurfacePoints`); frames (P, 3, 3), rows tangent, bitangent, normal; and the
-    caster's triangles as corners (T, 3), numbers of these points, -1 for triangles that are none of theirs. normals
-    (T, 3): which way those face, of any length; None: as their corners lie."""
+    """P points to be simulated: positions (`SurfacePoints`); frames (P, 3, 3), rows tangent, bitangent, normal; and the
+    caster's triangles as corners (T, 3), indices of these points, -1 for triangles of other objects. normals (T, 3):
+    their orientation, of any length; None: by the order of their corners."""
 
     points: SurfacePoints
     frames: Float64Array
@@ -43,15 +43,15 @@ class TransferPoints:
 
 
 def unshadowed(n_points: int, n: int) -> Float64Array:
-    """The vectors (P, n^2) of points that see all that is above them: a cosine about their normal."""
+    """Vectors (P, n^2) of points that see everything above their horizon: a cosine about the normal."""
     return np.repeat(cosine_directions(N_RAYS, n)[1].mean(axis=0)[None], n_points, axis=0)
 
 
 def simulate(
     mesh: TransferPoints, caster: RayCaster, n: int, albedo: ArrayLike = 0.0, n_bounces: int = 0, n_rays: int = N_RAYS
 ) -> Generator[float, None, Float64Array]:
-    """Vectors (P, n^2) of order n with the mesh's own shadows and, for albedo (P,) or one for all in [0, 1), what it
-    reflects onto itself in so many bounces. Yields the share that is done."""
+    """Vectors (P, n^2) of order n with the mesh's own shadows and, for albedo (P,) or one for all in [0, 1), its
+    reflections onto itself in n_bounces bounces. Yields the share that is done."""
     end = 0.7 if n_bounces else 1.0
     total = yield from map_steps(simulate_shadows(mesh, caster, n, n_rays), lambda share: end * share)
     if n_bounces:
@@ -77,11 +77,11 @@ def simulate_shadows(
 def add_bounces(
     mesh: TransferPoints, caster: RayCaster, vectors: Float64Array, albedo: ArrayLike, n_bounces: int
 ) -> Generator[float, None, Float64Array]:
-    """Vectors (P, n^2) with what the mesh, of albedo (P,) or one for all in [0, 1), reflects onto itself in so many
-    bounces of the light that they take in. Yields the share that is done."""
+    """Add to vectors (P, n^2) the reflections of the mesh, of albedo (P,) or one for all in [0, 1), onto itself in
+    n_bounces bounces of the light that they describe. Yields the share that is done."""
     hits = yield from _hits(mesh, caster)
     total = vectors.copy()
-    sent = rotate_transfer(total, mesh.frames.transpose(0, 2, 1))  # in the world's axes, as all points' are
+    sent = rotate_transfer(total, mesh.frames.transpose(0, 2, 1))  # in world axes, which all points share
     reflectance = np.broadcast_to(np.asarray(albedo, np.float64), len(total))[:, None]
     for _ in range(n_bounces):
         sent = hits.gather(reflectance * sent, mesh.corners)
@@ -90,7 +90,7 @@ def add_bounces(
 
 
 def rotate_transfer(vectors: Float64Array, frames: Float64Array) -> Float64Array:
-    """Functions (P, n^2) in the axes that are the rows of `frames` (P, 3, 3): exact, by quadrature."""
+    """Rotate functions (P, n^2) into the axes that are the rows of `frames` (P, 3, 3): exact, by quadrature."""
     n = round(vectors.shape[1] ** 0.5)
     places, weights = quadrature(n)
     weighed = basis(places, n) * weights[:, None]
@@ -105,8 +105,8 @@ def rotate_transfer(vectors: Float64Array, frames: Float64Array) -> Float64Array
 
 @cache
 def cosine_directions(count: int, n: int) -> tuple[Float64Array, Float64Array]:
-    """Directions (D, 3) about +z, as dense as the cosine, each for the same share of a matt surface's irradiance; and
-    the harmonics there (D, n^2). A spiral of the golden angle over the disc below them."""
+    """Directions (D, 3) about +z with cosine density, each for the same share of a Lambertian surface's irradiance; and
+    the harmonics there (D, n^2). A golden-angle spiral over the disc below them."""
     i = np.arange(count) + 0.5
     radius, angle = np.sqrt(i / count), i * _GOLDEN_ANGLE
     directions = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1.0 - radius**2)], axis=1)
@@ -115,7 +115,7 @@ def cosine_directions(count: int, n: int) -> tuple[Float64Array, Float64Array]:
 
 @dataclass(frozen=True, eq=False)
 class _Hits:
-    """What of the mesh the rays of each point hit from the front: those of point p are firsts[p] to firsts[p + 1]."""
+    """Front-facing hits of the points' rays on the mesh: those of point p are firsts[p] to firsts[p + 1]."""
 
     firsts: NDArray[np.int64]
     triangle: NDArray[np.int32]
@@ -123,7 +123,7 @@ class _Hits:
     v: NDArray[np.float32]
 
     def gather(self, sent: Float64Array, corners: NDArray[np.int32]) -> Float64Array:
-        """What each point receives of what all send."""
+        """Sum what each point's hits send."""
         result = np.empty_like(sent)
         on_threads(
             lambda start, stop: kernels.gather_range(
@@ -151,7 +151,7 @@ def _hits(mesh: TransferPoints, caster: RayCaster) -> Generator[float, None, _Hi
 
 
 def _face_normals(mesh: TransferPoints) -> Float64Array:
-    """Not of length 1 (T, 3)."""
+    """Face normals, not normalized (T, 3)."""
     a, b, c = (mesh.points.position[mesh.corners[:, k]].astype(np.float64) for k in range(3))
     return np.cross(b - a, c - a)
 
@@ -159,8 +159,8 @@ def _face_normals(mesh: TransferPoints) -> Float64Array:
 def ray_blocks(
     mesh: TransferPoints, local: Float64Array
 ) -> Generator[tuple[int, int, tuple[NDArray[np.float32], NDArray[np.float32]]], None, None]:
-    """Some points after others, by their numbers: origins and directions of all their rays, `local` (D, 3) in their own
-    axes."""
+    """Yield blocks of points, by their indices, with origins and directions of all their rays; `local` (D, 3) is in
+    their own axes."""
     n_rays = len(local)
     size = max(1, _BLOCK_RAYS // n_rays)
     for start in range(0, len(mesh.frames), size):

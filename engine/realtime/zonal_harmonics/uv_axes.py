@@ -1,7 +1,7 @@
-"""Axes along texture coordinates, at the corners of an object's triangles as they stand now: those that detail lies in.
+"""Axes along texture coordinates, at the corners of an object's triangles in their current pose: the axes of detail.
 
-A point has two of them, for triangles whose coordinates are mirrored and for those whose are not, so that either side
-of a seam has its own.
+A vertex has two sets, for triangles with mirrored and with unmirrored coordinates, so that each side of a seam has its
+own.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ Int32Array = NDArray[np.int32]
 
 
 class SurfaceAxes:
-    """Of one object's triangles. numbers (T, 3): which axes the corners of all triangles have, -1 of others'."""
+    """Axes of one object's triangles. numbers (T, 3): indices of the corners' axes, of all triangles, -1 for other
+    objects."""
 
     def __init__(self, scene: Scene, points: BendingPoints, i_object: int) -> None:
         surface, self._points = points.surface, points
@@ -30,17 +31,17 @@ class SurfaceAxes:
         self.numbers[mine] = numbers_of(self._corners, self._uvs)
 
     def now(self) -> NDArray[np.float32]:
-        """As the points stand now (A, 3, 3), rows: along u, along v, outwards."""
+        """The current axes (A, 3, 3), rows: along u, along v, outwards."""
         places, frames = (each[self._own] for each in (self._points.places, self._points.frames))
         return uv_axes(places, self._corners, self._uvs, frames).astype(np.float32)
 
 
 def uv_axes(positions: ArrayLike, triangles: Int32Array, uvs: ArrayLike, frames: ArrayLike) -> Float64Array:
-    """Axes (2 V, 3, 3), rows: along u, along v, normal; of vertex k the first is 2 k, and the left-handed one of its
-    triangles whose coordinates are mirrored 2 k + 1.
+    """Axes (2 V, 3, 3), rows: along u, along v, normal; vertex k has the axes 2 k, and 2 k + 1, left-handed, for
+    triangles with mirrored coordinates.
 
-    positions (V, 3) and frames (V, 3, 3): vertices as they are now; uvs (T, 3, 2). A corner's u runs along the mean of
-    its vertex's triangles that are not mirrored against its own; where coordinates say nothing, the vertex's tangent.
+    positions (V, 3) and frames (V, 3, 3): current vertices; uvs (T, 3, 2). A corner's u is the mean over the triangles
+    of its vertex with the same handedness; where coordinates are degenerate, the vertex's tangent.
     """
     positions, uvs, frames = (np.asarray(each, np.float64) for each in (positions, uvs, frames))
     corners = positions[triangles]
@@ -61,11 +62,11 @@ def uv_axes(positions: ArrayLike, triangles: Int32Array, uvs: ArrayLike, frames:
 
 
 def numbers_of(triangles: Int32Array, uvs: ArrayLike) -> Int32Array:
-    """Which of `uv_axes` the corners of triangles have (T, 3)."""
+    """Indices into `uv_axes` of the triangles' corners (T, 3)."""
     return 2 * triangles + _is_mirrored(np.asarray(uvs, np.float64))[:, None].astype(np.int32)
 
 
 def _is_mirrored(uvs: Float64Array) -> NDArray[np.bool_]:
-    """Which triangles' (T,) coordinates (T, 3, 2) run the other way round than their corners."""
+    """Which triangles (T,) have coordinates (T, 3, 2) of opposite orientation."""
     steps = uvs[:, 1:] - uvs[:, :1]
     return np.asarray(steps[:, 0, 0] * steps[:, 1, 1] - steps[:, 0, 1] * steps[:, 1, 0] < 0.0)

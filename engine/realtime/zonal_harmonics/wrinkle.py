@@ -1,11 +1,11 @@
-"""Wrinkles: grooves whose transfer is known by formula, as zonal lobes over where in the groove and how deep it is
+"""Wrinkles: grooves whose transfer is computed by formula, as zonal lobes over position in the groove and depth
 [Sloan05, 4.2].
 
 A groove is one period of a cosine, h(x) = d (1 - cos 2 pi x) / 2 over x in [0, 1], with its foot at x = 0 and 1, its
-ridge at 1/2 and d its depth by its width; it repeats along x and goes on along y. What a point sees of the sky is known
-by two horizons, so no rays are traced. Three lobes a point, axes and coefficients bilinear over a map of position and
-depth, are fitted to all points at once: so lobes of neighbours correspond, and what lies between is one too. Bands 0
-and 1 are kept as they are. Axes are those of the surface that is wrinkled: across the groove, along it, outwards.
+ridge at 1/2, and d its depth divided by its width; it repeats along x and is constant along y. Two horizons give what a
+point sees of the sky, so no rays are traced. Three lobes a point, with axes and coefficients bilinear over a map of
+position and depth, are fitted to all points at once; so the lobes of neighbours correspond, and can be interpolated.
+Bands 0 and 1 are stored exactly. The axes are those of the wrinkled surface: across the groove, along it, outwards.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ Float64Array = NDArray[np.float64]
 SIDE, N_LOBES, ORDER = 32, 3, 6
 DEEPEST = 1.0  # widths
 N_RAYS = 2000
-_PER_CELL = 2  # samples of the fit, each way
+_PER_CELL = 2  # samples of the fit in a cell, in each direction
 _ROUNDS, _STEPS = 8, 30
-_PARTS = 8  # of the samples, on however many threads
-_SPREADS = np.radians([15.0, 30.0, 45.0, 60.0, 75.0])  # of the outer lobes from the middle one, to begin with
+_PARTS = 8  # of the samples, for any number of threads
+_SPREADS = np.radians([15.0, 30.0, 45.0, 60.0, 75.0])  # first angles between the outer lobes and the middle one
 _RIDGE = 1e-6
 _HORIZON_STEPS = 512
 
@@ -40,8 +40,8 @@ _HORIZON_STEPS = 512
 @dataclass(frozen=True, eq=False)
 class Wrinkles:
     """Lobes at the nodes of a map, rows by position from 0 to 1, columns by depth from 0 to `DEEPEST`: low (H, W, 4),
-    axes (H, W, N, 3), coefficients (H, W, N, n); errors (H, W): the length of what they leave of what they were fitted
-    to, at a node and half way to the next."""
+    axes (H, W, N, 3), coefficients (H, W, N, n); errors (H, W): the length of the residual at a node and half way to
+    the next."""
 
     low: Float64Array
     axes: Float64Array
@@ -49,7 +49,7 @@ class Wrinkles:
     errors: Float64Array
 
     def at(self, position: ArrayLike, depth: ArrayLike) -> Zonal:
-        """The lobes of points (P,) of grooves; positions repeat, depths are held between 0 and `DEEPEST`."""
+        """Interpolate the lobes of points (P,) of grooves; positions repeat, depths are clamped to 0 to `DEEPEST`."""
         position, depth = (np.asarray(each, np.float64).ravel() for each in np.broadcast_arrays(position, depth))
         n_rows, n_columns = self.low.shape[:2]
         row = (position - np.floor(position)) * (n_rows - 1)
@@ -65,7 +65,7 @@ class Wrinkles:
         return Zonal(low, _unit(axes), coefficients, errors)
 
     def of_depth(self, depth: float) -> Zonal:
-        """The nodes (H,) of one depth, of which those of a place are even sums, their axes then made of length 1."""
+        """The nodes (H,) for one depth. Lobes between them are linear combinations, with axes normalized afterwards."""
         n_columns = self.low.shape[1]
         column = min(max(depth / DEEPEST, 0.0), 1.0) * (n_columns - 1)
         left = min(int(column), n_columns - 2)
@@ -75,7 +75,8 @@ class Wrinkles:
 
 
 def wrinkles(n: int = ORDER, side: int = SIDE) -> Generator[float, None, Wrinkles]:
-    """The map of so many nodes each way, fitted by L-BFGS [Nocedal06, 7.2]. Yields the share that is done."""
+    """Make the map with `side` nodes in each direction, fitted by L-BFGS [Nocedal06, 7.2]. Yields the share that is
+    done."""
     n_samples = _PER_CELL * (side - 1) + 1
     node = np.linspace(0.0, side - 1.0, n_samples)
     places = np.stack(np.meshgrid(node, node, indexing="ij"), axis=2).reshape(-1, 2)
@@ -101,7 +102,7 @@ def wrinkles(n: int = ORDER, side: int = SIDE) -> Generator[float, None, Wrinkle
 def _error(
     values: Float64Array, targets: Float64Array, places: Float64Array, shapes: tuple
 ) -> tuple[float, Float64Array]:
-    """The squared error of all samples and its gradient; by parts whose number does not depend on the cores."""
+    """The squared error of all samples and its gradient, summed by parts whose number does not depend on the cores."""
     axes, coefficients = _split_values(values, shapes)
     gradients = np.zeros((_PARTS, len(values)))
 
@@ -115,14 +116,14 @@ def _error(
 
 
 def _split_values(values: Float64Array, shapes: tuple) -> tuple[Float64Array, Float64Array]:
-    """Axes and coefficients, which stand one after the other."""
+    """Axes and coefficients, which are stored one after the other."""
     end = int(np.prod(shapes[0]))
     return values[:end].reshape(shapes[0]), values[end:].reshape(shapes[1])
 
 
 def _initial_lobes(vectors: Float64Array, n: int) -> tuple[Float64Array, Float64Array]:
-    """Axes (P, 3, 3) and coefficients (P, 3, n) to begin with: one lobe along the linear band, and two along the groove
-    on either side of it, spread alike at all points, by the best of some angles [Sloan05, 4.2]."""
+    """Initial axes (P, 3, 3) and coefficients (P, 3, n): one lobe along the linear band, and two on either side of it
+    across the groove, at the best of some angles, the same at all points [Sloan05, 4.2]."""
     middle = _unit(vectors[:, [3, 1, 2]] * (-1.0, -1.0, 1.0))
     along = _unit(np.array([0.0, 1.0, 0.0]) - middle[:, 1:2] * middle)
     best: tuple[float, Float64Array, Float64Array] | None = None
@@ -139,7 +140,7 @@ def _initial_lobes(vectors: Float64Array, n: int) -> tuple[Float64Array, Float64
 
 
 def _coefficients(vectors: Float64Array, axes: Float64Array, n: int) -> Float64Array:
-    """The best ones (P, N, n) about given axes, band by band."""
+    """Least-squares coefficients (P, N, n) for given axes, band by band."""
     values, found = basis(axes, n), np.zeros((*axes.shape[:2], n))
     for l in range(kernels.FIRST, n):  # noqa: E741
         band = values[:, :, l * l : (l + 1) ** 2]
@@ -154,8 +155,8 @@ def _unit(vectors: Float64Array) -> Float64Array:
 
 
 def transfer(position: ArrayLike, depth: ArrayLike, n: int = ORDER, n_rays: int = N_RAYS) -> Float64Array:
-    """Vectors (P, n^2) of order n of points of a groove, with its shadows: positions (P,) from 0 to 1, depths (P,) by
-    the groove's width."""
+    """Vectors (P, n^2) of order n of points of a groove, with its shadows: positions (P,) from 0 to 1, depths (P,)
+    divided by the groove's width."""
     position, depth = (np.asarray(each, np.float64).ravel() for each in np.broadcast_arrays(position, depth))
     slope = np.pi * depth * np.sin(2.0 * np.pi * position)
     length = np.sqrt(1.0 + slope**2)
@@ -178,8 +179,8 @@ def transfer(position: ArrayLike, depth: ArrayLike, n: int = ORDER, n_rays: int 
 
 
 def _horizons(position: Float64Array, depth: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """The steepest slopes (P,) from points of a groove up to what stands on their left and on their right: a ridge half
-    a width away at most, or nothing."""
+    """Steepest slopes (P,) from points of a groove to the occluders on their left and on their right: a ridge at most
+    half a width away, or nothing."""
     away = (np.arange(_HORIZON_STEPS) + 1.0) / _HORIZON_STEPS
     here = -np.cos(2.0 * np.pi * position)[:, None]
     slopes = []

@@ -1,8 +1,8 @@
-"""Transfer as a few zonal lobes a point, which turn with the surface [Sloan05, 3 and 4.1].
+"""Transfer as a few zonal lobes for each point, which rotate with the surface [Sloan05, 3 and 4.1].
 
-A lobe is a function about an axis s*: its harmonics are y_lm(s*) g*_l (eq. 6). Turning it turns the axis and leaves the
-n coefficients g* as they are, where turning harmonics costs n^3. The constant part of a transfer vector, and with three
-lobes or more its linear one, are kept as they are; lobes are fitted to what is left.
+A lobe is a function that is symmetric about an axis s*: its harmonics are y_lm(s*) g*_l [Sloan05, eq. 6]. Rotation
+rotates the axis and leaves the n coefficients g* unchanged, where rotation of harmonics costs n^3. The constant part of
+a transfer vector and, with three lobes or more, its linear part are stored exactly; lobes are fitted to the remainder.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ Float64Array = NDArray[np.float64]
 
 MAX_LOBES = 6
 N_RESTARTS = 4
-ENOUGH = 0.02  # relative error of a point that is good enough for no restart
+ENOUGH = 0.02  # relative error of a point below which there is no restart
 _EXACT_LINEAR = 3  # as many axes span all linear functions
 _SCAN_LEVEL = 2
-_BLOCK = 256  # points, between which pictures can be drawn: a tenth of a second on two cores
+_BLOCK = 256  # points; pictures can be drawn between blocks: a tenth of a second on two cores
 
 
 @dataclass(frozen=True, eq=False)
 class Zonal:
-    """Functions on the sphere at P points, of order n: what is kept of bands 0 and 1, and N lobes.
+    """Functions on the sphere at P points, of order n: the exact part of bands 0 and 1, and N lobes.
 
-    low (P, 4): the harmonics that are kept. axes (P, N, 3), of length 1. coefficients (P, N, n): g*, 0 in the bands
-    that are kept. errors (P,): the length of what they leave of the vectors that they were fitted to.
+    low (P, 4): the exact harmonics. axes (P, N, 3), unit. coefficients (P, N, n): g*, 0 in the exact bands. errors
+    (P,): length of the residual of the vectors that they were fitted to.
     """
 
     low: Float64Array
@@ -43,7 +43,7 @@ class Zonal:
     errors: Float64Array
 
     def harmonics(self) -> Float64Array:
-        """The vectors (P, n^2) that they stand for (eq. 11)."""
+        """The vectors (P, n^2) that the lobes approximate [Sloan05, eq. 11]."""
         n = self.coefficients.shape[2]
         of_lobes = np.einsum("pik,pik->pk", basis(self.axes, n), self.coefficients[:, :, bands(n)])
         of_lobes[:, : min(4, n * n)] += self.low[:, : min(4, n * n)]
@@ -51,14 +51,14 @@ class Zonal:
 
     @property
     def relative_errors(self) -> Float64Array:
-        """(P,): as shares of what the lobes were fitted to, which is at right angles to what they leave of it."""
+        """(P,): errors relative to the length of the fitted vectors; the residual is orthogonal to the lobes."""
         kept = np.linalg.norm(self.harmonics(), axis=1)
         return np.asarray(self.errors / np.maximum(np.hypot(kept, self.errors), 1e-30))
 
     def rotate(self, rotations: ArrayLike) -> Zonal:
-        """With all points turned, by one rotation (3, 3) or one each (P, 3, 3) (eq. 10)."""
+        """Rotate all points, by one rotation (3, 3) or one each (P, 3, 3) [Sloan05, eq. 10]."""
         turns = np.broadcast_to(np.asarray(rotations, np.float64), (len(self.axes), 3, 3))
-        # The linear band is a vector: its coefficients for m = -1, 0, 1 go by -y, z and -x.
+        # The linear band is a vector: its coefficients for m = -1, 0, 1 correspond to -y, z and -x.
         vectors = self.low[:, [3, 1, 2]] * (-1.0, -1.0, 1.0)
         low = self.low.copy()
         low[:, [3, 1, 2]] = np.einsum("pab,pb->pa", turns, vectors) * (-1.0, -1.0, 1.0)
@@ -66,10 +66,11 @@ class Zonal:
 
 
 def fit(vectors: ArrayLike, n_lobes: int, n_restarts: int = N_RESTARTS) -> Generator[float, None, Zonal]:
-    """N lobes for each of the vectors (P, n^2): each greedily for what those before it leave, then all turned together,
-    and from random axes where the error is large; the same on any number of cores. Yields the share that is done.
+    """Fit N lobes to each of the vectors (P, n^2): each greedily to the residual of those before, then all jointly,
+    with restarts from random axes where the error is large; the result does not depend on the number of cores. Yields
+    the share that is done.
 
-    Raises ValueError where there are not 1 to `MAX_LOBES` lobes, or a vector is not finite.
+    Raises ValueError unless there are 1 to `MAX_LOBES` lobes and all vectors are finite.
     """
     targets = np.ascontiguousarray(vectors, np.float64)
     n, n_points = order_of(targets), len(targets)
@@ -98,8 +99,8 @@ def fit(vectors: ArrayLike, n_lobes: int, n_restarts: int = N_RESTARTS) -> Gener
 
 
 def fit_linear_lobe(vectors: ArrayLike) -> Zonal:
-    """One lobe for each of the vectors (P, n^2) about the direction of its linear band, in closed form (eq. 18): nearly
-    as near as the best one, for a hundredth of the time. The constant band is kept as it is."""
+    """Fit one lobe to each of the vectors (P, n^2) about the direction of its linear band, in closed form [Sloan05, eq.
+    18]: almost as accurate as the best lobe, in a hundredth of the time. The constant band is stored exactly."""
     targets = np.asarray(vectors, np.float64)
     n = order_of(targets)
     linear = targets[:, [3, 1, 2]] * (-1.0, -1.0, 1.0) if n > 1 else np.zeros((len(targets), 3))
@@ -117,6 +118,6 @@ def fit_linear_lobe(vectors: ArrayLike) -> Zonal:
 
 @cache
 def _scan() -> Float64Array:
-    """Directions over half the sphere: the other half's give the same lobes."""
+    """Directions over half the sphere: the other half gives the same lobes."""
     vertices = geodesic(_SCAN_LEVEL).vertices
     return np.ascontiguousarray(vertices[vertices @ (0.01, 0.02, 1.0) > 0.0])
