@@ -1,9 +1,9 @@
-"""Sums over the points of a picture, see `layer_transport`."""
+"""Compiled sums over the points of a picture, see `layer_transport`."""
 
 import numpy as np
 from numba import njit
 
-# Numbers that are summed before the next band is taken up: 256 points of three channels stay in the nearest cache.
+# Numbers that are summed before the next band: 256 points of three channels stay in the L1 cache.
 BLOCK = 768
 
 
@@ -11,10 +11,10 @@ BLOCK = 768
 def sum_bands(
     planes: np.ndarray, bands: np.ndarray, weights: np.ndarray, begin: int, end: int, out: np.ndarray
 ) -> None:
-    """out[i] += sum over some bands j of weights[j, i] planes[j, i], begin <= i < end.
+    """out[i] += Σ_j weights[j, i] planes[j, i] over some bands j, begin <= i < end.
 
-    planes (J, 3P), out (3P,): points channel by channel; bands (n,): those j; weights (n, BLOCK): the three numbers of
-    each of these, over and over. begin is a multiple of BLOCK.
+    planes (J, 3P), out (3P,): points channel by channel; bands (n,): the bands j; weights (n, BLOCK): the three values
+    of each, repeated. begin is a multiple of BLOCK.
     """
     for start in range(begin, end, BLOCK):
         n = min(BLOCK, end - start)
@@ -29,7 +29,7 @@ def sum_bands(
 def add_points(pixel: np.ndarray, share: np.ndarray, radiance: np.ndarray, picture: np.ndarray) -> None:
     """picture[pixel[p]] += share[p] radiance[p]; (P,), (P,), (P, 3) and (pixels, 3).
 
-    A share of nothing is passed over: what is too bright for numbers would be none.
+    Skips shares of 0, so that infinite radiance times 0 does not become NaN.
     """
     for p in range(len(pixel)):
         if share[p] > 0.0:

@@ -1,10 +1,10 @@
-"""How many bounces a picture requires, found by a pilot of a few thousand paths before any work.
+"""Plans the number of bounces that a picture requires, by a pilot of a few thousand paths before any work.
 
-Each path begins at a random point of the picture and goes on by the cosine, its weight multiplied by the equivalent
-albedo of each surface it meets. Were all surfaces lit alike, the weights left at the Nth surface would be the share of
-the light that takes N reflections to the eye; the series ends where one more would carry less than the tolerance. What
-is lit unevenly can need one bounce more or fewer: nothing of the light is asked, so that the answer holds for any.
-Nor does it depend on how many bands curves are computed with, so that a plan, a still and the editor say the same.
+Each path begins at a random point of the picture and continues in cosine-distributed directions; its weight is
+multiplied by the equivalent albedo of each surface. If all surfaces were lit alike, the weights at the Nth surface
+would be the share of the light that reaches the camera after N reflections; the series ends where one more bounce would
+carry less than the tolerance. Uneven light can need one bounce more or fewer: the plan ignores the light, and so holds
+for any. It does not depend on the number of bands either, so that plan, still and editor agree.
 """
 
 from collections.abc import Iterable
@@ -25,14 +25,14 @@ TOLERANCE = 0.005
 MOST_PLANNED = 4
 MUCH = 0.25
 """A share of the light that is said to be missing."""
-_ENDLESS = 0.999  # of one bounce's light the next carries so much: within what 4096 paths tell it is all
+_ENDLESS = 0.999  # a bounce carries this share of the one before: within the accuracy of 4096 paths, all of it
 _N_PATHS = 4096
 
 
 @dataclass(frozen=True)
 class BouncePlan:
-    """How many bounces, and why. missing: the share of all reflected light that comes after them, as far as the paths
-    tell, 1 where there is no end of it; most_missing: what it cannot exceed, 1 where no albedo bounds it."""
+    """The number of bounces, and the reason. missing: estimated share of all reflected light that comes after them, 1
+    if the series does not end; most_missing: upper bound of it, 1 if no albedo bounds it."""
 
     n_bounces: int
     reason: str
@@ -41,7 +41,7 @@ class BouncePlan:
 
     @property
     def warning(self) -> str:
-        """What is to be said where much is missing, else ""."""
+        """A warning if much light is missing, else ""."""
         if self.missing >= 1.0:
             return f"all light is reflected on and on: no number of bounces holds it, {self.n_bounces} are shown"
         if self.missing > MUCH:
@@ -53,8 +53,8 @@ class BouncePlan:
 def carried_light(
     placement: Placement, albedos: NDArray[np.float64], n_bounces: int, seed: int = 1
 ) -> NDArray[np.float64]:
-    """What one reflection, two, … carry, (n_bounces, 3), each in the same unit; 0 where it is dark, or
-    no object is in the picture.
+    """Estimate the light that one reflection, two, … carry, (n_bounces, 3), in a common unit; 0 where it is dark, or no
+    object is in the picture.
 
     albedos (M, 3): of each object, 0 for emitters.
     """
@@ -82,18 +82,18 @@ def carried_light(
 
 
 def shares_of(carried: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Shares (N,) of all these bounces' light that each carries, over all colours."""
+    """Shares (N,) of the total light of these bounces that each carries, over all colours."""
     each, total = carried.sum(axis=1), carried.sum()
     return np.asarray(each / total if total > 0.0 else each)
 
 
 def missing_light(carried: NDArray[np.float64], largest_albedo: float) -> tuple[float, float]:
-    """The share of all reflected light that comes after the last but one of these bounces, (N + 1, 3): as it goes on
-    from there, and what it cannot exceed.
+    """Share of all reflected light that comes after the last but one of these bounces, (N + 1, 3): an extrapolation,
+    and an upper bound.
 
-    Each bounce carries at most the largest albedo ρ of what the one before it did, so that what comes after N bounces
-    is at most that of bounce N + 1 times 1 / (1 − ρ). What it is, is told by the part r that the last one carries of
-    the one before, by colour: in a closed scene of one albedo r = ρ, and both are ρ^N.
+    Each bounce carries at most the largest albedo ρ of what the one before carried, so that the light after N bounces
+    is at most that of bounce N + 1 times 1 / (1 − ρ). The extrapolation uses the ratio r of the last bounce to the one
+    before, by colour: in a closed scene of one albedo r = ρ, and both are ρ^N.
     """
     last, next_one = carried[-2], carried[-1]
     ratio = np.divide(next_one, last, out=np.zeros(3), where=last > 0.0)
@@ -108,7 +108,7 @@ def missing_light(carried: NDArray[np.float64], largest_albedo: float) -> tuple[
 
 
 def required_bounces(shares: NDArray[np.float64], tolerance: float = TOLERANCE) -> int:
-    """The least number of bounces after which another adds less than the tolerance to what there is."""
+    """Least number of bounces after which another adds less than the tolerance to the total."""
     for n in range(1, len(shares)):
         if shares[n] <= tolerance * shares[: n + 1].sum():
             return n
@@ -118,7 +118,8 @@ def required_bounces(shares: NDArray[np.float64], tolerance: float = TOLERANCE) 
 def planned_bounces(
     placement: Placement, layers: Iterable[tuple[int, Layer]], n_bounces: int | None = None
 ) -> BouncePlan:
-    """How many bounces with these visible layers of the scene's objects (by index), or what becomes of `n_bounces`."""
+    """Plan the number of bounces for these visible layers of the scene's objects (by index), or evaluate
+    `n_bounces`."""
     albedos = object_albedos(placement.scene, layers)
     carried = carried_light(placement, albedos, (n_bounces or MOST_PLANNED) + 1)
     reason = ""
@@ -130,7 +131,8 @@ def planned_bounces(
 
 
 def object_albedos(scene: Scene, layers: Iterable[tuple[int, Layer]]) -> NDArray[np.float64]:
-    """Equivalent albedo (M, 3) of every object: the sum over its layers, images by their means over the surface."""
+    """Equivalent albedo (M, 3) of every object: the sum over its layers, with images by their means over the
+    surface."""
     albedos = np.zeros((len(scene.triangle_ranges), 3))
     for i_object, layer in layers:
         bands = tuple(usual_bands(layer.model).values())
@@ -139,7 +141,7 @@ def object_albedos(scene: Scene, layers: Iterable[tuple[int, Layer]]) -> NDArray
 
 
 def _reason(shares: NDArray[np.float64], n_bounces: int) -> str:
-    """Why a plan has so many, in words."""
+    """The reason for a plan's number, in words."""
     last, dropped = (100.0 * shares[n] for n in (n_bounces - 1, n_bounces))
     if n_bounces == 1:
         return f"a second would carry {dropped:.1f} % of the light"
@@ -148,7 +150,8 @@ def _reason(shares: NDArray[np.float64], n_bounces: int) -> str:
 
 
 def _by_cosine(normals: NDArray[np.float32], generator: np.random.Generator) -> NDArray[np.float32]:
-    """A direction (R, 3) about each normal: to a random point of the unit sphere that rests on the surface there."""
+    """A cosine-distributed direction (R, 3) about each normal: to a random point of the unit sphere that touches the
+    surface."""
     points = generator.normal(size=normals.shape)
     points /= np.maximum(np.linalg.norm(points, axis=1, keepdims=True), 1e-12)
     directions = normals + points

@@ -1,10 +1,10 @@
-"""What a plan will cost, measured on some of the picture before the work begins.
+"""Estimates what a plan will cost, from measurements on part of the picture before the work begins.
 
-Shadows of a few windows of the picture are traced by the method that traces all of them, transport of some hundred
-random points of every layer is projected, indirect light is found for a few blocks (`engine.render.indirect_pilot`);
-all are extrapolated. It is the processors' time that is measured, so that what else a machine is doing counts little.
-Rejected: to trace every ray of random points and to take the coherent method's usual share of them, which is 0.08 to
-0.2 on the built-in scenes, but 0.5 where a picture is small.
+The pilot traces shadows of a few windows of the picture by the method that traces all of them, projects transport of
+some hundred random points of every layer, computes indirect light for a few blocks (`engine.render.indirect_pilot`),
+and extrapolates. It measures processor time, so that the machine's other work hardly matters. Rejected: to trace every
+ray of random points and assume the coherent method's usual share of them, which is 0.08 to 0.2 on the built-in scenes,
+but 0.5 for small pictures.
 """
 
 import time
@@ -35,11 +35,11 @@ N_WINDOWS, WINDOW = 16, 2 * COARSEST_STEP
 MIB = 2.0**20
 CHANNELS, ACCUMULATOR_BYTES = 3, 16
 # Main memory of precomputing, whose transport goes to disk tile by tile: of the program with its compiled kernels; of
-# all light but an even sky's, be it the image of one, leaves of emitters, or cells between surfaces; of a point besides
-# its hit and its bits. Peaks of 392 to 1,040 MiB, of 15,000 to 1.1 million points, are told within an eighth so.
+# any light except a uniform sky (an image, the tree of emitters, or irradiance cache records); of a point besides its
+# hit and its bits. This predicts peaks of 392 to 1,040 MiB, for 15,000 to 1.1 million points, within an eighth.
 PROGRAM_BYTES, LIGHT_BYTES, POINT_BYTES = 340 << 20, 220 << 20, 100
 TRIANGLE_BYTES = 150  # with Embree's tree, measured on a million
-# Of indirect light's arrays, times: its parts are there besides while they are joined and put in order.
+# Peak memory of indirect light relative to its arrays: their parts exist as well while they are joined and sorted.
 JOINING = 2.7
 NO_INDIRECT = IndirectCost(0.0, 0.0, 0, 0)
 
@@ -48,9 +48,9 @@ def estimate_cost(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, plan: Plan, seed: int = 1,
     spent_seconds: float = 0.0,
 ) -> Generator[StillProgress, None, Plan]:  # fmt: skip
-    """The plan with its cost; yields its progress. The placement's own visibility is not touched.
+    """Return the plan with its cost; yields the progress. Does not change the placement's own visibility.
 
-    spent_seconds: what it took to read the scene, to see it and to find what it needs.
+    spent_seconds: the time it took to read the scene, trace its primary hits and plan.
     """
     rows_of = {each.i_object: placement.rows_of(each.i_object) for each in layers}
     rows_of = {index: rows for index, rows in rows_of.items() if len(rows)}
@@ -91,7 +91,7 @@ def estimate_cost(
 
 
 def _sample(rows: np.ndarray, most: int, generator: np.random.Generator) -> np.ndarray:
-    """At most so many of the rows, ascending."""
+    """Choose at most so many of the rows, ascending."""
     return np.sort(generator.choice(rows, min(most, len(rows)), replace=False)).astype(np.int32)
 
 
@@ -115,8 +115,8 @@ def _light_of(placement: Placement, samples: Mapping[int, np.ndarray], sky: SkyS
 
 
 def _measure_shadows(placement: Placement, sky: SkyState, plan: Plan) -> tuple[float, float]:
-    """Seconds that cutting and seeing the light takes, by one window of the picture and by some: what does not grow
-    with the points is told apart so; and seconds that reading its kernels took."""
+    """Measure the seconds for cutting the light and tracing its visibility, in one window of the picture and in
+    several, which separates the part that does not grow with the points; and the seconds for loading kernels."""
     windows = _windows(placement)
     if not windows:
         return 0.0, 0.0
@@ -137,7 +137,7 @@ def _seconds_of_light(placement: Placement, sky: SkyState, quality: Quality) -> 
 
 
 def _windows(placement: Placement) -> list[np.ndarray]:
-    """Rows of the points in some windows of the picture, evenly among those that show anything."""
+    """Rows of the points in some windows of the picture, evenly chosen among those that are not empty."""
     hits = placement.hits
     width, _ = hits.resolution
     line, column = np.divmod(hits.pixel, width)
@@ -150,12 +150,12 @@ def _windows(placement: Placement) -> list[np.ndarray]:
 def _measure_layer(
     placement: Placement, rows: np.ndarray, light: VisibleLight, each: StillLayer
 ) -> tuple[float, float, float]:
-    """Seconds and bytes that one point of a layer takes, and seconds that reading kernels took."""
+    """Measure seconds and bytes for one point of a layer, and seconds for loading kernels."""
     shape = LayerShape(each.layer.model.name, tuple(each.layer.quotient_parameters().tolist()), each.bands)
     started = time.process_time()
     project_points(placement.hits, rows[:1], light, shape, 0)
     reading = time.process_time() - started
-    parts = np.array_split(rows, n_threads())  # shared as the work is: cores that share what they have are slower
+    parts = np.array_split(rows, n_threads())  # divided as the work is: cores slow each other down
     started = time.process_time()
     tiles = on_threads(lambda part: project_points(placement.hits, part, light, shape, 0), parts)
     seconds = time.process_time() - started
@@ -180,8 +180,8 @@ def _measure_indirect(
 
 
 def _memory_bytes(placement: Placement, sky: SkyState, plan: Plan, indirect: float) -> float:
-    """Main memory of precomputing: the program, lights, or so many bytes of indirect light, that come after them, and
-    triangles, the points' hits and, where the sphere is traced, their bits."""
+    """Main memory of precomputing: the program, then the larger of lights and indirect light, which follow each other,
+    triangles, the points' hits and, if the sphere is traced, their bits."""
     hits, scene, environment = placement.hits, placement.scene, sky.environment
     is_even = environment is None or environment.radiance.nbytes < MIB
     light = 0 if is_even and plan.bounces == 1 and not scene.emitters.any() else LIGHT_BYTES
@@ -192,7 +192,7 @@ def _memory_bytes(placement: Placement, sky: SkyState, plan: Plan, indirect: flo
 
 
 def _gpu_bytes(layers: Sequence[StillLayer], n_points: Mapping[int, int], plan: Plan) -> float:
-    """The largest curve's transport, one plane a coefficient, and an accumulator for every layer."""
+    """The largest curve's transport, one plane for each coefficient, and an accumulator for every layer."""
     channel_bytes = 2 if plan.precision == "half" else 4
     planes = [max(e.bands) * n_points[e.i_object] * CHANNELS * channel_bytes for e in layers if e.editable]
     return max(planes, default=0) + sum(n_points[each.i_object] * ACCUMULATOR_BYTES for each in layers)

@@ -1,7 +1,7 @@
-"""From linear radiance to the screen's values, in whichever view: pictures in files, as the window shows them.
+"""From linear radiance to display values: pictures in files look as in the window.
 
 Exposure in stops, then the view: Narkowicz' fit of the ACES reference rendering on the brightest and darkest channel, a
-plain clamp, or what OpenColorIO makes of it (`engine.core.colour`); sRGB (IEC 61966-2-1).
+plain clamp, or a view of OpenColorIO (`engine.core.colour`); then sRGB (IEC 61966-2-1).
 shaders/common/tone_mapping.glsl does the same, and slow twins test both.
 """
 
@@ -13,7 +13,7 @@ from engine.light.environment import LUMINANCE
 
 BRIGHTEST = 1e4
 _DARKEST_STOP, _BRIGHTEST_STOP = -8.0, 8.0
-# A polynomial fit of matplotlib's viridis, from the constant on.
+# Polynomial fit of matplotlib's viridis, from the constant term on.
 _VIRIDIS = np.array(
     [
         [0.2777273272, 0.0054073445, 0.3340998053],
@@ -30,14 +30,14 @@ _VIRIDIS = np.array(
 def display_picture(
     radiance: NDArray[np.floating], exposure: float = 0.0, tone_mapping: ToneMapping = "filmic"
 ) -> NDArray[np.uint8]:
-    """Linear Rec. 709 radiance (H, W, 3) as 8-bit sRGB; exposure in stops, held to ±64."""
+    """Convert linear Rec. 709 radiance (H, W, 3) to 8-bit sRGB; exposure in stops, clamped to ±64."""
     return np.round(255.0 * display_values(radiance, exposure, tone_mapping)).astype(np.uint8)
 
 
 def display_values(
     radiance: NDArray[np.floating], exposure: float = 0.0, tone_mapping: ToneMapping = "filmic"
 ) -> NDArray[np.floating]:
-    """The same as numbers in [0, 1]."""
+    """The same as floats in [0, 1]."""
     exposed = np.asarray(radiance, np.float64) * 2.0 ** min(max(exposure, -64.0), 64.0)
     if tone_mapping in TABULATED_VIEWS:
         return display_transform(exposed, tone_mapping)
@@ -47,10 +47,10 @@ def display_values(
 
 
 def filmic(radiance: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Narkowicz 2016 of the brightest and the darkest channel; the middle one stays where it is between them.
+    """Narkowicz 2016 on the brightest and the darkest channel; the middle one keeps its relative position between them.
 
-    f(x) = x (2.51 x + 0.03) / (x (2.43 x + 0.59) + 0.14), held to [0, 1]. Of each channel by itself it would turn
-    orange to yellow and gold to olive; this is how the tone curve of Adobe's DNG SDK keeps hues.
+    f(x) = x (2.51 x + 0.03) / (x (2.43 x + 0.59) + 0.14), clamped to [0, 1]. Applied to each channel separately it
+    would turn orange to yellow and gold to olive; the tone curve of Adobe's DNG SDK keeps hues in the same way.
     """
     x = np.clip(np.asarray(radiance, np.float64), 0.0, BRIGHTEST)
     high, low = x.max(axis=-1, keepdims=True), x.min(axis=-1, keepdims=True)
@@ -59,7 +59,7 @@ def filmic(radiance: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 def false_colour(radiance: NDArray[np.floating]) -> NDArray[np.float64]:
-    """log2 of luminance in bands of one stop from dark blue to yellow, the lower half of each a little darker."""
+    """log2 of luminance in bands of one stop from dark blue to yellow, the lower half of each slightly darker."""
     luminance = np.maximum(radiance, 0.0) @ LUMINANCE
     stops = np.clip(np.log2(np.maximum(luminance, 1e-12)), _DARKEST_STOP, _BRIGHTEST_STOP)
     t = ((stops - _DARKEST_STOP) / (_BRIGHTEST_STOP - _DARKEST_STOP))[..., None]

@@ -1,29 +1,29 @@
-"""How far off a picture is, by its own judgement, from some hundred of its points.
+"""Estimates the error of a picture, without a reference, from some hundred of its points.
 
-Direct light is computed there six times more, from four times as many lights, sixteen times as many patches and four
-times the bands, with random rays of its own to the sky. Light between surfaces is held against paths through the scene
-(`path_tracer`), so that all that was left out of it counts: chance, interpolation, cells, series that end in albedos.
-Either is noisy; but two looks at it, a and b, are so independently, and of what the picture has, v, and the truth, t,
+Direct light is recomputed there six times, from four times as many lights, sixteen times as many patches and four times
+the bands, with independent random rays to the sky. Indirect light is compared with path tracing (`path_tracer`), so
+that every approximation counts: noise, interpolation, the irradiance cache, series that end in albedos. Both are noisy;
+but two independent estimates a and b of the truth t satisfy, for the picture's value v,
 
     E (v - a) (v - b) = (v - t)^2,
 
-so that their noise cancels instead of being taken for an error, and what is left of it falls with the square root of
-the number of points. For indirect light that is mostly more than the error itself: a mean of squares S with standard
-error s is measured where 1 % is to be told. But the two halves of the gather rays tell what chance is left in the
-picture (`IndirectLight.noise`), n, which is most of its error, and in expectation not more than that. So the mean
-square error is taken to be
+so that their noise cancels instead of counting as an error; what remains of it falls with the square root of the number
+of points. For indirect light that is usually more than the error itself: the measurement is a mean of squares S with
+standard error s, where errors of 1 % are to be detected. But the two halves of the hemisphere samples give the noise in
+the picture (`IndirectLight.noise`), n, which is most of its error, and in expectation at most the error. So the mean
+square error is estimated as
 
     max(S - s, n^2):
 
-paths say that it is more where they are sure of it. Paths for direct light as well were rejected: they are noisier than
-it is off, by far in a stairwell with lamps close by.
+path tracing raises it where it is significant. Path tracing for direct light as well was rejected: its noise exceeds
+the error, by far in a stairwell with lamps close by.
 
-The whole error is found in the same way, of all the light at once, and so is neither the sum of the parts' errors nor
-the root of their squares: the one takes them to be off the same way everywhere, the other not to know of each other. A
-picture that another mode drew has no such parts, and is held against the same truth (`estimate_drawn_errors`).
+The total error is computed in the same way, of all light at once. It is neither the sum of the parts' errors, which
+would assume errors of equal sign everywhere, nor the root of their squares, which would assume independence. A picture
+of another mode has no such parts, and is compared with the same truth (`estimate_drawn_errors`).
 
-Points are drawn where an error may be: some of every visible object, however small, for a mirror ball can have most of
-the error of a picture, and many where neighbours differ, as along the edges of shadows.
+Points are sampled where errors are likely: some of every visible object, however small, because a mirror ball can have
+most of a picture's error, and many where neighbours differ, as along the edges of shadows.
 """
 
 from __future__ import annotations
@@ -50,18 +50,19 @@ from engine.visibility.targets import Targets
 
 N_POINTS = 256
 FINER, FINER_PATCHES = 4, 16  # times as many lights, and as many leaves of the tree of emitters
-FINER_PEAK_LEVELS = 4  # how far below the sky's finest triangles suns are split
-FINER_TOLERANCE = 0.05  # of the bands that may bend over a light, most of the error where light grazes a wall
-# Times as many bands of the sharpest curve: where 64 are too few for a highlight, 128 are, too.
+FINER_PEAK_LEVELS = 4  # levels below the sky's finest triangles to which peaks are split
+FINER_TOLERANCE = 0.05  # of the bands that a light may span; causes most of the error where light grazes a wall
+# Factor for the bands of the sharpest curve: where 64 are too few for a highlight, 128 are as well.
 FINER_BANDS, MOST_FINER_BANDS = 4, (1024, 128)
 N_TRUTH_SAMPLES = 6
-# Of a map of errors: points, and looks at each.
+# For a map of errors: points, and estimates at each.
 MAP_POINTS, MAP_TRUTH_SAMPLES = 1024, 2
-# Paths in all: so many a pixel of the picture, within these bounds; a tenth of the time of a still of 512 × 512 pixels.
+# Number of paths: so many for each pixel of the picture, within these bounds; a tenth of the time of a still of 512 ×
+# 512 pixels.
 PATHS_A_PIXEL, FEWEST_PATHS, MOST_PATHS = 64, 1 << 15, 1 << 18
-# What else a picture that another mode drew is held against.
+# The quality that a picture of another mode is compared with.
 DRAWN = Quality("drawn", 1, 1000, 768, 7, 0.5, own_rays=True)
-# What is brighter than all but a thousandth of the picture counts as that bright, as where pictures are compared.
+# Brighter values are clamped to this percentile, as where pictures are compared.
 CLAMP_PERCENTILE = 99.9
 _SEED = 12
 _ROWS_AT_ONCE = 32
@@ -73,8 +74,8 @@ Steps = Generator[StillProgress, None, Float64Array]
 
 @dataclass(frozen=True, eq=False)
 class PointErrors:
-    """A picture's error, and the relative squares (n,) of it at those of its pixels (n,) that were looked at; chance
-    makes some of them less than 0, and is none on average."""
+    """A picture's error, and the relative squared errors (n,) at those of its pixels (n,) that were sampled; noise
+    makes some of them negative, but cancels on average."""
 
     estimate: ErrorEstimate
     pixel: NDArray[np.int32]
@@ -83,7 +84,7 @@ class PointErrors:
 
 @dataclass(frozen=True, eq=False)
 class _TruthSamples:
-    """Looks at the light of some rows (n,) with weights (n,): direct (R, n, 3), reflected before (2, n, 3)."""
+    """Estimates of the light of some rows (n,) with weights (n,): direct (R, n, 3), indirect (2, n, 3)."""
 
     rows: NDArray[np.int32]
     weights: Float64Array
@@ -92,7 +93,7 @@ class _TruthSamples:
 
     @property
     def independent_totals(self) -> Float64Array:
-        """Two looks at all of it (2, n, 3), neither of which has anything of the other's chance."""
+        """Two independent estimates of all light (2, n, 3)."""
         halves = np.array_split(self.direct, 2)
         return np.stack([half.mean(axis=0) for half in halves]) + self.reflected
 
@@ -114,12 +115,11 @@ def estimate_point_errors(
     radiance: NDArray[np.floating], indirect: NDArray[np.floating] | None = None, n_paths: int | None = None,
     seed: int = _SEED, n_points: int = N_POINTS, noise: float | None = None,
 ) -> Generator[StillProgress, None, PointErrors]:  # fmt: skip
-    """The error of what the points of a picture reflect, radiance (P, 3), of which `still_indirect` (P, 3) was
-    reflected before, without what multiplies all of the light. The same seed gives the same number again.
+    """Estimate the error of the radiance (P, 3) that the points of a picture reflect, of which indirect (P, 3) is
+    indirect light, without factors common to all light. The same seed gives the same number.
 
-    quality: how finely its direct light was computed; n_paths: None for as many as the picture is worth; n_points:
-    how many of its points are looked at; noise: RMS radiance of the chance in `still_indirect`, None where it is
-    not known.
+    quality: of its direct light; n_paths: None for a number that suits the picture; n_points: number of sampled points;
+    noise: RMS radiance of the noise in `indirect`, None if unknown.
     """
     hits = placement.hits
     if not len(hits.pixel):
@@ -138,7 +138,7 @@ def estimate_point_errors(
         indirectly, whole = (_relative_rms(weights * each, mean) for each in (again_squares, squares))
     else:
         indirectly = _at_least(noise / mean, weights, again_squares / mean**2)
-        # Chance knows nothing of what direct light is off by: their squares add up.
+        # The noise is independent of the error of direct light: their squares add up.
         whole = _at_least(math.hypot(direct, noise / mean), weights, squares / mean**2)
     estimate = ErrorEstimate(direct, indirectly, whole)
     return PointErrors(estimate, hits.pixel[rows], _relative_squares(squares, mean))
@@ -148,8 +148,9 @@ def compare_errors(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality, n_bounces: int,
     radiances: Sequence[NDArray[np.floating]], n_paths: int, n_points: int, seed: int = _SEED,
 ) -> Generator[StillProgress, None, tuple[float, ...]]:  # fmt: skip
-    """The whole errors of one picture that was computed in several ways, each (P, 3), by the same looks at the same
-    points, so that their difference is known better than each; other arguments: see `estimate_point_errors`."""
+    """Estimate the total errors of one picture that was computed in several ways, each (P, 3), with the same truth at
+    the same points, so that their difference is more accurate than each; other arguments: see
+    `estimate_point_errors`."""
     rows, weights = _sample(placement.hits, radiances[0], np.random.default_rng(seed), n_points)
     truth = yield from _sample_truth(placement, layers, sky, quality, n_bounces, rows, weights, n_paths, seed)
     top, mean = _scale(truth, float(np.percentile(radiances[0], CLAMP_PERCENTILE)))
@@ -161,8 +162,8 @@ def estimate_drawn_errors(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, n_bounces: int,
     pictures: Sequence[NDArray[np.floating]], n_paths: int | None = None, seed: int = _SEED, n_points: int = N_POINTS,
 ) -> Generator[StillProgress, None, tuple[PointErrors, ...]]:  # fmt: skip
-    """The errors of pictures (h, w, 3), each of all that the placement sees, in its own resolution or one of their own;
-    inside of objects, for where those meet the placement has not the light of the whole pixel."""
+    """Estimate the errors of pictures (h, w, 3), each of everything that the placement sees, in its own resolution or
+    another; only inside objects, because at edges the placement does not have the light of the whole pixel."""
     hits = placement.hits
     inner = interior_points(hits)
     if not inner.any():
@@ -181,14 +182,14 @@ def estimate_drawn_errors(
 
 
 def _worst_object(placement: Placement, rows: NDArray[np.int32], squares: Float64Array) -> str:
-    """The object that has more than half of what weighted squares (n,) at some rows sum up to; "" where none has."""
+    """The object that has more than half of the sum of weighted squares (n,) at some rows; "" if none has."""
     of_object = np.bincount(placement.hits.objects[rows], squares)
     most = int(of_object.argmax())
     return placement.scene.object_names[most] if 2.0 * of_object[most] > squares.sum() > 0.0 else ""
 
 
 def interior_points(hits: PrimaryHits) -> NDArray[np.bool_]:
-    """Which points (P,) are the whole of a pixel whose eight neighbours show the same object."""
+    """Which points (P,) fill a pixel whose eight neighbours show the same object."""
     height, width = hits.object_image.shape
     framed = np.pad(hits.object_image, 1, constant_values=-1)
     shifts = [framed[dy : dy + height, dx : dx + width] for dy in range(3) for dx in range(3)]
@@ -197,13 +198,13 @@ def interior_points(hits: PrimaryHits) -> NDArray[np.bool_]:
 
 
 def _no_errors(direct: float | None, indirect: float | None) -> PointErrors:
-    """Of a picture in which nothing reflects."""
+    """The errors of a picture in which nothing reflects."""
     return PointErrors(ErrorEstimate(direct, indirect, 0.0), np.zeros(0, np.int32), np.zeros(0))
 
 
 def _at_pixels(picture: NDArray[np.floating], pixel: NDArray[np.integer], resolution: tuple[int, int]) -> Float64Array:
-    """What a picture (h, w, 3) shows at the centres of pixels (n,) of this resolution (width, height): (n, 3), between
-    its own pixels as it is shown."""
+    """Values of a picture (h, w, 3) at the centres of pixels (n,) of this resolution (width, height): (n, 3),
+    interpolated as the picture is displayed."""
     if (picture.shape[1], picture.shape[0]) == resolution:
         return np.asarray(picture.reshape(-1, 3)[pixel], np.float64)
     places = np.stack(np.divmod(pixel, resolution[0]), axis=1) + 0.5
@@ -221,7 +222,7 @@ def _sample_truth(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality, n_bounces: int,
     rows: NDArray[np.int32], weights: Float64Array, n_paths: int | None, seed: int,
 ) -> Generator[StillProgress, None, _TruthSamples]:  # fmt: skip
-    """The light of these rows, as it is."""
+    """Estimate the true light of these rows."""
     n_looks = N_TRUTH_SAMPLES if len(rows) <= N_POINTS else MAP_TRUTH_SAMPLES
     direct = yield from _direct(placement, layers, sky, quality, rows, seed, n_looks)
     reflected = np.zeros((2, *direct.shape[1:]))
@@ -234,7 +235,8 @@ def _sample_truth(
 
 
 def _scale(truth: _TruthSamples, top: float) -> tuple[float, float]:
-    """How bright what is brighter counts as, at least `top`, and the mean of the picture by its truth."""
+    """The value at which brighter light is clamped, at least `top`, and the mean of the picture according to its
+    truth."""
     light = truth.direct.mean(axis=0) + truth.reflected.mean(axis=0)
     top = max(top, float(np.percentile(light, CLAMP_PERCENTILE)))
     return top, float(truth.weights @ np.minimum(light, top).mean(axis=1))
@@ -244,10 +246,11 @@ def _sample(
     hits: PrimaryHits, radiance: NDArray[np.floating], generator: np.random.Generator, n: int,
     among: NDArray[np.bool_] | None = None,
 ) -> tuple[NDArray[np.int32], Float64Array]:  # fmt: skip
-    """Rows of n points, ascending, and their weights (n,): means of what they have, times these, are the picture's,
-    in which each counts by its share of a pixel. among: which points (P,) count, None for all.
+    """Sample rows of n points, ascending, with weights (n,): weighted means over them estimate the picture's, in which
+    each point counts by its share of a pixel. among: which points (P,) are eligible, None for all.
 
-    A quarter is drawn evenly, a quarter evenly of each object, the others where the picture bends."""
+    A quarter is uniform over points, a quarter uniform over objects, the rest proportional to the picture's contrast.
+    """
     n_points = len(hits.pixel)
     sizes = np.diff(hits.object_ranges, axis=1)[:, 0]
     of_object = np.repeat(1.0 / np.maximum(sizes, 1), sizes) / max(int((sizes > 0).sum()), 1)
@@ -262,8 +265,8 @@ def _sample(
 
 
 def _contrast(hits: PrimaryHits, radiance: NDArray[np.floating]) -> Float64Array:
-    """How much each point (P,) differs from its neighbours above and below, or left and right, on its own object: edges
-    of shadows, where few points have much of the error. 0 beside pixels' centres."""
+    """Contrast of each point (P,) to its neighbours above and below, or left and right, on its own object: at edges of
+    shadows few points have much of the error. 0 for points off pixel centres."""
     width, height = hits.resolution
     light, objects = np.zeros((height + 2, width + 2)), np.full((height + 2, width + 2), -1)
     objects[1:-1, 1:-1] = hits.object_image
@@ -283,8 +286,8 @@ def _direct(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality, rows: NDArray[np.int32],
     seed: int, n_looks: int,
 ) -> Steps:  # fmt: skip
-    """Direct light (R, n, 3) at some rows, more finely, so many times with rays of its own to the sky."""
-    # Bits of all points would fill the memory, whose pages are larger than a point's.
+    """Direct light (R, n, 3) at some rows, with finer settings, n_looks times with independent rays to the sky."""
+    # Bits of all points would fill the memory: a memory page is larger than a point's bits.
     cut, hits, points = None, placement.hits, placement.hits.at(rows)
     if sky.environment is not None:
         sun_level = quality.max_level + FINER_PEAK_LEVELS
@@ -296,7 +299,7 @@ def _direct(
     lighting = prepare_lighting(cut, tree, FINER_TOLERANCE * quality.tolerance, own_rays=True, scale=sky.scale)
     emitters = yield from _trace_visibility(points, placement.caster, lighting.emitter_targets)
     near = near_leaves(points, placement.caster, lighting.emitters, emitters, _all_rows(points))
-    sphere = empty_visibility(points, placement.sphere.targets)  # nobody asks for it: lights have their own rays
+    sphere = empty_visibility(points, placement.sphere.targets)  # unused: lights have their own rays
     found = np.zeros((n_looks, len(rows), 3))
     for look, generator in zip(found, np.random.default_rng((seed, 1)).spawn(n_looks), strict=True):
         fine = yield from _trace_visibility(
@@ -311,7 +314,7 @@ def _direct(
                 look[mine] += layer_radiance(hits, rows[mine], finer, tile, lighting.unit)
                 yield StillProgress(0.0, WHAT)
         if cut is None:
-            found[:] = look  # emitters are seen alike every time
+            found[:] = look  # emitters are the same each time
             break
     return found
 
@@ -331,8 +334,8 @@ def _trace_visibility(
 
 
 def _with_random_rays(targets: Targets, cut: TriangleLights | None, generator: np.random.Generator) -> Targets:
-    """Targets that are the lights of a cut, each at a random place of its triangle: where the sun is half hidden, its
-    centre knows nothing of it. Leaves of emitters keep their places: those close by would be noise and nothing else."""
+    """Targets that are the lights of a cut, each at a random place of its triangle: where a peak is half hidden, its
+    centre does not show this. Leaves of emitters keep their places: those close by would only add noise."""
     if cut is None:
         return targets
     places = _random_points(cut.vertices[cut.corners], generator)
@@ -349,14 +352,14 @@ def _random_points(triangles: NDArray[np.floating], generator: np.random.Generat
 
 
 def _finer(bands: tuple[int, int]) -> tuple[int, int]:
-    """So many times as many of each curve that has any, as far as transport takes them."""
+    """Multiply the bands of each curve that has any, within the limits of transport."""
     most_a, most_b = MOST_FINER_BANDS
     return min(FINER_BANDS * bands[0], most_a), 1 if bands[1] == 1 else min(2 * bands[1], most_b)
 
 
 def _squares(shown: Float64Array, looks: Float64Array, top: float) -> Float64Array:
-    """(v - t)^2 (n,), means over the colours, of light (n, 3) by R independent looks at the truth (R, n, 3): the mean
-    of (v - a) (v - b) over all pairs of them."""
+    """(v - t)^2 (n,), averaged over colours, for light (n, 3) and R independent estimates of the truth (R, n, 3): the
+    mean of (v - a) (v - b) over all pairs of them."""
     off = np.minimum(shown, top) - np.minimum(looks, top)
     pairs = (off.sum(axis=0) ** 2 - (off**2).sum(axis=0)) / (len(looks) * (len(looks) - 1))
     return np.asarray(pairs.mean(axis=1))
@@ -367,15 +370,15 @@ def _relative_squares(squares: Float64Array, mean: float) -> Float64Array:
 
 
 def _relative_rms(squares: Float64Array, mean: float) -> float:
-    """The relative RMS error by weighted squares (n,). Chance can make their sum next to nothing, or less: half of what
-    it may be by chance is taken for an error in any case."""
+    """Relative RMS error from weighted squares (n,). Noise can make their sum almost 0, or negative: half of their
+    standard error counts as an error in any case."""
     square = max(float(squares.sum()), 0.5 * float(np.linalg.norm(squares)))
     return math.sqrt(square) / mean if mean > 0.0 else 0.0
 
 
 def _at_least(known: float, weights: Float64Array, squares: Float64Array) -> float:
-    """The relative RMS error by relative squares (n,) with weights (n,) that sum up to 1, `known` being the least that
-    it can be: the root of what their mean is more than its own standard error, where that is more."""
+    """Relative RMS error from relative squares (n,) with weights (n,) that sum to 1, where `known` is a lower bound:
+    the root of the mean minus its standard error, if that is larger."""
     square = float(weights @ squares)
     standard_error = float(np.linalg.norm(weights * (squares - square)))
     return max(math.sqrt(max(square - standard_error, 0.0)), known)

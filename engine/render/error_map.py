@@ -1,7 +1,7 @@
-"""Where a picture is off: the errors found at some of its points, spread over the objects they are on, as colours.
+"""Maps where a picture has errors: spreads the errors of sampled points over their objects, as colours.
 
-Of a point by itself chance tells more than its error does (`error_estimate`): each pixel has the mean of the squares of
-the nearest points on its own object, the nearer ones counting more. What shows no object that was looked at is clear.
+At a single point noise exceeds the error (`error_estimate`), so each pixel has the weighted mean of the squares of the
+nearest points on its own object, the nearer ones counting more. Objects that were not sampled stay transparent.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Colours = NDArray[np.uint8]
 
 
 def error_colours(hits: PrimaryHits, judged: PointErrors) -> Generator[None, None, Colours]:
-    """The picture's errors, relative to its mean, as colours (H, W, 4), the last its opacity; block by block."""
+    """The picture's errors, relative to its mean, as colours (H, W, 4) with opacity; block by block."""
     errors = yield from error_map(hits, judged)
     height, width = errors.shape
     image = np.zeros((height * width, 4), np.uint8)
@@ -40,9 +40,9 @@ def error_colours(hits: PrimaryHits, judged: PointErrors) -> Generator[None, Non
 
 
 def error_map(hits: PrimaryHits, judged: PointErrors) -> Generator[None, None, NDArray[np.float32]]:
-    """The errors themselves (H, W); not a number where nothing is known."""
+    """The errors themselves (H, W); NaN where unknown."""
     width, height = hits.resolution
-    objects = np.where(hits.row_image >= 0, hits.object_image, -1).ravel()  # emitters are as they are
+    objects = np.where(hits.row_image >= 0, hits.object_image, -1).ravel()  # emitters have no error
     errors = np.full(width * height, np.nan, np.float32)
     of_point = objects[judged.pixel]
     for i in np.unique(of_point[of_point >= 0]):

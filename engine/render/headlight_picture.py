@@ -1,5 +1,5 @@
-"""Objects in light from the eye (`headlight_shading`), as any camera sees them: what moves before anything is
-computed."""
+"""Objects under a light at the camera (`headlight_shading`), from any camera: shown while the camera moves before
+anything is computed."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from engine.scene.scene_loader import Scene
 def headlight_picture(
     scene: Scene, caster: RayCaster, layers: Mapping[int, Sequence[Layer]], sky: SkyState, resolution: tuple[int, int]
 ) -> Generator[None, None, NDArray[np.float32]]:
-    """The radiance (H, W, 3) of a scene as its camera sees it, in resolution (width, height): its objects with these
-    layers, by index, in light from the eye, what shines, and the sky behind. In steps."""
+    """Radiance (H, W, 3) of a scene as its camera sees it, in resolution (width, height): its objects with these
+    layers, by index, under a light at the camera, its emitters and the sky. In steps."""
     hits = yield from trace_primary_steps(scene, caster, resolution)
     frame = picture_frame(hits, scene.camera_position)
     picture = np.array(frame.emission_image, np.float32)

@@ -1,8 +1,7 @@
-"""What is shown of objects before anything is computed: their colours in light from the eye, without a shadow.
+"""Shading before anything is computed: the objects' colours under a light at the camera, without shadows.
 
-The first picture may take a while (a scene that is large, kernels that have to be compiled); what there is, where it is
-and roughly how it is coloured can be seen at once, from what came with the scene, and as the camera moves from what it
-meets.
+The first picture may take a while (a large scene, kernels to be compiled). This shading shows the objects, their places
+and approximate colours at once, from the scene's data alone; when the camera moves, from its primary hits.
 """
 
 from __future__ import annotations
@@ -15,14 +14,15 @@ from numpy.typing import NDArray
 from engine.material.layer import Layer
 
 _SIDE = 24
-_CAMERA_COSINE = 0.5  # radians between the normal and the eye for which a colour is found
-_SHARPEST = 6.0  # decades that the halfway vectors of lobes go down to, in sin² of their angle
-_UNREAD_ALBEDO = 0.5  # of what is known by a file that the window does not read
+_CAMERA_COSINE = 0.5  # angle in radians between normal and camera at which the colour is evaluated
+_SHARPEST = 6.0  # decades over which the lobes' half vectors are sampled, in sin² of their angle
+_UNREAD_ALBEDO = 0.5  # for layers whose file the window does not read
 _FACING, _AROUND = 0.75, 0.25
 
 
 def headlight_colour(layers: Iterable[Layer]) -> NDArray[np.float64]:
-    """How much of white light from all around the layers reflect, (3,), each channel at most 1: rough, for a glance."""
+    """Share of uniform white light that the layers reflect, (3,), each channel at most 1: an approximation for
+    display."""
     wi, weight = _directions()
     wo = np.broadcast_to([np.sin(_CAMERA_COSINE), 0.0, np.cos(_CAMERA_COSINE)], wi.shape)
     total = np.zeros(3)
@@ -32,17 +32,17 @@ def headlight_colour(layers: Iterable[Layer]) -> NDArray[np.float64]:
 
 
 def headlight_radiance(colour: NDArray[np.float64], theta_o: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Radiance (p, 3) where the normal is at these angles (p,), in radians, to the eye."""
+    """Radiance (p, 3) where the normal is at these angles (p,), in radians, to the camera."""
     shade = _AROUND + _FACING * np.cos(theta_o)
     return np.asarray(shade[:, None] * colour, np.float32)
 
 
 def _directions() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Unit vectors (N, 3) about +Z, and weights (N,) of which each is cos θ dω of its place.
+    """Unit vectors (N, 3) about +Z, and weights (N,) in units of cos θ dω.
 
-    Half of them are even by cos θ dω, and half are mirror directions about halfway vectors, even by the logarithm of
-    sin² of their angle, without which the lobe of polished metal would be missed: weighted by the balance heuristic
-    [Veach 1997, eq. 9.8].
+    Half of them are uniform in cos θ dω; half are mirror directions about half vectors, uniform in the logarithm of
+    sin² of their angle, without which the lobe of polished metal would be missed. Both are weighted by the balance
+    heuristic [Veach97, eq. 9.8].
     """
     u, v = (np.arange(_SIDE) + 0.5) / _SIDE, 2 * np.pi * (np.arange(_SIDE) + 0.5) / _SIDE
     sine_squared, azimuth = (each.ravel() for each in np.meshgrid(u, v))
@@ -51,8 +51,8 @@ def _directions() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     halfway = _about_z(10.0 ** (-_SHARPEST * (1.0 - sine_squared)), azimuth)
     mirrored = 2.0 * (halfway @ wo)[:, None] * halfway - wo
     wi = np.concatenate([even, mirrored[mirrored[:, 2] > 0.0]])
-    # Densities by solid angle, of N² directions each: cos θ / π; and that of halfway vectors, p(sin² θ) cos θ / π,
-    # divided by 4 (wo·h) for what they mirror [Walter 2007, eq. 14].
+    # Densities per solid angle, of N² directions each: cos θ / π; and that of half vectors, p(sin² θ) cos θ / π,
+    # divided by 4 (wo·h) for the reflected direction [Walter07, eq. 14].
     h = wi + wo
     h /= np.linalg.norm(h, axis=1, keepdims=True)
     s = np.maximum(1.0 - h[:, 2] ** 2, 1e-12)
@@ -63,6 +63,6 @@ def _directions() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def _about_z(sine_squared: NDArray[np.float64], azimuth: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unit vectors (N, 3)."""
+    """Unit vectors (N, 3) about +Z."""
     sine, cosine = np.sqrt(sine_squared), np.sqrt(1.0 - sine_squared)
     return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=1)

@@ -1,13 +1,14 @@
-"""What indirect light will cost: the solver itself on a few blocks of the picture, with few rays between cells.
+"""Estimates the cost of indirect light: runs the solver itself on a few blocks of the picture, with few rays between
+cache records.
 
-Which places of a picture need a gather point is only known once it is lit: by silhouettes and creases alone it would be
-between 0.6 and 0.95 of them. So a trial lights the scene roughly and refines some hundred blocks of the lattice, chosen
-at random, just as the solver refines all; what took place at its points is multiplied by how many there will be, what
-between its cells by theirs and their rays.
+The number of gather points of a picture is known only once it is lit: from silhouettes and creases alone the estimate
+would be between 0.6 and 0.95 of it. So a trial lights the scene roughly and refines some hundred random blocks of the
+lattice as the solver refines all. The work at its points is scaled to the number of points, and the work between
+irradiance cache records to the number of these and of their rays.
 
-Where there will be more cells than there may be, the solver begins anew with larger ones, several times where these
-hardly become fewer; its first look foresees most such ends. How many cells there are of larger ones a second trial
-tells; the tries are then gone through as the solver does.
+If there would be more records than allowed, the solver restarts with larger cells, several times if the number hardly
+falls; its first pass over the picture detects most such cases. A second trial measures how many records larger cells
+have; the solver's tries are then simulated.
 """
 
 import math
@@ -35,15 +36,16 @@ N_BLOCKS = 192
 FEWER = 8
 """As many times fewer are rays between cells, the last ones, and photons."""
 
-# How much larger cells are in a second trial; of the solver's tries, those that are gone through at most.
+# Size of cells in the second trial, relative to the first; the largest number of the solver's tries that are simulated.
 COARSER, MOST_TRIES = 1.5, 8
-RECORDS_BY_SMALL_SETS = 0.55  # with what power fans of the fewest rays show more cells: 0.4 to 0.6
+RECORDS_BY_SMALL_SETS = 0.55  # exponent with which sample sets of the fewest rays find more records: 0.4 to 0.6
 
 Value = TypeVar("Value")
 
 
 class WastedTries(NamedTuple):
-    """Tries that are given up, and how many times as many fans as there are points are traced in them."""
+    """Tries that are abandoned, and the number of sample sets that are traced in them, relative to the number of
+    points."""
 
     n_tries: int
     sets: float
@@ -54,7 +56,7 @@ NO_WASTE = WastedTries(0, 0.0)
 
 @dataclass(frozen=True)
 class IndirectCost:
-    """Processor seconds, bytes on disk, how many gather points and cells there will be, and rays a fan."""
+    """Processor seconds, bytes on disk, numbers of gather points and records, and rays of a sample set."""
 
     seconds: float
     n_bytes: float
@@ -64,13 +66,13 @@ class IndirectCost:
 
 
 class _Trial(Solver):
-    """The solver on some blocks; seconds: of the processor, by what it was at work on."""
+    """The solver on some blocks; seconds: of processor time, by the kind of work."""
 
     def __init__(
         self, placement: Placement, models: Mapping[int, Sequence[str]], sky: SkyState, n_bounces: int,
         settings: SamplingSettings, n_blocks: int, larger: float = 1.0, other_light: float | None = None,
     ) -> None:  # fmt: skip
-        """larger: by how much cells are than the solver would have them at first. `n_rays_traced`: of all fans."""
+        """larger: factor from the solver's first cell size. `n_rays_traced`: of all sample sets."""
         fewer = replace(
             settings, n_record_rays=settings.n_record_rays // FEWER, n_samples=settings.n_samples // FEWER,
             n_photons=settings.n_photons // FEWER,
@@ -88,17 +90,17 @@ class _Trial(Solver):
         return self.lattice
 
     def _rough_settings(self) -> SamplingSettings:
-        """As the solver does: noise of cells would be taken for that of the picture."""
+        """As in the solver: noise of the records would count as contrast of the picture."""
         whole = self._whole
         return replace(self._most, n_record_rays=whole.n_record_rays // 4, n_samples=whole.n_samples // 4)
 
     @property
     def n_first(self) -> int:
-        """How many fans the first look of the whole picture has."""
+        """Number of sample sets in the first pass over the whole picture."""
         return len(self._whole_lattice().missing_rows())
 
     def _forecast(self, cells: IrradianceCache, n_fans: int) -> None:
-        """Nothing: of some blocks there are never too many."""
+        """Does nothing: some blocks never have too many records."""
 
     def _cell_size(self) -> float:
         return self._larger * self._timed("size", super()._cell_size)
@@ -142,10 +144,9 @@ def indirect_cost(
     placement: Placement, models: Mapping[int, Sequence[str]], sky: SkyState, n_bounces: int,
     layers: Sequence[IndirectLayer], settings: SamplingSettings = FINE, other_light: float | None = None,
 ) -> Generator[Progress, None, IndirectCost]:  # fmt: skip
-    """What `Solver(placement, models, sky, n_bounces, fineness, other_light=other_light)` will cost for these layers;
-    yields its progress."""
+    """Estimate the cost of the solver with these arguments for these layers; yields its progress."""
     seconds = first = 0.0
-    for n_blocks in (2, N_BLOCKS):  # the first reads kernels
+    for n_blocks in (2, N_BLOCKS):  # the first loads kernels
         trial = _Trial(placement, models, sky, n_bounces, settings, n_blocks, other_light=other_light)
         started, first = time.process_time(), seconds
         found = yield from trial.solve(layers)
@@ -167,7 +168,7 @@ def indirect_cost(
     n_cells = min(wanted, FULL * MAX_RECORDS) if lost.n_tries else wanted
     by_cell = n_cells / n_tried_cells
     rest = seconds - sum(tried.values())
-    # A try that is given up ends with its first look, and most know by then how many rays are needed.
+    # An abandoned try ends with its first pass, and most know by then how many rays are needed.
     by_fan = tried["fans"] * found.ray_budget.n_rays / max(trial.n_rays_traced, 1)
     reading = max(first - tried["size"] - tried["photons"], 0.0)
     total = (
@@ -184,8 +185,8 @@ def indirect_cost(
 
 
 def expected_waste(wanted: float, n_fans: float, n_first: int, power: float) -> WastedTries:
-    """What is lost until cells are large enough: wanted: cells of the first size after all fans, which the first look,
-    of n_first, foresees; of s times larger ones there are s^-power as many."""
+    """The tries before cells are large enough. wanted: records of the first cell size after all sample sets, which the
+    first pass, of n_first sets, detects; with cells s times larger their number is s^-power times that."""
     size, n_lost, tries = 1.0, 0.0, list[CellSizeTry]()
     while (n_cells := wanted * size**-power) > MAX_RECORDS and len(tries) < MOST_TRIES:
         done = n_fans * (MAX_RECORDS / n_cells) ** (1.0 / RECORDS_BY_SETS)
@@ -196,7 +197,7 @@ def expected_waste(wanted: float, n_fans: float, n_first: int, power: float) -> 
 
 
 def _times(name: str, length: int, n_cells: int, by_point: float, by_cell: float) -> float:
-    """By how much longer an array of the light will be than that of the trial."""
+    """Factor between the length of an array of the light and that of the trial's."""
     if name == "cell_seen":
         return FEWER * by_cell
     if name == "direct" or name.startswith("cells."):

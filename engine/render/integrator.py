@@ -1,8 +1,9 @@
-"""Direct light by brute force: every light sample traced, the whole BRDF evaluated. The oracle of the transport path.
+"""Direct light by brute force: traces every light sample and evaluates the whole BRDF. The oracle of the transport
+path.
 
-Shares with it the scene, the hits and the rays, and nothing else: no bands, no curves, no visibility bits, no cut.
-The sky is integrated over all triangles of one geodesic level, each with its own radiance integral; emitters over an
-even subdivision of their faces.
+It shares with that path the scene, the hits and the rays, and nothing else: no bands, no curves, no visibility bits, no
+cut. The sky is integrated over all triangles of one geodesic level, each with its own radiance integral; emitters over
+a uniform subdivision of their faces.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,7 +27,7 @@ def evaluate_layers(
 ) -> np.ndarray:
     """Σ over visible layers of ρ(ωi, ωo) cosθi, (N, 3), for local directions (N, 3).
 
-    factors (N or 1, K, 3): what multiplies the first K visible layers; none, or K = 0, multiplies nothing.
+    factors (N or 1, K, 3): factors of the first K visible layers; None, or K = 0, for none.
     """
     total = np.zeros((len(wi), 3))
     for k, layer in enumerate(layer for layer in layers if layer.visible):
@@ -36,7 +37,7 @@ def evaluate_layers(
 
 
 def evaluate_layer(layer: Layer, wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
-    """ρ(ωi, ωo) cosθi of one layer, (N, 3): the model's own formula, or quotient times curves where edits exist."""
+    """ρ(ωi, ωo) cosθi of one layer, (N, 3): the model's own formula, or quotient times curves if it was edited."""
     if not layer.edits:
         return layer.brdf(wi, wo) * np.maximum(wi[:, 2:3], 0.0)
     return layer.scale() * evaluate_by_curves(layer, wi, wo)
@@ -56,7 +57,7 @@ def evaluate_by_curves(layer: Layer, wi: np.ndarray, wo: np.ndarray) -> np.ndarr
 
 
 def _quotients(layer: Layer, q: np.ndarray, wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
-    """ρ_q cosθi (N, 3): the same in all colours, but of models that are coloured."""
+    """ρ_q cosθi (N, 3): equal in all channels unless the model is coloured."""
     model, q = layer.model, np.array(layer.model.bind_parameters(q))
     value = np.empty((3, len(wi)))
     for channel in range(3 if model.is_coloured else 1):
@@ -77,10 +78,10 @@ def integrate_direct(
     level: int = 6,
     factors: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Radiance (len(rows), 3) float64 towards the eye after one reflection.
+    """Radiance (len(rows), 3) float64 towards the camera after one reflection.
 
-    layers_of(object_id) gives the layers of an object; rotation in degrees; level: sky triangles, 20·4^level; factors
-    (P, K, 3): what multiplies the first K visible layers at each of the hits.
+    layers_of(object_id) gives the layers of an object; rotation in degrees; level: of the sky's triangles, 20·4^level;
+    factors (P, K, 3): factors of the first K visible layers at each of the hits.
     """
     radiance = np.zeros((len(rows), 3))
     objects = hits.objects
@@ -99,7 +100,7 @@ def integrate_direct(
 
 
 def patch_samples(patches: EmitterPatches, point: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unit directions (M, 3), distances (M,) and radiance times projected area over distance squared (M, 3)."""
+    """Unit directions (M, 3), distances (M,), and radiance times projected area over squared distance (M, 3)."""
     towards = patches.centre.astype(np.float64) - point
     distance = np.linalg.norm(towards, axis=1)
     wi = towards / distance[:, None]
@@ -122,7 +123,8 @@ def _reflect(
 ) -> np.ndarray:
     """Σ V ρ cosθ (L ΔΩ) at one point over samples wi (M, 3) with power (M, 3); factors (1, K, 3) of the layers.
 
-    As in path tracers, light that the shading normal faces but the surface does not starts from the other side.
+    As in path tracers, a ray towards light that the shading normal faces but the surface does not starts from the other
+    side.
     """
     local = wi @ frame.T
     above = np.flatnonzero((np.minimum(local[:, 2], wi @ hits.horizon[row]) > 0) & (power.max(axis=1) > 0))

@@ -1,15 +1,15 @@
-"""One layer's radiance under any curves, from transport that is kept: what an edit changes is summed alone.
+"""One layer's radiance under any curves, from stored transport: an edit sums only what it changes.
 
-Along the curve that is edited, the other one at rest, transport is one plane of numbers a band, T_j (P, 3), and
+Along the edited curve, with the other one fixed, transport is one plane of numbers for each band, T_j (P, 3), and
 
     B = B₀ + Σ_j (c_j − c⁰_j) T_j          [BenArtzi07, eq. 4.16, 7.4]
 
-over those bands alone that differ from the curve c⁰ at which the planes were made. B₀ stays that of c⁰ from edit to
-edit, so that no rounding adds up. Where most bands differ, or the curve has become much darker, B = Σ_j c_j T_j is
-summed anew: that costs as much, and a dark picture is never the difference of two bright ones.
+over only those bands that differ from the curve c⁰ at which the planes were computed. B₀ stays that of c⁰ from edit to
+edit, so that rounding errors do not accumulate. Where most bands differ, or the curve has become much darker, the sum B
+= Σ_j c_j T_j is computed anew: this costs as much, and a dark picture is never the difference of two bright ones.
 
-The planes are those of bands. Wavelets, which the editor has on the GPU, make few coefficients of a wide smooth edit,
-but leave the others for later; a call returns a finished picture, for which bands need no transform and no order.
+The planes are those of bands. Wavelets, which the editor has on the GPU, need few coefficients for a wide smooth edit,
+but leave the others for later; a call here returns a finished picture, for which bands need no transform and no order.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from engine.core.threads import n_threads, on_threads
 from engine.precompute.direct.bandstore import BandStore
 from engine.render._layer_kernels import BLOCK, sum_bands
 
-# Below this share of the curve's largest value, differences from it are no longer precise.
+# Below this share of the curve's largest value, differences from it are not precise.
 DARKER = 0.1
 
 Float32Array = NDArray[np.float32]
@@ -33,7 +33,7 @@ Float64Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class _Planes:
-    """Transport (J, P, 3) along the curve number `factor`; radiance (P, 3) under `curves`, those it was made at."""
+    """Transport (J, P, 3) along the curve number `factor`; radiance (P, 3) under `curves`, at which it was computed."""
 
     factor: int
     numbers: Float32Array
@@ -52,12 +52,12 @@ class LayerTransport:
 
     @property
     def n_bytes(self) -> int:
-        """Memory of what is kept."""
+        """Bytes of the stored arrays."""
         return self._store.n_bytes + (0 if self._planes is None else self._planes.numbers.nbytes)
 
     def radiance(self, curves: Sequence[Float64Array]) -> Float32Array:
         """Radiance (P, 3) without f_q and f_o, in the unit of the transport, under the band values (J, 3) of the one or
-        two curves. The array is the transport's own: not to be written to."""
+        two curves. The array belongs to this object: do not write to it."""
         curves = (*curves, np.ones((1, 3)))[:2]
         if self._curves and _first_difference(curves, self._curves) is None:
             return self._radiance
@@ -66,7 +66,7 @@ class LayerTransport:
         if planes is not None and np.array_equal(curves[1 - planes.factor], planes.curves[1 - planes.factor]):
             self._radiance = _sum_bands(planes, curves[planes.factor])
         elif factor is not None and np.array_equal(curves[1 - factor], self._curves[1 - factor]):
-            self._planes = None  # before the next ones are made: they are large
+            self._planes = None  # free the planes before new ones are made: they are large
             self._planes = self._planes_along(factor, curves)
             self._radiance = self._planes.radiance
         else:  # the first picture, or both curves at once
@@ -82,7 +82,7 @@ class LayerTransport:
 
 
 def _first_difference(one: Sequence[Float64Array], other: Sequence[Float64Array]) -> int | None:
-    """The number of the first curve that is another."""
+    """Index of the first curve that differs."""
     return next((i for i in (0, 1) if not np.array_equal(one[i], other[i])), None)
 
 

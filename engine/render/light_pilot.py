@@ -1,18 +1,18 @@
-"""How many lights and patches a picture needs, tried on some of its points before it is computed.
+"""Finds how many lights and patches a picture needs, by trials on some of its points before it is computed.
 
-What fewer of them change is measured on the points themselves, with the materials that are there: plants under a clear
-sky make do with a quarter of what a copper pot under small bright lamps takes. The least number is taken whose picture
-differs by no more than `TOLERANCE` from that of the most there may be; as errors add up to no more than their sum, the
-picture is off by no more than that beside what it was. A highlight that can be edited may become sharper, so that in an
-editor it is tried half as wide and three times as bright too. Rejected: mirrors, which would call for all lights under
-every sky that has a sun, though most highlights never become any; and as many lights as each layer needs by itself,
-for matt layers need no fewer: their shadows do.
+The effect of fewer lights is measured on the points themselves, with the actual materials: plants under a clear sky
+need a quarter of what a copper pot under small bright lamps needs. The pilot takes the least number whose picture
+differs by at most `TOLERANCE` from that of the largest allowed number; because errors add up to at most their sum, the
+picture's error grows by at most that. A highlight that can be edited may become sharper, so that an editor also tries
+it at half the width and three times the brightness. Rejected: mirrors, which would need all lights under every sky with
+a sun, though most highlights never become mirrors; and as many lights as each layer needs by itself, because diffuse
+layers do not need fewer: their shadows need them.
 
-That nothing is seen is no reason to take fewer: what comes through a gap is missed by few patches and many alike, and
-all that are black agree. Patches are held against four times the most there may be, and where even these bring nothing
-from a lamp that shines, or a sky from which nothing comes is not black, all are kept.
+Unlit points are no reason to take fewer: few patches and many alike miss light that comes through a gap, and black
+pictures all agree. Patches are compared with four times the largest allowed number; if even these find no light of a
+lamp that emits, or of a sky that is not black, the largest number stays.
 
-Pictures of fewer than `PAYS_FROM` points are computed sooner than tried.
+Pictures of fewer than `PAYS_FROM` points take less time than the trials.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from engine.precompute.direct.projection import VisibleLight, project_points
 from engine.render.still import StillLayer, curves_of, radiance_with_curves, shape_of
 from engine.scene.primary_hits import PrimaryHits
 
-# Whole pictures were found to differ by what the points said: 0.22 % for 0.2, 0.18 % for 0.1, 0.23 % for 0.2.
+# Whole pictures differed by what the points predicted: 0.22 % for 0.2, 0.18 % for 0.1, 0.23 % for 0.2.
 TOLERANCE, EDITED_TOLERANCE = 0.004, 0.01
 N_POINTS = 768
 PAYS_FROM = 50_000
 FEWER = (8, 4, 2)
 LEAST = {"lights": 500, "patches": 96}
-BAND_FACTOR = 4  # times as many patches as there may be are what fewer are held against
+BAND_FACTOR = 4  # fewer patches are compared with this many times the largest allowed number
 NARROWER, BRIGHTER = 2, 3.0
 
-# How far off a picture is of whose light nothing was seen.
+# The error if no light was found.
 NOT_FOUND = float("inf")
 
 Pictures = Sequence[NDArray[np.float64]]
@@ -48,21 +48,21 @@ Pictures = Sequence[NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class LightBudget:
-    """As many lights and patches as are needed; off: by line of the plan how far the picture would be off that has no
-    more than these, or where none can be spared with half of them, relative RMS, as it is and with sharper highlights;
-    none that were not tried."""
+    """The required numbers of lights and patches; errors: by line of the plan, the relative RMS error of a picture with
+    these numbers, or with half of them if none can be saved, with the layers as they are and with sharper highlights;
+    only of lines that were tried."""
 
     lights: int
     patches: int
     errors: tuple[tuple[str, float, float], ...] = ()
 
     def limit_settings(self, most: RenderSettings, is_still: bool = False) -> RenderSettings:
-        """These of the most there may be; a still of few lights asks for their shadows alone."""
+        """Limit settings to these numbers; a still with few lights traces only their shadows."""
         keeps_sphere = most.keeps_sphere and (not is_still or self.lights >= MIN_LIGHTS_FOR_SPHERE)
         return replace(most, n_lights=self.lights, n_patches=self.patches, keeps_sphere=keeps_sphere)
 
     def reasons(self, most: RenderSettings) -> dict[str, str]:
-        """Why, by line of the plan."""
+        """The reasons, by line of the plan."""
         said = {}
         for line, plain, sharper in self.errors:
             ceiling, needed = (most.n_lights, self.lights) if line == "lights" else (most.n_patches, self.patches)
@@ -80,7 +80,7 @@ class LightBudget:
 
 
 def is_worthwhile(placement: Placement) -> bool:
-    """Whether a picture has so many points that it is worth trying."""
+    """Whether a picture has enough points for the trials to pay off."""
     return len(placement.hits.pixel) >= PAYS_FROM
 
 
@@ -88,8 +88,8 @@ def find_light_budget(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, most: RenderSettings, is_still: bool = False,
     seed: int = 1,
 ) -> Generator[None, None, LightBudget]:  # fmt: skip
-    """At most as many lights and patches as `most` has, of the lines that no person has set; yields now and then. The
-    placement's own visibility is not touched."""
+    """Find numbers of lights and patches, at most those of `most`, for the lines that the user has not overridden;
+    yields now and then. Does not change the placement's own visibility."""
     need = LightBudget(most.n_lights, most.n_patches)
     there = {"lights": sky.environment is not None, "patches": bool(placement.scene.emitters.any())}
     lines = [line for line, is_there in there.items() if is_there and line not in most.overridden]
@@ -122,7 +122,7 @@ def find_light_budget(
 def with_light_budget(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, plan: Plan
 ) -> Generator[None, None, Plan]:
-    """A plan with as much light as is needed."""
+    """Return a plan with the required light."""
     most = plan.settings
     need = yield from find_light_budget(placement, layers, sky, most, plan.is_still)
     return plan.with_light_budget(need.limit_settings(most, plan.is_still), need.reasons(most))
@@ -135,13 +135,13 @@ def deviations(trial: Pictures, truth: Pictures) -> tuple[float, float]:
 
 
 def deviation(trial: NDArray[np.floating], truth: NDArray[np.floating]) -> float:
-    """Relative RMS difference of a picture from another; 0 where that is black."""
+    """Relative RMS difference of a picture from another; 0 if that is black."""
     mean = float(truth.mean())
     return float(np.sqrt(np.mean((trial - truth) ** 2))) / mean if mean > 0.0 else 0.0
 
 
 class _Trials:
-    """Some points of a picture, and what they reflect by more or fewer lights."""
+    """Some points of a picture, and what they reflect with more or fewer lights."""
 
     def __init__(
         self, placement: Placement, layers: Sequence[StillLayer], sky: SkyState, is_still: bool, seed: int
@@ -156,12 +156,12 @@ class _Trials:
             self._part.sphere.bits[:], self._part.sphere.done[:] = placement.sphere.bits[self._rows], True
 
     def sees_nothing_of(self, line: str) -> bool:
-        """Whether none of the points was seen to be lit by what a line is about in the last pictures, though it
-        shines."""
+        """Whether a line's light, though it emits, reached none of the points in the last pictures."""
         return not self._lit_by[line]
 
     def pictures(self, settings: RenderSettings) -> Generator[None, None, Pictures]:
-        """What the points reflect (P, 3): as the layers are, and with sharper highlights where these can be edited."""
+        """Radiance that the points reflect (P, 3): with the layers as they are, and with sharper highlights where these
+        can be edited."""
         part = self._part if settings.keeps_sphere else self._placement.at_rows(self._rows)
         light = yield from map_steps(part.light(self._sky, final_quality(settings)), lambda fraction: None)
         self._lit_by = {"lights": _any_sky(light, self._sky), "patches": bool(light.emitters.bits.any())}
@@ -175,7 +175,7 @@ class _Trials:
 
 
 def _any_sky(light: VisibleLight, sky: SkyState) -> bool:
-    """Whether any point sees light of the sky, or there is none to be seen."""
+    """Whether any point sees light of the sky, or the sky has none."""
     lights = light.lighting.sky
     shines = lights.colours.any(axis=1)
     if sky.environment is None or not shines.any():
@@ -202,7 +202,7 @@ def _reflected(
 
 
 def _sharper(curve: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A curve (J, 3) half as wide and three times as high."""
+    """A curve (J, 3) of half the width and three times the height."""
     sharp = np.zeros_like(curve)
     sharp[: -(-len(curve) // NARROWER)] = BRIGHTER * curve[::NARROWER]
     return sharp

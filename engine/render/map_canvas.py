@@ -1,6 +1,6 @@
-"""A layer's images on one object: at what the eye sees of it, and spread evenly over it for their means.
+"""A layer's images on one object: at its primary hits, and spread uniformly over it for their means.
 
-What no stroke changes is sampled once; strokes are painted on that.
+The images are sampled once; strokes are painted on the samples.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ _N_MEAN_SAMPLES = 1 << 15
 
 @dataclass(frozen=True, eq=False)
 class MapSamples:
-    """The images of one layer as the eye sees them: texture (p, 3) and weight (p,) float32 at the points of its object,
-    in the order of the hits, ones where there is none; and their means over the surface."""
+    """The images of one layer at the primary hits: texture (p, 3) and weight (p,) float32 at the points of its object,
+    in the order of the hits, ones where there is no image; and their means over the surface."""
 
     texture: NDArray[np.float32]
     weight: NDArray[np.float32]
@@ -34,7 +34,7 @@ class MapSamples:
 
 @dataclass(frozen=True, eq=False)
 class SpreadPoints:
-    """Points evenly spread over a surface: texture (N, 3) and weight (N,) without strokes, position and normal."""
+    """Points uniformly spread over a surface: texture (N, 3) and weight (N,) without strokes, position and normal."""
 
     texture: Float64Array
     weight: NDArray[np.float32]
@@ -42,14 +42,14 @@ class SpreadPoints:
     normal: NDArray[np.float32]
 
     def means(self, weight: NDArray[np.float32]) -> MapMeans:
-        """The means by area, under these weights (N,)."""
+        """Means by area, under these weights (N,)."""
         red, green, blue = self.texture.mean(axis=0).tolist()
         both = (self.texture * weight[:, None]).mean(axis=0).tolist()
         return MapMeans((red, green, blue), float(weight.mean(dtype=np.float64)), (both[0], both[1], both[2]))
 
 
 class Canvas:
-    """One layer's images on one object, and what its strokes make of them."""
+    """One layer's images on one object, and the result of its strokes."""
 
     def __init__(
         self, unpainted: MapSamples, hits: PrimaryHits, i_object: int, spread: SpreadPoints, origin: Float64Array
@@ -61,7 +61,7 @@ class Canvas:
         self._everywhere: PaintedPoints | None = None
 
     def paint(self, strokes: Strokes) -> MapSamples:
-        """The images under these strokes; quick where they go on from those seen last."""
+        """Return the images under these strokes; fast if they continue those of the last call."""
         if not strokes:
             return self._unpainted
         spread = self._spread
@@ -77,7 +77,7 @@ class Canvas:
 def spread_points(
     scene: Scene, i_object: int, images: Images, texture: Pyramid | None, weight: Pyramid | None
 ) -> SpreadPoints:
-    """Points that each stand for as much of the object's area, and for a share of the images, without strokes."""
+    """Points that each represent an equal part of the object's area, and a share of the images, without strokes."""
     begin, end = scene.triangle_ranges[i_object]
     corners = scene.vertices[scene.triangles[begin:end]].astype(np.float64)
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
@@ -91,7 +91,7 @@ def spread_points(
         uvs = corner_uvs(scene, triangle)
         edges = uvs[:, 1:] - uvs[:, :1]
         stretch = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) / area[triangle - begin]
-        share = stretch * cumulative[-1] / _N_MEAN_SAMPLES  # of the image, that one point stands for
+        share = stretch * cumulative[-1] / _N_MEAN_SAMPLES  # of the image, for each point
         if texture is not None:
             scale = np.array(images.texture_scale)
             colours = texture.at(uv * scale, texture.level_of(share * abs(scale.prod()))).astype(np.float64)
@@ -101,7 +101,7 @@ def spread_points(
 
 
 def mean_maps(scene: Scene, i_object: int, images: Images, texture: Pyramid | None, weight: Pyramid | None) -> MapMeans:
-    """Means by area over an object, strokes and all."""
+    """Means by area over an object, strokes included."""
     spread = spread_points(scene, i_object, images, texture, weight)
     if not images.strokes:
         return spread.means(spread.weight)
@@ -111,7 +111,7 @@ def mean_maps(scene: Scene, i_object: int, images: Images, texture: Pyramid | No
 
 
 def _even_barycentrics(n: int) -> tuple[Float64Array, Float64Array]:
-    """n points spread evenly over a triangle, their u and v: multiples of powers of a root, modulo 1 [Roberts18]."""
+    """n points spread uniformly over a triangle, their u and v: multiples of powers of a root, modulo 1 [Roberts18]."""
     root = 1.32471795724474602596  # x³ = x + 1
     a, b = ((np.arange(n) * step + 0.5) % 1.0 for step in (1.0 / root, 1.0 / root**2))
     folded = a + b > 1.0

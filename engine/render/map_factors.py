@@ -1,7 +1,7 @@
-"""The factors by which textures and weight maps multiply layers where paths meet surfaces.
+"""The factors by which textures and weight maps multiply layers at the vertices of paths.
 
-What the eye sees of an image is filtered over the pixel, as in the editor; where a path goes on from there the image is
-looked up between texels, at each vertex. The editor has the image's mean over a cell of the surface there.
+At primary hits an image is filtered over the pixel, as in the editor; at further vertices it is interpolated between
+texels. The editor instead uses the image's mean over a part of the surface there.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ Factors = NDArray[np.float32]
 
 
 class MapFactors:
-    """Factors (N, K, 3) of the visible layers of each object, in their order; K the most layers of an object that has
-    maps, 0 where none has."""
+    """Factors (N, K, 3) of the visible layers of each object, in their order; K is the largest number of layers of an
+    object with maps, 0 if there is none."""
 
     def __init__(self, scene: Scene, layers_of: Mapping[int, Sequence[Layer]]) -> None:
         self._scene = scene
@@ -39,7 +39,7 @@ class MapFactors:
         self._n_layers = n_layers
 
     def at_primary_hits(self, placement: Placement) -> Factors:
-        """At all points of the hits, (P, K, 3)."""
+        """Factors at all points of the hits, (P, K, 3)."""
         hits = placement.hits
         factors, sampler = self._ones(len(hits.pixel)), MapSampler(self._scene, placement.caster, hits)
         for i_object, found in self._maps.items():
@@ -50,7 +50,7 @@ class MapFactors:
         return factors
 
     def at_path_vertices(self, found: Intersections, ids: NDArray[np.integer], rays: NDArray[np.integer]) -> Factors:
-        """Where some of the rays that were found hit objects ids (R,), (N, K, 3)."""
+        """Factors at some of the rays that were traced, on objects ids (R,): (N, K, 3)."""
         factors = self._ones(len(rays))
         for i_object, layers in self._maps.items():
             mine = np.flatnonzero(ids[rays] == i_object)

@@ -1,6 +1,6 @@
-"""Where on its images each point that the eye sees lies, and what a pixel sees of them.
+"""Samples images at primary hits: texture coordinates, and footprints of pixels.
 
-Primary hits keep neither triangle nor barycentric coordinates, which most scenes have no use for: the few rays of a
+Primary hits store neither triangle nor barycentric coordinates, which most scenes do not need: the few rays of a
 textured object are traced again.
 """
 
@@ -36,8 +36,8 @@ __all__ = [
 
 
 class MapSampler:
-    """Samples images where the eye sees an object. What layers of one object share is found once: where its points lie
-    on its images, and a weight map by which two of them are blended."""
+    """Samples images at an object's primary hits. What an object's layers share is computed once: texture coordinates,
+    and a weight map by which two layers are blended."""
 
     def __init__(self, scene: Scene, caster: RayCaster, hits: PrimaryHits) -> None:
         self._scene, self._caster, self._hits = scene, caster, hits
@@ -45,11 +45,11 @@ class MapSampler:
         self._sampled: dict[tuple[object, ...], NDArray[np.float32]] = {}
 
     def see(self, i_object: int, images: Images) -> MapSamples:
-        """A layer's images at all points of its object that the eye sees. Raises LoadError."""
+        """A layer's images at all primary hits of its object. Raises LoadError."""
         return self.canvas(i_object, images).paint(images.strokes)
 
     def canvas(self, i_object: int, images: Images) -> Canvas:
-        """What the strokes on a layer's images are painted on. Raises LoadError."""
+        """The canvas for strokes on a layer's images. Raises LoadError."""
         scene = self._scene
         texture, weight = scene.textures.texture(images), scene.textures.weight(images)
         begin, end = self._hits.object_ranges[i_object]
@@ -82,14 +82,14 @@ class MapSampler:
 def look_up_images(
     images: Images, store: TextureStore, uv: Float64Array
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Texture (N, 3) and weight (N,) at coordinates (N, 2), between texels and without any filter, nor strokes."""
+    """Texture (N, 3) and weight (N,) at coordinates (N, 2), interpolated between texels, without filter or strokes."""
     return sample_images(images, store, len(uv), lambda image, repeats: image.at(uv * np.array(repeats)))
 
 
 def paint_weights(
     scene: Scene, found: Intersections, strokes: Strokes, weight: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """The weights (N,) of what rays found, under strokes."""
+    """Weights (N,) at hits of rays, under strokes."""
     if not strokes:
         return weight
     places = positions_at(scene, found.triangle, found.u, found.v)
@@ -97,7 +97,7 @@ def paint_weights(
 
 
 def mean_factor(scene: Scene, i_object: int, maps: LayerMaps) -> Float64Array:
-    """By what a layer's images multiply it on average over its object, (3,). Raises LoadError."""
+    """Mean factor of a layer's images over its object, (3,). Raises LoadError."""
     if maps.is_plain:
         return np.ones(3)
     images = maps.images
@@ -108,7 +108,7 @@ def mean_factor(scene: Scene, i_object: int, maps: LayerMaps) -> Float64Array:
 def _footprints(
     scene: Scene, caster: RayCaster, hits: PrimaryHits, rows: NDArray[np.integer]
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
-    """Where some hits lie on images, and how far their pixels reach, see `pixel_footprints`."""
+    """Texture coordinates and footprints of some hits, see `pixel_footprints`."""
     eyes = np.tile(scene.camera_position.astype(np.float32), (len(rows), 1))
     found = caster.intersect(eyes, -hits.wo[rows])
     return pixel_footprints(scene, found, hits.places[rows], hits.resolution)

@@ -1,8 +1,8 @@
-"""Lights as a path tracer asks for them: directions by brightness, and with which density they come.
+"""Light sampling for the path tracer: directions by brightness, with their densities.
 
-The sky is drawn from a table over its image, emitters by their power and evenly over their area. Densities are per
-steradian and exact; what a table misses by interpolation or averaging is only drawn less often, for light found along
-reflected rays counts with the weight that this leaves [Veach97, sect. 9.2].
+The sky is sampled from a table over its image, emitters by their power and uniformly over their area. Densities are per
+steradian and exact; light that a table misses by interpolation or averaging is only sampled less often, because light
+found by BRDF sampling has the complementary weight [Veach97, sect. 9.2].
 """
 
 import math
@@ -18,7 +18,7 @@ from engine.scene.scene_loader import Scene
 
 Float64Array = NDArray[np.float64]
 
-# Rows of the sky's table: finer than a coarse image, whose texels blend, and coarser than one with millions of them.
+# Rows of the sky's table: more than a coarse image has, because texels blend, and fewer than one with millions of them.
 _FEWEST_ROWS, _MOST_ROWS = 64, 1024
 
 
@@ -26,7 +26,7 @@ _FEWEST_ROWS, _MOST_ROWS = 64, 1024
 class LightSamples:
     """Samples (N,) of a light: direction (N, 3), distance (N,) or None for the sky, density per steradian, radiance.
 
-    The density is 0 where a light cannot be seen from the point; such samples count for nothing.
+    The density is 0 where a light faces away from the point; such samples do not count.
     """
 
     wi: Float64Array
@@ -36,14 +36,14 @@ class LightSamples:
 
 
 class PathLight(Protocol):
-    """What a path tracer can draw directions to."""
+    """A light that the path tracer can sample."""
 
     def sample(self, points: Float64Array, u: Float64Array) -> LightSamples:
-        """One sample for each of the points (N, 3), by random numbers u (N, 3) in [0, 1)."""
+        """Draw one sample for each of the points (N, 3), with random numbers u (N, 3) in [0, 1)."""
 
 
 class SkyLight:
-    """An environment drawn by luminance. Its radiance is that of `Environment.evaluate`."""
+    """An environment sampled by luminance. Its radiance is that of `Environment.evaluate`."""
 
     def __init__(self, sky: SkyState) -> None:
         if sky.environment is None:
@@ -61,7 +61,7 @@ class SkyLight:
 
     @property
     def emits(self) -> bool:
-        """Whether there is any light in it."""
+        """Whether it emits any light."""
         return len(self._table) > 0
 
     def sample(self, points: Float64Array, u: Float64Array) -> LightSamples:
@@ -74,7 +74,7 @@ class SkyLight:
         return LightSamples(wi, None, self._density[row, column], self.radiance(wi))
 
     def pdf(self, wi: Float64Array) -> Float64Array:
-        """The density (N,) with which `sample` draws directions (N, 3)."""
+        """Density (N,) with which `sample` draws directions (N, 3)."""
         height, width = self._shape
         row = np.arctan2(np.hypot(wi[:, 0], wi[:, 2]), wi[:, 1]) * (height / math.pi)
         phi = np.arctan2(wi[:, 0], -wi[:, 2]) + math.radians(self._rotation % 360.0)
@@ -82,12 +82,12 @@ class SkyLight:
         return self._density[np.clip(row.astype(np.int64), 0, height - 1), column]
 
     def radiance(self, wi: Float64Array) -> Float64Array:
-        """What arrives from directions (N, 3)."""
+        """Radiance that arrives from directions (N, 3)."""
         return self._environment.evaluate(wi, self._rotation).astype(np.float64) * self._scale
 
 
 class EmitterLight:
-    """All triangles that shine, drawn by power and evenly over their area; they shine to their front."""
+    """All emitting triangles, sampled by power and uniformly over their area; they radiate from their front."""
 
     def __init__(self, scene: Scene) -> None:
         shining = np.flatnonzero((scene.emitters & scene.emission.any(axis=1))[scene.object_of_triangle])
@@ -112,7 +112,7 @@ class EmitterLight:
 
     def sample(self, points: Float64Array, u: Float64Array) -> LightSamples:
         which = np.minimum(np.searchsorted(self._table, u[:, 0], side="right"), len(self._table) - 1)
-        root = np.sqrt(u[:, 1])  # even over a triangle
+        root = np.sqrt(u[:, 1])  # uniform over a triangle
         weights = np.stack([root * (1.0 - u[:, 2]), root * u[:, 2]], axis=1)
         towards = self._corner[which] + np.einsum("nk,nki->ni", weights, self._edges[which]) - points
         distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-12)
@@ -122,18 +122,18 @@ class EmitterLight:
         return LightSamples(wi, distance, pdf, self._radiance[which])
 
     def pdf(self, triangle: NDArray[np.integer], wi: Float64Array, distance: Float64Array) -> Float64Array:
-        """The density (N,) with which `sample` draws wi (N, 3), where that hits a triangle (N,) of the scene."""
+        """Density (N,) with which `sample` draws wi (N, 3), if that hits a triangle (N,) of the scene."""
         facing = -np.einsum("ni,ni->n", wi, self._normals[triangle].astype(np.float64))
         return _by_solid_angle(self._by_area[triangle], distance, facing)
 
 
 def _by_solid_angle(by_area: Float64Array, distance: Float64Array, facing: Float64Array) -> Float64Array:
-    """A density per square metre as one per steradian; 0 from behind."""
+    """Convert a density per square metre to one per steradian; 0 from behind."""
     return np.where(facing > 1e-9, by_area * distance * distance / np.maximum(facing, 1e-9), 0.0)
 
 
 def _brightness(sky: SkyState) -> Float64Array:
-    """Luminance on a regular (H, W) lat-long grid, blurred by a cell: what is interpolated reaches over texels."""
+    """Luminance on a regular (H, W) lat-long grid, blurred by one cell, because interpolation extends beyond texels."""
     assert sky.environment is not None
     small = downsample(sky.environment, _MOST_ROWS)
     repeat = -(-_FEWEST_ROWS // len(small.radiance))

@@ -1,8 +1,8 @@
-"""Where a path goes on: directions drawn about as a material reflects, from its curves as they stand.
+"""BRDF sampling for the path tracer: directions distributed roughly as a material reflects, from its current curves.
 
-A material is drawn from by a mixture: cosine-weighted, and one lobe for each layer that has one. A lobe is a table of
-the layer's edited curves over the half vector (for Phong: over the angle from the mirrored direction), so that it
-follows any edit. It need not be right, only known: the mixture's density is exact, and the cosine reaches everywhere.
+A material is sampled by a mixture: a cosine lobe, and one lobe for each layer that has one. A lobe is a table of the
+layer's edited curves over the half vector (for Phong: over the angle from the mirror direction), so that it follows any
+edit. It may be inaccurate, because the mixture's density is exact and the cosine lobe covers all directions.
 """
 
 import math
@@ -20,8 +20,8 @@ from engine.render.integrator import HALF_PI, evaluate_layer, evaluate_layers
 
 Float64Array = NDArray[np.float64]
 
-N_NUMBERS = 4  # random numbers that a direction takes
-# Fine about the pole, where lobes down to a roughness of 1e-4 live.
+N_NUMBERS = 4  # random numbers for a direction
+# Fine near the axis, for lobes with a roughness down to 1e-4.
 _THETA = np.concatenate([[0.0], np.geomspace(1e-6, 0.05, 96), np.linspace(0.05, HALF_PI, 161)[1:]])
 _SUB_PLACES = (0.125, 0.375, 0.625, 0.875)
 _N_PHI = 32  # in a quarter turn
@@ -30,10 +30,11 @@ _LEAST_SHARE = 0.15
 
 @dataclass(frozen=True, eq=False)
 class Lobe:
-    """A table of cells in (1 - cos θ, φ), even within a cell, the same in all four quarters of φ.
+    """A table of cells in (1 - cos θ, φ), constant within a cell, the same in all four quarters of φ.
 
-    mirror: θ from the mirrored eye, else the half vector's. edges (n + 1,): 1 - cos θ; cumulated (n·m,): the share up
-    to each cell, row by row; density (n, m): per steradian of the half vector or of the direction.
+    mirror: θ is measured from the mirror direction of wo, else it is the half vector's. edges (n + 1,): 1 - cos θ;
+    cumulated (n·m,): the share up to each cell, row by row; density (n, m): per steradian of the half vector or of the
+    direction.
     """
 
     mirror: bool
@@ -42,7 +43,7 @@ class Lobe:
     density: Float64Array
 
     def sample(self, u: Float64Array, wo: Float64Array) -> Float64Array:
-        """Directions (N, 3), also below the horizon, for wo (N, 3) and random numbers u (N, 3)."""
+        """Sample directions (N, 3), also below the horizon, for wo (N, 3) and random numbers u (N, 3)."""
         cell = np.minimum(np.searchsorted(self.cumulated, u[:, 0], side="right"), self.cumulated.size - 1)
         ring, part = np.divmod(cell, self.density.shape[1])
         away = self.edges[ring] + u[:, 1] * (self.edges[ring + 1] - self.edges[ring])
@@ -65,7 +66,7 @@ class Lobe:
         return self._density_at(half[:, 2], half[:, 0] ** 2 + half[:, 1] ** 2, half) / (2.0 * length)
 
     def _density_at(self, cosine: Float64Array, sine2: Float64Array, vector: Float64Array) -> Float64Array:
-        """The table at an angle given by cosine and squared sine (N,), and the azimuth of vectors (N, 3)."""
+        """Look up the table at an angle given by cosine and squared sine (N,), and the azimuth of vectors (N, 3)."""
         away = sine2 / (1.0 + np.maximum(cosine, 0.0))
         ring = np.clip(np.searchsorted(self.edges, away, side="right") - 1, 0, len(self.density) - 1)
         n_parts = self.density.shape[1]
@@ -77,7 +78,7 @@ class Lobe:
 
 
 def make_lobe(layer: Layer) -> Lobe | None:
-    """The lobe of a layer, from its curves; None where nothing stands out of the cosine."""
+    """Make the lobe of a layer from its curves; None if it does not exceed the cosine lobe."""
     angles = {factor.gamma for factor in layer.model.factors}
     mirror = kinds.THETA_R in angles
     if not mirror and not angles.intersection(kinds.HALF_ANGLES):
@@ -103,11 +104,12 @@ def make_lobe(layer: Layer) -> Lobe | None:
 
 
 def _profile(layer: Layer, mirror: bool, vectors: Float64Array) -> Float64Array:
-    """How much of the layer's light leaves by each half vector, or by each vector about the mirrored one, (N,)."""
+    """Share of the layer's light that leaves by each half vector, or by each vector about the mirror direction,
+    (N,)."""
     if mirror:
         angles = np.arctan2(np.hypot(vectors[:, 0], vectors[:, 1]), vectors[:, 2])
         return layer.curve("theta_r")(angles) @ LUMINANCE
-    q = layer.model.quotient_parameters(layer.values)  # of a second Fresnel term as well: light and eye are one here
+    q = layer.model.quotient_parameters(layer.values)  # with a second Fresnel term: wi and wo coincide here
     value = vectors[:, 2].copy()
     if layer.model.highlight_in_quotient:
         rest = np.empty(len(vectors))
@@ -122,7 +124,7 @@ def _profile(layer: Layer, mirror: bool, vectors: Float64Array) -> Float64Array:
 
 
 class Scattering:
-    """What an object's visible layers reflect, and directions drawn for it."""
+    """The reflection of an object's visible layers, and sampling of directions for it."""
 
     def __init__(self, layers: Sequence[Layer]) -> None:
         self.layers = tuple(layer for layer in layers if layer.visible)
@@ -143,9 +145,9 @@ class Scattering:
     def evaluate(
         self, wi: Float64Array, wo: Float64Array, factors: NDArray[np.floating] | None = None
     ) -> tuple[Float64Array, Float64Array]:
-        """ρ cosθ (N, 3) of local directions and the density (N,) of drawing wi; both 0 below the horizon.
+        """Evaluate ρ cosθ (N, 3) for local directions, and the density (N,) of sampling wi; both 0 below the horizon.
 
-        factors (N, K, 3): what multiplies the first K layers; directions are drawn as without them.
+        factors (N, K, 3): factors of the first K layers; sampling ignores them.
         """
         value, pdf = np.zeros((len(wi), 3)), np.zeros(len(wi))
         above = np.flatnonzero(wi[:, 2] > kinds.GRAZING)
@@ -157,7 +159,7 @@ class Scattering:
         return value, pdf
 
     def sample(self, u: Float64Array, wo: Float64Array) -> Float64Array:
-        """Local directions (N, 3), some below the horizon, by random numbers u (N, 4)."""
+        """Sample local directions (N, 3), some below the horizon, with random numbers u (N, 4)."""
         wi = _cosine(u[:, 1:])
         which = np.minimum(np.searchsorted(np.cumsum(self._shares), u[:, 0], side="right"), len(self._lobes))
         for i, lobe in enumerate(self._lobes, start=1):
@@ -167,7 +169,7 @@ class Scattering:
 
 
 def _strength(layer: Layer, lobe: Lobe | None) -> float:
-    """About the albedo of a layer: its mean over a few hundred directions."""
+    """Approximate albedo of a layer: its mean over a few hundred directions."""
     u = np.random.default_rng(1).random((2, 512, 3))
     wo = _cosine(u[0])
     wi = _cosine(u[1]) if lobe is None else lobe.sample(u[1], wo)
@@ -185,7 +187,8 @@ def _cosine(u: Float64Array) -> Float64Array:
 
 
 def _about_mirrored(drawn: Float64Array, wo: Float64Array) -> Float64Array:
-    """Vectors (N, 3) about +z turned to be about the mirrored wo, which lies above the horizon [Duff17]."""
+    """Rotate vectors (N, 3) about +z to vectors about the mirror direction of wo, which lies above the horizon
+    [Duff17]."""
     x, y, z = -wo[:, 0], -wo[:, 1], wo[:, 2]
     a = -1.0 / (1.0 + z)
     b = x * y * a
@@ -195,7 +198,7 @@ def _about_mirrored(drawn: Float64Array, wo: Float64Array) -> Float64Array:
 
 
 def _mirror_quarter(place: Float64Array, quarter: Float64Array, n_parts: int) -> Float64Array:
-    """The place of an angle in its quarter, [0, 1): every second quarter runs backwards."""
+    """Mirror the position of an angle within its quarter, [0, 1): every second quarter runs backwards."""
     share = place / n_parts
     return np.where(quarter % 2.0 == 1.0, 1.0 - share, share)
 

@@ -1,15 +1,15 @@
-"""Light after up to N bounces by brute force: paths from the eye, the whole BRDF at each of their vertices.
+"""Light after up to N bounces by brute force: paths from the camera, with the whole BRDF at each of their vertices.
 
-The oracle of the indirect light. Like `integrator` it shares with what it judges the scene, the hits and the rays, and
-nothing else. At each vertex the sky and the emitters are drawn once each and the path goes on by the material; light
-that both ways can find counts by the balance heuristic [Veach97, eq. 9.8],
+The oracle of the indirect light. Like `integrator` it shares the scene, the hits and the rays with what it tests, and
+nothing else. At each vertex the sky and the emitters are sampled once each, and the path continues by BRDF sampling;
+light that both strategies can find is weighted by the balance heuristic [Veach97, eq. 9.8],
 
-    weight of a direction drawn with density p_1 where the other way has p_2  =  p_1 / (p_1 + p_2),
+    weight of a direction with density p_1 where the other strategy has p_2  =  p_1 / (p_1 + p_2),
 
-so that the estimate is unbiased for any curves, whatever the densities miss. N counts surface reflections between
-light and eye: 1 is direct light. Samples of a pixel come in passes; the random numbers of a pass are scrambled Sobol
-points, shifted for each pixel by digits of its own. Passes are independent of one another, and the difference of two
-halves of them tells the noise.
+so that the estimate is unbiased for any curves, whatever the densities miss. N counts surface reflections between light
+and camera: 1 is direct light. Samples of a pixel come in passes; the random numbers of a pass are scrambled Sobol
+points, with a random digital shift for each pixel. Passes are independent of one another, and the difference of two
+halves of them gives the noise.
 """
 
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -38,19 +38,19 @@ Rows = NDArray[np.integer]
 MOST_SAMPLES = 1 << 20
 N_SAMPLES = 64
 _PASS, _BATCH = 1024, 1 << 14
-_PASSES_PAY = 64  # from so many samples on, passes of a quarter are still large enough to cover their space evenly
-# From this bounce on faint paths end early; before it, all that a picture is judged by is there.
+_PASSES_PAY = 64  # number of samples from which on passes of a quarter are large enough to be well stratified
+# First bounce with Russian roulette. The bounces before it, by which pictures are judged, stay complete.
 _FIRST_ROULETTE = 5
-# Whatever the albedo, a picture stays finite in single precision.
+# Keeps a picture finite in single precision, whatever the albedo.
 _BRIGHTEST = 1e30
 _LIGHT_NUMBERS = 3
-_ROULETTE = N_NUMBERS + 2 * _LIGHT_NUMBERS  # the place of its number
+_ROULETTE = N_NUMBERS + 2 * _LIGHT_NUMBERS  # index of the random number for Russian roulette
 _N_NUMBERS = _ROULETTE + 1
 
 
 @dataclass(frozen=True, eq=False)
 class PathEstimate:
-    """Radiance (P, 3) float64 towards the eye and its noise: the relative RMS error; None of a single pass."""
+    """Radiance (P, 3) float64 towards the camera and its noise: the relative RMS error; None for a single pass."""
 
     radiance: Float64Array
     noise: float | None
@@ -58,8 +58,8 @@ class PathEstimate:
 
 @dataclass(frozen=True, eq=False)
 class _Vertices:
-    """Points where paths reflect, as `PrimaryHits` names them, (N, 3) float64, but for the horizon, which is in their
-    frames; objects (N,); factors (N, K, 3) of the layers' textures and weight maps."""
+    """Path vertices on reflecting surfaces, named as in `PrimaryHits`, (N, 3) float64; the horizon is expressed in
+    their frames; objects (N,); factors (N, K, 3) of the layers' textures and weight maps."""
 
     objects: Rows
     position: Float64Array
@@ -71,7 +71,7 @@ class _Vertices:
     factors: NDArray[np.float32]
 
     def origins(self, wi: Float64Array) -> NDArray[np.float32]:
-        """Where rays along wi (N, 3) start: on the side of the surface that they leave to."""
+        """Origins of rays along wi (N, 3): on the side of the surface to which they leave."""
         side = np.where(np.einsum("ni,ni->n", wi, self.geometric_normal) >= 0.0, 1.0, -1.0)
         return (self.position + side[:, None] * self.lift).astype(np.float32)
 
@@ -86,7 +86,7 @@ class _Vertices:
 
 
 class PathTracer:
-    """One scene with its materials and lights, ready for paths. Safe to use from several threads."""
+    """One scene with its materials and lights, ready for path tracing. Safe to use from several threads."""
 
     def __init__(
         self, scene: Scene, caster: RayCaster, layers_of: Mapping[int, Sequence[Layer]], sky: SkyState
@@ -104,8 +104,8 @@ class PathTracer:
         self._reflecting = np.array([*able, False])  # the last one: -1, the background
 
     def follow(self, start: _Vertices, numbers: Float64Array) -> Float64Array:
-        """Radiance that one path each brings to the first vertices, by random numbers (N, bounces, 11): (N, 2, 3), of
-        light that is reflected there for the first time, and of all."""
+        """Trace one path from each of the first vertices, with random numbers (N, bounces, 11); return the radiance (N,
+        2, 3) of direct light, and of all light."""
         radiance = np.zeros((len(start.objects), 3))
         once = radiance
         path: Rows = np.flatnonzero(self._reflecting[start.objects])
@@ -119,25 +119,30 @@ class PathTracer:
                 break
             u = numbers[path, bounce - 1]
             wo = vertices.to_local(vertices.wo)
+            # Next event estimation: one sample of each light, weighted by the balance heuristic.
             for i, light in enumerate(self._lights):
                 drawn = light.sample(vertices.position, u[:, N_NUMBERS + _LIGHT_NUMBERS * i :][:, :_LIGHT_NUMBERS])
                 radiance[path] += weight * self._from_light(vertices, wo, drawn)
+            # BRDF sampling extends the path and adds the light that its rays find.
             path, vertices, weight = self._extend_paths(radiance, path, vertices, wo, weight, u, bounce < n_bounces)
             once = radiance.copy() if bounce == 1 else once
         return np.minimum(np.stack([once, radiance], axis=1), _BRIGHTEST)
 
     def _from_light(self, vertices: _Vertices, wo: Float64Array, drawn: LightSamples) -> Float64Array:
-        """What samples (N,) of a light bring, (N, 3), without the path's weight."""
+        """Radiance (N, 3) from samples (N,) of a light, without the path's throughput."""
         found = np.zeros((len(drawn.pdf), 3))
         useful = np.flatnonzero(drawn.pdf > 0.0)
         able = vertices.of(useful)
+        # f cosθ, and the density of the same direction by BRDF sampling; skip samples that reflect nothing.
         value, pdf = self._evaluate(able, able.to_local(drawn.wi[useful]), wo[useful])
         bright = value.max(axis=1, initial=0.0) > 0.0
         rows, value, pdf = useful[bright], value[bright], pdf[bright]
+        # Shadow rays end just before the emitter.
         distance = None if drawn.distance is None else (drawn.distance[rows] * 0.9999).astype(np.float32)
         origins = vertices.of(rows).origins(drawn.wi[rows])
         lit = ~self._caster.occluded(origins, drawn.wi[rows].astype(np.float32), distance)
         seen = rows[lit]
+        # f cosθ L / p_light × p_light / (p_light + p_brdf): the density of the light cancels.
         found[seen] = value[lit] * drawn.radiance[seen] / (pdf[lit] + drawn.pdf[seen])[:, None]
         return found
 
@@ -151,7 +156,9 @@ class PathTracer:
         u: Float64Array,
         on: bool,
     ) -> tuple[Rows, _Vertices, Float64Array]:
-        """Draw directions, add the light they find to the radiance, and give what is left where they hit something."""
+        """Sample directions, add the light that they find to the radiance, and return the vertices where paths
+        continue."""
+        # Sample the BRDF; throughput × f cosθ / p.
         local = self._sample(vertices.objects, u[:, :N_NUMBERS], wo)
         value, pdf = self._evaluate(vertices, local, wo)
         kept = np.flatnonzero((value.max(axis=1, initial=0.0) > 0.0) & (pdf > 0.0))
@@ -161,15 +168,18 @@ class PathTracer:
         directions = wi.astype(np.float32)
         found = self._caster.intersect(vertices.origins(wi), directions)
         ids = object_ids(self._scene, found)
+        # Sky: rays that miss, weighted by the balance heuristic.
         if self._sky is not None:
             out = np.flatnonzero(ids < 0)
             share = pdf[out] / (pdf[out] + self._sky.pdf(wi[out]))
             radiance[path[out]] += weight[out] * share[:, None] * self._sky.radiance(wi[out])
+        # Emitters that rays hit, weighted likewise.
         glow = emission_towards(self._scene, found, ids, directions)
         lamp = np.flatnonzero(glow.any(axis=1))
         if len(lamp):
             other = self._emitters.pdf(found.triangle[lamp], wi[lamp], found.distance[lamp].astype(np.float64))
             radiance[path[lamp]] += weight[lamp] * (pdf[lamp] / (pdf[lamp] + other))[:, None] * glow[lamp]
+        # Paths continue where rays hit reflecting surfaces.
         rows = np.flatnonzero(self._reflecting[ids]) if on else np.zeros(0, np.int64)
         frames = shading_frames(self._scene, self._caster, found, ids, rows, -directions[rows])
         return path[rows], _vertices(ids[rows], frames, self.maps.at_path_vertices(found, ids, rows)), weight[rows]
@@ -199,10 +209,10 @@ def trace_paths(
     seed: int = 0,
     rows: Rows | None = None,
 ) -> Generator[StillProgress, None, PathEstimate]:
-    """Radiance of some rows of the placement's hits (all of them) after up to n_bounces reflections.
+    """Trace the radiance of some rows of the placement's hits (default: all) after up to n_bounces reflections.
 
-    The same seed and rows give the same numbers again. Raises ValueError for bounces outside 1 to 16 and
-    samples outside 1 to 2^20.
+    The same seed and rows give the same numbers. Raises ValueError for bounces outside 1 to 16 and samples outside 1 to
+    2^20.
     """
     sums, counts = yield from _trace(placement, layers_of, sky, n_bounces, n_samples, seed, rows)
     last = _progress(sums[:, :, 1], counts, n_samples)
@@ -219,8 +229,8 @@ def trace_halves(
     seed: int,
     rows: Rows,
 ) -> Generator[StillProgress, None, Float64Array]:
-    """The same by each half of the samples, at least two, which know nothing of one another: (2, p, 2, 3), of light
-    that was reflected once, and of all."""
+    """The same from each half of the samples, at least two, which are independent: (2, p, 2, 3), direct light and all
+    light."""
     sums, counts = yield from _trace(placement, layers_of, sky, n_bounces, n_samples, seed, rows)
     return sums / counts[:, None, None, None]
 
@@ -234,7 +244,8 @@ def _trace(
     seed: int,
     rows: Rows | None,
 ) -> Generator[StillProgress, None, tuple[Float64Array, NDArray[np.integer]]]:
-    """Sums (2, p, 2, 3) over both halves of the samples, as `trace_halves` has them, and how many there are (2,)."""
+    """Sums (2, p, 2, 3) over both halves of the samples, as in `trace_halves`, and the number of samples in each
+    (2,)."""
     if not 1 <= n_bounces <= MOST_BOUNCES:
         raise ValueError(f"n_bounces = {n_bounces}, expected 1 to {MOST_BOUNCES}")
     if not 1 <= n_samples <= MOST_SAMPLES:
@@ -274,10 +285,10 @@ def render_paths(
 
 
 def noise_of_halves(halves: Float64Array, counts: NDArray[np.integer]) -> float:
-    """The relative RMS error of the mean of all samples, from the sums (2, P, 3) over two halves of counts (2,).
+    """Relative RMS error of the mean of all samples, from the sums (2, P, 3) over two halves of counts (2,).
 
-    Of n = n_1 + n_2 samples, E (A - B)^2 = sigma^2 n / (n_1 n_2) for the halves' means A and B, and the mean of all
-    has variance sigma^2 / n.
+    With n = n_1 + n_2 samples and the halves' means A and B, E (A - B)^2 = sigma^2 n / (n_1 n_2), and the mean of all
+    samples has variance sigma^2 / n.
     """
     n = int(counts.sum())
     mean = float(halves.sum()) / (n * halves[0].size) if halves[0].size else 0.0
@@ -294,7 +305,7 @@ def _progress(halves: Float64Array, counts: NDArray[np.integer], n_samples: int)
 
 
 def _pass_sizes(n_samples: int) -> list[int]:
-    """Samples of each pass: at most 1,024, so that there are two passes, and four where that costs little."""
+    """Samples of each pass: at most 1,024; two passes at least, and four where that costs little."""
     n_passes = min(n_samples, max(2 if n_samples < _PASSES_PAY else 4, -(-n_samples // _PASS)))
     return [n_samples * (i + 1) // n_passes - n_samples * i // n_passes for i in range(n_passes)]
 
@@ -303,7 +314,7 @@ def _pass_work(
     hits: PrimaryHits, factors: NDArray[np.float32], rows: Rows, tracer: PathTracer, points: NDArray[np.uint32],
     seed: tuple[int, int],
 ) -> Callable[[tuple[int, Rows]], Float64Array]:  # fmt: skip
-    """The sum over one pass's samples, (p, 2, 3), of a numbered block of the rows."""
+    """Return a function that sums one pass's samples, (p, 2, 3), for a numbered block of the rows."""
     objects = hits.objects.astype(np.int64)
     n = len(points)
 
@@ -336,7 +347,7 @@ def _vertices(objects: Rows, fields: Mapping[str, NDArray[np.float32]], factors:
 
 
 def _sobol_points(n: int, n_bounces: int, seed: tuple[int, int]) -> NDArray[np.uint32]:
-    """The first n of a scrambled Sobol sequence, (n, bounces, 11), as digits that may be shifted by exclusive or."""
+    """The first n points of a scrambled Sobol sequence, (n, bounces, 11), as digits that exclusive or can shift."""
     from scipy.stats import qmc
 
     sampler = qmc.Sobol(n_bounces * _N_NUMBERS, scramble=True, seed=np.random.default_rng((*seed, 0)))
@@ -345,7 +356,7 @@ def _sobol_points(n: int, n_bounces: int, seed: tuple[int, int]) -> NDArray[np.u
 
 
 def _survivors(weight: Float64Array, u: Float64Array) -> Rows:
-    """Which paths (N,) go on by Russian roulette with numbers u (N,); weights (N, 3) of those are raised in place."""
+    """Choose paths (N,) that survive Russian roulette with numbers u (N,); their weights (N, 3) are raised in place."""
     chance = np.clip(weight @ LUMINANCE, 0.05, 1.0)
     kept = np.flatnonzero(u < chance)
     weight[kept] /= chance[kept][:, None]

@@ -1,24 +1,25 @@
-"""How far off a picture is, as `error_estimate` finds it, and what of that a person is told."""
+"""The error of a picture, as `error_estimate` finds it, and the part of it that the user sees."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-# An error that can be seen in places, and is worth a word.
+# An error that is visible in places, and is reported.
 POOR = 0.05
-# One that nobody sees: a step of eight bits is four times as large.
+# An invisible error: a step of eight bits is four times as large.
 NONE = 1e-3
 
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """Relative RMS errors of a picture: root of the mean square over its mean, linear, over what reflects.
+    """Relative RMS errors of a picture: root of the mean square over the mean, in linear light, over reflecting
+    objects.
 
-    direct: of light that was reflected once, None where a picture's parts are not known; indirect: of light that was
-    reflected before, None where the picture is to have none; whole: of both together, what is left of chance included,
-    None where direct light is all. Each is an estimate, within about a factor of two. mostly: the object that has more
-    than half of it, "" where none has or the parts are told.
+    direct: of direct light, None if a picture's parts are not known; indirect: of indirect light, None if the picture
+    has none; whole: of both together, remaining noise included, None if there is only direct light. Each is an
+    estimate, within about a factor of two. mostly: the object that has more than half of it, "" if none has or the
+    parts are known.
     """
 
     direct: float | None
@@ -28,27 +29,27 @@ class ErrorEstimate:
 
     @property
     def overall(self) -> float:
-        """Of all the light."""
+        """The error of all light."""
         return math.hypot(self.direct or 0.0, self.indirect or 0.0) if self.whole is None else self.whole
 
     @property
     def is_large(self) -> bool:
-        """Whether a person should hear of it."""
+        """Whether the user should be told."""
         return self.overall > POOR
 
     @property
     def is_negligible(self) -> bool:
-        """Whether nothing is left that could be told from the truth."""
+        """Whether the error is below what can be told from the truth."""
         return self.overall <= NONE
 
     @property
     def short(self) -> str:
-        """In a line beside others, such as "about 7.0 % off, mostly on teapot"."""
+        """A short form such as "about 7.0 % off, mostly on teapot"."""
         return f"about {percent(self.overall)} off{self._place}"
 
     @property
     def text(self) -> str:
-        """In words, such as "error about 1.8 % (direct 0.6 %, indirect 1.7 %)"."""
+        """A long form such as "error about 1.8 % (direct 0.6 %, indirect 1.7 %)"."""
         about = f"error about {percent(self.overall)}"
         if self.direct is None or self.indirect is None:
             return about + self._place
@@ -60,7 +61,7 @@ class ErrorEstimate:
 
     @property
     def advice(self) -> str:
-        """What helps where it is poor, in one line; else ""."""
+        """A line of advice if the error is large; else ""."""
         if not self.is_large or self.direct is None:
             return ""
         if self.indirect is not None and self.indirect > self.direct:
@@ -69,5 +70,5 @@ class ErrorEstimate:
 
 
 def percent(error: float) -> str:
-    """A relative error as a person reads it: "1.8 %"."""
+    """A relative error as text: "1.8 %"."""
     return f"{100.0 * error:.1f} %"

@@ -1,7 +1,7 @@
 """Pictures as the bytes of files: OpenEXR for linear radiance, PNG for the screen.
 
-A full disk raises nothing where the OpenEXR library writes: it writes into memory, and the bytes go to the disk as all
-others do.
+The OpenEXR library raises no error when the disk is full; so it writes into memory, and the bytes go to disk like all
+others.
 """
 
 import io
@@ -16,9 +16,9 @@ from engine.render.display import display_picture
 
 
 def exr_bytes(radiance: NDArray[np.float32], comment: str = "") -> bytes:
-    """An OpenEXR file of linear radiance (H, W, 3), every value finite: 32-bit channels R, G, B, ZIP-compressed.
+    """An OpenEXR file of linear radiance (H, W, 3), all values finite: 32-bit channels R, G, B, ZIP-compressed.
 
-    comment: what its header says of the picture, where it says anything.
+    comment: for the file's header, if not empty.
     """
     import OpenEXR
 
@@ -32,15 +32,15 @@ def exr_bytes(radiance: NDArray[np.float32], comment: str = "") -> bytes:
 
 
 def png_bytes(radiance: NDArray[np.float32], exposure: float = 0.0, tone_mapping: ToneMapping = "filmic") -> bytes:
-    """A PNG, 8 bits and sRGB, of linear radiance (H, W, 3) as the editor's viewport shows it."""
+    """A PNG, 8-bit sRGB, of linear radiance (H, W, 3) as the editor's viewport shows it."""
     return pixels_png(display_picture(radiance, exposure, tone_mapping))
 
 
 def deep_png(values: NDArray[np.floating]) -> bytes:
-    """A PNG, 16 bits a channel, of values (H, W, 3) in [0, 1] that are sRGB encoded.
+    """A PNG, 16 bits a channel, of sRGB-encoded values (H, W, 3) in [0, 1].
 
-    Written here [W3C PNG, third edition]: Pillow has no RGB of 16 bits, and the libraries that do are far larger than
-    these lines or not looked after. Rows are differences to the row above, which compresses what is smooth.
+    Written here [W3C PNG, third edition]: Pillow has no 16-bit RGB, and the libraries that do are far larger than these
+    lines or unmaintained. Rows are stored as differences to the row above, which compresses smooth pictures.
     """
     height, width, _ = values.shape
     rows = np.round(65535.0 * np.clip(values, 0.0, 1.0)).astype(">u2").view(np.uint8).reshape(height, -1)
@@ -55,7 +55,7 @@ def deep_png(values: NDArray[np.floating]) -> bytes:
 
 
 def pixels_png(pixels: NDArray[np.uint8]) -> bytes:
-    """A PNG of pixels (H, W, 3), 8 bits and sRGB."""
+    """A PNG of pixels (H, W, 3), 8-bit sRGB."""
     from PIL import Image
 
     buffer = io.BytesIO()

@@ -1,14 +1,14 @@
-"""A finished picture without a window: the editor's own transport, contracted at once and put together.
+"""Renders a finished picture without a window: computes the editor's own transport, contracts it at once and composes
+it.
 
 For every pixel that sees a reflecting object, over the layers of that object,
 
     L = sum over layers of f_q f_o(theta_o) sum_jk c_j c_k U_jk        [BenArtzi07, eq. 3.1 and 4.16],
 
-times texture and weight map where a layer has them;
-for the others the emitter or the background they see; at edges, whose pixels have several points, by their shares.
-Transport is contracted tile by tile and never kept, so a still
-needs the memory of its visibility and no more. The reference picture goes the same way with `integrate_direct` in the
-place of transport.
+times texture and weight map where a layer has them; for other pixels, the emitter or the background. Pixels at edges
+have several points, weighted by their shares. Transport is contracted tile by tile and never stored, so a still needs
+only the memory of its visibility. The reference picture is rendered in the same way with `integrate_direct` instead of
+transport.
 """
 
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
@@ -30,7 +30,7 @@ from engine.render.map_factors import MapFactors
 from engine.render.map_sampler import MapSampler, MapSamples
 from engine.scene.primary_hits import PrimaryHits
 
-# What the shadows take of the time, for a progress bar that moves evenly.
+# Share of the time that shadows take, for an even progress bar.
 SHADOWS = 0.3
 REFERENCE_POINTS = 32
 REFERENCE_LEVEL = 6
@@ -42,8 +42,8 @@ Picture = NDArray[np.float32]
 class StillLayer:
     """A visible layer of one object (its index in the scene) and the bands (J, K) it is computed with.
 
-    editable: whether an editor would keep these bands; a still never does. seen: its images, where it has some and
-    they were sampled (see `with_maps`).
+    editable: whether an editor would store these bands; a still never does. maps: its images, if it has any and they
+    were sampled (see `with_maps`).
     """
 
     i_object: int
@@ -54,11 +54,11 @@ class StillLayer:
 
     @property
     def mean_factor(self) -> NDArray[np.float64]:
-        """By what its images multiply it on average over the surface, (3,)."""
+        """Mean factor of its images over the surface, (3,)."""
         return np.ones(3) if self.maps is None else self.maps.means.factor(self.layer.maps)
 
     def factor(self, hits: PrimaryHits, rows: NDArray[np.integer]) -> NDArray[np.floating] | None:
-        """By what they multiply it at some rows of its object, (p, 3); None where there are none."""
+        """Factor of its images at some rows of its object, (p, 3); None without images."""
         if self.maps is None:
             return None
         own = rows - hits.object_ranges[self.i_object, 0]
@@ -84,7 +84,7 @@ def with_maps(placement: Placement, layers: Iterable[StillLayer]) -> tuple[Still
 
 @dataclass(frozen=True)
 class StillProgress:
-    """How far a picture is, in [0, 1], and what is at work; noise: its relative RMS error, where that is known."""
+    """Progress of a picture, in [0, 1], and the current step; noise: its relative RMS error, if known."""
 
     fraction: float
     text: str
@@ -92,7 +92,7 @@ class StillProgress:
 
 
 def still_quality(plan: Plan) -> Quality:
-    """The stage that a plan asks for: every pixel, its lights and patches, the sphere where it is needed."""
+    """The quality of a plan: every pixel, its lights and patches, the sphere where needed."""
     return replace(final_quality(plan.settings), name="still")
 
 
@@ -111,7 +111,7 @@ def reflect_layers(
 ) -> Generator[StillProgress, None, NDArray[np.float64]]:  # fmt: skip
     """Radiance (P, 3) that the points of the hits reflect.
 
-    quality: its stride must be 1; indirect (P, 3): what else reaches the eye. Emitters shine as the scene says.
+    quality: its stride must be 1; indirect (P, 3): indirect light to be added. Emitters radiate as the scene says.
     """
     if quality.stride != 1:
         raise ValueError(f"stride = {quality.stride}, expected 1: a still has every pixel")
@@ -134,7 +134,8 @@ def reflect_layers(
 def render_reference(
     placement: Placement, layers_of: Mapping[int, Sequence[Layer]], sky: SkyState, n_patches: int, level: int
 ) -> Generator[StillProgress, None, Picture]:
-    """The same picture by brute force: every pixel asks 20·4^level directions and `n_patches` patches. Slow."""
+    """Render the same picture by brute force: every pixel samples 20·4^level directions and `n_patches` patches.
+    Slow."""
     rows = np.arange(len(placement.hits.pixel))
     radiance = np.zeros((len(rows), 3))
     patches = placement.patches(n_patches)
@@ -150,28 +151,28 @@ def render_reference(
 
 
 def compose(placement: Placement, radiance: NDArray[np.floating], sky: SkyState) -> Picture:
-    """Reflected radiance (P, 3) of the points, emitters and the background as one picture (H, W, 3) float32."""
+    """Compose the points' reflected radiance (P, 3), emitters and the background to one picture (H, W, 3) float32."""
     hits = placement.hits
     image = hits.emission_image.astype(np.float32)
     open_ = hits.open_image > 0.0
     if sky.environment is not None and open_.any():
         seen = sky.environment.evaluate(hits.ray_directions[open_], sky.rotation)
         image[open_] += seen * (np.float32(sky.scale) * hits.open_image[open_, None])
-    shown = np.flatnonzero(hits.share)  # what is too bright for numbers times no share would be none
+    shown = np.flatnonzero(hits.share)  # a share of 0 times infinite radiance would be NaN
     share, pixel = hits.share[shown, None], hits.pixel[shown]
     np.add.at(image.reshape(-1, 3), pixel, np.asarray(share * radiance[shown], np.float32))
     return image
 
 
 def shape_of(each: StillLayer) -> LayerShape:
-    """What the projection needs to know of a layer."""
+    """The properties of a layer that projection needs."""
     return LayerShape(each.layer.model.name, tuple(each.layer.quotient_parameters().tolist()), each.bands)
 
 
 def layer_radiance(
     hits: PrimaryHits, rows: NDArray[np.integer], each: StillLayer, tile: BandTile, unit: float
 ) -> NDArray[np.floating]:
-    """What a layer reflects at the rows of a tile, (p, 3); unit: that of its transport."""
+    """Radiance (p, 3) that a layer reflects at the rows of a tile; unit: that of its transport."""
     return radiance_with_curves(hits, rows, each, tile, unit, curves_of(each))
 
 
@@ -216,7 +217,7 @@ def _reference_work(
 def still_layers(
     layers: Iterable[tuple[str, Layer]], object_names: Sequence[str], plan: Plan
 ) -> tuple[StillLayer, ...]:
-    """The visible layers by key ("object.index") as a still wants them, with the plan's bands."""
+    """The visible layers by key ("object.index") in a still's form, with the plan's bands."""
     indices = {name: index for index, name in enumerate(object_names)}
     return tuple(
         StillLayer(indices[object_of(key)], layer, plan.layer(key).shape, plan.layer(key).editable)

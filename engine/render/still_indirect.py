@@ -1,4 +1,4 @@
-"""The indirect light of a still: what the editor shows when everything rests, by the same sums."""
+"""The indirect light of a still: what the editor shows at rest, by the same sums."""
 
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import replace
@@ -21,7 +21,7 @@ from engine.render.path_tracer import trace_halves
 from engine.render.still import StillLayer, StillProgress, by_object
 from engine.scene.primary_hits import PrimaryHits
 
-# Of the picture's points, those whose direct light is looked at, and by how many paths each.
+# Number of points whose direct light is estimated, and of paths for each.
 _N_ROWS, _N_PATHS = 2048, 8
 
 
@@ -30,8 +30,8 @@ def indirect_radiance(
     settings: SamplingSettings = STILL,
     as_needed: bool = False,
 ) -> Generator[StillProgress, None, NDArray[np.float32]]:  # fmt: skip
-    """Radiance (P, 3) that reaches the eye after 2 bounces to all of the series, at the points of the hits; arguments:
-    see `find_indirect`."""
+    """Radiance (P, 3) that reaches the camera after 2 bounces to all of the series, at the points of the hits;
+    arguments: see `find_indirect`."""
     found = yield from find_indirect(placement, layers, sky, series, settings, as_needed)
     return run_to_end(reflected_light(found, layers, series.second, placement.hits))
 
@@ -40,7 +40,7 @@ def find_indirect(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, series: BounceSeries, settings: SamplingSettings,
     as_needed: bool,
 ) -> Generator[StillProgress, None, IndirectLight]:  # fmt: skip
-    """The light of a picture after 2 bounces to all of the series; as_needed: by no more rays than it needs."""
+    """Compute the light of a picture after 2 bounces to all of the series; as_needed: by no more rays than it needs."""
     other_light = None
     if as_needed:
         looking = StillProgress(0.0, "looking around")
@@ -54,10 +54,12 @@ def reflected_light(
     found: IndirectLight, layers: Sequence[StillLayer], second: int | None, hits: PrimaryHits,
     polynomial: GatherPolynomial | None = None,
 ) -> Generator[None, None, NDArray[np.float32]]:  # fmt: skip
-    """The same of light that was found, in steps; second: the most bands of the second bounce, as a
-    `BounceSeries` has them; polynomial: of the same rays, which keeps what no curve changes for the next time.
+    """The same of light that was computed before, in steps; second: the most bands of the second bounce, as in
+    `BounceSeries`; polynomial: of the same rays; caches what does not depend on curves.
 
-    Layers with images one by one: what they reflect varies slowly between gather points, the images do not."""
+    Layers with images are computed one by one: what they reflect varies slowly between gather points, the images do
+    not.
+    """
     reflecting = indirect_layers(layers, second)
     found = found.without_glossy_hits() if second == 1 else found
     polynomial = GatherPolynomial(found, keeps=False) if polynomial is None else polynomial.with_light(found)
@@ -92,8 +94,7 @@ def reflected_light(
 
 
 def noise_in(found: IndirectLight, layers: Sequence[StillLayer], second: int | None) -> Generator[None, None, float]:
-    """The chance that is left in that light as the layers reflect it, RMS radiance, in steps; arguments: see
-    `reflected_light`."""
+    """Noise in that light as the layers reflect it, RMS radiance, in steps; arguments: see `reflected_light`."""
     found = found.without_glossy_hits() if second == 1 else found
     relative, mean = yield from found.noise(indirect_layers(layers, second))
     return relative * mean
@@ -102,8 +103,8 @@ def noise_in(found: IndirectLight, layers: Sequence[StillLayer], second: int | N
 def direct_mean(
     placement: Placement, layers_of: Mapping[int, Sequence[Layer]], sky: SkyState
 ) -> Generator[StillProgress, None, float]:
-    """The mean of what the picture's points, with these layers of each object, reflect of light straight from sky and
-    lamps, by paths: within some per cent."""
+    """Mean of the direct light that the picture's points reflect with these layers of each object, by path tracing:
+    accurate to some per cent."""
     hits = placement.hits
     if not len(hits.pixel):
         return 0.0
@@ -122,8 +123,8 @@ def models_of(layers: Sequence[StillLayer]) -> dict[int, list[str]]:
 
 
 def indirect_layers(layers: Sequence[StillLayer], second: int | None = None) -> list[IndirectLayer]:
-    """The layers as indirect light sees them; second: the most bands of the second bounce, as a `BounceSeries` has
-    them."""
+    """The layers in the form of the indirect light; second: the most bands of the second bounce, as in
+    `BounceSeries`."""
     return [
         indirect_layer(each.i_object, each.layer, each.bands[: len(each.layer.model.factors)], second, each.mean_factor)
         for each in layers

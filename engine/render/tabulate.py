@@ -1,4 +1,4 @@
-"""Any layers as a table of measurements: what a MERL file of a material is made of."""
+"""Tabulates layers as a measurement, for MERL files."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from engine.render.integrator import evaluate_layers
 
 Float64Array = NDArray[np.float64]
 
-# Cosines below which light and eye count as below the horizon.
+# Cosines below which wi and wo count as below the horizon.
 HORIZON = 1e-6
 N_TURNS = 16
 
 
 def tabulate_layers(layers: Sequence[Layer]) -> Iterator[float | NDArray[np.float32]]:
-    """The sum of the visible layers, edits and all, (90, 90, 180, 3) in 1/sr, -1 below the horizon; yields the share
+    """The sum of the visible layers, edits included, (90, 90, 180, 3) in 1/sr, -1 below the horizon; yields the share
     done, then the table.
 
-    Such a table knows no azimuth of the half vector: what does is averaged over all.
+    Such a table does not contain the azimuth of the half vector: a dependence on it is averaged.
     """
     shown = [layer for layer in layers if layer.visible]
     turns = 2.0 * np.pi * np.arange(N_TURNS) / N_TURNS if any(map(is_anisotropic, shown)) else np.zeros(1)
@@ -43,7 +43,7 @@ def tabulate_layers(layers: Sequence[Layer]) -> Iterator[float | NDArray[np.floa
 
 
 def untabulated_features(layers: Sequence[Layer]) -> tuple[str, ...]:
-    """What of the layers such a table cannot hold, in words."""
+    """Features of the layers that such a table cannot represent, in words."""
     shown = [layer for layer in layers if layer.visible]
     turned = [layer.name for layer in shown if is_anisotropic(layer)]
     images = [layer.name for layer in shown if not layer.maps.is_plain]
@@ -52,7 +52,7 @@ def untabulated_features(layers: Sequence[Layer]) -> tuple[str, ...]:
 
 
 def is_anisotropic(layer: Layer) -> bool:
-    """Whether it changes when the surface turns about its normal."""
+    """Whether the layer changes when the surface rotates about its normal."""
     return any(factor.gamma in kinds.HALF_AZIMUTHS for factor in layer.model.factors)
 
 
