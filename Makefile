@@ -12,7 +12,7 @@ UNCOMPILED := $(addprefix tests/engine/,curve material texture/test_images.py te
 	realtime/zonal_harmonics/test_extremes.py precompute/indirect/test_smoothing.py light/test_image_files.py measured/test_cornell.py \
 	sphere/test_harmonics.py sphere/test_symmetry.py precompute/direct/test_bandstore.py)
 
-.PHONY: setup run test wheel sweep checked coverage fuzz lint measure clean
+.PHONY: setup run test wheel docs sweep checked coverage fuzz lint measure clean
 
 setup: $(STAMP)
 
@@ -32,6 +32,10 @@ wheel: setup
 	rm -rf dist build
 	$(PYTHON) -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .
 	bash scripts/try-wheel.sh
+
+# The documentation as web pages, in out/docs/site.
+docs: setup
+	$(PYTHON) -m scripts.build_docs out/docs
 
 sweep: setup
 	$(PYTHON) -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m sweep $(ARGS)
