@@ -67,7 +67,7 @@ MIN_LIGHTS_FOR_SPHERE = 1280
 NEEDED_LINES = frozenset({"lights", "patches"})
 N_FINE = 512
 ONCE_REASON = "light is reflected once"
-RAYS_REASON = "as few as the noise of a first look allows"
+RAYS_REASON = "as few as the noise of a pilot allows"
 PRECISION_REASON = "each coefficient's plane has its own scale, so half floats hold it to 0.05 %"
 
 Precision = Literal["half", "float"]
@@ -163,8 +163,8 @@ class Plan:
     def settings(self) -> RenderSettings:
         """The settings that its light is computed with."""
         n_lights, n_patches = self.n_lights or N_LIGHTS, self.n_patches or N_PATCHES
-        overruled = self.overridden & NEEDED_LINES
-        return RenderSettings(n_lights, n_patches, self.bounces or 0, self.needs_sphere, overruled, self.n_rays)
+        overridden = self.overridden & NEEDED_LINES
+        return RenderSettings(n_lights, n_patches, self.bounces or 0, self.needs_sphere, overridden, self.n_rays)
 
     def with_light_budget(self, settings: RenderSettings, reasons: Mapping[str, str]) -> Plan:
         """The plan with the numbers of lights and patches that a pilot found sufficient; the sphere remains as the user
@@ -258,7 +258,7 @@ def plan_scene(
         n_edge_rays=planned_edge_rays(scene.description),
         reasons={
             "lights": "triangles cut from the sky where it is bright" if has_sky else "no sky",
-            "patches": "of the objects that shine" if has_emitters else "nothing shines",
+            "patches": "of the emitters" if has_emitters else "no emitters",
             "sphere": sphere_reason(has_sky, needs_sphere),
             "precision": PRECISION_REASON,
             "bounces": "as the scene says",
@@ -288,7 +288,7 @@ def plan_lines(plan: Plan) -> Iterator[tuple[str, str, str]]:
     """(line, value, reason) for all lines of the plan, as shown to the user, who may override them."""
     for layer in plan.layers:
         for factor, n_bands, reason in zip(layer.factors, layer.bands, layer.reasons, strict=True):
-            yield f"{layer.key}.{factor}", f"{n_bands} bands" + ("" if layer.editable else ", not kept"), reason
+            yield f"{layer.key}.{factor}", f"{n_bands} bands" + ("" if layer.editable else ", not stored"), reason
     values = {
         "lights": plan.n_lights,
         "patches": plan.n_patches,
@@ -305,7 +305,7 @@ def plan_lines(plan: Plan) -> Iterator[tuple[str, str, str]]:
 def _rays_text(plan: Plan) -> str:
     if plan.bounces == 1:
         return "none"
-    return f"{plan.n_rays:,} a fan" if plan.n_rays else "as needed"
+    return f"{plan.n_rays:,} per gather point" if plan.n_rays else "as needed"
 
 
 def _plan_layer(key: str, layer: Layer, editable: bool, still: bool) -> LayerPlan:
@@ -319,9 +319,9 @@ def _plan_layer(key: str, layer: Layer, editable: bool, still: bool) -> LayerPla
             reasons.append("room for edits" if editable else "as finely as if it were editable")
         else:
             deviation = curve_deviation(layer, factor.name, n_bands)
-            within = f"the curve's own bandwidth, {100 * deviation:.2f} % off"
             enough = deviation <= tolerance_of(layer, factor.name)
-            reasons.append(within if enough else f"the most there are, {within[11:]}")
+            what = "the curve's own bandwidth" if enough else "the most there are"
+            reasons.append(f"{what}, {100 * deviation:.2f} % error")
     return LayerPlan(key, layer.model.name, editable, tuple(counts), tuple(counts.values()), tuple(reasons))
 
 
@@ -329,7 +329,7 @@ def _plan_still_layer(key: str, layer: Layer) -> LayerPlan:
     counts, reasons = {}, []
     for place, (name, n_bands) in enumerate(band_counts(layer).items()):
         counts[name] = min(2 * n_bands, MOST_BANDS)
-        reasons.append("twice what an editor would keep")
+        reasons.append("twice as many as for editing")
         # Nothing is stored, so a highlight narrower than an editor's bands gets as many as it requires.
         if place == 0 and layer.model.factors[0].gamma not in SLOW_ANGLES and n_bands == MOST_BANDS:
             most = MAX_BANDS_OVERRIDDEN[0]
@@ -348,19 +348,19 @@ def sphere_reason(has_sky: bool, needs_sphere: bool) -> str:
 
 
 def _override(plan: Plan, line: str, value: LineValue) -> Plan:
-    overruled = plan.overridden | {line}
+    overridden = plan.overridden | {line}
     if any(line in lines for lines in MODE_LINES.values()):
         return plan
     if line in PICTURE_LINES:
         changed = _switch(plan, line, checked_line(line, value))
-        return replace(changed, reasons={**changed.reasons, line: "overruled"}, overridden=overruled)
+        return replace(changed, reasons={**changed.reasons, line: "overridden"}, overridden=overridden)
     for index, layer in enumerate(plan.layers):
         for place, factor in enumerate(layer.factors):
             if line == f"{layer.key}.{factor}":
                 layers = (*plan.layers[:index], _with_bands(layer, place, line, value), *plan.layers[index + 1 :])
-                return replace(plan, layers=layers, overridden=overruled)
+                return replace(plan, layers=layers, overridden=overridden)
     there = [name for name, _, _ in plan_lines(plan)]
-    raise InsituError(f"the plan has no line {line!r} to overrule; there is: {', '.join(there)}")
+    raise InsituError(f"the plan has no line {line!r} to override; lines are: {', '.join(there)}")
 
 
 def _switch(plan: Plan, line: str, value: LineValue) -> Plan:
@@ -394,7 +394,7 @@ def _with_lights(plan: Plan, n_lights: int) -> Plan:
 
 def _with_bands(layer: LayerPlan, place: int, line: str, value: LineValue) -> LayerPlan:
     bands = (*layer.bands[:place], checked_bands(line, value, len(layer.bands)), *layer.bands[place + 1 :])
-    reasons = (*layer.reasons[:place], "overruled", *layer.reasons[place + 1 :])
+    reasons = (*layer.reasons[:place], "overridden", *layer.reasons[place + 1 :])
     return replace(layer, bands=bands, reasons=reasons)
 
 

@@ -421,7 +421,7 @@ class ActionHandler:
             else:
                 layers, lost = self._portable(self._editor.document.object(action.object).layers)
                 entry = self.library.save(action.name, layers)
-                self._editor.notify(f"kept {entry.name} in the library{lost}")
+                self._editor.notify(f"saved {entry.name} in the library{lost}")
         except InsituError as error:
             self._editor.notify(str(error), True)
 

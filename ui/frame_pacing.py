@@ -56,10 +56,10 @@ class FramePacing:
 
     def has_news(self, now: float, status: Status) -> bool:
         """Whether the status differs from what was drawn; progress alone counts after a tenth of a second."""
-        telling, told = _relevant_status(status), self._drawn_status
-        if told is None or telling == told:
-            return told is None
-        only_progress = replace(telling, fraction=told.fraction, text=told.text) == told
+        current, drawn = _relevant_status(status), self._drawn_status
+        if drawn is None or current == drawn:
+            return drawn is None
+        only_progress = replace(current, fraction=drawn.fraction, text=drawn.text) == drawn
         return not only_progress or now - self._drawn_at >= PROGRESS_SECONDS
 
     @property

@@ -247,7 +247,7 @@ def _moved(editor: Editor, move: MoveCamera) -> Camera:
 def _choose_mode(editor: Editor, name: str) -> None:
     names = [mode.name for mode in editor.modes]
     if name not in names:
-        raise ScriptError(f"mode: there is no {name!r}; there is: {', '.join(names)}")
+        raise ScriptError(f"mode: there is no {name!r}; available: {', '.join(names)}")
     _refused(editor.do(SetView.of(mode=name)))
 
 
@@ -310,7 +310,7 @@ def _drag_item(window: HeadlessWindow, step: DragItem) -> None:
 def _show(window: HeadlessWindow, name: str) -> None:
     names = [panel.key for panel in PANELS]
     if name not in names:
-        raise ScriptError(f"there is no panel {name!r}; there is: {', '.join(names)}")
+        raise ScriptError(f"there is no panel {name!r}; available: {', '.join(names)}")
     window.shell.do(ShowPanel(name))
 
 

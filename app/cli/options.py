@@ -35,48 +35,46 @@ Resolution = Annotated[
     tuple[int, int] | None,
     typer.Option("--resolution", metavar="W H", callback=picture_size, help="In place of the scene's own."),
 ]
-LIGHTS = typer.Option("--lights", min=FEWEST_LIGHTS, max=MOST_LIGHTS, help="Triangles that the sky is cut into.")
+LIGHTS = typer.Option("--lights", min=FEWEST_LIGHTS, max=MOST_LIGHTS, help="Lights that stand for the environment.")
 Lights = Annotated[int, LIGHTS]
 Patches = Annotated[
     int,
-    typer.Option("--patches", min=FEWEST_LIGHTS, max=MOST_LIGHTS, help="Parts that lamps are cut into for shadows."),
+    typer.Option("--patches", min=FEWEST_LIGHTS, max=MOST_LIGHTS, help="Patches that emitters are cut into."),
 ]
 ViewName = Annotated[
     str | None,
     typer.Option("--view", metavar="NAME", help="Filmic, AgX, ACES 2.0, ACES 1.3, Standard or False colour."),
 ]
-SavedView = Annotated[
-    str | None, typer.Option("--camera", metavar="NAME", help="Seen from the view that the session keeps so.")
-]
-Rotation = Annotated[float | None, typer.Option("--rotation", help="Of the environment, degrees about +Y.")]
+SavedView = Annotated[str | None, typer.Option("--camera", metavar="NAME", help="A view saved in the session.")]
+Rotation = Annotated[float | None, typer.Option("--rotation", help="Of the environment about +Y, in degrees.")]
 Time = Annotated[
-    float | None, typer.Option("--time", metavar="SECONDS", help="Of the scene's animation; beyond its end it repeats.")
+    float | None, typer.Option("--time", metavar="SECONDS", help="Time in the scene's animation; it repeats.")
 ]
 Bounces = Annotated[
     int | None,
-    typer.Option("--bounces", min=1, max=MOST_BOUNCES, help="Reflections between light and eye; the scene says too."),
+    typer.Option("--bounces", min=1, max=MOST_BOUNCES, help="Reflections between light and camera."),
 ]
 Series = Annotated[
-    str | None, typer.Option("--series", metavar="J,1,...", help="Bands of each bounce, from the eye: 64,1,1,1.")
+    str | None, typer.Option("--series", metavar="J,1,...", help="Bands of each bounce, from the camera: 64,1,1,1.")
 ]
 Edges = Annotated[
     int | None,
-    typer.Option("--edges", metavar="N", help="Rays through pixels where objects meet: 0 (off), 4, 8 or 16."),
+    typer.Option("--edges", metavar="N", help="Rays per pixel at edges: 0 (off), 4, 8 or 16."),
 ]
 Override = Annotated[
     list[str] | None,
-    typer.Option("--override", metavar="LINE=VALUE", help="A line of `insitu plan`, such as teapot.1.theta_h=64."),
+    typer.Option("--override", metavar="LINE=VALUE", help="Override a line of `insitu plan`: teapot.1.theta_h=64."),
 ]
 Accuracy = Annotated[
     float | None,
-    typer.Option("--accuracy", min=0.0, max=1.0, help="From speed, 0, to accuracy, 1, in place of single knobs."),
+    typer.Option("--accuracy", min=0.0, max=1.0, help="0 is fastest, 1 most accurate; sets all quality options."),
 ]
 Scheduler = Annotated[
-    str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Of a Dask cluster that does the work, HOST:PORT.")
+    str | None, typer.Option("--scheduler", metavar="ADDRESS", help="A Dask cluster to compute on, HOST:PORT.")
 ]
 Samples = Annotated[
     int | None,
-    typer.Option("--samples", min=1, max=1 << 20, help="Paths a pixel of --reference; four times: half the noise."),
+    typer.Option("--samples", min=1, max=1 << 20, help="Paths per pixel of --reference."),
 ]
 
 

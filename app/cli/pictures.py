@@ -70,17 +70,13 @@ def render(
     resolution: Resolution = None,
     rotation: Rotation = None,
     time_: Time = None,
-    reference: Annotated[
-        bool, typer.Option("--reference", help="By brute force instead of transport: slow, to compare with.")
-    ] = False,
+    reference: Annotated[bool, typer.Option("--reference", help="By brute force instead of transport: slow.")] = False,
     edges: Edges = None,
     overrides: Override = None,
     samples: Samples = None,
     view: ViewName = None,
     camera: SavedView = None,
-    mode: Annotated[
-        StillMode, typer.Option("--mode", help="The way to look whose engine draws it.")
-    ] = StillMode.PLACEMENT,
+    mode: Annotated[StillMode, typer.Option("--mode", help="The mode whose engine renders it.")] = StillMode.PLACEMENT,
     turntable: Annotated[
         int | None,
         typer.Option(
@@ -98,7 +94,7 @@ def render(
 ) -> int:
     """Render a picture with the editor's engine, without a window."""
     if reference and mode is not StillMode.PLACEMENT:
-        raise InsituError(f"--mode {mode.value} --reference: brute force is the judge of both, expected one of them")
+        raise InsituError(f"--mode {mode.value} --reference: brute force is their reference, expected one of them")
     if mode is not StillMode.PLACEMENT and (series is not None or lights != N_LIGHTS):
         hint, name = "--lights" if series is None else "--series", mode.value.capitalize()
         raise typer.BadParameter(f"{name} cuts no lights and has no bands, expected --mode placement", param_hint=hint)
@@ -240,11 +236,11 @@ def _frames(words: ProjectSpec, output: Path, frames: Frames, view: str | None, 
 
 def screenshot(
     context: typer.Context,
-    output: Annotated[Path, typer.Option("-o", "--output", help="UI.png; pictures of the script go beside it.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="UI.png; the script saves its pictures beside it.")],
     scene: Scene = DEFAULT_SCENE,
     script: Annotated[Path | None, typer.Option("--script", help="A TOML list of edits to carry out first.")] = None,
     size: Annotated[tuple[int, int], typer.Option("--size", metavar="W H", callback=window_size)] = (1280, 800),
-    scale: Annotated[float, typer.Option("--scale", min=0.5, max=4.0, help="1 is 96 dots an inch.")] = 1.0,
+    scale: Annotated[float, typer.Option("--scale", min=0.5, max=4.0, help="1 is 96 dots per inch.")] = 1.0,
     resolution: Resolution = None,
     view: ViewName = None,
 ) -> int:

@@ -55,7 +55,7 @@ def plan(
     lights: Lights = N_LIGHTS,
     resolution: Resolution = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Carry it out as well, into an empty cache, and say what it did cost.")
+        bool, typer.Option("--check", help="Also carry it out, with an empty cache, and print what it cost.")
     ] = False,
 ) -> int:
     """Say what the scene requires, why, and what it will cost."""
@@ -85,11 +85,11 @@ def measure(
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder for figures, CSV and plots.")],
     scene: Scene = DEFAULT_SCENE,
     quick: Annotated[
-        bool, typer.Option("--quick", help="Tiny pictures, in less than two minutes, to see that all works.")
+        bool, typer.Option("--quick", help="Tiny pictures, to check in two minutes that everything works.")
     ] = False,
     only: Annotated[
         list[str] | None,
-        typer.Option("--only", metavar="PART", help="A part alone: knobs, visibility, planning or figures."),
+        typer.Option("--only", metavar="PART", help="One part only: knobs, visibility, planning or figures."),
     ] = None,
 ) -> int:
     """Measure speed against accuracy on this machine: CSV, plots, figures.json."""
@@ -102,7 +102,7 @@ def measure(
 
 
 def doctor(context: typer.Context) -> int:
-    """Say what works here and how to mend the rest."""
+    """Check what works on this computer, and say how to fix the rest."""
     from app.cli.doctor import examine
 
     marks = {"ok": "ok     ", "without": "without", "broken": "BROKEN "}
@@ -110,7 +110,7 @@ def doctor(context: typer.Context) -> int:
     for finding in examine(context.obj):
         print_line(f"{marks[finding.state]} {finding.name}: {' '.join(finding.found.split())}")
         if finding.mend:
-            print_line(f"        to mend it: {finding.mend}")
+            print_line(f"        to fix it: {finding.mend}")
         if finding.state == "broken":
             status = FAILED
     return status
@@ -156,6 +156,6 @@ def run(arguments: Sequence[str], frontend: Frontend) -> int:
     except Exception as error:
         if not hasattr(error, "format_message"):  # not the library's word for a wrong command line
             raise
-        print_error(f"{error.format_message()} (insitu --help says what there is)")
+        print_error(f"{error.format_message()} (see insitu --help)")
         return USAGE
     return status if isinstance(status, int) else 0

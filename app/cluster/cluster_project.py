@@ -44,8 +44,8 @@ class ClusterProject:
         n_done = 0
         for found in self.cluster.results(tasks):
             n_done += found is not None
-            told = f"{n_done} of {len(tasks)} frames, {self.cluster.n_workers} workers"
-            report(StillProgress(n_done / len(tasks), told))
+            text = f"{n_done} of {len(tasks)} frames, {self.cluster.n_workers} workers"
+            report(StillProgress(n_done / len(tasks), text))
             if found is not None:
                 yield found
 

@@ -73,8 +73,8 @@ class Cluster:
             return
         with self._connected():
             # `eval` is known everywhere, and text alone goes either way.
-            told = self._client.run(eval, QUESTION, workers=sorted(workers), on_error="return")
-        for where, answer in told.items():
+            answers = self._client.run(eval, QUESTION, workers=sorted(workers), on_error="return")
+        for where, answer in answers.items():
             if isinstance(answer, OSError):  # it has gone meanwhile
                 continue
             if answer != program_digest():
@@ -196,7 +196,7 @@ class Cluster:
 
     def _lost(self) -> InsituError:
         return InsituError(
-            f"--scheduler {self.address}: the scheduler has gone; what is done is kept, give the command again"
+            f"--scheduler {self.address}: the scheduler has gone; finished work is stored, run the command again"
         )
 
 

@@ -315,7 +315,7 @@ def _unknown(what: str, name: str, there: Iterable[str]) -> InsituError:
     options = list(there)
     close = difflib.get_close_matches(name, options, n=1)
     hint = f"did you mean {close[0]!r}? " if close else ""
-    return InsituError(f"there is no {what} {name!r}; {hint}there is: {', '.join(options) or 'none'}")
+    return InsituError(f"there is no {what} {name!r}; {hint}available: {', '.join(options) or 'none'}")
 
 
 def reflecting_layers(document: Document) -> tuple[tuple[str, Layer], ...]:

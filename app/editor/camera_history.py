@@ -141,7 +141,7 @@ class CameraHistory:
         """The least and the largest corner (2, 3) of an object, in metres; None: of all visible objects, without lamps
         and the grounds and backdrops behind them."""
         if name is not None and name not in self._boxes:
-            raise InsituError(f"there is no object {name!r} to be framed; there is: {', '.join(self._boxes)}")
+            raise InsituError(f"there is no object {name!r} to be framed; available: {', '.join(self._boxes)}")
         left_out = {state.name for state in self._host.document.objects if state.is_lamp or not state.visible}
         names = [name] if name is not None else [each for each in self._boxes if each not in left_out]
         boxes = np.array([self._boxes[each] for each in names or self._boxes])

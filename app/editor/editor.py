@@ -63,7 +63,7 @@ from engine.planner import planned_edge_rays
 __all__ = ["Editor", "Status", "WorkerClient"]
 
 POLL_SECONDS = 0.004
-STOPPED = "stopped; Resume in the Accuracy panel goes on, and so does another light or roughness"
+STOPPED = "stopped; press Resume in the Accuracy panel to go on, or change the light or a roughness"
 
 
 class WorkerClient(Protocol):
@@ -300,7 +300,7 @@ class Editor:
         """Make the selected object of a measured file, once the worker has read it: two layers, or one as `cloth`.
         Returns None, or the reason why not."""
         if self.view.selected is None:
-            return self._refuse(f"{path.name}: no object is selected to be made of it")
+            return self._refuse(f"{path.name}: select the object to make of it")
         try:
             command = import_measured(self.view.selected.object, path, cloth)
         except InsituError as error:
@@ -310,7 +310,7 @@ class Editor:
     def export_measured(self, path: Path) -> str | None:
         """Export the selected object's material as a MERL file; returns None, or one line that says why not."""
         if layer_shown(self.document, self.view.selected) is None or self.view.selected is None:
-            return self._refuse(f"{path.name}: no object is selected whose material could be written")
+            return self._refuse(f"{path.name}: select the object whose material to export")
         try:
             require_place(path)
         except InsituError as error:
@@ -350,7 +350,7 @@ class Editor:
         self.player.advance(now)
         none: list[PictureEvent] = []
         run, silence = self.barrier.run, list[Response]()
-        for response in run("The talk with the worker", partial(self._client.poll, POLL_SECONDS), silence, ()):
+        for response in run("The connection to the worker", partial(self._client.poll, POLL_SECONDS), silence, ()):
             events = events + run("An answer of the worker", partial(self._take, response), none)
         if self.scene_is_open:
             view = effective_view(self.view, self.document)

@@ -40,11 +40,11 @@ def write_material(
 ) -> WrittenMaterial:
     """Add the material of these visible layers to a shape. axes (2, 3): the object's own Y and X in the world; factors
     (K, 3): the means of each layer's texture and weight map, which stand for them there."""
-    matt, metal = _exact(layers)
+    lambert, metal = _exact(layers)
     if not layers:
         add_numbers(add(shape, "bsdf", type="diffuse"), "rgb", "reflectance", (0.0, 0.0, 0.0))
-    elif matt is not None or metal is not None:
-        _add_exact(add(shape, "bsdf", type="twosided"), matt, metal)
+    elif lambert is not None or metal is not None:
+        _add_exact(add(shape, "bsdf", type="twosided"), lambert, metal)
     else:
         table, alpha = tabulated(layers, factors)
         packed = io.BytesIO()
@@ -61,34 +61,34 @@ def _exact(layers: Sequence[Layer]) -> tuple[Layer | None, Layer | None]:
     alone = not any(layer.edits or layer.fresnel is not None or not layer.maps.is_plain for layer in layers)
     if not alone or sorted(models) not in (["lambert"], ["rough_conductor"], ["lambert", "rough_conductor"]):
         return None, None
-    matt = next((layer for layer in layers if layer.model.name == "lambert"), None)
+    lambert = next((layer for layer in layers if layer.model.name == "lambert"), None)
     metal = next((layer for layer in layers if layer.model.name == "rough_conductor"), None)
-    if metal is not None and matt is None and channels(metal.values, "scale").max() > 1.0:
+    if metal is not None and lambert is None and channels(metal.values, "scale").max() > 1.0:
         return None, None
-    if matt is not None and metal is not None and _share(matt, metal) is None:
+    if lambert is not None and metal is not None and _share(lambert, metal) is None:
         return None, None
-    return matt, metal
+    return lambert, metal
 
 
-def _share(matt: Layer, metal: Layer) -> float | None:
+def _share(lambert: Layer, metal: Layer) -> float | None:
     """w, so that neither albedo / (1 - w) nor scale / w exceeds 1, as Mitsuba asks; None where there is none."""
-    albedo, scale = channels(matt.values, "albedo").max(), channels(metal.values, "scale").max()
+    albedo, scale = channels(lambert.values, "albedo").max(), channels(metal.values, "scale").max()
     if albedo + scale > 1.0 or scale <= 0.0:
         return None
     return float(np.clip(scale, 1e-3, 1.0 - albedo))
 
 
-def _add_exact(parent: Element, matt: Layer | None, metal: Layer | None) -> None:
+def _add_exact(parent: Element, lambert: Layer | None, metal: Layer | None) -> None:
     """Mitsuba has no sum of two materials but a blend: (1 - w) a / (1 - w) + w b / w = a + b."""
     share = 1.0
-    if matt is not None and metal is not None:
-        share = _share(matt, metal) or 1.0
+    if lambert is not None and metal is not None:
+        share = _share(lambert, metal) or 1.0
         parent = add(parent, "bsdf", type="blendbsdf")
         add(parent, "float", name="weight", value=f"{share:.9g}")
-    if matt is not None:
+    if lambert is not None:
         of_all = 1.0 - share if metal is not None else 1.0
         diffuse = add(parent, "bsdf", type="diffuse")
-        add_numbers(diffuse, "rgb", "reflectance", channels(matt.values, "albedo") / of_all)
+        add_numbers(diffuse, "rgb", "reflectance", channels(lambert.values, "albedo") / of_all)
     if metal is not None:
         _add_metal(add(parent, "bsdf", type="roughconductor"), metal.values, share)
 

@@ -47,11 +47,11 @@ def insitu_bsdf(mi, dr):
 
         def sample(self, ctx, si, sample1, sample2, active=True):
             frame, eye, _ = self.directions(si, si.wi)
-            matt = mi.warp.square_to_cosine_hemisphere(sample2)
+            diffuse_sample = mi.warp.square_to_cosine_hemisphere(sample2)
             cosine = dr.sqrt((1 - sample2.x) / (1 + (self.alpha**2 - 1) * sample2.x))
             sine, phi = dr.safe_sqrt(1 - cosine * cosine), 2 * dr.pi * sample2.y
             half = mi.Vector3f(sine * dr.cos(phi), sine * dr.sin(phi), cosine)
-            light = dr.select(sample1 < 0.5, matt, 2 * dr.dot(eye, half) * half - eye)
+            light = dr.select(sample1 < 0.5, diffuse_sample, 2 * dr.dot(eye, half) * half - eye)
             wo = si.to_local(frame.to_world(light))
             active = active & (eye.z > 0) & (light.z > 0)
             value, pdf = self.reflected(eye, light, active), self.density(eye, light)

@@ -30,7 +30,7 @@ def find_bookmark(bookmarks: Bookmarks, name: str) -> Bookmark:
     found = next((each for each in bookmarks if each.name == name), None)
     if found is None:
         there = ", ".join(each.name for each in bookmarks) or "none yet"
-        raise InsituError(f"there is no view {name!r}; kept views: {there}")
+        raise InsituError(f"there is no view {name!r}; saved views: {there}")
     return found
 
 
@@ -42,7 +42,7 @@ def add_bookmark(bookmarks: Bookmarks, look: Viewpoint, name: str | None = None)
     if any(each.name == new.name for each in bookmarks):
         return tuple(new if each.name == new.name else each for each in bookmarks)
     if len(bookmarks) >= MAX_BOOKMARKS:
-        raise InsituError(f"there are {MAX_BOOKMARKS} kept views; delete one to keep another")
+        raise InsituError(f"there are {MAX_BOOKMARKS} saved views; delete one to save another")
     return (*bookmarks, new)
 
 

@@ -52,7 +52,7 @@ def import_lines(measurement: Measurement, cloth: bool) -> list[str]:
         f"method        {report.method}",
         f"filled        {report.n_missing:,} samples missing above the horizon, {report.n_below:,} below it",
         f"factors       {strengths} (1/sr, red green blue)",
-        f"fit error     {error:.3f} log RMS of the factors alone; the layers keep what is left, and have none",
+        f"fit error     {error:.3f} log RMS of the factors alone; the layers store the residual, so they are exact",
     ]
 
 

@@ -123,7 +123,7 @@ class Journal:
             except OSError as error:
                 self._failed(error)
             except Exception as error:  # the thread goes on: the next document may be one that can be kept
-                self.problem = plain_line(f"autosave failed: {error}; the last one that did not is kept")
+                self.problem = plain_line(f"autosave failed: {error}; the last good one stays")
 
     def _failed(self, error: OSError) -> None:
         self.problem = f"autosave failed: {self.path.parent}: {error.strerror or error}"

@@ -80,5 +80,5 @@ def describe_measurement(measurement: Measurement) -> str:
     if report is None:
         return f"{name}: not read"
     filled = f"{report.n_missing:,} missing samples and {report.n_below:,} below the horizon filled"
-    off = f"curves alone off by a factor of {math.exp(report.error):.2f} (log RMS {report.error:.3f})"
-    return f"{name}: {filled}; {off}, which is kept beside them"
+    error = f"error of the curves alone: a factor of {math.exp(report.error):.2f} (log RMS {report.error:.3f})"
+    return f"{name}: {filled}; {error}; the residual is stored, too"

@@ -87,7 +87,7 @@ class ObjectNode(Node):
     >>> scene["teapot"].visible = False
     >>> scene["teapot"].shiny
     Traceback (most recent call last):
-    engine.core.errors.InsituError: there is no layer of teapot 'shiny'; there is: 0 (base), 1 (copper)
+    engine.core.errors.InsituError: there is no layer of teapot 'shiny'; available: 0 (base), 1 (copper)
     """
 
     def __getitem__(self, layer: str | int) -> LayerNode:
@@ -129,7 +129,7 @@ class LayerNode(Node):
     def __getitem__(self, curve: str) -> Curve:
         names = list(self)
         if curve not in names:
-            raise InsituError(f"there is no curve {curve!r} of {self._path}; there is: {', '.join(names)}")
+            raise InsituError(f"there is no curve {curve!r} of {self._path}; available: {', '.join(names)}")
         return Curve(self._editing, self._path, curve)
 
     def __iter__(self) -> Iterator[str]:

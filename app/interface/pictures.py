@@ -65,7 +65,7 @@ class Pictures:
             return self._placement.error(project, n_bounces)
         alone = [state.name for state in project.document.objects if state.surface.kind]
         if mode == "deform" and alone:
-            raise InsituError(f"where it is off is not known: paths do not know the surface of {', '.join(alone)}")
+            raise InsituError(f"no error estimate: path tracing does not support the surface of {', '.join(alone)}")
         intensity = project.document.light.intensity
         if not intensity:
             raise InsituError("light.intensity = 0, expected more: a black picture has no relative error")

@@ -13,7 +13,7 @@ PLACEMENT = Mode(
     PlacementController,
     worker="app.worker.placement_worker:PlacementWorker",
     picture="ui.modes.placement.placement_feed:PlacementFeed",
-    tooltip="Exact light and shadows from this camera; edits follow the hand.",
+    tooltip="Exact light and shadows from this camera; edits show at once.",
     accuracy="ui.modes.placement.accuracy_placement:draw",
 )
 ORBIT = Mode(
@@ -22,7 +22,7 @@ ORBIT = Mode(
     OrbitController,
     worker="app.worker.orbit_worker:OrbitWorker",
     picture="ui.modes.orbit.orbit_feed:OrbitFeed",
-    tooltip="Move the camera under the full light; Placement takes over when it rests.",
+    tooltip="Move the camera under the full light; Placement takes over when idle.",
     accuracy="ui.modes.orbit.accuracy_orbit:draw",
 )
 DEFORM = Mode(

@@ -132,7 +132,7 @@ def render_project(
         picture, warning = run_to_end(drawing, report), bounces.warning
         alone = _deform_only_objects(project) if mode == "deform" else ()
         if estimates_error and alone:
-            warning = warning or f"where it is off is not known: paths do not know the surface of {', '.join(alone)}"
+            warning = warning or f"no error estimate: path tracing does not support the surface of {', '.join(alone)}"
         elif estimates_error:
             (judged,) = run_to_end(estimate_drawn_errors(placement, layers, sky, series.n_bounces, [picture]), report)
             error = judged.estimate

@@ -38,7 +38,7 @@ def state_problem() -> str:
     folder = state_directory()
     if folder.is_dir() and os.access(folder, os.W_OK):
         return ""
-    return f"{folder}: cannot be written, nothing is kept there; set {STATE_VARIABLE} to a folder that can be"
+    return f"{folder}: cannot be written, nothing is stored there; set {STATE_VARIABLE} to a folder that can be"
 
 
 def journal_directory() -> Path:

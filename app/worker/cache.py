@@ -93,7 +93,7 @@ class ArrayCache:
         """Raise InsituError where an entry is missing, or missing again, that this process has stored or looked up."""
         missing = [path for path in self._accessed_keys if not path.exists()]
         if missing:
-            lost = f"({len(missing)} of {len(self._accessed_keys)} parts are not kept)"
+            lost = f"({len(missing)} of {len(self._accessed_keys)} parts are not stored)"
             why = f"{self._failure} {lost}; {_MEND}" if self._failure else f"{self._too_small()} {lost}; {_NEED_LESS}"
             raise InsituError(f"the cache in {self._folder} {why}")
 

@@ -75,7 +75,7 @@ class DeformWorker(ModeWorker):
         if (image := self._context.sky_image(sky, scene.light)) is not None:
             yield image
         yield from until_compiled(self._context, DEFORM)
-        first_time, told = not are_compiled(DEFORM), None  # still, where nobody else compiles
+        first_time, reported_version = not are_compiled(DEFORM), None  # still, where nobody else compiles
         if first_time:
             yield Progress(STAGE, 0.0, text=FIRST_TIME)
         deform = self._open_deform()
@@ -88,10 +88,10 @@ class DeformWorker(ModeWorker):
         deform.set_bounces(request.n_bounces)
         self._prepared = request.id
         for step in deform.work():
-            if deform.is_ready and deform.version != told:
-                if told is None and first_time:  # compile the drawing before a quick request does
+            if deform.is_ready and deform.version != reported_version:
+                if reported_version is None and first_time:  # compile the drawing before a quick request does
                     deform.draw(deform.scene.description.camera, (8, 8))
-                told = deform.version
+                reported_version = deform.version
                 yield OrbitProgress(deform.version, deform.is_done, deform.n_bytes)
             yield Progress(STAGE, step.fraction, text=FIRST_TIME if first_time else step.text)
         if first_time:
@@ -127,8 +127,10 @@ class DeformWorker(ModeWorker):
             return
         started = time.monotonic()
         camera = deform.scene.from_camera(request.camera).description.camera
-        told = None if request.sent_parts is None else deform.export_picture(camera, request.poses, request.sent_parts)
-        if told is not None:
+        export = (
+            None if request.sent_parts is None else deform.export_picture(camera, request.poses, request.sent_parts)
+        )
+        if export is not None:
             picture = _NO_PICTURE
         elif request.fit_error:
             picture = deform.draw_errors(camera, request.resolution, request.poses)
@@ -138,7 +140,7 @@ class DeformWorker(ModeWorker):
             picture = self._split_picture(picture, deform, camera, request, request.split)
         seconds, carried = time.monotonic() - started, tuple(deform.carried(request.poses).items())
         drawn = picture, self._prepared, deform.version, deform.is_done, seconds, carried
-        yield OrbitPictureDrawn(*drawn) if told is None else PoseExported(*drawn, export=told)
+        yield OrbitPictureDrawn(*drawn) if export is None else PoseExported(*drawn, export=export)
 
     def _estimate(self, request: EstimateDeform) -> Steps:
         from app.worker.error_tasks import estimate_drawn_error

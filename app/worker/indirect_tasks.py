@@ -205,7 +205,7 @@ class IndirectTasks:
         self._found = found = replace(found, number=next(self._numbers))
         yield self._found_message(found)
         if self._freeze_request is not None:
-            yield Progress("indirect light", FOUND_AT, text="reflecting it to the eye")
+            yield Progress("indirect light", FOUND_AT, text="gathering towards the camera")
             yield from self._frozen(found, self._freeze_request)
             yield from self._noise(found, self._freeze_request)
 
@@ -213,8 +213,8 @@ class IndirectTasks:
         rows, weights = found.light.footprint_by_object()
         self._sent = found.number
         need = found.light.ray_budget
-        told = (need.n_rays, need.reason) if need.noise is not None else (0, "")
-        return IndirectFound(found.number, found.settings.name, rows, weights, *told, id=self._scene_id)
+        rays_and_reason = (need.n_rays, need.reason) if need.noise is not None else (0, "")
+        return IndirectFound(found.number, found.settings.name, rows, weights, *rays_and_reason, id=self._scene_id)
 
     def _frozen(self, found: _FoundLight, desired: FreezeIndirect) -> Steps:
         layers = {each.key: self._reflecting(each, desired.second_bands) for each in desired.scene.visible}

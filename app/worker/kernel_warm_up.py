@@ -43,7 +43,7 @@ from engine.scene.surface_kinds import DeformSurface, Detail, Membrane, Subsurfa
 from engine.scene.toml_text import parse_toml
 
 _SCENE = """version = 1
-name = "rehearsal"
+name = "warm-up"
 bounces = 3
 [camera]
 position = [0, 1, 3]
@@ -107,7 +107,7 @@ def warm_up_later(first: str = "") -> Iterator[str]:
     """Compile all, `first` (Orbit or Deform) before the others, of these the quickest first; yields each of
     `kernels.LATER` when it is compiled."""
     if first == DEFORM:
-        rehearse_deform()
+        warm_up_deform()
         yield DEFORM
     with tempfile.TemporaryDirectory() as folder:
         scene = Path(folder, "scene.toml")
@@ -138,7 +138,7 @@ def warm_up_later(first: str = "") -> Iterator[str]:
             _warm_up_orbit(client, Path(folder))
             yield ORBIT
     if first != DEFORM:
-        rehearse_deform()
+        warm_up_deform()
         yield DEFORM
 
 
@@ -149,7 +149,7 @@ def _warm_up_orbit(client: InProcessClient, folder: Path) -> None:
         _ask(client, DrawOrbit(description.camera, (24, 24), quality))  # type: ignore[arg-type]
 
 
-def rehearse_deform() -> None:
+def warm_up_deform() -> None:
     """Compile what Deform needs, by a worker's tasks on few points."""
     modes = [
         replace(mode, worker="app.worker.kernel_warm_up:SmallDeform") if mode is DEFORM_MODE else mode for mode in MODES

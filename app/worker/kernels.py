@@ -49,7 +49,7 @@ PAINTING, INDIRECT, ESTIMATE, RELIGHTING, ORBIT, DEFORM = LATER = (
 )  # fmt: skip
 LATER_PART = "later"
 COMPILING = "compiling, first start only"
-FIRST_TIME = "compiling for this computer, kept for later starts"
+FIRST_TIME = "compiling for this computer, cached for later starts"
 # The number of files of the compiled kernels of the first picture; each takes about equally long to make.
 N_FILES = 64
 _COMPILER_SECONDS = 300.0

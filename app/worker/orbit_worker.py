@@ -89,7 +89,7 @@ class OrbitWorker(ModeWorker):
         if (image := self._context.sky_image(sky, scene.light)) is not None:
             yield image
         yield from until_compiled(self._context, ORBIT)
-        first_time, told = not are_compiled(ORBIT), None  # still, where nobody else compiles
+        first_time, reported_version = not are_compiled(ORBIT), None  # still, where nobody else compiles
         yield from _prepared_sky(sky, FIRST_TIME if first_time else "light")
         orbit = self._open_orbit(self.n_points or request.n_points, request.n_coefficients)
         if not orbit.n_bytes:  # there are no points yet
@@ -103,10 +103,10 @@ class OrbitWorker(ModeWorker):
         orbit.set_bounces(request.n_bounces)
         self._prepared = request.id
         for step in orbit.work():
-            if orbit.is_ready and orbit.version != told:
-                if told is None and first_time:
+            if orbit.is_ready and orbit.version != reported_version:
+                if reported_version is None and first_time:
                     yield from _warm_up(orbit)
-                told = orbit.version
+                reported_version = orbit.version
                 yield from self._export_parts(orbit, request)
                 yield OrbitProgress(orbit.version, orbit.is_done, orbit.n_bytes)
             yield Progress(STAGE, step.fraction, text=FIRST_TIME if first_time else step.text)

@@ -42,7 +42,7 @@ VIEWS: dict[ToneMapping, View] = {
     "agx": View("AgX", "Bright colours fade to white over 16 stops, as on film; Blender's default is of this family."),
     "aces_2": View("ACES 2.0", "The Academy's output transform for a screen of 100 nits, version 2."),
     "aces_1": View("ACES 1.3", "The Academy's output transform for video, as most studios know it."),
-    "linear": View("Standard", "As sRGB says, for comparing numbers: what is brighter than 1 is cut off."),
+    "linear": View("Standard", "Plain sRGB, for comparing numbers: values above 1 are clipped."),
     "false_colour": View("False colour", "Luminance in stops, dark blue to yellow: a change of shade is one stop."),
 }
 TONE_MAPPINGS: tuple[ToneMapping, ...] = tuple(VIEWS)

@@ -136,11 +136,11 @@ def _part_of(
     slant = _between(curves, on_i + colour, t_i) * _between(curves, on_o + colour, t_o)
     if part == WHOLE:
         return value, _strength(curves, 2, colour) * _between(curves, Q + node_h + colour, t_h) * slant
-    matt = _strength(curves, 0, colour) * slant
+    diffuse = _strength(curves, 0, colour) * slant
     if part == DIFFUSE:
-        return min(value, matt), matt
-    shine = _strength(curves, 1, colour) * _between(curves, THETA_H + node_h + colour, t_h)
-    return max(value - matt, 0.0), shine * _between(curves, THETA_D + node_d + colour, t_d)
+        return min(value, diffuse), diffuse
+    highlight = _strength(curves, 1, colour) * _between(curves, THETA_H + node_h + colour, t_h)
+    return max(value - diffuse, 0.0), highlight * _between(curves, THETA_D + node_d + colour, t_d)
 
 
 def quotient(q: Float64Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:

@@ -22,8 +22,8 @@ from engine.material.model import (
 )
 from engine.material.parameters import TINT, Parameter
 
-Q = Factor("theta_h", THETA_H.gamma, "Q, half θₕ", "Where light and eye mirror each other, and how far around.")
-P = Factor("theta_i", THETA_I.gamma, "P, slant θᵢ", "Brightness at slanted light, and just as much at slanted view.")
+Q = Factor("theta_h", THETA_H.gamma, "Q, half θₕ", "The highlight's profile, from the mirror direction outwards.")
+P = Factor("theta_i", THETA_I.gamma, "P, slant θᵢ", "Brightness by the slant of the light, and equally of the view.")
 
 
 class Homomorphic(Model):
@@ -36,7 +36,7 @@ class Homomorphic(Model):
 
     name = "homomorphic"
     label = "Cloth (P·Q·P)"
-    tooltip = "Cloth such as velvet, whose threads shine at slanted light and slanted view."
+    tooltip = "Cloth such as velvet, bright at grazing light and grazing view."
     kind = kinds.LAMBERT
     factors = (Q, P)
     view_factor = THETA_O
@@ -65,7 +65,7 @@ class Homomorphic(Model):
             "matt",
             "scalar",
             0.6,
-            "Matt share b",
+            "Diffuse share b",
             "Brightness far from the mirror direction compared with that at it: 1 has no highlight.",
             ("A",),
         ),
@@ -104,8 +104,8 @@ def _slant(cosine: Float64Array, params: Parameters) -> Float64Array:
 
 
 def _highlight(cosine: Float64Array, sin2: Float64Array, params: Parameters) -> Float64Array:
-    matt = number(params, "matt")
-    return np.asarray(matt + (1.0 - matt) * cosine_power(cosine, sin2, number(params, "exponent")))
+    diffuse = number(params, "matt")
+    return np.asarray(diffuse + (1.0 - diffuse) * cosine_power(cosine, sin2, number(params, "exponent")))
 
 
 MODEL = Homomorphic()

@@ -102,7 +102,7 @@ def parameters(*curves: str) -> tuple[Parameter, ...]:
             "file",
             NO_MEASUREMENT,
             "Measured",
-            "The file the reflection was measured in; curves are factors fitted to it, and what they leave is kept.",
+            "The file of the measurement. Curves are factors fitted to it; the residual is kept as measured.",
             (*curves, "scale", "quotient"),  # type: ignore[arg-type]
         ),
         Parameter(

@@ -25,7 +25,7 @@ class OrenNayar(Model):
 
     name = "oren_nayar"
     label = "Rough diffuse"
-    tooltip = "Light scattered by a rough matt surface, as by plaster, clay or the moon: flatter than diffuse."
+    tooltip = "Light scattered by a rough surface, such as plaster, clay or the moon: flatter than diffuse."
     is_diffuse = True
     factors = (THETA_I,)
     view_factor = THETA_O

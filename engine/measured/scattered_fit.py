@@ -184,12 +184,12 @@ def _table(samples: ScatteredSamples, factors: Factors, angles: _Angles) -> Fill
     width = 0.5 * distance[:, 1:2] + 1e-3
     weight = np.exp(-0.5 * (distance / width) ** 2)
     mean = np.einsum("nk,nkc->nc", weight, beyond[nearest]) / weight.sum(axis=1, keepdims=True)
-    told = np.exp(-0.5 * (distance[:, :1] / _REACH) ** 2)
+    confidence = np.exp(-0.5 * (distance[:, :1] / _REACH) ** 2)
     coarse = (SHAPE[0], SHAPE[1], SHAPE[2] // _EVERY)
-    logs = (np.log(_product(factors, grid) + DARK) + told * mean).reshape(*coarse, 3)
+    logs = (np.log(_product(factors, grid) + DARK) + confidence * mean).reshape(*coarse, 3)
     table = np.maximum(np.exp(_between(logs)) - DARK, 0.0).astype(np.float32)
     above = ((wi[:, 2] > 0.0) & (wo[:, 2] > 0.0)).reshape(coarse)
-    measured = np.repeat((told > 0.5).reshape(coarse) & above, _EVERY, axis=2)
+    measured = np.repeat((confidence > 0.5).reshape(coarse) & above, _EVERY, axis=2)
     return FilledTable(table, measured, _EVERY * int(above.sum()) - int(measured.sum()), samples.n_below)
 
 

@@ -45,8 +45,8 @@ class BouncePlan:
         if self.missing >= 1.0:
             return f"all light is reflected on and on: no number of bounces holds it, {self.n_bounces} are shown"
         if self.missing > MUCH:
-            kept = f"{self.n_bounces} bounces keep {1.0 - self.missing:.0%} of the light, the rest is missing"
-            return kept.replace("1 bounces keep", "1 bounce keeps")
+            kept = f"{self.n_bounces} bounces carry {1.0 - self.missing:.0%} of the light, the rest is missing"
+            return kept.replace("1 bounces carry", "1 bounce carries")
         return ""
 
 

@@ -74,8 +74,8 @@ class LightBudget:
             elif plain > TOLERANCE:
                 said[line] = f"{fewer} would change the picture by {100.0 * plain:.1f} %"
             else:
-                error = f"{100.0 * sharper:.1f} % off once its highlights are edited to be sharper"
-                said[line] = f"{fewer} would do for the picture as it is, but be {error}"
+                error = f"{100.0 * sharper:.1f} % error once its highlights are sharpened"
+                said[line] = f"{fewer} are enough for the picture as it is, but have {error}"
         return said
 
 

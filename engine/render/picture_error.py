@@ -44,8 +44,8 @@ class ErrorEstimate:
 
     @property
     def short(self) -> str:
-        """A short form such as "about 7.0 % off, mostly on teapot"."""
-        return f"about {percent(self.overall)} off{self._place}"
+        """A short form such as "error about 7.0 %, mostly on teapot"."""
+        return f"error about {percent(self.overall)}{self._place}"
 
     @property
     def text(self) -> str:

@@ -43,7 +43,7 @@ def find_indirect(
     """Compute the light of a picture after 2 bounces to all of the series; as_needed: by no more rays than it needs."""
     other_light = None
     if as_needed:
-        looking = StillProgress(0.0, "looking around")
+        looking = StillProgress(0.0, "tracing gather points")
         other_light = yield from map_steps(direct_mean(placement, by_object(layers), sky), lambda step: looking)
     solver = Solver(placement, models_of(layers), sky, series.n_bounces, settings, series.second != 1, other_light)
     steps = solver.solve(indirect_layers(layers, series.second))

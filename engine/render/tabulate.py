@@ -47,7 +47,7 @@ def untabulated_features(layers: Sequence[Layer]) -> tuple[str, ...]:
     shown = [layer for layer in layers if layer.visible]
     turned = [layer.name for layer in shown if is_anisotropic(layer)]
     images = [layer.name for layer in shown if not layer.maps.is_plain]
-    notes = [f"{', '.join(turned)}: averaged around the normal, which the format does not tell apart"] if turned else []
+    notes = [f"{', '.join(turned)}: averaged around the normal, as the format is isotropic"] if turned else []
     return (*notes, *([f"{', '.join(images)}: without its images"] if images else []))
 
 

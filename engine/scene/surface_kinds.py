@@ -170,7 +170,7 @@ SURFACES: Mapping[str, SurfaceKind] = {
                 1e5, 1.0, unit="/m", is_wide=True,
             ),
             _slider("absorption", 0.5, "Absorption", "What is swallowed inside.", 1e4, unit="/m", is_wide=True),
-            _slider("ior", 1.3, "Index", "Of refraction: more keeps more light inside.", 3.0, 1.0),
+            _slider("ior", 1.3, "Index", "Index of refraction: a higher one keeps more light inside.", 3.0, 1.0),
         ),
     ),
     "patch": SurfaceKind(

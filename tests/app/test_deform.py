@@ -273,7 +273,7 @@ def test_a_surface_is_the_documents_and_deforms_alone() -> None:
     table.view = replace(table.view, split=(0.3, 0.6))
     table.history.do(SetSurface(NAME, ""))
     table.update()
-    assert "Beside paths" in controller.status(Status()).no_estimate_reason
+    assert "beside path-traced parts" in controller.status(Status()).no_estimate_reason
     table.view = replace(table.view, split=None)
     table.update()
     assert not controller.status(Status()).no_estimate_reason
@@ -396,4 +396,4 @@ def test_a_still_of_what_deform_alone_knows_says_that_nobody_knows_how_far_it_is
     monkeypatch.setattr(stills, "DEFORM_RAYS", 16)
     project = open_project(str(standing(tmp_path, "deform = { membrane = { translucency = 0.5 } }\n")), (12, 9))
     still = render_project(project, lambda _: None, series=BounceSeries(1), mode="deform", estimates_error=True)
-    assert still.error is None and "paths do not know the surface of box" in still.warning
+    assert still.error is None and "does not support the surface of box" in still.warning

@@ -147,7 +147,9 @@ def test_what_other_modes_draw_is_judged_within_a_factor_of_two(
     judged, coarse, exact, off = (each.estimate for each in run_to_end(judging))
     assert 0.5 * error < judged.overall < 2.0 * error
     assert 2.0 * exact.overall < judged.overall < coarse.overall
-    assert off.worst_object == "box" and off.short.endswith(" % off, mostly on box")
+    assert (
+        off.worst_object == "box" and off.short.startswith("error about ") and off.short.endswith(" %, mostly on box")
+    )
 
 
 def test_the_chance_of_paths_is_not_taken_for_an_error() -> None:

@@ -117,7 +117,7 @@ def test_the_reasons_say_what_is_kept_for_sharper_highlights() -> None:
     """0.2 % is within the tolerance: it is the edit to come that wants them all."""
     (reason,) = LightBudget(4000, 768, (("lights", 0.002, 0.04),)).reasons(RenderSettings(4000, 768)).values()
     assert reason == (
-        "2,000 would do for the picture as it is, but be 4.0 % off once its highlights are edited to be sharper"
+        "2,000 are enough for the picture as it is, but have 4.0 % error once its highlights are sharpened"
     )
 
 

@@ -285,7 +285,7 @@ def test_an_import_needs_an_object(client: FakeClient, tmp_path: Path) -> None:
     client.open_scene()
     editor.tick(0.0)
     editor.select(None)
-    assert "no object is selected" in str(editor.import_measured(tmp_path / "x.binary"))
+    assert "select the object" in str(editor.import_measured(tmp_path / "x.binary"))
     editor.select("pot")
     editor.do(SetFrozen("pot", True))
     assert "frozen" in str(editor.import_measured(tmp_path / "x.binary")) and not client.sent(ReadMeasured)

@@ -47,7 +47,7 @@ def test_a_line_is_set_by_its_name_and_given_back(document: Document) -> None:
 @pytest.mark.parametrize(
     ("line", "value", "words"),
     [
-        ("lamps", 3, "the plan has no line 'lamps' to overrule; there is: lights, patches"),
+        ("lamps", 3, "the plan has no line 'lamps' to override; lines are: lights, patches"),
         ("pot.1.theta_x", 3, "the plan has no line"),
         ("pot.1.alpha", 3, "the plan has no line"),
         ("lights", 3, "plan: lights = 3, expected a whole number from 20 to 80,000"),

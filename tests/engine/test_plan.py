@@ -170,7 +170,7 @@ def test_every_line_can_be_overruled(scene: Scene, layers: dict[str, Layer]) -> 
     assert (changed.n_lights, changed.needs_sphere, changed.bounces, changed.precision) == (100, False, 3, "float")
     assert changed.n_edge_rays == 0 and changed.overridden == set(overrides)
     reasons = {name: reason for name, _, reason in plan_lines(changed)}
-    assert all(reasons[line] == "overruled" for line in overrides)
+    assert all(reasons[line] == "overridden" for line in overrides)
     assert plan(scene, layers, overrides={"ball.0.theta_i": 512}).layer("ball.0").bands == (512,)
 
 

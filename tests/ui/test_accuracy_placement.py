@@ -59,12 +59,12 @@ def test_parts_of_the_error_are_told_once_they_are_known() -> None:
         (Status(picture="refining", image_error=0.25), look.ACCENT, "refining (error 0.25)"),
         (Status(picture="exact", image_error=0.0), look.GOOD, "finished"),
         (Status(picture="exact", estimate=ErrorEstimate(4e-4)), look.GOOD, "picture exact"),
-        (Status(picture="finished", estimate=ErrorEstimate(0.006, 0.017)), look.GOOD, "finished, about 1.8 % off"),
-        (Status(picture="exact", estimate=ErrorEstimate(0.08)), look.TEXT_SOFT, "finished, about 8.0 % off"),
+        (Status(picture="finished", estimate=ErrorEstimate(0.006, 0.017)), look.GOOD, "finished, error about 1.8 %"),
+        (Status(picture="exact", estimate=ErrorEstimate(0.08)), look.TEXT_SOFT, "finished, error about 8.0 %"),
         (
             Status(picture="refining", estimate=ErrorEstimate(None, None, 0.08, "pot")),
             look.ACCENT,
-            "refining, about 8.0 % off, mostly on pot",
+            "refining, error about 8.0 %, mostly on pot",
         ),
         (Status(picture="finished", image_error=0.021), look.TEXT_SOFT, "finished, noise 2.1 %"),
         (Status(picture="finished", image_error=3.76), look.BAD, "finished, noise 376.0 %"),
@@ -77,7 +77,7 @@ def test_the_bar_says_exact_of_nothing_that_is_not(status: Status, ink: look.Col
 def test_what_is_seen_before_the_first_picture_is_said() -> None:
     words = picture_state(Status(picture="preview"), "Placement's picture")[1]
     assert words == "preview, Placement's picture"
-    assert picture_state(Status(), HEADLIGHT)[1] == "waiting, objects lit from the eye"
+    assert picture_state(Status(), HEADLIGHT)[1] == "waiting, headlight only"
 
 
 @pytest.mark.gl

@@ -64,7 +64,7 @@ def test_a_material_dragged_onto_an_object_becomes_its_own(shelf: HeadlessWindow
 
 def test_the_selected_material_is_kept_under_a_name(shelf: HeadlessWindow) -> None:
     editor = shelf.shell.editor
-    shelf.click_handle("button.library.keep")
+    shelf.click_handle("button.library.add")
     shelf.frames(3)
     shelf.type("My pot")
     shelf.key(imgui.Key.enter)

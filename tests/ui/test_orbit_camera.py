@@ -214,9 +214,9 @@ def test_the_panel_of_lens_horizon_size_and_kept_views(window: HeadlessWindow) -
     # 100 pixels double it; 3 of them make it a drag.
     assert focal_length(editor.camera_history.camera.fov_y) == pytest.approx(2.0 * focal_length(40.0), rel=0.03)
     assert label(window) == "focal length" and editor.camera_history.camera.position == OWN.position
-    window.click_handle("button.camera.keep")
+    window.click_handle("button.camera.save_view")
     window.click_handle("button.camera.reset")
-    window.click_handle("button.camera.keep")
+    window.click_handle("button.camera.save_view")
     assert [each.name for each in editor.view.bookmarks] == ["View 1", "View 2"]
     assert window.run_until(lambda: all(each.thumbnail for each in editor.view.bookmarks[1:]), 20.0)
     window.click_handle("button.camera.rename.View 2")

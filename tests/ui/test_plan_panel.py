@@ -43,7 +43,7 @@ def test_each_line_says_what_it_has_come_to_and_why(window: HeadlessWindow) -> N
     lines = sheet(window)
     assert (lines["lights"].value, lines["precision"].value) == ("4,000", "half floats")
     assert lines["teapot.1.theta_h"].value == "64 bands" and lines["teapot.1.theta_h"].reason == "room for edits"
-    assert "of a fixed object none are kept" in lines["wall.0.theta_i"].reason
+    assert "a fixed object stores none" in lines["wall.0.theta_i"].reason
     assert all(line.value and line.reason and not line.is_set for line in lines.values())
     window.shell.editor.do(SetEditable("wall", True))
     assert sheet(window)["wall.0.theta_i"].reason == "room for edits"
@@ -62,7 +62,7 @@ def test_rays_of_indirect_light_are_told_once_there_is_any() -> None:
 
     found = PlacementStatus(found_rays=256, plan_reasons={"rays": "within 0.3 % of what 512 show"})
     for status, told in (
-        (PlacementStatus(), ("as needed", "as few as the noise of a first look allows")),
+        (PlacementStatus(), ("as needed", "as few as the noise of a pilot allows")),
         (found, ("256", "within 0.3 % of what 512 show")),
     ):
         lines = {line.line: line for line in plan_table(Document("scene"), ViewState(n_bounces=3), status)}
@@ -93,7 +93,7 @@ def test_a_line_is_set_in_its_list_and_given_back(shown: HeadlessWindow) -> None
     choose(shown, "lights", "1,000")
     assert dict(editor.document.overrides) == {"lights": 1000}
     line = sheet(shown)["lights"]
-    assert line.is_set and line.value == "1,000" and line.reason == "set by hand, in the place of 4,000"
+    assert line.is_set and line.value == "1,000" and line.reason == "set by the user; planned: 4,000"
     assert shown.run_until(lambda: client.requests and computed(client)[-1].settings.n_lights == 1000, 30.0)
     shown.click_handle("button.plan.lights.reset")
     shown.frames(2)
@@ -133,7 +133,7 @@ def test_other_modes_have_the_lines_that_they_carry_out(
     editor.do(OverrideLine(own[1], value))
     assert getattr(effective_view(editor.view, editor.document), knob) == value
     line = sheet(window)[own[1]]
-    assert line.is_set and line.value == str(value) and line.reason.startswith("set by hand, in the place of")
+    assert line.is_set and line.value == str(value) and line.reason.startswith("set by the user; planned: ")
     editor.undo()
     assert not sheet(window)[own[1]].is_set
 

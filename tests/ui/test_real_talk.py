@@ -96,7 +96,7 @@ def test_exact_is_said_of_nothing_that_is_not(small: RealWindow) -> None:
     said = "__import__('ui.panels.status_bar').panels.status_bar.picture_state(editor.status)[1]"
     assert small.ask(said).startswith("finished")
     small.wait_until("editor.status.estimate is not None")
-    assert 0.0 < small.ask("editor.status.estimate.direct") < 0.1 and " off" in small.ask(said)
+    assert 0.0 < small.ask("editor.status.estimate.direct") < 0.1 and "error about" in small.ask(said)
     small.do("from app.document.view_state import SetView; editor.do(SetView.of(n_bounces=3))")
     assert "exact" not in small.ask(said) and "error" not in small.ask(said)
     small.wait_until("editor.status.is_finished", timeout=240.0)

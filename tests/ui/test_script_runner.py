@@ -124,7 +124,7 @@ def test_a_script_overrules_the_plan(window: HeadlessWindow, tmp_path: Path) -> 
         ('[[step]]\nset = { "series.second" = 2 }', "1, 8, 16 or all"),
         ('[[step]]\nset = { "series.bounces" = 0 }', "from 1 to 8"),
         ("[[step]]\nundo = 5", "step 1: nothing to undo"),
-        ("[[step]]\nshow = 'lamp'", "step 1: there is no panel 'lamp'; there is: objects"),
+        ("[[step]]\nshow = 'lamp'", "step 1: there is no panel 'lamp'; available: objects"),
         ("[[step]]\nassert_error_below = 1e-30", "step 1: error of the curve"),
     ],
 )
@@ -218,8 +218,8 @@ def test_a_script_moves_the_camera_keeps_views_and_goes_to_them(window: Headless
 @pytest.mark.parametrize(
     ("step", "says"),
     [
-        ('view = "sepia"', "step 1: there is no view 'sepia'; kept views: none yet"),
-        ('camera = { frame = "spoon" }', "step 1: there is no object 'spoon' to be framed; there is: teapot"),
+        ('view = "sepia"', "step 1: there is no view 'sepia'; saved views: none yet"),
+        ('camera = { frame = "spoon" }', "step 1: there is no object 'spoon' to be framed; available: teapot"),
         ("undo_view = 1", "step 1: nothing to undo in the view"),
     ],
 )

@@ -28,8 +28,8 @@ GAP, SLIDER_SHARE = 4.0, 0.68
 TRADE_WIDTH = 152.0
 CUSTOM = "custom"
 SLIDER_HINT = (
-    "From speed to accuracy: moves all that trades one for the other in this mode along the settings that no other "
-    "beats in both, and says what error and how much of the processor's time they took. As measured:"
+    "Trades speed for accuracy: sets all quality options of this mode along the measured Pareto front. Error and "
+    "processor time there:"
 )
 STOPPED, RESUME = "stopped", "Resume"
 SMALLEST_ERROR = 1e-7
@@ -86,8 +86,8 @@ def _budget(context: PanelContext) -> list[Action]:
         context, "budget", context.view.frame_budget_ms, LEAST_BUDGET, LARGEST_BUDGET, "%.0f ms", True,
         handle="accuracy.frame_time", title="frame time",
     )  # fmt: skip
-    widgets.tooltip("Time for each frame while a curve moves. Less is smoother and coarser until the hand rests; "
-                    "the resting picture is exact either way.")  # fmt: skip
+    widgets.tooltip("Time for each frame while a curve is dragged. Less is smoother and coarser; the finished "
+                    "picture is exact either way.")  # fmt: skip
     return [SetView.of(frame_budget_ms=moved)] if hand.changed else []
 
 

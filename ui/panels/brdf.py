@@ -31,7 +31,7 @@ LARGEST_SPHERE = 144.0
 ENERGY_TOLERANCE = 0.02
 ENERGY_ANGLES = math.radians(85.0)
 PLOT_HINTS = {
-    "lobe": "What is reflected of light from one angle, by the direction of the eye. Drag the light's ray.",
+    "lobe": "Light reflected from one angle, by view direction. Drag the light's ray.",
     "slice": "The BRDF over θh (right: away from the mirror direction) and θd (up: towards grazing angles), the image "
     "that measured materials are shown as.",
     "albedo": "The share of light that is reflected, by the angle it comes from.",
@@ -159,8 +159,8 @@ def _figures(context: PanelContext, places: BrdfLayout) -> None:
     imgui.dummy(ImVec2(places.figures_width, y + line - place.y))
     context.handles.note_item("brdf.figures")
     widgets.tooltip(
-        "The share of light that the material sends on, of light from everywhere: what a matt surface of that "
-        "brightness would. Indirect light counts with it." + _of_curves_alone(context)
+        "Albedo: the share of light from all directions that the material reflects. Indirect light uses it."
+        + _of_curves_alone(context)
     )
     if warning := energy_warning(albedo):
         imgui.set_cursor_screen_pos(ImVec2(place.x, y + line + context.px(2)))
@@ -267,8 +267,8 @@ def _pick(context: PanelContext) -> list[Action]:
     """Toggle the lobe in the picture."""
     on = context.state.picks_lobe or context.view.lobe_pixel is not None
     hint = (
-        "The lobe on the surface: click a place of the picture then. Alt-click does so at once, and Alt-drag moves it. "
-        "It shows which of the light around that point the layer sends to the eye."
+        "Show the lobe on the surface: then click a point of the picture. Alt-click does both, and Alt-drag moves it. "
+        "It shows which light around that point the layer reflects to the camera."
     )
     if widgets.segments(context, "brdf.pick", [("pick", hint)], 0 if on else -1, least=30) != 0:
         return []

@@ -39,7 +39,7 @@ def draw(context: PanelContext, state: ObjectState, width: float) -> list[Action
     room = imgui.get_content_region_avail().x - right
     actions = _file_button(context, state.name, bumps.kind, image_label(bumps.file), bumps.file, room)
     imgui.same_line(0.0, context.px(4))
-    if widgets.icon_button(context, "clear_bumps", Icon.CLOSE, "Takes the image away; Ctrl+Z brings it back."):
+    if widgets.icon_button(context, "clear_bumps", Icon.CLOSE, "Remove the image; Ctrl+Z brings it back."):
         actions.append(SetBumps(state.name, bumps.kind, ""))
     actions += _strength(context, state, width)
     return actions + _repeats(context, state, width)
@@ -66,7 +66,7 @@ def _strength(context: PanelContext, state: ObjectState, width: float) -> list[A
     touch, moved = number_fields.slider(
         context, "bump_strength", bumps.bump_strength, 0.0, MAX_STRENGTH, handle="material.bump_strength"
     )
-    widgets.tooltip("How strong the bumps are: 1 as the image means them, 0 flat. Seen when the hand rests.")
+    widgets.tooltip("Strength of the bumps: 1 as in the image, 0 flat. Shown when idle.")
     actions = _edits(touch, state.name, "bump_strength", moved)
     if not bumps.bump_map:
         return actions

@@ -62,7 +62,7 @@ def _title(context: PanelContext) -> list[Action]:
     if widgets.icon_button(context, "camera.reset", Icon.RESET, hint, enabled=context.camera != context.own_camera):
         actions += command(context, "own_view")
     imgui.same_line(0.0, context.px(GAP))
-    if widgets.icon_button(context, "camera.close", Icon.CLOSE, "Put these away. (N)"):
+    if widgets.icon_button(context, "camera.close", Icon.CLOSE, "Close this. (N)"):
         actions.append(SetPanel({"shows_camera": False, "renames": None}))
     return actions
 
@@ -88,8 +88,8 @@ def _lens(context: PanelContext) -> list[Action]:
 def _horizon(context: PanelContext) -> list[Action]:
     widgets.label(context, "Horizon", LABEL_WIDTH)
     level = is_level(context.camera)
-    hint = "Turn the camera about its line of sight until the horizon is level. Orbits keep it so."
-    if widgets.text_button(context, "camera.level", "Is level" if level else "Level it", hint, enabled=not level):
+    hint = "Turn the camera about its line of sight until the horizon is level. Orbiting keeps it level."
+    if widgets.text_button(context, "camera.level", "Is level" if level else "Level", hint, enabled=not level):
         return command(context, "level")
     return []
 
@@ -100,9 +100,9 @@ def _size(context: PanelContext, room: ImVec2) -> list[Action]:
     panel = (min(max(round(room.x), 1), MAX_RESOLUTION), min(max(round(room.y), 1), MAX_RESOLUTION))
     size, own = context.resolution, context.own_resolution
     choices = (
-        ("Scene", f"As the scene has it: {own[0]} x {own[1]} pixels."),
-        ("Panel", f"As large as its panel here, and of its form: {panel[0]} x {panel[1]} pixels."),
-        (f"{size[0]} x {size[1]}…", "Any size, and what it costs."),
+        ("Scene", f"The scene's own: {own[0]} x {own[1]} pixels."),
+        ("Panel", f"As large as the panel: {panel[0]} x {panel[1]} pixels."),
+        (f"{size[0]} x {size[1]}…", "Any size, with its cost."),
     )
     chosen = 0 if size == own else 1 if size == panel else 2
     pressed = widgets.segments(context, "camera.size", choices, chosen)
@@ -127,7 +127,9 @@ def _views(context: PanelContext, foot: float) -> list[Action]:
             for bookmark in bookmarks:
                 actions += _view(context, bookmark)
         imgui.end_child()
-    if widgets.text_button(context, "camera.keep", f"{Icon.ADD}  Keep this view", "Keep it by a name, in the session."):
+    if widgets.text_button(
+        context, "camera.save_view", f"{Icon.ADD}  Save this view", "Save it under a name, in the session."
+    ):
         actions.append(SaveView())
     return actions
 
@@ -143,14 +145,14 @@ def _view(context: PanelContext, bookmark: Bookmark) -> list[Action]:
     context.handles.note_item(f"camera.view.{name}")
     is_here = _is_current_view(context, bookmark)
     _thumbnail(context, bookmark, corner, size, imgui.is_item_hovered() or is_here)
-    widgets.tooltip("The camera stands here." if is_here else "Go there: a view that was computed is there at once.")
+    widgets.tooltip("The camera is here." if is_here else "Go there. A view that was computed before shows at once.")
     imgui.same_line(0.0, context.px(GAP + 2))
     imgui.begin_group()
     actions += _name(context, name) if context.state.renames == name else _title_of(context, name)
-    if widgets.icon_button(context, f"camera.update.{name}", Icon.CAMERA, f"Let {name} be this view.", not is_here):
+    if widgets.icon_button(context, f"camera.update.{name}", Icon.CAMERA, f"Set {name} to this view.", not is_here):
         actions.append(SaveView(name))
     imgui.same_line(0.0, 0.0)
-    if widgets.icon_button(context, f"camera.rename.{name}", Icon.EDITABLE, "Give it another name."):
+    if widgets.icon_button(context, f"camera.rename.{name}", Icon.EDITABLE, "Rename it."):
         actions.append(SetPanel({"renames": name}))
     imgui.same_line(0.0, 0.0)
     if widgets.icon_button(context, f"camera.delete.{name}", Icon.DELETE, f"Delete {name}."):

@@ -60,7 +60,7 @@ class Handles:
     def position(self, name: str) -> tuple[float, float]:
         """The position of the handle; KeyError that lists the handles on screen when it is not there."""
         if name not in self._positions:
-            raise KeyError(f"no handle {name!r} on screen; there is: {', '.join(self.names())}")
+            raise KeyError(f"no handle {name!r} on screen; available: {', '.join(self.names())}")
         return self._positions[name]
 
     def names(self) -> list[str]:

@@ -78,7 +78,7 @@ def _draw_empty(context: PanelContext) -> None:
     text = "Select a layer to see its curves: click an object in the picture or a layer in the list."
     if context.view.selected is not None:
         name = context.view.selected.object
-        text = f"{name} shines: it has no curves, its colour and strength are in the material panel."
+        text = f"{name} is an emitter: it has no curves; its colour and strength are in the Material panel."
     extent = imgui.calc_text_size(text)
     imgui.set_cursor_pos(
         ImVec2(max(imgui.get_cursor_pos_x(), 0.5 * (room.x - extent.x)), imgui.get_cursor_pos_y() + 0.45 * room.y)

@@ -166,7 +166,7 @@ def _explain(hot: str | None, group: OperatorGroup) -> None:
         "d": "d: the edit ends here; nothing right of it changes.",
         "region": "Move the whole region along the angle.",
         "magnitude": f"How strong: drag to {group.first.kind} the curve. The picture follows.",
-        "pull": f"Pull the curve here: a new {group.first.kind} of this part.",
+        "pull": f"Pull the curve here: add a new {group.first.kind} of this part.",
     }
     if hot in texts:
         widgets.tooltip(texts[hot])

@@ -70,7 +70,7 @@ PICTURE_CHOICES = (
 # What a measurement becomes; the second is cloth.
 MEASURED_CHOICES = (
     ("Diffuse and highlight", "Two layers: the diffuse part with curves over θi and θo, the highlight over θh and θd."),
-    ("Cloth", "One layer P(θi) Q(θh) P(θo): how light and eye slant, and the highlight's profile. For fabrics."),
+    ("Cloth", "One layer P(θi) Q(θh) P(θo): how light and view slant, and the highlight's profile. For fabrics."),
 )
 MOST_ENTRIES = 2000
 WIDTH, HEIGHT = 560.0, 420.0

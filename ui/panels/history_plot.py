@@ -23,9 +23,8 @@ ERROR_TICKS = (1e-3, 1e-2, 1e-1)
 HALF_MINUTES = (30.0, 60.0, 90.0)
 INKS = FRAME_INK, ERROR_INK = look.ACCENT, look.GOOD
 HINT = (
-    "The slowest frame of each quarter of a second, and how far off the picture was, in the last two minutes. Lines "
-    "are factors of ten, and half minutes. Where nothing moved no frame was drawn; where the error was not known there "
-    "is no line."
+    "The slowest frame of each quarter of a second, and the estimated error of the picture, in the last two minutes. "
+    "Grid lines are factors of ten, and half minutes. Gaps: no frame was drawn, or the error was not known."
 )
 
 

@@ -60,18 +60,18 @@ def _search_line(context: PanelContext) -> list[Action]:
         actions.append(SetPanel({"library": replace(library, search=typed)}))
     imgui.same_line(0.0, context.px(4))
     selected = context.selected_layer
-    hint = "Select an object to keep its material here."
+    hint = "Select an object to save its material here."
     if selected is not None:
-        hint = f"Keep the material of {selected.object} among your own."
-    if widgets.icon_button(context, "library.keep", Icon.ADD, hint, enabled=selected is not None):
-        imgui.open_popup("keep")
-    return actions + _keep_popup(context)
+        hint = f"Save the material of {selected.object} among your own."
+    if widgets.icon_button(context, "library.add", Icon.ADD, hint, enabled=selected is not None):
+        imgui.open_popup("save")
+    return actions + _save_popup(context)
 
 
-def _keep_popup(context: PanelContext) -> list[Action]:
+def _save_popup(context: PanelContext) -> list[Action]:
     """Asks for the name under which the selected object's material is stored."""
     selected, library = context.selected_layer, context.state.library
-    if selected is None or not imgui.begin_popup("keep"):
+    if selected is None or not imgui.begin_popup("save"):
         return []
     actions: list[Action] = []
     if imgui.is_window_appearing():
@@ -83,7 +83,7 @@ def _keep_popup(context: PanelContext) -> list[Action]:
     if typed != library.name:
         actions.append(SetPanel({"library": replace(library, name=typed)}))
     imgui.same_line()
-    pressed = widgets.text_button(context, "library.save", "Keep", "A material of yours of the same name is replaced.")
+    pressed = widgets.text_button(context, "library.save", "Save", "Replaces a material of yours of the same name.")
     if (entered or pressed) and typed.strip():
         actions += [SaveMaterial(selected.object, typed), SetPanel({"library": replace(library, name="")})]
         imgui.close_current_popup()
@@ -146,7 +146,7 @@ def _hint(context: PanelContext, entry: LibraryEntry) -> str:
         return entry.problem
     layers = ", ".join(_described(layer) for layer in entry.material.layers)
     selected = context.selected_layer
-    onto = f" Double-click gives it to {selected.object}." if selected is not None else ""
+    onto = f" Double-click applies it to {selected.object}." if selected is not None else ""
     return f"{entry.name}: {layers}. Drag it onto an object in the picture or in the list.{onto}"
 
 
@@ -157,7 +157,7 @@ def _menu(context: PanelContext, entry: LibraryEntry) -> list[Action]:
     selected = context.selected_layer
     usable = selected is not None and not entry.problem
     onto = selected.object if selected is not None else "the selected object"
-    if imgui.menu_item_simple(f"Give to {onto}", None, False, usable) and selected is not None:
+    if imgui.menu_item_simple(f"Apply to {onto}", None, False, usable) and selected is not None:
         actions.append(apply(entry, selected.object))
     if entry.is_own and imgui.menu_item_simple("Delete"):
         actions.append(DeleteMaterial(entry.path))

@@ -87,7 +87,7 @@ def _environment(context: PanelContext) -> list[Action]:
             actions.append(AskFile("open_environment"))
         imgui.end_combo()
     context.handles.note_item("light.environment")
-    widgets.tooltip("What lights the scene. EXR and HDR files may also be dropped on the window.")
+    widgets.tooltip("The environment. EXR and HDR files may also be dropped on the window.")
     return actions
 
 
@@ -130,7 +130,7 @@ def _intensity(context: PanelContext) -> list[Action]:
         origin=1.0,
         pixels_to_double=number_fields.PIXELS_TO_DOUBLE,
     )
-    widgets.tooltip("Multiplies all light in the scene. Costs nothing: the picture is only scaled.")
+    widgets.tooltip("Multiplies all light in the scene. Free: the picture is only scaled.")
     return _edits(touch, SetIntensity(moved), "light intensity")
 
 
@@ -150,7 +150,7 @@ def _thumbnail(context: PanelContext, width: float, height: float) -> list[Actio
     imgui.invisible_button("thumbnail", ImVec2(width, height))
     context.handles.note_item("light.picture")
     widgets.tooltip("The environment around the scene, -Z in the middle. Drag sideways to turn it. "
-                    "The mark shows where the camera looks.")  # fmt: skip
+                    "The mark shows the camera's direction.")  # fmt: skip
     if imgui.is_item_hovered():
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
     actions = _scroll(context, "light.picture", width)

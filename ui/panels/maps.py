@@ -23,7 +23,7 @@ LABELS = {"texture": "Texture", "weight": "Weight map"}
 HINTS = {
     "texture": "An image whose colours multiply the layer: PNG, JPEG or OpenEXR, laid out by the mesh's texture "
     "coordinates. Files may be dropped on this row, a PNG or JPEG anywhere.",
-    "weight": "A grey image that says how much of the layer there is: white all of it, black none. Two layers with one "
+    "weight": "A grey image with the weight of the layer: white is all of it, black none. Two layers with one "
     "map, in one of them inverted, are blended by it. Files may be dropped on this row.",
 }
 SPACE_CHOICES = (
@@ -86,8 +86,8 @@ def _image(context: PanelContext, key: str, what: str, maps: LayerMaps, width: f
     if what == "weight":
         actions += _invert(context, key, maps)
         imgui.same_line(0.0, gap)
-    what_goes = "the map away, image and strokes" if what == "weight" else "the image away"
-    if widgets.icon_button(context, f"clear_{what}", Icon.CLOSE, f"Takes {what_goes}; Ctrl+Z brings it back."):
+    what_goes = "the map, image and strokes" if what == "weight" else "the image"
+    if widgets.icon_button(context, f"clear_{what}", Icon.CLOSE, f"Removes {what_goes}; Ctrl+Z brings it back."):
         actions.append(ClearMap(key) if what == "weight" else SetMap(key, what, ""))
     return actions
 
@@ -107,7 +107,7 @@ def _thumbnail(context: PanelContext, what: str, picture: Picture, side: float, 
     draw_list.add_image(picture.reference, low, ImVec2(low.x + size.x, low.y + size.y), *picture.corners())
     pressed = imgui.invisible_button(f"{what}.thumbnail", ImVec2(side, side))
     context.handles.note_item(f"material.{what}.thumbnail")
-    hint = "Click to read the file again, after painting on it in another program."
+    hint = "Click to reload the file."
     widgets.tooltip(hint if of_file else "The painted map, as the picture shows it on the object.")
     return pressed
 
@@ -131,7 +131,7 @@ def _strength(context: PanelContext, key: str, maps: LayerMaps, width: float) ->
     touch, moved = number_fields.slider(
         context, "texture_strength", maps.texture_strength, 0.0, 1.0, handle="material.texture_strength"
     )
-    widgets.tooltip("How much of the texture counts: 1 is all of it, 0 is the plain layer.")
+    widgets.tooltip("Strength of the texture: 1 is all of it, 0 the plain layer.")
     return _edits(touch, key, "texture_strength", moved)
 
 
@@ -160,14 +160,14 @@ def _space(context: PanelContext, key: str, maps: LayerMaps) -> list[Action]:
     """One button that steps through the three colour spaces."""
     chosen = SPACES.index(maps.texture_space)
     text, meaning = SPACE_CHOICES[chosen]
-    hint = f"How the file's numbers are meant. {meaning} Click for another way to read them."
+    hint = f"Colour space of the file. {meaning} Click to change it."
     least = _segment_width(context, "Linear") / context.theme.scale
     pressed = widgets.segments(context, "material.texture_space", [(text, hint)], -1, least=least)
     return [] if pressed is None else [SetMap(key, "texture_space", SPACES[(chosen + 1) % len(SPACES)])]
 
 
 def _invert(context: PanelContext, key: str, maps: LayerMaps) -> list[Action]:
-    hint = "One minus the map counts: the layer is where the map is black."
+    hint = "Invert the map: the layer is where the map is black."
     pressed = widgets.segments(context, "material.weight_invert", [("Invert", hint)], 0 if maps.weight_invert else -1)
     return [] if pressed is None else [SetMap(key, "weight_invert", not maps.weight_invert)]
 

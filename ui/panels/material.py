@@ -203,7 +203,7 @@ def _own_value(context: PanelContext, key: str, layer: Layer, parameter: Paramet
 
 
 def _hint(context: PanelContext, key: str, parameter: Parameter) -> str:
-    later = " Self-shadowing follows when the hand rests." if "quotient" in parameter.drives else ""
+    later = " Self-shadowing follows when idle." if "quotient" in parameter.drives else ""
     own = _own_value(context, key, context.document.layer(key), parameter)
     return f"{parameter.tooltip}{later} Right click: back to {value_text(own)}."
 

@@ -172,8 +172,8 @@ def _view(context: PanelContext) -> list[Action]:
         actions += _views(context, "menu.colours")
         imgui.end_menu()
     actions += _resolution(context)
-    actions += _entry(context, "Compare with this moment", "compare", on=context.view.compare is not None)
-    actions += _entry(context, "Where the picture is off", "error", on=context.view.shows_error)
+    actions += _entry(context, "Compare with now", "compare", on=context.view.compare is not None)
+    actions += _entry(context, "Show the error", "error", on=context.view.shows_error)
     actions += _entry(context, "Logarithmic curve", "log", on=context.view.log_y)
     imgui.separator()
     for panel in PANELS:
@@ -181,7 +181,7 @@ def _view(context: PanelContext) -> list[Action]:
         if imgui.menu_item_simple(panel.title, None, is_open):
             in_sight = is_open and not is_behind(panel)
             actions.append(OpenPanel(panel.key, False) if in_sight else ShowPanel(panel.key))
-    if imgui.menu_item_simple("Put panels back in place"):
+    if imgui.menu_item_simple("Reset the layout"):
         actions.append(ResetLayout())
     imgui.separator()
     return actions + _entry(context, "Save a picture of the window", "screenshot")
@@ -198,9 +198,9 @@ SCROLL = (("scroll", "dolly", "Wheel: nearer, farther"), ("scroll", "orbit", "Tr
 
 def _camera(context: PanelContext) -> list[Action]:
     """Views of the camera, and the mouse and trackpad conventions."""
-    actions = _entry(context, "Lens, size, kept views…", "camera", on=context.state.shows_camera)
+    actions = _entry(context, "Lens, size, saved views…", "camera", on=context.state.shows_camera)
     for bookmark in context.view.bookmarks:
-        if imgui.menu_item_simple(f"{bookmark.name}###kept.{bookmark.name}"):
+        if imgui.menu_item_simple(f"{bookmark.name}###saved.{bookmark.name}"):
             actions.append(MoveCameraTo(bookmark.viewpoint, bookmark.name))
     imgui.separator()
     is_open = bool(context.document.objects)
@@ -342,7 +342,7 @@ def _exposure(context: PanelContext, width: float) -> list[Action]:
         origin=0.0,
         pixels_a_unit=PIXELS_A_STOP,
     )
-    widgets.tooltip("Exposure of the display in stops; the light in the scene stays. Right click for 0. ([ and ])")
+    widgets.tooltip("Exposure of the display in stops; the scene's light is unchanged. Right click for 0. ([ and ])")
     if imgui.is_item_clicked(1):
         return [SetView.of(exposure=0.0)]
     return [SetView.of(exposure=moved)] if hand.changed else []
@@ -355,7 +355,7 @@ def _tone_mapping(context: PanelContext) -> list[Action]:
         actions += _views(context, "colours")
         imgui.end_combo()
     context.handles.note_item("view.tone_mapping")
-    widgets.tooltip("The view: how light becomes colour on the screen and in PNG files. The light stays as it is.")
+    widgets.tooltip("The view: how light becomes colour on the screen and in PNG files.")
     return actions
 
 
@@ -372,7 +372,7 @@ def _views(context: PanelContext, handle: str) -> list[Action]:
 
 def _fit(context: PanelContext) -> list[Action]:
     choices = (
-        ("Fit", "The picture as large as the panel allows. (0)"),
+        ("Fit", "Fit the picture to the panel. (0)"),
         ("1:1", "One pixel of the picture is one pixel of the screen. (1)"),
     )
     chosen = 0 if context.view.fit else 1 if _is_pixel_for_pixel(context) else -1

@@ -125,10 +125,10 @@ def _object_buttons(context: PanelContext, state: ObjectState, quiet: look.Colou
                "Show or hide this object's reflection in the picture; its shadow stays."):  # fmt: skip
         actions.append(SetVisible(state.name, not state.visible))
     if _toggle(context, f"frozen.{state.name}", Icon.FROZEN, Icon.FROZEN, not state.frozen, quiet,
-               "Freeze: keeps this object's material as it is, safe from edits. "
-               "Indirect light then keeps nothing ready for it."):  # fmt: skip
+               "Freeze: protects this object's material from edits. "
+               "Indirect light then precomputes nothing for it."):  # fmt: skip
         actions.append(SetFrozen(state.name, not state.frozen))
-    hint = "Editable or fixed: a fixed object keeps its material, and no bands of transport for it."
+    hint = "Editable or fixed: a fixed object has no bands of transport, so its material cannot be edited."
     if not state.is_lamp and _toggle(
         context, f"editable.{state.name}", Icon.EDITABLE, Icon.LOCKED, state.editable, quiet, hint
     ):
@@ -155,8 +155,8 @@ def _layer(context: PanelContext, state: ObjectState, index: int, layer: Layer) 
                "Show or hide this layer in the picture."):  # fmt: skip
         actions.append(SetVisible(path, not layer.visible))
     if _toggle(context, f"frozen.{path}", Icon.FROZEN, Icon.FROZEN, not layer.frozen, quiet,
-               "Freeze: keeps this layer as it is, safe from edits. "
-               "Indirect light then keeps nothing ready for it."):  # fmt: skip
+               "Freeze: protects this layer from edits. "
+               "Indirect light then precomputes nothing for it."):  # fmt: skip
         actions.append(SetFrozen(path, not layer.frozen))
     if not layer.rises and _toggle(
         context, f"solo.{path}", Icon.SOLO, Icon.SOLO, solo_layer(context.document, context.view) != path, quiet,

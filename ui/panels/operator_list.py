@@ -138,7 +138,7 @@ def _row(context: PanelContext, key: str, factor: str, operators: tuple[CurveEdi
     muted = all(operator.muted for operator in edit)
     if widgets.icon_button(
         context, f"mute.{index}", Icon.HIDDEN if muted else Icon.VISIBLE,
-        "Switch this operator off or on, to see in the picture what it does.", lit=False,
+        "Mute or unmute this operator.", lit=False,
     ):  # fmt: skip
         actions.append(MuteOperator(key, factor, index, not muted))
     imgui.same_line()

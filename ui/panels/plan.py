@@ -19,8 +19,8 @@ from ui.theme import Icon
 VALUE_WIDTH, DOT = 118.0, 3.0
 PLANNED = "As planned"
 PICTURE = "The whole picture"
-HINT = "Set this line of the plan by hand, or leave it to the plan. It is an edit: undone, and saved with the session."
-GIVE_BACK = "Give this line back to the plan."
+HINT = "Override this line of the plan. It is an edit: it can be undone, and is saved with the session."
+GIVE_BACK = "Back to the planned value."
 
 
 def draw(context: PanelContext) -> list[Action]:

@@ -13,7 +13,7 @@ from ui.panels.context import PanelContext
 
 Size = tuple[int, int]
 PRESETS = ((0.25, "1/4"), (0.5, "1/2"), (1.0, "Scene"), (2.0, "2 x"), (4.0, "4 x"))
-HINT = "Of the scene's own resolution, with its proportions."
+HINT = "Share of the scene's own resolution."
 FIELD = 84.0
 
 
@@ -75,8 +75,8 @@ def _cost(context: PanelContext, size: Size, now: Size) -> bool:
 def _buttons(context: PanelContext, size: Size, enabled: bool) -> list[Action]:
     close = SetPanel({"resolution": None})
     imgui.spacing()
-    hint = "Compute the picture anew at this resolution. All edits stay."
+    hint = "Compute the picture at this resolution. All edits stay."
     if widgets.text_button(context, "resolution.apply", "Apply", hint, enabled=enabled):
         return [Resize(size), close]
     imgui.same_line()
-    return [close] if widgets.text_button(context, "resolution.cancel", "Cancel", "Leave it as it is. (Esc)") else []
+    return [close] if widgets.text_button(context, "resolution.cancel", "Cancel", "Cancel. (Esc)") else []

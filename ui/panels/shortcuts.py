@@ -60,7 +60,7 @@ class Shortcut:
 
 SHORTCUTS = (
     Shortcut("File", "Ctrl O", "Open a scene or session", "open", CTRL | int(Key.o)),
-    Shortcut("File", "Ctrl N", "Begin anew with the built-in scene", "new", CTRL | int(Key.n)),
+    Shortcut("File", "Ctrl N", "New: the built-in scene", "new", CTRL | int(Key.n)),
     Shortcut("File", "Ctrl S", "Save the session", "save", CTRL | int(Key.s)),
     Shortcut("File", "Ctrl Shift S", "Save the session under a new name", "save_as", CTRL | SHIFT | int(Key.s)),
     Shortcut("File", "F12", "Save the picture: PNG of 8 or 16 bits, EXR", "picture", int(Key.f12)),
@@ -71,7 +71,7 @@ SHORTCUTS = (
     Shortcut("", "", "", "redo", CTRL | SHIFT | int(Key.z)),
     Shortcut("Edit", "Alt Z", "Undo the view: where the camera was", "undo_look", ALT | int(Key.z)),
     Shortcut("Edit", "Shift Alt Z", "Redo the view", "redo_look", SHIFT | ALT | int(Key.z)),
-    Shortcut("Edit", "Esc", "Leave, cancel the drag, let go: one a press"),
+    Shortcut("Edit", "Esc", "Leave, cancel the drag, deselect: one per press"),
     Shortcut("Edit", "Ctrl C", "Copy the object's material", "copy_material", CTRL | int(Key.c)),
     Shortcut("Edit", "Ctrl Shift C", "Copy the curve", "copy_curve", CTRL | SHIFT | int(Key.c)),
     Shortcut("Edit", "Ctrl V", "Paste: material, layer or curve", "paste", CTRL | int(Key.v)),
@@ -83,7 +83,7 @@ SHORTCUTS = (
     Shortcut("Picture", "O", "Placement, or Orbit, where the camera moves freely", "orbit", int(Key.o)),
     Shortcut("Picture", "G", "Placement, or Deform, where objects bend", "deform", int(Key.g)),
     Shortcut("Picture", "C", "Compare: remember this picture as A, show A | B", "compare", int(Key.c)),
-    Shortcut("Picture", "E", "Where the picture is off, in false colours", "error", int(Key.e)),
+    Shortcut("Picture", "E", "Show the error, in false colours", "error", int(Key.e)),
     Shortcut("Picture", "Space", "The picture alone; where it is animated, in Deform: play", "alone", int(Key.space)),
     Shortcut("Picture", "Ctrl Alt wheel", "Magnify the picture about the mouse"),
     Shortcut("Picture", "Ctrl Alt drag", "Move the magnified picture"),
@@ -110,10 +110,10 @@ SHORTCUTS = (
     Shortcut("Curve", "Wheel", "Zoom the angle; with Shift the height"),
     Shortcut("Curve", "Middle drag", "Pan; double click shows all"),
     Shortcut("Material", "B", "Show the BRDF: sphere, lobe, slice, albedo", "brdf", int(Key.b)),
-    Shortcut(BLENDER, "Middle drag", "Orbit about what the camera looks at"),
+    Shortcut(BLENDER, "Middle drag", "Orbit about the point of interest"),
     Shortcut(BLENDER, "Shift middle", "Pan"),
     Shortcut(BLENDER, "Ctrl middle", "Nearer, farther"),
-    Shortcut(MAYA, "Alt drag", "Orbit about what the camera looks at"),
+    Shortcut(MAYA, "Alt drag", "Orbit about the point of interest"),
     Shortcut(MAYA, "Alt middle", "Pan"),
     Shortcut(MAYA, "Alt right", "Nearer, farther"),
     Shortcut(WHEEL, "Wheel", "Nearer to what is under the mouse"),
@@ -121,7 +121,7 @@ SHORTCUTS = (
     Shortcut("Camera", "F   Home", "Frame the selection, frame all", "frame", int(Key.f), "F"),
     Shortcut("", "", "", "frame_all", int(Key.home), "Home"),
     Shortcut("", "", "", "frame", int(Key.keypad_decimal)),
-    Shortcut("Camera", "N", "Lens, horizon, size, kept views", "camera", int(Key.n)),
+    Shortcut("Camera", "N", "Lens, horizon, size, saved views", "camera", int(Key.n)),
     Shortcut(
         "Camera", "Keypad 1 3 7", "From the front, the right, the top", "view_front", int(Key.keypad1), "Keypad 1"
     ),

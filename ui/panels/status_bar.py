@@ -20,37 +20,36 @@ from ui.theme import Icon
 
 HEIGHT = 28.0
 STRIP_WIDTH = 560.0
-HEADLIGHT = "objects lit from the eye"
-HEADLIGHT_HINT = "Objects are lit from the eye, without shadows, until the first picture is computed."
-STAYS_HINT = "The picture stays until this mode has its own."
+HEADLIGHT = "headlight only"
+HEADLIGHT_HINT = "A headlight without shadows, until the first picture is computed."
+STAYS_HINT = "The picture stays until this mode has computed its own."
 MESSAGE_SECONDS, ERROR_SECONDS = 8.0, 30.0
 # Noise of the whole picture above this is visible.
 NOISY = 0.05
 FINISHED_HINT = (
-    "Nothing more comes. What is left is chance in the light between surfaces: grain and bright dots. It is less with "
-    "fewer bounces, or where no curve is lifted far."
+    "The picture is finished. What is left is noise in indirect light: grain and bright dots. There is less with "
+    "fewer bounces, or where no curve is raised far."
 )
 
 
 VIEW_BEFORE = (
-    "The camera has moved on: the lines are the objects' boxes from there. The picture of the view before stays until "
-    "this one is traced, once it rests. In Orbit the picture goes with the hand. Esc in mid-drag goes back."
+    "The camera has moved: the lines are the objects' boxes as seen from there. The previous picture stays until the "
+    "new view is traced. In Orbit the picture follows the camera. Esc while dragging goes back."
 )
 PICTURE_BEFORE_MOVING = (
-    "The camera has moved on: the picture of the view before is turned as a whole until the first of "
-    "this mode is drawn."
+    "The camera has moved: the previous picture is moved as a whole until the first of this mode is drawn."
 )
-PICTURE_BEFORE = "The picture stays until the one of other pixels, poses or bumps is traced and has its light."
-EDIT_BEFORE = "The picture is as it was before the last edit. It stays until the edited one is as good."
-ESTIMATED_LATER_HINT = "Nothing more comes. How far off the picture is will be found out while the hand rests."
-MODES_OWN = "Nothing more comes: this is all that this way to look shows. What it leaves out the Accuracy panel says."
+PICTURE_BEFORE = "The picture stays until the one with the new size, pose or bumps is traced and lit."
+EDIT_BEFORE = "The picture from before the last edit stays until the new one is as good."
+ESTIMATED_LATER_HINT = "The picture is finished. Its error is estimated when idle."
+MODES_OWN = "The picture is finished for this mode. The Accuracy panel says what it leaves out."
 ESTIMATED_HINT = (
-    "How far off the picture is, relative to its mean, by its own judgement: some hundred points are held against more "
-    "lights, patches and bands, and against paths through the scene. True within a factor of about two."
+    "Estimated error of the picture, relative to its mean: some hundred points are compared with more lights, patches "
+    "and bands, and with path tracing. Correct within a factor of about two."
 )
 ESTIMATED_DRAWN_HINT = (
-    "How far off the pictures are that are drawn in this mode, relative to their mean: of one at rest, and of one "
-    "as while something moves, some hundred points inside of objects are held against the same. Not where objects meet."
+    "Estimated error of the pictures in this mode, relative to their mean, at rest and while something moves: some "
+    "hundred points inside objects are compared with more lights and with path tracing. Edges are left out."
 )
 
 
@@ -129,7 +128,7 @@ def picture_state(status: Status, meanwhile: str = "", camera_moved: bool = True
     if status.estimate is not None:
         error = f", {status.estimate.short}"
     if not status.worker_alive:
-        return look.BAD, "computing stopped", "What computes has ended and is being started again; edits are safe."
+        return look.BAD, "computing stopped", "The worker stopped and is being restarted; edits are safe."
     if status.is_away and not status.follows_input:
         if not camera_moved:
             return look.ACCENT, "before the change", PICTURE_BEFORE
@@ -143,7 +142,7 @@ def picture_state(status: Status, meanwhile: str = "", camera_moved: bool = True
     if status.picture == "refining":
         return look.ACCENT, f"refining{error}", status.missing_note
     if status.picture == "preview":
-        coarse = "Coarse or fewer lights, or not yet the present light or roughness."
+        coarse = "Coarse, with fewer lights, or not yet with the current light or roughness."
         return look.ACCENT, f"preview{error}", f"{coarse}\n{ESTIMATED_DRAWN_HINT}" if error else coarse
     words = f"waiting, {meanwhile}" if meanwhile else "waiting"
     return look.TEXT_FAINT, words, HEADLIGHT_HINT if meanwhile in ("", HEADLIGHT) else STAYS_HINT
@@ -183,7 +182,7 @@ def _right(context: PanelContext, status: Status, draw: bool = True) -> float:
         imgui.same_line(start)
         _value(context, Icon.CLOCK, frame, frame_width, "Time of the last frame that drew the picture.")
         imgui.same_line(start + frame_width + context.px(18) + 0.5 * icons)
-        _value(context, Icon.MEMORY, memory, memory_width, "Memory of what is precomputed.")
+        _value(context, Icon.MEMORY, memory, memory_width, "Memory of the precomputed transport.")
     return start
 
 

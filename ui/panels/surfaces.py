@@ -131,7 +131,7 @@ def _file(context: PanelContext, state: ObjectState, parameter: Parameter, file:
     context.handles.note_item(f"surface.{parameter.name}.file")
     widgets.tooltip(f"{file}\n\n{hint}")
     imgui.same_line(0.0, gap)
-    hint = "Takes the image away; Ctrl+Z brings it back."
+    hint = "Remove the image; Ctrl+Z brings it back."
     if widgets.icon_button(context, f"surface.{parameter.name}.clear", Icon.CLOSE, hint):
         actions.append(_set(state, parameter, parameter.default))
     return actions

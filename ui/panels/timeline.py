@@ -74,12 +74,12 @@ def _playback_options(context: PanelContext, line: Timeline) -> list[Action]:
         imgui.set_next_item_width(context.px(_CLIP_WIDTH))
         chosen, index = imgui.combo("##clip", line.clips.index(line.clip), list(line.clips))
         context.handles.note_item("timeline.clip")
-        widgets.tooltip("Which of the file's animations.")
+        widgets.tooltip("The animation to play.")
         if chosen:
             actions += [Play(False), SetTime(0.0, line.clips[index])]
         imgui.same_line()
     loops = context.view.loops
-    if widgets.icon_button(context, "timeline.loop", Icon.LOOP, "At its end begin anew, or stop.", lit=loops):
+    if widgets.icon_button(context, "timeline.loop", Icon.LOOP, "Loop, or stop at the end.", lit=loops):
         actions.append(SetView.of(loops=not loops))
     imgui.same_line(0.0, 0.0)
     moves = line.time is not None

@@ -59,10 +59,10 @@ def _answers(context: PanelContext) -> list[Action]:
     if widgets.text_button(context, "leave.save", "Save", "Save the session, then go on. (Enter)"):
         actions.append(AnswerUnsaved(is_saved=True))
     imgui.same_line()
-    if widgets.text_button(context, "leave.discard", "Discard", "Throw these edits away for good, and go on."):
+    if widgets.text_button(context, "leave.discard", "Discard", "Discard these edits, and go on."):
         actions.append(AnswerUnsaved(is_saved=False))
     imgui.same_line()
-    if widgets.text_button(context, "leave.cancel", "Cancel", "Stay here. (Esc)"):
+    if widgets.text_button(context, "leave.cancel", "Cancel", "Cancel. (Esc)"):
         actions.append(SetPanel({"pending_action": None}))
     return actions
 
@@ -96,6 +96,6 @@ def _row(context: PanelContext, index: int, recovery: Recovery) -> list[Action]:
     if widgets.text_button(context, f"recover.{index}", "Bring back", "Open these edits."):
         actions.append(Recover(recovery, True))
     imgui.same_line(0.0, context.px(4))
-    if widgets.text_button(context, f"discard.{index}", "Discard", "Throw these edits away for good."):
+    if widgets.text_button(context, f"discard.{index}", "Discard", "Discard these edits."):
         actions.append(Recover(recovery, False))
     return actions

@@ -26,9 +26,9 @@ DEGREES_PER_PIXEL = 0.5
 DIVIDER_REACH = 7.0
 LEGEND_WIDTH = 230.0
 BELOW = 0.9  # of the panel's height: where a label hides little of the picture
-ERROR_LEGEND = "Error, of the picture's mean"
-ERROR_AWAITED = "Finding out where the picture is off…"
-ERROR_UNKNOWN = "Where the picture is off is not known"
+ERROR_LEGEND = "Error, relative to the mean"
+ERROR_AWAITED = "Estimating the error…"
+ERROR_UNKNOWN = "No error estimate"
 
 
 def draw(context: PanelContext) -> list[Action]:
@@ -172,10 +172,10 @@ def _turns_light() -> bool:
 
 
 def _comparison_hint(context: PanelContext) -> str:
-    text = "Left: the picture as remembered (A). Right: as it is (B)."
+    text = "Left: the saved picture (A). Right: the current one (B)."
     if context.status.compared_exact:
         return text
-    return f"{text} A is a preview: it becomes exact with B, as long as the light and the roughness are the same."
+    return f"{text} A is a preview: it becomes exact with B, while the light and the roughness are the same."
 
 
 def _draw_name(context: PanelContext, name: str, mouse: ImVec2) -> None:

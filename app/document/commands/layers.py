@@ -47,7 +47,7 @@ class SetModel:
     def apply(self, document: Document) -> Document:
         layer = editable_layer(document, self.key)
         if self.model not in MODELS:
-            raise InsituError(f"there is no model {self.model!r}; there is: {', '.join(sorted(MODELS))}")
+            raise InsituError(f"there is no model {self.model!r}; available: {', '.join(sorted(MODELS))}")
         model = MODELS[self.model]
         key, layer = _leading(document, self.key) if layer.rises else (self.key, layer)
         values = make_layer(model, dict(self.parameters)).with_fresnel(layer.fresnel).parameters

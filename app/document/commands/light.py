@@ -18,7 +18,7 @@ EMISSION = Parameter(
     "rgb",
     (1.0, 1.0, 1.0),
     "Emission",
-    "Radiance of the light's surface, per channel: what is seen of it, and what it throws on the scene.",
+    "Radiance of the light's surface, per channel: how bright it is, and how much it lights the scene.",
     (),
     maximum=1e9,
     logarithmic=True,
@@ -121,7 +121,7 @@ class SetEmission:
     def apply(self, document: Document) -> Document:
         state = document.object(self.object)
         if not state.emits:
-            raise InsituError(f"{self.object} does not shine; the scene's file says which objects do")
+            raise InsituError(f"{self.object} is not an emitter; the scene file says which objects are")
         if state.frozen:
             raise InsituError(f"{self.object} is frozen; thaw it to change its light")
         red, green, blue = cast(RGB, EMISSION.accept(self.emission))

@@ -85,7 +85,7 @@ class RemoveLayer:
 def new_layer(model: str) -> Layer:
     """A layer of a model at its defaults. InsituError for a model that is not there."""
     if model not in MODELS:
-        raise InsituError(f"there is no model {model!r}; there is: {', '.join(sorted(MODELS))}")
+        raise InsituError(f"there is no model {model!r}; available: {', '.join(sorted(MODELS))}")
     return make_layer(MODELS[model])
 
 
@@ -105,7 +105,7 @@ def operators_of_copy(source: Layer, factor: str, onto: Layer, onto_factor: str)
 def _editable_object(document: Document, name: str) -> ObjectState:
     state = document.object(name)
     if state.is_lamp:
-        raise InsituError(f"{name} shines; it is seen by its emission and has no material")
+        raise InsituError(f"{name} is an emitter; it has an emission and no material")
     if not state.editable:
         raise InsituError(f"{name} is fixed; make it editable to change its material")
     if state.frozen:

@@ -67,8 +67,8 @@ def _curve(document: Document, path: str) -> tuple[str, int]:
     try:
         target = resolve(document, path)
     except InsituError as error:
-        raise InsituError(f"the plan has no line {path!r} to overrule; there is: {there}") from error
+        raise InsituError(f"the plan has no line {path!r} to override; lines are: {there}") from error
     factors = () if target.key is None else document.layer(target.key).model.factors
     if target.name not in [factor.name for factor in factors]:
-        raise InsituError(f"the plan has no line {path!r} to overrule; there is: {there}")
+        raise InsituError(f"the plan has no line {path!r} to override; lines are: {there}")
     return f"{target.key}.{target.name}", len(factors)

@@ -68,5 +68,5 @@ def _reflecting(document: Document, name: str, what: str) -> ObjectState:
     if state.frozen:
         raise InsituError(f"{name} is frozen; thaw it to edit it")
     if state.is_lamp:
-        raise InsituError(f"{name} shines; only what reflects has {what}")
+        raise InsituError(f"{name} is an emitter; only objects that reflect have {what}")
     return state

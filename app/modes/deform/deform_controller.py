@@ -51,7 +51,7 @@ class DesiredDeform(DesiredOrbit):
 class DeformController(OrbitController):
     """The controller of Deform."""
 
-    title, limitations = "Deform", "How much of sharp highlights is lost here the Accuracy panel says."
+    title, limitations = "Deform", "Sharp highlights are softer here; the Accuracy panel shows by how much."
     prepares = PrepareDeform
     draws = DrawDeform
     estimates = EstimateDeform
@@ -107,15 +107,15 @@ class DeformController(OrbitController):
                 self._services.document_changed()
 
     def status(self, status: Status) -> Status:
-        told = super().status(status)
-        if told.shown_by != self.title:
-            return told
+        orbit_status = super().status(status)
+        if orbit_status.shown_by != self.title:
+            return orbit_status
         own: dict[str, object] = {"lost": self._lost, "deform_only": self._deform_only, "carried": self._carried}
         own["no_estimate_reason"] = self._no_estimate_reason
         if self._picture == "refining" and self._split is not None:
             n, of = (self._traced.n_passes, self._traced.of) if self._traced.id == self._prepare_id else (0, 1)
-            own["missing_note"] = f"The part by paths becomes smoother: {n / of:.0%} of them are in it."
-        return DeformStatus(**(vars(told) | own))
+            own["missing_note"] = f"The path-traced part is being refined: {n / of:.0%} done."
+        return DeformStatus(**(vars(orbit_status) | own))
 
     @property
     def _picture(self) -> PictureState:
@@ -164,10 +164,10 @@ class DeformController(OrbitController):
     def _no_estimate_reason(self) -> str:
         """Why the error of the picture is not estimated; empty where it is."""
         if self._deform_only:
-            return f"Where it is off is not known: paths do not know the surface of {', '.join(self._deform_only)}"
+            return f"No error estimate: path tracing does not support the surface of {', '.join(self._deform_only)}"
         if self._split is not None:
-            return "Beside paths the picture is not judged"
-        return "The colours of the fit's error are not judged" if self._fit_error else ""
+            return "No error estimate beside path-traced parts"
+        return "No error estimate while the fit error is shown" if self._fit_error else ""
 
     def _update_desired(self, now: float, document: Document, view: ViewState) -> None:
         """Where the picture is split and idle, the desired state includes what path tracing is to show."""

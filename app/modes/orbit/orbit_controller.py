@@ -72,9 +72,9 @@ PRIORITIZE_SECONDS = 0.25
 # While pictures improve by themselves, the worker gets this many times the time that drawing one takes.
 _WORK_SHARE = 4.0
 _listeners = count(1)
-PLACEMENT_FOLLOWS = "Placement computes this view, and fades in when it is there."
+PLACEMENT_FOLLOWS = "Placement computes this view and fades in when it is ready."
 LACKS = (
-    "Gloss mirrors lights alone here, sharp ones blurred by some three degrees; of the objects around it shows an even "
+    "Glossy surfaces reflect only lights here, blurred by about three degrees; other objects appear in them as an even "
     "glow."
 )
 
@@ -273,9 +273,9 @@ class OrbitController(ModeController):
             "error_colours": self._error_colours,
             "image_error": None if estimate is None else estimate.overall,
         }
-        told = vars(status) | said
+        values = vars(status) | said
         return OrbitStatus(
-            **told, drawn_resolution=resolution, drawn_seconds=self._seconds, is_headlight=self._is_headlight
+            **values, drawn_resolution=resolution, drawn_seconds=self._seconds, is_headlight=self._is_headlight
         )
 
     @property

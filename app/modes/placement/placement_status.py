@@ -71,9 +71,9 @@ def error_note(curve_error: float | None, noise: float | None) -> str:
     """In words, the parts of the error that are coefficients and noise of indirect light, see `PlacementStatus`."""
     lines = []
     if curve_error is not None:
-        lines.append(f"coefficients of the curve still to come: {percent(curve_error)}")
+        lines.append(f"curve coefficients still missing: {percent(curve_error)}")
     if noise is not None:
-        lines.append(f"chance left in the light of further bounces, as its two halves apart tell it: {percent(noise)}")
+        lines.append(f"noise left in indirect light, from its two halves: {percent(noise)}")
     return "\n".join(lines)
 
 
@@ -85,12 +85,12 @@ def light_note(controller: TransportController, shown: LightState) -> str:
     asked = f"{light.rotation:.1f}°"
     if controller.running and not controller.drag_quality and replace(shown, intensity=light.intensity) != light:
         if shown.rotation == light.rotation:
-            return "the light before is shown until this one is as good"
-        return f"shown for {shown.rotation:.1f}° until {asked} is as good"
+            return "the previous light is shown until this one is ready"
+        return f"shown for {shown.rotation:.1f}° until {asked} is ready"
     if controller.drag_quality:
-        return f"quick picture for {asked}, final on release"
+        return f"preview for {asked}, final on release"
     if not controller.light_is_current:
-        return f"shown for {asked} until the hand rests"
+        return f"shown for {asked} until idle"
     if controller.delivered_final:
         return ""
     return f"{'being refined' if controller.running else 'a preview'} for {asked}"
@@ -99,25 +99,25 @@ def light_note(controller: TransportController, shown: LightState) -> str:
 def emitter_note(controller: TransportController) -> str:
     """In words, whose light the picture shows, where emitters were changed."""
     if controller.drag_quality:
-        return "a quick picture of the light it throws; the final one follows when you let go"
+        return "a preview of its light on the scene; final on release"
     if not controller.light_is_current:
-        return "the light it throws follows when the hand rests"
+        return "its light on the scene follows when idle"
     if controller.emitters_are_all:
-        return "all the light there is: what it throws follows at once"
-    return "" if controller.delivered_final else "the light it throws is being refined"
+        return "the scene's only light: it shows at once"
+    return "" if controller.delivered_final else "its light on the scene is being refined"
 
 
 def material_note(controller: TransportController) -> str:
     """In words, what of the materials the picture does not show yet."""
     if not controller.quotient_is_current:
-        return "the curve is shown at once; self-shadowing follows when the hand rests"
-    return "" if controller.fixed_is_current else "the curve of a fixed object follows when the hand rests"
+        return "the curve is shown at once; self-shadowing follows when idle"
+    return "" if controller.fixed_is_current else "the curve of a fixed object follows when idle"
 
 
 def transport_note(controller: TransportController, shown: Precision | None, wanted: Precision) -> str:
     """In words, what of the transport is still to come: bands, or the precision of the selected curve's."""
     if controller.becoming_editable:
-        return f"{', '.join(controller.becoming_editable)}: shown as it was until its bands are here"
+        return f"{', '.join(controller.becoming_editable)}: shown as before until its bands are ready"
     if shown is None or shown == wanted:
         return ""
-    return f"made with {FLOATS[shown]} until {FLOATS[wanted]} are here"
+    return f"shown with {FLOATS[shown]} until {FLOATS[wanted]} are ready"

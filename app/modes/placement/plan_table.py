@@ -30,13 +30,17 @@ OF_MODES = {
     "points": ("Points", "beside the meshes' own, where light bends between these", (0, 2000, 10_000, 40_000, 100_000)),
     "coefficients": (
         "Coefficients",
-        "of light that each point keeps; few blur highlights",
+        "of light, stored at each point; few blur highlights",
         (40, 80, 160, 320, 640, 1280),
     ),
-    "transfer_rays": ("Rays a point", "sent once, to find what light can reach it", (64, 128, 256, 1000, 5000, 20_000)),
-    "lobes": ("Lobes", "that stand for what the rays found", (1, 2, 3, 4)),
+    "transfer_rays": (
+        "Rays per point",
+        "sent once, to find unblocked directions",
+        (64, 128, 256, 1000, 5000, 20_000),
+    ),
+    "lobes": ("Lobes", "fitted to what the rays found", (1, 2, 3, 4)),
 }
-KNOB = "as the scene or the Accuracy panel says"
+KNOB = "set in the scene or the Accuracy panel"
 HALVES = {"half": "half floats", "float": "full floats"}
 
 
@@ -75,7 +79,7 @@ def _line(
         return PlanTableRow(line, title, as_planned, reason, choices, False, group)
     value = lines[line]
     set_to = words.get(value) or f"{value:,}"
-    return PlanTableRow(line, title, set_to, f"set by hand, in the place of {as_planned}", choices, True, group)
+    return PlanTableRow(line, title, set_to, f"set by the user; planned: {as_planned}", choices, True, group)
 
 
 def _cost_line(status: PlacementStatus) -> PlanTableRow:
@@ -84,7 +88,7 @@ def _cost_line(status: PlacementStatus) -> PlanTableRow:
     if status.spent_seconds is None:
         left = "being computed" if status.seconds_left is None else f"{duration(status.seconds_left)} to go"
         return PlanTableRow("cost", "Cost", left, f"so far {memory}", (), False)
-    reason = f"of the processors since its last change; {memory}"
+    reason = f"of processor time since the last change; {memory}"
     return PlanTableRow("cost", "Cost", duration(status.spent_seconds), reason, (), False)
 
 
@@ -96,13 +100,13 @@ def _light_lines(document: Document, view: ViewState, status: PlacementStatus) -
         yield _line(document, "lights", "Sky lights", n_lights, reason, _numbers(LIGHT_CHOICES))
         yield _line(document, "sphere", "Shadows from", 1, sphere_reason(True, True), _named(SPHERE))
     if any(state.emission is not None and any(state.emission) for state in document.objects):
-        reason = why.get("patches", "parts of what shines in the scene")
+        reason = why.get("patches", "parts of the emitters in the scene")
         n_patches = status.needed_patches or view.n_patches
         yield _line(document, "patches", "Lamp patches", n_patches, reason, _numbers(PATCH_CHOICES))
     if dict(document.overrides).get("bounces", view.n_bounces) != 1:
         n_rays = view.n_hemisphere_rays or status.found_rays or "as needed"
         reason = KNOB if view.n_hemisphere_rays else why.get("rays") or RAYS_REASON
-        yield _line(document, "rays", "Rays a fan", n_rays, reason, _numbers(HEMISPHERE_RAYS))
+        yield _line(document, "rays", "Hemisphere rays", n_rays, reason, _numbers(HEMISPHERE_RAYS))
     yield _line(document, "precision", "Transport", view.precision, PRECISION_REASON, _named(HALVES))
 
 
@@ -134,9 +138,9 @@ def _curve_lines(document: Document, status: PlacementStatus) -> Iterator[PlanTa
 
 
 def _why_so_many(document: Document, key: str, layer: Layer, name: str, counts: Mapping[str, int]) -> str:
-    kept = "" if document.object(object_of(key)).editable else "; of a fixed object none are kept"
+    kept = "" if document.object(object_of(key)).editable else "; a fixed object stores none"
     if document.first_bands is not None:
-        return "as the sharpest are chosen in the Accuracy panel" + kept
+        return "as set in the Accuracy panel" + kept
     if counts[name] > usual_bands(layer.model)[name]:
         return "the curve's own bandwidth" + kept
     return ("room for edits" if not kept else "as finely as if it were editable") + kept

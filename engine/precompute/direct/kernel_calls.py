@@ -28,7 +28,7 @@ from engine.visibility.point_visibility import empty_visibility
 
 _SCENE = {
     "version": 1,
-    "name": "rehearsal",
+    "name": "warm-up",
     "camera": {"position": [0, 0, 2], "target": [0, 0, 0], "fov_y": 40, "resolution": [8, 8]},
     "object": [
         {"name": "quad", "primitive": "quad"},
@@ -40,7 +40,7 @@ _SCENE = {
         },
     ],
 }
-_QUALITY = Quality("rehearsal", COARSE.stride, 20, COARSE.n_patches, max_level=1)
+_QUALITY = Quality("warm-up", COARSE.stride, 20, COARSE.n_patches, max_level=1)
 _LAYER = LayerShape("lambert", (0.0,) * 8, (2, 2))
 
 
@@ -109,4 +109,4 @@ def warm_up_contraction() -> None:
 
 @lru_cache(maxsize=1)
 def _placement() -> Placement:
-    return Placement(build_scene(parse_description(_SCENE, "rehearsal"), Path("rehearsal")))
+    return Placement(build_scene(parse_description(_SCENE, "warm-up"), Path("warm-up")))

@@ -106,9 +106,9 @@ def _find_in_block(
     for each in range(1, kernels.MOST_DEPTH + 1):
         some = depth == each
         deltas[some] = _deltas(hits, caster, emitters, visibility, pairs[some], listed[some], each)
-    told = deltas != 0.0  # most leaves beside an edge agree with their bit
-    counts = np.bincount(np.repeat(np.arange(len(rows)), counts)[told], minlength=len(rows)).astype(np.int32)
-    return counts, listed[told], deltas[told]
+    is_changed = deltas != 0.0  # most leaves beside an edge agree with their bit
+    counts = np.bincount(np.repeat(np.arange(len(rows)), counts)[is_changed], minlength=len(rows)).astype(np.int32)
+    return counts, listed[is_changed], deltas[is_changed]
 
 
 def _deltas(

@@ -105,8 +105,8 @@ def growth(tries: Sequence[CellSizeTry], expected: float) -> float:
     last, power = tries[-1], _MOST_POWER
     if len(tries) > 1:
         first = tries[-2]
-        told = RECORDS_BY_SETS * math.log(last.n_sets / first.n_sets) / math.log(last.size / first.size)
-        power = min(max(told, _LEAST_POWER), _MOST_POWER)
+        measured_power = RECORDS_BY_SETS * math.log(last.n_sets / first.n_sets) / math.log(last.size / first.size)
+        power = min(max(measured_power, _LEAST_POWER), _MOST_POWER)
     too_many = max((expected / last.n_sets) ** RECORDS_BY_SETS, 1.0) / FULL
     return min(max(too_many ** (1.0 / power), _GROWTH), _MOST_GROWTH)
 
@@ -214,7 +214,7 @@ class Solver:
     def _solve(
         self, cells: IrradianceCache, layers: Sequence[IndirectLayer], parts: Checkpoints
     ) -> Generator[Progress, None, IndirectLight]:
-        yield 0.0, "looking around"
+        yield 0.0, "tracing gather points"
         photons = self._photons(cells)
         if self._settings.adaptive:
             points, found, begin = yield from self._refine(cells, layers, photons, parts)
@@ -288,7 +288,9 @@ class Solver:
                 if self._needs_ray_budget:
                     halves = self._halves_of_samples(self._points(gathered, photons), layers, cells, light)
                     if self._is_noisy(
-                        layers, gathered.rows, (yield from _with_overall_progress(halves, span[0], "looking around"))
+                        layers,
+                        gathered.rows,
+                        (yield from _with_overall_progress(halves, span[0], "tracing gather points")),
                     ):
                         none, at = self._no_samples(), span[:1] * 2
                         gathered = yield from self._gather(cells, none, rows, _first_sets(rows), parts, at)
@@ -296,7 +298,7 @@ class Solver:
             points = self._points(gathered, photons)
             # Compare two independent halves of the rays: their mean is the value, their difference the noise.
             halves = self._halves(points, layers, bright, len(cells))
-            first, second = yield from _with_overall_progress(halves, span[0], "looking around")
+            first, second = yield from _with_overall_progress(halves, span[0], "tracing gather points")
             values[gathered.rows], noise[gathered.rows] = 0.5 * (first + second), 0.5 * abs(first - second)
             clearance[gathered.rows] = gathered.clearance
             if not lattice.refine(values, noise, clearance):
@@ -417,7 +419,7 @@ class Solver:
                 for gathered in self._gathered(cells, rows[part], nth[part], size, parts, first_open):
                     found.append(gathered)
                     done += len(gathered.rows)
-                    yield span[0] + (span[1] - span[0]) * done / len(rows), "looking around"
+                    yield span[0] + (span[1] - span[0]) * done / len(rows), "tracing gather points"
         return join_samples(found)
 
     def _gathered(

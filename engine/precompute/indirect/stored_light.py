@@ -82,7 +82,7 @@ def read_table(reader: ArrayReader) -> CacheTable:
     seeds = reader.take(_CELLS + "seeds", np.uint64, "C")
     n_places = reader.take(_CELLS + "n_places", np.int64, "C", below=N_PLACES + 1)
     if n_cells[0] != known["C"] or not n_places.all():
-        raise UnsoundArrays("cells without a place, or not as many as said")
+        raise UnsoundArrays("cells without a position, or a wrong count")
     hashes = reader.take(_CELLS + "hashes", np.uint32, "C", N_PLACES)
     triangle = reader.take(_CELLS + "triangle", np.int32, "C", N_PLACES, below=known["T"])
     u, v = (reader.take(_CELLS + name, np.float32, "C", N_PLACES) for name in "uv")
@@ -155,7 +155,7 @@ def read_ray_budget(reader: ArrayReader, most: int) -> RayBudget:
     """The ray budget, of at most `most` rays per sample set."""
     n_rays, noise = int(reader.take("n_rays", np.int64, 1)[0]), float(reader.take("noise", np.float64, 1)[0])
     if n_rays not in [most // level for level in LEVELS] or noise < 0.0 and noise != NOT_ESTIMATED:
-        raise UnsoundArrays("fans that nobody asked for")
+        raise UnsoundArrays("hemisphere samples without a gather point")
     return RayBudget(n_rays, most, None if noise == NOT_ESTIMATED else noise)
 
 

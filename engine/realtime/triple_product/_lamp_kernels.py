@@ -27,7 +27,7 @@ class Known(NamedTuple):
     patch_normal: Floats
 
 
-class Asked(NamedTuple):
+class PatchRays(NamedTuple):
     """Shadow rays (N,): row of the sample, patch; solid, the factor from flux to power, times the number of patches
     that the ray represents; cosine to the sample's normal; known, the share of the patch that the sample's points see,
     and known_cosine, that share with the points' own powers and cosines; agreed: whether all points see it, or none
@@ -83,7 +83,7 @@ def _n_seeing(j: int, corners: NDArray[np.int32], points: Known) -> int:
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def patches_in_question(
     corners: NDArray[np.int32], weights: Floats, places: Floats, normals: Floats, how: NDArray[np.uint8],
-    phase: NDArray[np.int64], most: NDArray[np.int64], points: Known, out: Asked,
+    phase: NDArray[np.int64], most: NDArray[np.int64], points: Known, out: PatchRays,
 ) -> int:  # fmt: skip
     """Fill `out` with shadow rays of samples (N,), at places (N, 3) with normals (N, 3), between corners (N, 3) with
     weights (N, 3); return their number.

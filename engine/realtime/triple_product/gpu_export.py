@@ -92,9 +92,9 @@ class PointExporter:
 
     def _sky_parts(self, orbit: Orbit) -> Iterator[Part]:
         sky = orbit.light
-        told = sky.environment, sky.rotation, sky.scale
-        if told != self._sky:
-            is_new, self._sky = self._image is not sky.environment, told
+        sky_state = sky.environment, sky.rotation, sky.scale
+        if sky_state != self._sky:
+            is_new, self._sky = self._image is not sky.environment, sky_state
             self._image = sky.environment
             black = np.zeros((1, 1, 3), np.float32)
             image = black if sky.environment is None else np.asarray(sky.environment.radiance, np.float32)
@@ -103,12 +103,12 @@ class PointExporter:
     def _terms_parts(self, orbit: Orbit) -> Iterator[Part]:
         made = _Terms(orbit)
         strokes, images = made.exported.strokes, made.exported.images
-        told = made.terms, strokes, orbit.scene.emission.tobytes()
-        if told == self._terms and images == self._images:
+        terms_state = made.terms, strokes, orbit.scene.emission.tobytes()
+        if terms_state == self._terms and images == self._images:
             return
         new = {serial: _table(tables) for serial, tables in made.tables.items() if serial not in self._tables}
         words = None if images == self._images else image_words(images)
-        self._terms, self._images, self._tables = told, images, set(made.tables)
+        self._terms, self._images, self._tables = terms_state, images, set(made.tables)
         yield TermsPart(made.terms, new, words, stroke_words(strokes), orbit.scene.emission.astype(np.float32))
 
 

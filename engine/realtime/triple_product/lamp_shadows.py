@@ -45,14 +45,14 @@ class _Asking:
     def ask(
         self, how: NDArray[np.uint8], most: NDArray[np.int64], known: kernels.Known, patches: EmitterPatches,
         caster: RayCaster,
-    ) -> tuple[kernels.Asked, NDArray[np.bool_]]:  # fmt: skip
+    ) -> tuple[kernels.PatchRays, NDArray[np.bool_]]:  # fmt: skip
         """Trace at most `most` (N,) rays a sample to the patches that `how` (N,) selects; return the rays and which of
         them arrive."""
         around = self.corners, self.weights, self.places, self.normals
         asked = _room(int(most.sum()))
         n = kernels.patches_in_question(*around, how, self.phase, most, known, asked)
         rows: list[Any] = [each[:n] for each in asked]
-        asked = kernels.Asked(*rows)
+        asked = kernels.PatchRays(*rows)
         free = asked.cosine > 0.0
         sent = np.flatnonzero(free)
         origins = self.lifted[asked.row[sent]]
@@ -89,7 +89,7 @@ def lamp_shadows(
             whole, free_too = asking.ask(how, np.where(narrow, len(patches), 0), known, patches, caster)
             stored = ~narrow[asked.row]
             joined: list[Any] = [np.concatenate([a[stored], b]) for a, b in zip(asked, whole, strict=True)]
-            asked, free = kernels.Asked(*joined), np.concatenate([free[stored], free_too])
+            asked, free = kernels.PatchRays(*joined), np.concatenate([free[stored], free_too])
         share = free - asked.known
         wrong = np.flatnonzero(np.abs(share) > 1e-3)
         row, patch = asked.row[wrong], asked.patch[wrong]
@@ -111,7 +111,7 @@ def _disagree(seen: ViewSamples, which: Rows, lamps: SceneEmitters) -> NDArray[n
     return found
 
 
-def _room(n: int) -> kernels.Asked:
+def _room(n: int) -> kernels.PatchRays:
     """Allocate n rays."""
     whole, real = np.empty((2, n), np.int32), np.empty((4, n), np.float32)
-    return kernels.Asked(whole[0], whole[1], real[0], real[1], real[2], real[3], np.empty(n, bool))
+    return kernels.PatchRays(whole[0], whole[1], real[0], real[1], real[2], real[3], np.empty(n, bool))

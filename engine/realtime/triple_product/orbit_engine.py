@@ -229,10 +229,10 @@ class Orbit:
         while self._lit is None:
             yield StillProgress(0.0, "shading points")
             self._place()
-        while (told := self._do_next_piece()) is not None:
+        while (piece := self._do_next_piece()) is not None:
             # The unshadowed light stays in the picture until all of it is replaced.
             self.version += not self._lit.is_outdated
-            yield StillProgress(self.fraction, told)
+            yield StillProgress(self.fraction, piece)
 
     def _do_next_piece(self) -> str | None:
         """Do the most urgent piece and return its name; None if nothing is left."""
@@ -406,7 +406,7 @@ class Orbit:
         """Raise InsituError if so many points do not fit into memory."""
         if self._within_memory(n_points) < _LEAST_COEFFICIENTS:
             raise InsituError(
-                f"{self.scene.file}: {n_points} vertices, of which Orbit would keep more than "
+                f"{self.scene.file}: {n_points} vertices, of which Orbit would store more than "
                 f"{self._most_bytes / 2**20:.0f} MiB; expected fewer, or a simpler mesh"
             )
 

@@ -90,7 +90,7 @@ def _bumps(info: JsonObject, images: GltfImages, notes: list[str]) -> Bumps:
     if strength != scale:
         notes.append(f"a normal map's scale of {scale:g} is taken as {strength:g}")
     if used.transform.rotation != 0.0:
-        notes.append("a normal map is turned in the file and shown without that")
+        notes.append("the rotation of a normal map is not shown")
     return Bumps(
         f"#{used.image}", bump_strength=strength, bump_repeats=used.scale, bump_offset=used.transform.offset,
         bump_wrap=used.transform.wrap,

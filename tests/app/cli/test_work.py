@@ -22,7 +22,7 @@ Captured = pytest.CaptureFixture[str]
 def test_plan_says_what_and_why_and_what_it_costs(scene: Path, capsys: Captured) -> None:
     assert run("plan", scene, "--override", "ball.0.theta_i=4") == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].split() == ["ball.0.theta_i", "4", "bands", "overruled"]
+    assert lines[0].split() == ["ball.0.theta_i", "4", "bands", "overridden"]
     assert any(line.startswith("sphere") and "5,120 directions" in line for line in lines)
     assert "MiB of main memory" in lines[-2] and "MiB on disk" in lines[-2] and "within about" in lines[-1]
 
@@ -168,7 +168,7 @@ def test_doctor_tells_what_works_and_how_to_mend_the_rest(broken: bool, status: 
     assert found.keys() == {"OpenGL", "display", "Embree", "memory", "cache", "state", "shared memory"}
     assert found["OpenGL"] == ("BROKEN" if broken else "ok") and found["display"] == "without"
     assert found["Embree"] == "ok"
-    assert sum("to mend it:" in line for line in lines) >= 1 + broken
+    assert sum("to fix it:" in line for line in lines) >= 1 + broken
 
 
 def test_doctor_names_a_folder_that_cannot_be_used(

@@ -61,7 +61,7 @@ def test_a_value_makes_it_of_its_kind_and_leaves_the_others(scene: Document) -> 
         ("teapot.subsurface.ior", "glass", "ior"),
         ("teapot.patch.repeats", [1, 0], "repeats"),
         ("teapot.patch.kind", "knit", "'bumps'"),
-        ("lamp.membrane.translucency", 0.5, "shines"),
+        ("lamp.membrane.translucency", 0.5, "is an emitter"),
     ],
 )
 def test_what_makes_no_sense_is_one_line(scene: Document, path: str, value: Any, said: str) -> None:

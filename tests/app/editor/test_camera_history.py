@@ -139,9 +139,9 @@ def test_commands_take_the_camera_from_a_session(tmp_path: Path) -> None:
     path = save_session(tmp_path / "a.insitu", project.document, view)
     above = open_project(str(path), camera="Above").scene
     assert above.description.camera.position == ABOVE.position and above.resolution == (20, 10)
-    with pytest.raises(InsituError, match="no view 'Below'; kept views: Above"):
+    with pytest.raises(InsituError, match="no view 'Below'; saved views: Above"):
         open_project(str(path), camera="Below")
-    with pytest.raises(InsituError, match="no view 'Above'; kept views: none yet"):
+    with pytest.raises(InsituError, match="no view 'Above'; saved views: none yet"):
         open_project("teatray", (16, 12), camera="Above")
     seen = open_project(str(path), (16, 12)).scene
     assert seen.description.camera.position == ASIDE.position and seen.description.camera.fov_y == 30.0

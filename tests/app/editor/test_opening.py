@@ -130,7 +130,7 @@ def test_light_that_bounces_leave_out_is_said(editor: Editor, client: FakeClient
     for now in (2.0, 3.0):  # the choice, and that it stands
         editor.tick(now)
     request: ComputeTransport = computed(client)[-1]
-    said = "4 bounces keep 34 % of the light, the rest is missing"
+    said = "4 bounces carry 34 % of the light, the rest is missing"
     assert [layer.key for layer in request.scene.visible] == ["pot.0", "pot.1", "floor.0"]
     client.answer(request, BouncesPlanned(4, "", said))
     editor.tick(3.1)

@@ -47,7 +47,7 @@ def test_names_differ_and_can_be_read() -> None:
             add_bookmark((), HERE, name)
     with pytest.raises(InsituError, match="there is a view 'View 1' already"):
         rename_bookmark(two(), "Two", "View 1")
-    with pytest.raises(InsituError, match="no view 'Three'; kept views: View 1, Two"):
+    with pytest.raises(InsituError, match="no view 'Three'; saved views: View 1, Two"):
         find_bookmark(two(), "Three")
 
 

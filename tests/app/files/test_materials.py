@@ -73,7 +73,7 @@ def test_an_object_gets_another_material_in_one_step(document: Document, library
     shining = SetMaterial("lamp", gold.layers).apply(document).object("lamp")
     assert shining.layers == gold.layers and shining.emission == document.object("lamp").emission
     bare = document.with_object(replace(document.object("lamp"), layers=()))
-    with pytest.raises(InsituError, match="lamp shines"):
+    with pytest.raises(InsituError, match="lamp is an emitter"):
         SetMaterial("lamp", gold.layers).apply(bare)
     frozen = document.with_object(replace(document.object("pot"), frozen=True))
     with pytest.raises(InsituError, match="frozen"):

@@ -55,7 +55,7 @@ from numba.core.dispatcher import Dispatcher
 from app.modes.deform.deform_messages import DrawDeform, PrepareDeform
 from app.worker.cache import ArrayCache
 from app.worker.in_process import InProcessClient
-from app.worker.kernel_warm_up import rehearse_deform
+from app.worker.kernel_warm_up import warm_up_deform
 from app.messages.worker_messages import RequestFailed
 from engine.realtime.zonal_harmonics.gpu_parts import NO_PARTS
 from engine.scene.surface_kinds import DeformSurface, Membrane, Subsurface
@@ -71,7 +71,7 @@ def compiled():
     }
 
 
-rehearse_deform()
+warm_up_deform()
 before = compiled()
 scene = Path(sys.argv[1], "scene.toml")
 scene.write_text(SCENE)

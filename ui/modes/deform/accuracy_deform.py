@@ -13,21 +13,21 @@ from ui.panels.actions import Action
 from ui.panels.context import PanelContext
 
 LEFT_OUT = (
-    "What has deformers, or stands in its animation, shades itself alone; what is at rest shades its like. All "
-    "shadows, and the light of lamps, come back when the hand rests and Placement takes over."
+    "Deformed or animated objects shadow only themselves; objects at rest shadow each other. All shadows, and the "
+    "light of lamps, come back when idle, as Placement takes over."
 )
 SPLIT_HINT = (
-    "Splits the picture: what paths through the scene show of this pose, refined while the hand rests; transfer that "
-    "does not turn with the surface; and Deform's own. Drag the dividers."
+    "Splits the picture: path traced, refined while idle; transfer that does not rotate with the surface; and Deform. "
+    "Drag the dividers."
 )
 FIT_HINT = (
-    "Shows in false colours how far the fitted lobes are off the light they stand for, point by point, on patches and "
-    "wrinkles pixel by pixel: where it is yellow, creases are deeper than a few lobes can tell. A membrane is exact."
+    "Shows the error of the fitted lobes in false colours, point by point, on patches and wrinkles pixel by pixel. "
+    "Yellow: creases too deep for a few lobes. A membrane is exact."
 )
 EVENLY = (1.0 / 3.0, 2.0 / 3.0)
 LEFT_OUT_AND_STAYS = (
-    "What has deformers, or stands in its animation, shades itself alone; what is at rest shades its like. The surface "
-    "of {} is Deform's alone, so that Placement does not take over when the hand rests: choose it (G) for all shadows."
+    "Deformed or animated objects shadow only themselves; objects at rest shadow each other. Only Deform shows the "
+    "surface of {}, so Placement does not take over when idle: switch to it (G) for all shadows."
 )
 
 
@@ -38,7 +38,7 @@ def draw(context: PanelContext) -> list[Action]:
     if not isinstance(status, DeformStatus):
         return actions
     is_split = context.view.split is not None
-    if widgets.text_button(context, "deform.split", "Not beside paths" if is_split else "Beside paths", SPLIT_HINT):
+    if widgets.text_button(context, "deform.split", "End comparison" if is_split else "Compare with paths", SPLIT_HINT):
         actions.append(SetView.of(split=None if is_split else EVENLY, fit_error=False))
     imgui.same_line()
     shows_error = context.view.fit_error
@@ -50,9 +50,9 @@ def draw(context: PanelContext) -> list[Action]:
         error_legend.draw(context, imgui.get_window_draw_list(), corner, room)
     for name, share in sorted(status.lost, key=lambda each: -each[1])[:4]:
         hint = (
-            "The share of this material's reflection, by energy, that is too sharp for the bands of light that follow "
-            "a bending mesh. The rest is a soft highlight; Placement has all of it."
+            "The share of this material's reflection, by energy, that is too sharp for the bands of light of a bending "
+            "mesh. The rest is a soft highlight; Placement shows all of it."
         )
-        accuracy_placement.figure(context, f"Lost of {name}", f"{share:.0%}", hint)
+        accuracy_placement.figure(context, f"Lost from {name}", f"{share:.0%}", hint)
     widgets.caption(LEFT_OUT_AND_STAYS.format(", ".join(status.deform_only)) if status.deform_only else LEFT_OUT)
     return actions

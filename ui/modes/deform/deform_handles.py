@@ -14,7 +14,7 @@ from ui.panels.context import PanelContext
 from ui.panels.picture_handles import PictureHandle, Place
 from ui.panels.viewport_layout import PictureRect
 
-PARTS = ("By paths", "Not turned", "Deform")
+PARTS = ("Path traced", "Not rotated", "Deform")
 
 
 def handles(context: PanelContext, placed: PictureRect) -> list[PictureHandle]:

@@ -17,7 +17,7 @@ from ui.theme import Icon
 AXES = ("x", "y", "z")
 REST = "Back to rest"
 DEGREES_A_PIXEL = 0.5
-FROM_AFAR = "With deformers it shades itself alone; shadows between objects come back when the hand rests."
+FROM_AFAR = "A deformed object shadows only itself; shadows between objects come back when idle."
 
 
 def draw(context: PanelContext) -> list[Action]:
@@ -31,7 +31,7 @@ def draw(context: PanelContext) -> list[Action]:
         actions += _row(context, state.name, index, deformation, len(state.deformations))
     actions += _add(context, state.name, len(state.deformations))
     if state.deformations:
-        hint = "Takes all deformers away; Ctrl+Z brings them back."
+        hint = "Remove all deformers; Ctrl+Z brings them back."
         _beside(REST)
         if widgets.text_button(context, "pose.reset", REST, hint):
             actions.append(SetPose(state.name))
@@ -60,7 +60,7 @@ def _row(context: PanelContext, name: str, index: int, deformation: Deformation,
     for what, icon, hint, enabled, action in (
         ("up", Icon.UP, "Apply it earlier.", index > 0, MoveDeformer(name, index, index - 1)),
         ("down", Icon.DOWN, "Apply it later.", index < count - 1, MoveDeformer(name, index, index + 1)),
-        ("delete", Icon.CLOSE, "Take it away.", True, RemoveDeformer(name, index)),
+        ("delete", Icon.CLOSE, "Remove it.", True, RemoveDeformer(name, index)),
     ):
         if widgets.icon_button(context, f"pose.{index}.{what}", icon, hint, enabled=enabled):
             actions.append(action)
@@ -78,7 +78,7 @@ def _row(context: PanelContext, name: str, index: int, deformation: Deformation,
             context, "amount", deformation.amount, low, high, _format(kind), handle=handle, origin=0.0,
             title=kind.title,
         )  # fmt: skip
-    widgets.tooltip("How much; double-click to type, drag with Shift for fine steps. 0 leaves the object as it is.")
+    widgets.tooltip("Amount; double-click to type, drag with Shift for fine steps. 0 leaves the object undeformed.")
     actions += edits(touch, name, index, amount)
     imgui.pop_id()
     return actions
@@ -99,7 +99,7 @@ def edits(touch: number_fields.Touch, name: str, index: int, amount: float) -> l
 def _add(context: PanelContext, name: str, count: int) -> list[Action]:
     """One button for each kind of deformer, in as many rows as they need."""
     imgui.begin_disabled(count >= MAX_DEFORMERS)
-    hint = "Put one behind the others, then drag its amount."
+    hint = "Add one after the others, then drag its amount."
     actions: list[Action] = []
     for index, (kind, form) in enumerate(KINDS.items()):
         if index:

@@ -33,12 +33,11 @@ def figures(status: OrbitStatus) -> list[tuple[str, str, str]]:
         (
             "Drawn",
             drawn,
-            "Pixels of the last picture, and the time it took. While something moves there are as many as are drawn "
-            "in time; at rest there are all.",
+            "Pixels of the last picture, and the time it took. Fewer are drawn while something moves.",
         ),
         (
             "Memory",
             f"{status.memory_mb:.0f} MB, light {status.precomputed_mb:.0f} MB",
-            "Main memory of the window and of what computes for it; what Orbit keeps of light in the scene.",
+            "Main memory of the window and the worker; light of the scene that Orbit stores.",
         ),
     ]

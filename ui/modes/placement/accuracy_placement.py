@@ -24,15 +24,19 @@ BOUNCE_CHOICES = (1, 2, 3, 4)
 FIRST_BANDS = {"Auto": None, "16": 16, "32": 32, "64": 64, "128": 128, "256": 256}
 SECOND_BANDS = {"All": None, "16": 16, "8": 8, "1": 1}
 FIRST_HINT = (
-    "Bands J of the sharpest curves at the first bounce from the eye: more follow finer edits, and take more memory "
+    "Bands J of the sharpest curves at the first bounce from the camera: more follow finer edits, and take more memory "
     "and time. Auto: as many as each curve needs."
 )
 SECOND_HINT = (
-    "Bands of each curve at the second bounce. 1: by albedo, as if surfaces were matt there; more let glossy ones "
-    "throw light where they do."
+    "Bands of each curve at the second bounce. 1: by albedo, as if surfaces were diffuse there; more keep the "
+    "directions of glossy reflection."
 )
-LIGHTS_HINT = "Triangle lights that stand for the environment in the finished picture: more are truer and take longer."
-PATCHES_HINT = "Parts that lamps are cut into in the finished picture: more give truer shadows and take longer."
+LIGHTS_HINT = (
+    "Triangle lights that stand for the environment in the finished picture: more are more accurate and take longer."
+)
+PATCHES_HINT = (
+    "Patches that emitters are cut into in the finished picture: more give more accurate shadows and take longer."
+)
 EDGES = {"Auto edges": None, "No edges": 0, "4 edge rays": 4, "8 edge rays": 8, "16 edge rays": 16}
 EDGES_HINT = (
     "Rays through each pixel where objects meet or normals turn fast: smooth edges and rims, for a little more time "
@@ -74,7 +78,7 @@ def _quality(context: PanelContext, status: PlacementStatus) -> list[Action]:
         if pressed is not None:
             actions.append(SetView.of(n_lights=LIGHT_CHOICES[pressed]))
     widgets.label(context, "Bounces")
-    hint = "Reflections between light and eye. 1 is direct light; more bring colour bleeding and light from neighbours."
+    hint = "Reflections between light and camera. 1 is direct light; more add colour bleeding and indirect light."
     chosen = BOUNCE_CHOICES.index(context.view.n_bounces) if context.view.n_bounces in BOUNCE_CHOICES else -1
     choices = [(str(n), hint) for n in BOUNCE_CHOICES]
     pressed = widgets.segments(context, "accuracy.bounces", choices, chosen, least=_share(context, len(choices)))
@@ -203,8 +207,7 @@ def figures(status: PlacementStatus, selected: str | None = None) -> list[tuple[
         (
             "Memory",
             f"{status.memory_mb:.0f} MB, transport {status.precomputed_mb:.0f} MB",
-            "Main memory of the window and of what computes for it; precomputed transport, by which a curve redraws "
-            "at once.\n"
+            "Main memory of the window and the worker; precomputed transport, which redraws an edited curve at once.\n"
             f"On the graphics card: {status.gpu_mb:.0f} MB, with the selected curve's transport.",
         ),
     ]

@@ -283,7 +283,7 @@ def test_making_an_object_editable_keeps_the_picture_and_asks_for_its_bands(
     settled.controller.rendered(EXACT)
     # All on screen is final and stays; only the floor's curves cannot be bent yet.
     assert settled.status.picture == "refining" and settled.status.material_note == ""
-    assert settled.status.transport_note == "floor.0: shown as it was until its bands are here"
+    assert settled.status.transport_note == "floor.0: shown as before until its bands are ready"
     client.finish_stage("final", exact=True)
     settled.tick(2.0)
     settled.controller.rendered(EXACT)
@@ -299,7 +299,7 @@ def test_a_fixed_curve_that_changes_is_part_of_its_transport(settled: Editor, cl
     n_before = len(computed(client))
     settled.do(AddOperator("floor.0", "theta_i", LIFT))
     settled.tick(1.6)
-    assert settled.status.material_note == "the curve of a fixed object follows when the hand rests"
+    assert settled.status.material_note == "the curve of a fixed object follows when idle"
     settled.tick(1.9)
     (work,) = computed(client)[n_before:]
     assert np.array_equal(

@@ -23,7 +23,7 @@ def test_turning_asks_for_quick_pictures_one_at_a_time(settled: Editor, client: 
         settled.tick(2.0 + 0.01 * degrees)
     (quick,) = computed(client)
     assert quick.is_drag and quick.scene.light.rotation == 31.0
-    assert settled.status.light_note == "quick picture for 31.0°, final on release"
+    assert settled.status.light_note == "preview for 31.0°, final on release"
     client.finish_stage("drag", exact=True)
     settled.tick(2.4)
     assert [request.scene.light.rotation for request in computed(client)] == [31.0, 33.0]
@@ -62,7 +62,7 @@ def test_another_environment_at_the_same_rotation_is_not_refined_before_it_is_sh
     client.finish_stage("coarse", exact=False)  # not as good as what is on screen
     settled.tick(2.4)
     assert settled.controller.drawn.light.environment == "scene"
-    assert settled.status.light_note == "the light before is shown until this one is as good"
+    assert settled.status.light_note == "the previous light is shown until this one is ready"
     client.finish_stage("preview", exact=False)
     settled.tick(2.5)
     assert settled.controller.drawn.light.environment == "studio"
@@ -80,7 +80,7 @@ def test_where_no_environment_lights_the_scene_nothing_is_said_of_its_rotation(c
     editor.do(SetEnvironment("studio"))
     editor.tick(2.0)
     editor.tick(2.5)
-    assert editor.status.light_note == "the light before is shown until this one is as good"
+    assert editor.status.light_note == "the previous light is shown until this one is ready"
 
 
 def test_answers_to_an_older_light_are_dropped(settled: Editor, client: FakeClient) -> None:

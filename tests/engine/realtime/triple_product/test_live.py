@@ -199,7 +199,7 @@ def test_too_many_vertices_are_refused_before_any_point_is_placed(block_scene, m
     # The floor and the block have 12 places; 1,800 bytes each are more than so little memory has.
     monkeypatch.setattr(orbit_engine, "place_points", None)
     orbit = Orbit(block_scene, most_bytes=12 * 1500)
-    with pytest.raises(InsituError, match=r"^block.toml: 12 vertices, of which Orbit would keep more than 0 MiB; "):
+    with pytest.raises(InsituError, match=r"^block.toml: 12 vertices, of which Orbit would store more than 0 MiB; "):
         [*orbit.work()]
 
 

@@ -84,26 +84,26 @@ class PosedPicture:
         yield
         self._target.warm_up()
 
-    def draw(self, told: PictureExport, camera: Camera, size: tuple[int, int]) -> moderngl.Texture:
+    def draw(self, export: PictureExport, camera: Camera, size: tuple[int, int]) -> moderngl.Texture:
         """The picture (width, height), row 0 at the top; raises GraphicsError, also where a part is missing."""
-        if told.is_missing_parts(self.part_numbers):
+        if export.is_missing_parts(self.part_numbers):
             raise GraphicsError("a pose without its mesh or light")
-        if told.shape is not None:
-            self._take_shape(told.shape)
-        if told.cover is not None:
-            self._take_cover(told.cover)
-        if told.appearance is not None:
-            self._take_appearance(told.appearance)
-        if told.sky is not None:
-            self._take_sky(told.sky)
+        if export.shape is not None:
+            self._take_shape(export.shape)
+        if export.cover is not None:
+            self._take_cover(export.cover)
+        if export.appearance is not None:
+            self._take_appearance(export.appearance)
+        if export.sky is not None:
+            self._take_sky(export.sky)
         shape, look, cover = self._shape, self._appearance, self._cover
         assert shape is not None and look is not None and cover is not None and self._backdrop is not None
-        self._fill("posed", told.posed.places)
-        self._fill("axes", told.posed.axes)
-        self._fill("blockers", np.concatenate([told.posed.blockers.ravel(), look.casts.ravel()]))
+        self._fill("posed", export.posed.places)
+        self._fill("axes", export.posed.axes)
+        self._fill("blockers", np.concatenate([export.posed.blockers.ravel(), look.casts.ravel()]))
         target = self._target.begin(camera, size, self._backdrop, look.turn, look.scale)
-        self._shade(shape, look, told.posed)
-        self._draw_triangles(target, look, cover, _view(camera, size, told.posed))
+        self._shade(shape, look, export.posed)
+        self._draw_triangles(target, look, cover, _view(camera, size, export.posed))
         return self._target.finish()
 
     def _take_shape(self, part: ShapePart) -> None:
