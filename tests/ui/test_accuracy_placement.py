@@ -45,7 +45,7 @@ def test_memory_is_that_of_transport_and_of_the_graphics_card() -> None:
 def test_parts_of_the_error_are_told_once_they_are_known() -> None:
     assert error_hint(STATUS) == "" == error_note(None, None)
     note = error_note(0.002, 0.0123)
-    assert "still to come: 0.2 %" in note and note.endswith("tell it: 1.2 %")
+    assert "still missing: 0.2 %" in note and note.endswith("two halves: 1.2 %")
     judged = replace(STATUS, estimate=ErrorEstimate(0.006, 0.017, 0.019), error_note=note)
     assert error_hint(judged) == f"direct light: 0.6 %\nlight between surfaces: 1.7 %\n{note}"
 

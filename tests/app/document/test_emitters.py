@@ -103,7 +103,7 @@ def test_beside_a_sky_light_is_computed_quickly_and_then_exactly(client: FakeCli
         editor.tick(2.0 + 0.01 * strength)
     (quick,) = client.sent(ComputeTransport)
     assert quick.is_drag and dict(quick.scene.emission) == {"lamp": (6.0, 6.0, 6.0)}
-    assert editor.status.emitter_note.startswith("a quick picture")
+    assert editor.status.emitter_note.startswith("a preview")
     assert gain(editor) == [1.0, 1.0, 1.0]
     client.finish_stage("drag", exact=True)
     editor.end_drag()
@@ -123,7 +123,7 @@ def test_the_only_light_follows_at_once(client: FakeClient) -> None:
     assert client.sent(ComputeTransport) == []
     # It was 5 in each channel.
     assert gain(editor) == pytest.approx([2.0, 0.5, 0.0])
-    assert editor.status.emitter_note.startswith("all the light there is")
+    assert editor.status.emitter_note.startswith("the scene's only light")
     editor.undo()
     editor.tick(4.0)
     assert gain(editor) == [1.0, 1.0, 1.0]
