@@ -40,7 +40,7 @@ from engine.realtime.zonal_harmonics.pose import Deformation
 from engine.render.error_estimate import interior_points
 from engine.scene.rig import Animation
 from engine.scene.surface_kinds import DeformSurface
-from tests.app.modes.orbit.test_talk import Table
+from tests.app.modes.orbit.test_orbit_controller import Table
 from tests.pictures import write_exr
 from tests.scene_text import camera, placed
 

@@ -18,7 +18,7 @@ from app.stills.frame_sequence import Frames
 from app.worker.cache import content_key
 from engine.scene.builtin import builtin_scenes
 from engine.texture.texture_store import TextureStore
-from tests.engine.realtime.zonal_harmonics.test_moments import write_bar
+from tests.engine.realtime.zonal_harmonics.test_animated_pose import write_bar
 from tests.scene_text import camera, placed
 
 BUMP = 'bump_map = { file = "bump.png", height = 0.01 }\n'

@@ -12,7 +12,7 @@ from app.files.library import Library, LibraryEntry
 from app.modes.placement.desired_state import same_coefficients
 from engine.material import MODELS
 from tests.app.fake_worker import ServingClient
-from tests.app.modes.placement.test_transport_talk import Renderer, settle
+from tests.app.modes.placement.test_transport_controller import Renderer, settle
 
 
 def all_pairs(names: list[str]) -> Iterator[str]:

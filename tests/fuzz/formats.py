@@ -162,8 +162,8 @@ def read_mesh_file(path: Path) -> None:
 def plys(folder: Path) -> list[bytes]:
     from app.export.meshes import ply_bytes
     from engine.scene.scene_loader import load_scene
+    from tests.engine.scene.loaders.test_ply import ASCII_CORNERS, binary, header
     from tests.engine.scene.test_costs import ply_of_lists
-    from tests.engine.scene.test_ply import ASCII_CORNERS, binary, header
 
     text = header("ascii", 4, 1) + ASCII_CORNERS + "4 0 1 2 3\n"
     own = folder / "seed.ply"
@@ -188,8 +188,8 @@ def objs(_: Path) -> list[bytes]:
 def glbs(_: Path) -> list[bytes]:
     """A triangle with a texture, skinned bars that an animation bends, one of them with a morph target."""
     from tests.engine.scene.conftest import pack_glb
+    from tests.engine.scene.loaders.test_gltf_rig import Bar
     from tests.engine.scene.test_costs import png, textured
-    from tests.engine.scene.test_rigs import Bar
 
     places, corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4"), np.arange(3, dtype="<u2")
     tree = {
@@ -252,7 +252,7 @@ def exrs(folder: Path) -> list[bytes]:
 
 
 def hdrs(folder: Path) -> list[bytes]:
-    from tests.engine.light.test_image_files import flat_scanlines, gradient, packed_scanlines, rgbe, write_hdr
+    from tests.engine.light.test_radiance_files import flat_scanlines, gradient, packed_scanlines, rgbe, write_hdr
 
     quads = rgbe(gradient())
     header = b"EXPOSURE=2\r\nCOLORCORR=1 2 1\nPRIMARIES=0.7 0.3 0.2 0.8 0.1 0.05 0.31 0.33\n"

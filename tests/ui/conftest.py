@@ -10,7 +10,7 @@ import moderngl
 import pytest
 
 from app.editor.editor import Editor
-from tests.fineness import light_quickly
+from tests.quick_indirect import light_quickly
 from tests.ui.stand_in import StandInClient
 from ui.gl.context import create_headless_context
 from ui.headless import HeadlessWindow

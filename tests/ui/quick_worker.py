@@ -19,7 +19,7 @@ def quick_tasks() -> RequestDispatcher:
     from app.worker import indirect_tasks
     from app.worker.orbit_worker import OrbitWorker
     from engine.render import error_estimate
-    from tests.fineness import QUICK
+    from tests.quick_indirect import QUICK
 
     indirect_tasks.FINE = QUICK
     error_estimate.FINER_PATCHES = 1

@@ -19,8 +19,8 @@ from app.worker.dispatcher import RequestDispatcher
 from app.worker.in_process import InProcessClient
 from engine.realtime.zonal_harmonics.gpu_parts import PictureExport
 from engine.realtime.zonal_harmonics.pose import Deformation
-from tests.engine.realtime.zonal_harmonics.test_moments import write_bar
-from tests.engine.scene.test_rigs import Bar
+from tests.engine.realtime.zonal_harmonics.test_animated_pose import write_bar
+from tests.engine.scene.loaders.test_gltf_rig import Bar
 from tests.ui.small_scene import is_drawn, opened_window, wait_until_exact, write_small_scene
 from ui.gl.context import GraphicsError
 from ui.gl.gpu_drawing import VARIABLE

@@ -21,7 +21,7 @@ from engine.scene.description import Camera
 from tests.app.files.test_brdf_files import insitu
 from tests.app.system.test_outputs import as_on_a_full_disk
 from tests.engine.realtime.triple_product.conftest import BLOCK
-from tests.engine.realtime.zonal_harmonics.test_moments import write_bar
+from tests.engine.realtime.zonal_harmonics.test_animated_pose import write_bar
 
 
 @pytest.fixture

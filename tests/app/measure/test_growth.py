@@ -10,7 +10,7 @@ import pytest
 from app.measure.growth import GrowthRow, cut, growth_figure, memory_of, write_rows
 from app.measure.subject import open_subject
 from engine.scene.scene_loader import Scene
-from tests.fineness import light_quickly
+from tests.quick_indirect import light_quickly
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 from app.measure import savings
 from app.measure.savings import SavingRow, measure_savings, table
 from engine.render import light_pilot
-from tests.fineness import QUICK
+from tests.quick_indirect import QUICK
 from tests.scene_text import ground
 
 

@@ -25,7 +25,7 @@ from engine.precompute.indirect.sampling_settings import ROUGH
 from engine.precompute.indirect.solver import Solver
 from engine.scene.scene_loader import Scene, load_scene
 from tests.app.worker.ball_and_lamp import SCENE
-from tests.fineness import QUICK
+from tests.quick_indirect import QUICK
 
 N_BOUNCES = 3
 ROOT = Path(__file__).parents[3]

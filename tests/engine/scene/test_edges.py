@@ -9,7 +9,7 @@ from engine.scene.edges import nearest_centres, ray_offsets
 from engine.scene.primary_hits import PrimaryHits, trace_primary
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import load_scene
-from tests.engine.scene.test_hits import ALL, LAMP, SPHERE, camera, check_invariants
+from tests.engine.scene.test_primary_hits import ALL, LAMP, SPHERE, camera, check_invariants
 
 SIZE = 32, 24
 

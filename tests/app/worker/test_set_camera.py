@@ -18,8 +18,8 @@ from engine.precompute.direct.pipeline import Placement
 from engine.scene.description import Camera
 from engine.scene.picture_frame import Lamps
 from tests.app.worker.ball_and_lamp import SCENE, assert_same_pictures, compute, pictures
-from tests.fineness import QUICK
 from tests.opened import ask_for_scene, open_in_process
+from tests.quick_indirect import QUICK
 
 OWN = "position = [0.4, 1.6, 2.6]\ntarget = [0, 0.3, 0]\nfov_y = 45\n"
 OTHER = "position = [-1.9, 0.8, 2.2]\ntarget = [0.1, 0.3, 0]\nfov_y = 35\n"

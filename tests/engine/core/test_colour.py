@@ -22,7 +22,7 @@ from engine.core.colour import (
 from engine.core.errors import LoadError
 from engine.render.display import display_picture, display_values
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 GOLD, COPPER, BRASS = np.array([1.0, 0.782, 0.344]), np.array([0.955, 0.638, 0.538]), np.array([0.91, 0.78, 0.42])
 EXPOSURES = np.geomspace(0.02, 4.0, 12)
 

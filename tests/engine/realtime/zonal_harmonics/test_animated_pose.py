@@ -16,7 +16,7 @@ from engine.realtime.zonal_harmonics.posed_points import PosedPoints
 from engine.realtime.zonal_harmonics.posed_scene import animate_vertices, pose_scene
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene, load_scene
-from tests.engine.scene.test_rigs import Bar
+from tests.engine.scene.loaders.test_gltf_rig import Bar
 from tests.scene_text import camera, placed
 
 ROW = (Moment("bend", 0.7),)

@@ -64,7 +64,7 @@ def test_a_shelf_hands_out_no_piece_that_was_changed_and_keeps_its_bound(tmp_pat
 
 
 def test_names_are_the_same_on_every_machine() -> None:
-    assert portable_name(Path(__file__)) == "insitu:tests/app/cluster/test_parcel.py"
+    assert portable_name(Path(__file__)) == "insitu:tests/app/cluster/test_scene_bundle.py"
     assert portable_name("/somewhere/else.ply") == "/somewhere/else.ply"
 
 
