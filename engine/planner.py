@@ -309,6 +309,7 @@ def _rays_text(plan: Plan) -> str:
 
 
 def _plan_layer(key: str, layer: Layer, editable: bool, still: bool) -> LayerPlan:
+    """The plan of one layer: at least `EDITABLE_BANDS` for each curve, more for a narrow one."""
     if still:
         return _plan_still_layer(key, layer)
     counts = band_counts(layer)
@@ -326,6 +327,7 @@ def _plan_layer(key: str, layer: Layer, editable: bool, still: bool) -> LayerPla
 
 
 def _plan_still_layer(key: str, layer: Layer) -> LayerPlan:
+    """The plan of one layer of a still: twice the bands of an editable one."""
     counts, reasons = {}, []
     for place, (name, n_bands) in enumerate(band_counts(layer).items()):
         counts[name] = min(2 * n_bands, MOST_BANDS)
@@ -348,6 +350,7 @@ def sphere_reason(has_sky: bool, needs_sphere: bool) -> str:
 
 
 def _override(plan: Plan, line: str, value: LineValue) -> Plan:
+    """The plan with one line set by the user. Raises InsituError for a line that does not exist."""
     overridden = plan.overridden | {line}
     if any(line in lines for lines in MODE_LINES.values()):
         return plan
@@ -364,6 +367,7 @@ def _override(plan: Plan, line: str, value: LineValue) -> Plan:
 
 
 def _switch(plan: Plan, line: str, value: LineValue) -> Plan:
+    """The plan with a checked value for one of `PICTURE_LINES`."""
     match line, value:
         case "precision", "half" | "float":
             return replace(plan, precision=value)
@@ -404,6 +408,7 @@ def _fine_values(layer: Layer, factor: str) -> np.ndarray:
 
 
 def _deviation(fine: np.ndarray, values: np.ndarray) -> float:
+    """d(J) of the values of J bands against those of many, see the module's docstring."""
     nodes = band_nodes(len(fine))
     coarse = np.stack([np.interp(nodes, band_nodes(len(values)), channel) for channel in values.T], axis=1)
     weights = band_weights(len(fine), by_solid_angle=True)[:, None]

@@ -125,6 +125,7 @@ def agx_sigmoid(x: NDArray[np.floating]) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=len(TABULATED_VIEWS))
 def _processor(view: ToneMapping) -> ocio.CPUProcessor:
+    """The library's processor for a view, cached."""
     import PyOpenColorIO as ocio
 
     if view == "agx":

@@ -206,6 +206,7 @@ def largest_monotone_magnitude(operator: Operator) -> float:
 
 
 def _translate_limit(operator: Operator) -> float:
+    """The limit for a translation in x, see `largest_monotone_magnitude`."""
     a, b, c, d = operator.regions
     if operator.magnitude >= 0.0:
         return HALF_PI if b <= 0.0 else min((b - a) / STEEPEST, HALF_PI)
@@ -213,6 +214,7 @@ def _translate_limit(operator: Operator) -> float:
 
 
 def _amplify_limit(operator: Operator) -> float:
+    """The limit for an amplification in x, see `largest_monotone_magnitude`."""
     low, high = _lever_extremes(operator)
     largest = 1.0 / SMALLEST_STRETCH
     if operator.magnitude >= 1.0:  # k = 1/m - 1 in (-1, 0]: needs k >= -1 / high
@@ -318,6 +320,7 @@ def collapse(operators: Sequence[Edit], curve: Curve, tolerance: float = 1e-4, m
 
 
 def _shift_channels(operator: Operator, x: Float64Array) -> Float64Array:
+    """Applies `shift` to the operator's channels only; x is (N,), or (N, 3) where channels differ."""
     moved = shift(operator, x)
     if all(operator.channels):
         return moved
@@ -326,6 +329,7 @@ def _shift_channels(operator: Operator, x: Float64Array) -> Float64Array:
 
 
 def _evaluate(curve: Curve, x: Float64Array) -> Float64Array:
+    """The curve at x (N,), or per channel at x (N, 3)."""
     if x.ndim == 1:
         return curve(x)
     return np.stack([curve(np.ascontiguousarray(x[:, channel]))[:, channel] for channel in range(3)], axis=-1)

@@ -65,6 +65,7 @@ def inverse(coefficients: Array, axis: int = 0) -> Array:
 
 
 def _product(values: Array, axis: int, inverted: bool) -> Array:
+    """The product with S or its transpose along `axis`."""
     values = np.asarray(values)
     matrix = transform_matrix(values.shape[axis])
     matrix = matrix.T if inverted else matrix
@@ -75,6 +76,7 @@ def _product(values: Array, axis: int, inverted: bool) -> Array:
 
 @lru_cache(maxsize=16)
 def _transform_matrix(n_bands: int) -> NDArray[np.float64]:
+    """S as the product of all levels."""
     matrix = np.eye(n_bands)
     length = n_bands
     while length > 1:

@@ -269,6 +269,7 @@ def solid_angles(corners: Float64Array, points: ArrayLike) -> NDArray[np.float32
 
 
 def _patches(corners: Float64Array, radiance: Float64Array) -> EmitterPatches:
+    """Patches of triangles (M, 3, 3) with area."""
     normal = _area_vectors(corners)
     area = np.linalg.norm(normal, axis=1)
     return EmitterPatches(

@@ -207,6 +207,7 @@ def _srgb_of_words() -> NDArray[np.uint8]:
 
 
 def _bilinear(image: NDArray[np.float32], row: NDArray, column: NDArray) -> NDArray[np.float32]:
+    """Bilinear interpolation at rows and columns (N,) in units of texels; columns wrap around."""
     height, width, _ = image.shape
     top, left = np.floor(row).astype(np.int64), np.floor(column).astype(np.int64)
     down, right = (row - top)[:, None].astype(np.float32), (column - left)[:, None].astype(np.float32)

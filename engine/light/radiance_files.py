@@ -114,6 +114,7 @@ def _means(band: NDArray[np.float32], k: int) -> NDArray[np.float32]:
 
 
 def _read_exr(file: Path, notes: list[str], is_colour: bool, most_pixels: int) -> NDArray[np.float32]:
+    """Reads an OpenEXR image, whole or by rows, in its display window and in Rec. 709."""
     _check_exr_compression(file)
     header = _open_exr(file, header_only=True).header
     _check_exr_header(file, header)
@@ -293,6 +294,7 @@ def _check_exr_compression(file: Path) -> None:
 
 
 def _check_exr_header(file: Path, header: dict[str, Any]) -> None:
+    """Raises LoadError unless the header is that of one flat RGB image of an accepted size."""
     kind = str(header.get("type", "scanlineimage")).rsplit(".", maxsplit=1)[-1]
     if kind not in ("scanlineimage", "tiledimage"):
         raise LoadError(file, "OpenEXR storage", kind, "scan lines or tiles (deep images are not supported)")

@@ -229,6 +229,7 @@ def _leaves(split: list[NDArray[np.bool_]]) -> list[NDArray[np.bool_]]:
 def _assemble(
     kept: list[NDArray[np.intp]], powers: list[NDArray[np.float64]], moments: list[NDArray[np.float64]]
 ) -> TriangleLights:
+    """The lights of a cut: `kept` triangles of each level, with the tree below them."""
     spheres = [geodesic(level) for level in range(len(kept))]
     triangles = np.concatenate([sphere.triangles[rows] for sphere, rows in zip(spheres, kept, strict=True)])
     used, which = np.unique(triangles, return_inverse=True)  # vertices retain their number from level to level
@@ -258,6 +259,7 @@ def _tree_centres(moments: list[NDArray[np.float64]]) -> NDArray[np.float32]:
 
 
 def _mean_directions(moments: NDArray[np.float64], centroids: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Normalised moments (N, 3); the centroid where there is no light."""
     largest = np.abs(moments).max(axis=1, keepdims=True)
     # Scaled first: the squares of a faint light's moment may underflow.
     chosen = np.where(largest > 0.0, moments / np.where(largest > 0.0, largest, 1.0), centroids)

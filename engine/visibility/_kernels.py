@@ -127,6 +127,7 @@ def _has_little_agreement(guess, asked, above):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _majority_of_four(a, b, c, d, believed, guess, asked, unsure):
+    """Votes of four informers: prediction, targets to trace, and ties."""
     for w in range(guess.shape[0]):
         # At least three of four are a majority; exactly two are a tie.
         either, both = a[w] | b[w], a[w] & b[w]
@@ -138,6 +139,7 @@ def _majority_of_four(a, b, c, d, believed, guess, asked, unsure):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _majority_of_three(a, b, c, guess, asked, unsure):
+    """Votes of three informers: a majority always exists; targets without unanimity are traced."""
     for w in range(guess.shape[0]):
         guess[w] = (a[w] & b[w]) | (c[w] & (a[w] | b[w]))
         asked[w] = (a[w] | b[w] | c[w]) & ~(a[w] & b[w] & c[w])
@@ -146,6 +148,7 @@ def _majority_of_three(a, b, c, guess, asked, unsure):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _agreement_of_two(a, b, guess, asked, unsure):
+    """Votes of two informers: only agreement predicts."""
     for w in range(guess.shape[0]):
         guess[w] = a[w] & b[w]
         asked[w] = a[w] ^ b[w]

@@ -68,6 +68,7 @@ def warp_blockers(rows, informers, bits, position, directions, neighbours, dista
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _nearest(directions, neighbours, start, x, y, z):
+    """The direction nearest to (x, y, z), by hill climbing over the neighbours from `start`."""
     best = start
     most = x * directions[best, 0] + y * directions[best, 1] + z * directions[best, 2]
     moved = True

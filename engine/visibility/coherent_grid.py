@@ -135,6 +135,8 @@ def coherent_visibility(
     finally_believed = ~targets.sentinels(targets.doubt_step)[0] if targets.doubt_step else nothing
 
     def informed(informers: np.ndarray, believed: np.ndarray, beside: bool) -> Guess:
+        """The prediction of a step's points from their informers, as a function for `evaluate_block`."""
+
         def guess(rows: np.ndarray, horizon: np.ndarray, todo: np.ndarray, doubt: np.ndarray) -> None:
             bits = visibility.bits
             kernels.predict(rows, informers, bits, horizon, believed, always, weak, weakest, neighbours, todo, doubt)

@@ -138,10 +138,12 @@ def _beckmann_g1(cosine, alpha):
 def weigh(model_kind, q, x, y, z, ox, oy, oz, weights):
     """weights (n,) *= ρ_q cosθ of each direction (x, y, z): `quotient_cosine`, with vectorised loops for the common
     models."""
+    # Diffuse: cosθ / π.
     if model_kind == LAMBERT:
         for i in range(x.shape[0]):
             weights[i] *= max(z[i], np.float32(0.0)) * np.float32(1.0 / math.pi)
     elif model_kind == ROUGH_CONDUCTOR and q[ROUGH_DISTRIBUTION] == GGX and oz > GRAZING:
+        # GGX: G cosθ / (4 cosθ_i cosθ_o) with Smith's G1 [Walter07, eq. 34]; D and F are curves.
         a2 = np.float32(q[ROUGH_ALPHA] * q[ROUGH_ALPHA])
         rest = np.float32(1.0) - a2
         masked = np.float32(1.0) / (oz + np.sqrt(a2 + rest * oz * oz))
@@ -149,11 +151,13 @@ def weigh(model_kind, q, x, y, z, ox, oy, oz, weights):
             c = max(z[i], np.float32(0.0))
             weights[i] *= c * masked / (c + np.sqrt(a2 + rest * c * c))
     elif model_kind == ROUGH_CONDUCTOR and oz > GRAZING:
+        # The same with Smith's G1 for Beckmann [Walter07, eq. 27].
         alpha = np.float32(q[ROUGH_ALPHA])
         masked = np.float32(0.25) * _beckmann_g1(oz, alpha) / oz
         for i in range(x.shape[0]):
             weights[i] *= masked * _beckmann_g1(max(z[i], np.float32(0.0)), alpha)
     elif model_kind == ASHIKHMIN_SHIRLEY and oz > GRAZING:
+        # Schlick's Fresnel term / (8π cosθ_d max(cosθ_i, cosθ_o)), without the lobe [BenArtzi07, eq. 3.3].
         facing = np.float32(q[FACING_REFLECTANCE])
         for i in range(x.shape[0]):
             c = max(z[i], np.float32(0.0))

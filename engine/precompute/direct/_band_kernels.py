@@ -27,12 +27,14 @@ def encode_bands(bands, trim, cells, maxima, encoded, i, written):
     zeros inwards took longer than encoding the rest.
     """
     n_a, n_b = bands.shape[0], bands.shape[1]
+    # Scale: the largest entry of the point.
     values = encoded.values
     _largest(bands, cells, maxima)
     largest = np.float32(0.0)
     for j in range(n_a):
         largest = max(largest, maxima[j])
     encoded.scale[i] = largest
+    # One curve: a single value per row, all of them stored.
     inverse = np.float32(1.0) / largest if largest > 0.0 else np.float32(0.0)
     if n_b == 1:
         for j in range(n_a):
@@ -60,6 +62,7 @@ def encode_bands(bands, trim, cells, maxima, encoded, i, written):
             high = 0
         encoded.first[i, j] = low
         encoded.length[i, j] = high - low
+        # Encode the run.
         for k in range(low, high):
             values[written] = encode(bands[j, k, 0] * inverse, bands[j, k, 1] * inverse, bands[j, k, 2] * inverse)
             written += 1

@@ -84,6 +84,7 @@ class Cut(NamedTuple):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def make_cut(n_nodes, n_roots):
+    """Working memory for cuts through a tree of n_nodes nodes; empty without roots."""
     room = n_roots + _ROOM if n_roots > 0 else 0
     # same type as the sky's: another type would compile everything twice
     corners = np.arange(3 * room).astype(np.int32)
@@ -218,6 +219,7 @@ def correct_shares(near, parents, shares):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def place_at(corners, place, out):
+    """Writes corners (3, 3) relative to a place."""
     for k in range(3):
         for axis in range(3):
             out[k, axis] = corners[k, axis] - place[axis]

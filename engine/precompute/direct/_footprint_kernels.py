@@ -22,6 +22,7 @@ def nearest_samples(begin, end, pixel, normal, width, stride, normal_weight, sam
         best, which = out[p], chosen[p]
         best[:] = np.inf
         which[:] = 0
+        # An object with few samples: compare with all of them.
         if count <= which.shape[0]:
             for s in range(first, first + count):
                 far = _squared(x, y, p, samples[s], pixel, normal, width, scale, normal_weight)
@@ -40,6 +41,7 @@ def nearest_samples(begin, end, pixel, normal, width, stride, normal_weight, sam
                         if first <= s < first + count:
                             far = _squared(x, y, p, samples[s], pixel, normal, width, scale, normal_weight)
                             _insert(s - first, far, best, which)
+                # No later ring can hold a nearer sample.
                 if best[-1] <= (ring + 0.5) * (ring + 0.5):
                     break
         for k in range(best.shape[0]):

@@ -36,6 +36,7 @@ def list_near(rows, position, normal, bits, emitters, least, near, counts, nodes
         r, n = rows[b], 0
         place, up, ball = position[r], normal[r], emitters.leaves.ball
         x, y, z = place[0], place[1], place[2]
+        # Candidates, and the light that the point is assumed to see.
         _mark_edges(bits[r], emitters.leaves, place, near, shares, marked)
         total, squares = _visible_light(shares, emitters, place, up, triangle, unit), _ZERO
         bound = least * total
@@ -48,6 +49,7 @@ def list_near(rows, position, normal, bits, emitters, least, near, counts, nodes
                 # A triangle's area is at most 0.44 of its squared longest edge; from near, less of it counts.
                 if emitters.brightness[node] * ball[leaf, 3] < bound * _squared(ball, leaf, x, y, z):
                     continue
+                # The leaf's possible contribution: brightness times solid angle times the largest cosine.
                 place_at(emitters.corners[node], place, triangle)
                 if not _is_front_facing(triangle):
                     continue
@@ -78,11 +80,13 @@ def _mark_edges(words, leaves, place, near, shares, marked):
     x, y, z = place[0], place[1], place[2]
     n_leaves, square = leaves.node.shape[0], near * near
     for w in range(words.shape[0]):
+        # Visible share of each root, by the areas of its leaves with set bits.
         ones = words[w]
         while ones != _NONE:
             leaf = 64 * w + lowest_bit(ones)
             ones &= ones - np.uint64(1)
             shares[leaves.root[leaf]] += leaves.part[leaf]
+        # Test the group of 64 leaves first, by the bits around it and its distance; then each of its leaves.
         at_edge = _is_parted(words, leaves.beside_block, w)
         away = max(np.sqrt(_squared(leaves.block, w, x, y, z)) - leaves.block[w, 3], _ZERO)
         is_large = leaves.block[w, 4] > square * away * away

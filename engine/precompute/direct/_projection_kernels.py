@@ -252,6 +252,7 @@ def _copy_colours(colours, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _make_scratch(n_directions, n_lights):
+    """Working memory for one point with n_directions corner directions and n_lights lights."""
     depth, n = 3 * MAX_DEPTH + 4, n_lights + _ROOM
     return _Scratch(
         np.empty(n_directions, np.float32), np.empty(n_directions, np.float32), np.empty(n_directions, np.float32),

@@ -107,6 +107,7 @@ def _to_wavelets(values, coefficients):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _make_scratch(n_triangles, n_all, n_channels):
+    """Working memory for one point: n_triangles of the sphere, n_all with their parts."""
     return _Scratch(
         np.empty(n_all, np.int64), np.arange(n_all), np.empty(n_all, np.float32), np.empty(n_all, np.float32),
         np.empty(n_all, np.float32), np.empty(n_all, np.float32), np.empty(n_all, np.float32),

@@ -62,6 +62,7 @@ class Spots(NamedTuple):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def make_spots(n):
+    """Working memory for n spots."""
     return Spots(
         np.empty(n, np.int64), np.empty(n, np.float32),
         np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32),
@@ -123,6 +124,7 @@ def _add_narrow(bands, colours, begin, end, spots):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _share_and_add(bands, colours, begin, end, spots, scale_a, scale_b):
+    """Computes the shares of the spots [begin, end) on both curves, and adds those that are not wide to the bands."""
     a, b, wide, two = spots.shares_a, spots.shares_b, spots.wide[begin:end], bands.shape[1] > 1
     last_a, last_b = np.float32(bands.shape[0] - 3), np.float32(bands.shape[1] - 3)
     wide[:] = np.int32(0)

@@ -18,6 +18,7 @@ def count_bits(word):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _share(words, first, n):
+    """The share of set bits in [first, first + n)."""
     if n == 1:
         return np.float32((words[first >> 6] >> np.uint64(first & 63)) & np.uint64(1))
     if n < 64:
@@ -70,6 +71,7 @@ def gather_local(vectors, listed, n, frame, x, y, z):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def set_frame(tangent, normal, frame):
+    """Writes tangent, bitangent and normal as rows of the frame (3, 3)."""
     for axis in range(3):
         frame[0, axis] = tangent[axis]
         frame[2, axis] = normal[axis]

@@ -77,6 +77,7 @@ def mean_radiance(sky: TriangleLights | None, patches: EmitterPatches | None, sc
 
 
 def _sky(sky: TriangleLights | None, unit: float, own_rays: bool) -> tuple[SkyLights, Targets]:
+    """The sky lights, and the visibility targets of those that need directions of their own."""
     if sky is None:
         sky_power, sky_centre = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
         corners, vertices = np.zeros((0, 3), np.int32), np.zeros((0, 3), np.float32)
@@ -88,6 +89,8 @@ def _sky(sky: TriangleLights | None, unit: float, own_rays: bool) -> tuple[SkyLi
         # Side by side, because both are read together at random rows, and a read costs as much as the arithmetic.
         tree = np.concatenate([np.asarray(sky.tree.power / np.float64(unit), np.float32), sky.tree.centre], axis=1)
         rows = sky.rows.astype(np.int64)
+    # Bits of the visibility sphere under each light: the range of its descendants, or its ancestor's bit for a finer
+    # one.
     coarse = np.maximum(VISIBILITY_LEVEL - light_level, 0)
     finer = np.maximum(light_level - VISIBILITY_LEVEL, 0)
     first = (index << (2 * coarse)) >> (2 * finer)
@@ -105,6 +108,7 @@ def _sky(sky: TriangleLights | None, unit: float, own_rays: bool) -> tuple[SkyLi
         rows,
         tree,
     )
+    # Targets for fine lights; the brightest of them are traced at every point.
     directions = np.ascontiguousarray(sky_centre[is_fine], np.float32)
     luminance = sky_power @ LUMINANCE.astype(np.float32)
     bright = luminance[is_fine] > 0.25 * PEAK_SHARE * luminance.sum(dtype=np.float64)
@@ -143,6 +147,7 @@ def _emitters(tree: EmitterTree | None, unit: float) -> tuple[Emitters, Targets]
 
 
 def _leaves(tree: EmitterTree, neighbours: np.ndarray) -> Leaves:
+    """The leaves of the tree with their neighbours, and the bounds of each 64."""
     nodes = np.flatnonzero(tree.child < 0)
     nodes = nodes[np.argsort(tree.first[nodes])]
     roots = np.searchsorted(tree.first[: tree.n_roots], np.arange(len(nodes)), side="right") - 1

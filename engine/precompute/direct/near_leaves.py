@@ -98,6 +98,7 @@ def near_leaves(
 def _find_in_block(
     hits: PrimaryHits, caster: RayCaster, emitters: Emitters, visibility: Visibility, rows: NDArray[np.int32]
 ) -> _BlockLeaves:
+    """The near leaves of one block of rows: counts (B,), nodes (K,) and deltas (K,)."""
     counts, depths, nodes = (np.empty(shape, np.int32) for shape in (len(rows), len(rows), (len(rows), MOST)))
     kernels.list_near(rows, hits.position, hits.horizon, visibility.bits, emitters, LEAST, NEAR, counts, nodes, depths)
     pairs, depth = np.repeat(rows, counts), np.repeat(depths, counts)

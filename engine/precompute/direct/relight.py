@@ -185,6 +185,7 @@ def _bends(curve: Float32Array, kind: int) -> NDArray[np.bool_]:
 
 
 def _reflection(layer: Layer) -> kernels.Reflection:
+    """A layer's reflection with its curves tabulated; one channel if all channels are equal."""
     model = layer.model
     angles = np.linspace(0.0, HALF_PI, CURVE_STEPS + 1)
     curves = [np.asarray(layer.curve(factor.name)(angles), np.float32) for factor in model.factors]

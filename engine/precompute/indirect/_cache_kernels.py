@@ -79,6 +79,7 @@ class CacheTable(NamedTuple):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _position(mesh, triangle, u, v):
+    """Position of a hit from its barycentric coordinates."""
     i, j, k = mesh.triangles[triangle, 0], mesh.triangles[triangle, 1], mesh.triangles[triangle, 2]
     w = ONE - u - v
     return (
@@ -226,6 +227,7 @@ def insert_hits(table, mesh, hits, keys, sides, first_open, found):
         slot = hashed & mask
         while table.keys[slot] != key and table.keys[slot] != NO_KEY:
             slot = (slot + np.uint64(1)) & mask
+        # A new record; its seed is the hash of its key, whatever the order of insertion.
         if table.keys[slot] == NO_KEY:
             if table.n_cells[0] == most:
                 return False
@@ -279,6 +281,7 @@ def _place(table, mesh, cell, k):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _write_ray(origins, directions, out, x, y, z, gx, gy, gz, dx, dy, dz, offset):
+    """Writes a ray from a position offset along the face normal, to the side it leaves on."""
     lift = offset if gx * dx + gy * dy + gz * dz >= ZERO else -offset
     origins[out, 0], origins[out, 1], origins[out, 2] = x + lift * gx, y + lift * gy, z + lift * gz
     directions[out, 0], directions[out, 1], directions[out, 2] = dx, dy, dz

@@ -16,6 +16,7 @@ _CHANCE = 3.0
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _corner(block, k, height, width):
+    """Row and column of corner k of a block, within the picture."""
     y = min(block[0] + (k >> 1) * block[2], height - 1)
     x = min(block[1] + (k & 1) * block[2], width - 1)
     return y, x
@@ -23,6 +24,7 @@ def _corner(block, k, height, width):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _is_one_object(block, objects):
+    """Whether all pixels of a block show one object."""
     height, width = objects.shape
     y1, x1 = _corner(block, 3, height, width)
     first = objects[block[0], block[1]]
@@ -47,6 +49,7 @@ def _are_one_surface(r, s, position, normal, least_alike):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _is_smooth(block, row_image, position, normal, least_alike):
+    """Whether no edge lies between any two corners of a block."""
     height, width = row_image.shape
     for k in range(4):
         y, x = _corner(block, k, height, width)
@@ -85,6 +88,7 @@ def _can_stand_for(cy, cx, y, x, objects, row_image, position, normal, least_ali
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _all_are_stood_for(block, objects, row_image, position, normal, least_alike):
+    """Whether each pixel of a block that shows a surface can use at least one corner's value."""
     height, width = row_image.shape
     y1, x1 = _corner(block, 3, height, width)
     for y in range(block[0], y1 + 1):

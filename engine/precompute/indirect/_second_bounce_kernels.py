@@ -126,12 +126,14 @@ def _tangent(axes, o, nx, ny, nz):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _to_local(tx, ty, tz, nx, ny, nz, x, y, z):
+    """World to local coordinates, in the frame of tangent, bitangent n × t, and normal."""
     bx, by, bz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
     return tx * x + ty * y + tz * z, bx * x + by * y + bz * z, nx * x + ny * y + nz * z
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _to_world(tx, ty, tz, nx, ny, nz, x, y, z):
+    """Local to world coordinates."""
     bx, by, bz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
     return x * tx + y * bx + z * nx, x * ty + y * by + z * ny, x * tz + y * bz + z * nz
 
@@ -162,6 +164,7 @@ def _sample_about_axis(table, seed, lobe_axis, ox, oy, oz):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _pick_light(lamps, u):
+    """The first light whose cumulative share exceeds u."""
     low, high = 0, lamps.cumulative.shape[0] - 1
     while low < high:
         middle = (low + high) // 2

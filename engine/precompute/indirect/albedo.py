@@ -99,5 +99,6 @@ def directional_albedo(layer: Layer, bands: tuple[int, ...]) -> NDArray[np.float
 def _bands_and_curves(
     layer: Layer, bands: tuple[int, ...]
 ) -> tuple[NDArray[np.float64], tuple[NDArray[np.float64], ...]]:
+    """e and the curves of a layer, in the form that `albedo_of` takes."""
     e = albedo_bands(layer.model.name, tuple(layer.quotient_parameters().tolist()), bands)
     return e, tuple(layer.coefficients(factor.name, n) for factor, n in zip(layer.model.factors, bands, strict=False))

@@ -68,11 +68,13 @@ class Checkpoints:
             self._store(digest, {})
 
     def _store(self, digest: bytes, arrays: Arrays) -> None:
+        """Stores a part with its digest, and ends it."""
         if self._keeper is not None:
             self._keeper.store(self._index, {_DIGEST: np.frombuffer(digest, np.uint8), **arrays})
         self._end(digest)
 
     def _stored(self) -> tuple[Arrays | None, bytes | None]:
+        """The stored part at the current index, and its digest."""
         stored = None if self._keeper is None else self._keeper.load(self._index)
         digest = None if stored is None else stored.get(_DIGEST)
         return stored, None if digest is None else digest.tobytes()

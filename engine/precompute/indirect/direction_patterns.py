@@ -33,6 +33,7 @@ def lobe_vectors(u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.f
 
 
 def _vectors(z: NDArray[np.float64], radius: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Read-only unit vectors (..., 3) from height, radius and azimuth."""
     vectors = np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=-1)
     vectors = np.ascontiguousarray(vectors, np.float32)
     vectors.setflags(write=False)

@@ -176,6 +176,7 @@ class IrradianceCache:
         self, lights: kernels.Lights, n_samples: int, seed: int, first: int, part: tuple[int, int],
         irradiance: NDArray[np.float32],
     ) -> None:  # fmt: skip
+        """Adds the light of one part of the records to `irradiance`; first: the record at which `irradiance` begins."""
         begin, end = part
         rays = room_for_rays((end - begin) * n_samples)
         (distances, cosines), powers = (
@@ -207,6 +208,7 @@ def patch_lights(patches: EmitterPatches) -> kernels.Lights:
 def _lights(
     corners: NDArray[np.floating], power: NDArray[np.floating], normals: NDArray[np.floating], is_sky: bool
 ) -> kernels.Lights:
+    """Lights with power, with cumulative shares and powers divided by the share."""
     strength = power.max(axis=1).astype(np.float64)
     lit = strength > 0.0
     share = strength[lit] / max(strength.sum(), 1e-300)

@@ -164,6 +164,7 @@ def _random_subset(n: int, share: float, generator: np.random.Generator) -> NDAr
 
 
 def _quarters(blocks: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The four quarters of each block (B, 3)."""
     half = blocks[:, 2:] // 2
     offsets = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
     corners = blocks[:, None, :2] + offsets * half[:, None]

@@ -132,6 +132,7 @@ class PhotonSource:
         self, hits: PrimaryHits, triangles: NDArray[np.int32], numbers: NDArray[np.float64],
         per_area: NDArray[np.float32],
     ) -> Photons:  # fmt: skip
+        """Emits photons from triangles (n,) with random numbers (n, 7), and returns the visible ones."""
         n, caster, mesh = len(triangles), self.cells.caster, self.cells.mesh
         starts, to_light, onward, normals, power = np.empty((5, n, 3), np.float32)
         limits, ahead = np.empty((2, n), np.float32)
@@ -140,8 +141,10 @@ class PhotonSource:
             self.lobe_axes, self.axes, self.lamps, np.float32(caster.offset), starts, to_light, limits, onward, normals,
             power, ahead,
         )  # fmt: skip
+        # Drop photons without power, then those whose path to the lamp is blocked.
         kept = np.flatnonzero(power.max(axis=1) > 0.0)
         kept = kept[~caster.occluded(starts[kept], to_light[kept], limits[kept])]
+        # Trace the others to where they land, and retain those that the picture shows.
         found = caster.intersect(starts[kept], onward[kept])
         ends = np.where(found.triangle >= 0, mesh.objects[found.triangle], -1)
         far = np.where(ends >= 0, found.distance, np.float32(0.0))
@@ -192,6 +195,7 @@ def _numbers(n: int, seed: int) -> NDArray[np.float64]:
 
 
 def _joined(parts: Sequence[Photons], per_area: NDArray[np.float32]) -> Photons:
+    """All photons as one set."""
     vectors, numbers, integers = np.zeros((0, 3), np.float32), np.zeros(0, np.float32), np.zeros(0, np.int32)
     none = Photons(vectors, integers, vectors, vectors, integers, vectors, vectors, vectors, numbers, per_area)
     fields = zip(none, *parts, strict=True)
@@ -213,6 +217,7 @@ class PhotonMap:
         self._trees = {} if not len(self._order) else self._build_trees()
 
     def _build_trees(self) -> dict[int, Any]:
+        """A k-d tree of the photons on each object."""
         from scipy.spatial import cKDTree  # imported late: scenes without photons do not need it
 
         return {
@@ -268,6 +273,7 @@ def _find_nearby(
     photon_map: PhotonMap, i_object: int, hits: PrimaryHits, samples: SampleArrays, times: NDArray[np.float32],
     farthest: NDArray[np.float32], clearance: NDArray[np.float32], caster: RayCaster,
 ) -> NearbyPhotons:  # fmt: skip
+    """The photons near the points of one batch, with weights; see `find_nearby_photons`."""
     found, distances2, radii2 = photon_map.nearest(i_object, hits.position[samples.rows], farthest)
     weights = np.empty(found.shape, np.float32)
 

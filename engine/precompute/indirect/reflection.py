@@ -173,6 +173,8 @@ class HemisphereSamples:
         work: Callable[[int, int, kernels.SecondBounce], None],
         aims: Sequence[RayWeights],
     ) -> Generator[None, None, None]:
+        """Calls `work` on parts of the points with their second-bounce light, some parts per step; then marks the
+        weights as complete."""
         glossy, step = light.glossy, _PARTS * _PART * n_threads()
         none = np.zeros((0, light.n_powers, 4), np.float32)
         no_second = kernels.SecondBounce(np.zeros(len(self) + 1, np.int64), np.zeros(0, np.uint16), none, 0)

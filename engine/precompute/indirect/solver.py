@@ -214,6 +214,7 @@ class Solver:
     def _solve(
         self, cells: IrradianceCache, layers: Sequence[IndirectLayer], parts: Checkpoints
     ) -> Generator[Progress, None, IndirectLight]:
+        """One attempt with a given cell size. Raises CacheFull if there are too many records."""
         yield 0.0, "tracing gather points"
         photons = self._photons(cells)
         if self._settings.adaptive:
@@ -448,6 +449,7 @@ class Solver:
     def _light(
         self, cells: IrradianceCache, settings: SamplingSettings, parts: Checkpoints, span: tuple[float, float]
     ) -> Generator[Progress, None, CacheLight]:
+        """The light between the records, restored from a checkpoint or computed and stored."""
         kept = parts.begin(partial(self._checkpointed_light, settings), b"light", repr(settings).encode())
         if kept is not None:
             cells.restore(kept[0])

@@ -106,6 +106,7 @@ def read_gathered(reader: ArrayReader) -> GatherSamples:
 
 
 def _read_records(reader: ArrayReader, seen: NDArray[np.uint16]) -> GlossyHits:
+    """The glossy hits of sample sets whose rays hit the records seen (q, R)."""
     known = reader.sizes
     start = reader.runs(_RECORDS + "start", "q", "n")
     times = reader.take(_RECORDS + "times", np.float32, "q")
