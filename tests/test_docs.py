@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
+
+from app.files import old_names
 
 ROOT = Path(__file__).resolve().parents[1]
 CODE = ("app", "assets", "benchmarks", "docs", "engine", "examples", "scripts", "shaders", "tests", "ui")
@@ -66,3 +69,19 @@ def test_every_page_is_linked() -> None:
 
 def test_the_first_page_is_short() -> None:
     assert len((ROOT / "README.md").read_bytes()) <= 8192
+
+
+def test_versions_are_told_shortly() -> None:
+    """At most sixty lines a version; the first is the one that pyproject.toml names."""
+    versions = re.split(r"(?m)^## ", (ROOT / "CHANGELOG.md").read_text())[1:]
+    assert all(len(version.splitlines()) <= 60 for version in versions)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert versions[0].splitlines()[0] == project["version"]
+
+
+def test_the_glossary_has_the_names_of_earlier_versions() -> None:
+    renamed = {**old_names._SESSION_KEYS, **old_names._VIEW_KEYS, **old_names._STEP_KEYS, **old_names._OPTIONS}
+    table = (ROOT / "docs" / "glossary.md").read_text().partition("## Names of earlier versions")[2]
+    rows = [row for row in table.splitlines() if row.startswith("|")]
+    for old, new in {**renamed, **old_names._AWAITED_PICTURES}.items():
+        assert any(old in row.split("|")[1] and new in row.split("|")[2] for row in rows), old
