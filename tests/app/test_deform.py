@@ -94,9 +94,7 @@ def test_a_scene_is_made_ready_once_and_drawn_in_any_pose(file: Path) -> None:
     assert again.radiance == pytest.approx(pictures[1], abs=1e-4)
 
 
-def test_where_the_window_draws_it_is_told_what_moves_and_the_rest_once(
-    file: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_window_that_draws_is_sent_what_moves_and_the_rest_once(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(heights.PATTERNS, "bumps", partial(heights.bumps, 8))
     client = InProcessClient(RequestDispatcher())
     client.send(SetCamera(client.send(OpenScene(str(file)))))

@@ -67,7 +67,7 @@ def test_the_estimate_is_within_a_factor_of_two(room: str, n_bounces: int) -> No
     assert 0.5 * error < estimate.overall < 2.0 * error
 
 
-def test_too_few_patches_are_told(tmp_path: Path, capsys: Captured) -> None:
+def test_too_few_patches_are_reported(tmp_path: Path, capsys: Captured) -> None:
     out = tmp_path / "poor.exr"
     arguments = ["render", "stairwell", "-o", str(out), "--resolution", "24", "18", "--bounces", "1"]
     assert run([*arguments, "--patches", "20"], Desktop()) == 0
@@ -78,7 +78,7 @@ def test_too_few_patches_are_told(tmp_path: Path, capsys: Captured) -> None:
     assert "most of the error" not in capsys.readouterr().out
 
 
-def test_too_few_lights_are_told() -> None:
+def test_too_few_lights_are_reported() -> None:
     _, few = judged("teatray", 1, (24, 18), n_lights=20)
     _, usual = judged("teatray", 1, (24, 18), n_lights=1000)
     assert few.is_large and few.overall > 4.0 * usual.overall
@@ -127,7 +127,7 @@ def drawn_by_deform(project: Project) -> Picture:
 
 
 @pytest.mark.parametrize("drawn", [drawn_by_orbit, drawn_by_deform])
-def test_what_other_modes_draw_is_judged_within_a_factor_of_two(
+def test_errors_of_other_modes_are_estimated_within_a_factor_of_two(
     drawn: Callable[[Project], Picture], tmp_path: Path
 ) -> None:
     path = tmp_path / "scene.toml"
@@ -184,9 +184,7 @@ def test_the_chance_of_paths_is_not_taken_for_an_error() -> None:
 
 @pytest.mark.sweep
 @pytest.mark.parametrize("room", ["ajar", "room", "storeroom"])
-def test_the_error_of_indirect_light_is_told_as_it_is_where_it_is_interpolated(
-    room: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_error_of_interpolated_indirect_light_is_estimated(room: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Against fans of its own at every pixel, with 4,096 rays each. The judge of `ajar` cannot tell: it seemed to be
     1.65 times as far off as it said, nearly all of it the noise of the judge's own paths."""
     project, series = with_edges(open_project(room, (64, 48)), 0), BounceSeries(4)

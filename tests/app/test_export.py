@@ -111,7 +111,7 @@ def _tick_until(editor: Editor, done: Callable[[], bool]) -> None:
     raise AssertionError(editor.status)
 
 
-def test_a_folder_that_cannot_be_written_is_told_in_one_line(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_reported_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("in the way")
     with pytest.raises(InsituError, match="out: not written"):
         export(tmp_path)

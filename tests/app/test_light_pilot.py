@@ -89,7 +89,7 @@ def test_patches_that_make_the_shadow_are_kept(tmp_path: Path) -> None:
     assert need.lights == 500  # a black sky needs none at all
 
 
-def test_what_a_person_has_set_stays(tmp_path: Path) -> None:
+def test_what_the_user_has_set_stays(tmp_path: Path) -> None:
     most = RenderSettings(4000, overridden=frozenset({"lights"}))
     need, _, _ = needed(tmp_path, ground((64, 48)), most)
     assert need == LightBudget(4000, most.n_patches) and need.reasons(most) == {}

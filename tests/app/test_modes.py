@@ -58,7 +58,7 @@ def test_a_request_is_void_with_what_it_is_built_on() -> None:
     assert needed_by(ContractTransport) == {ContractTransport}
 
 
-def test_a_person_who_stops_the_work_means_no_looks_in_passing() -> None:
+def test_a_stop_by_the_user_includes_views_in_passing() -> None:
     assert needed_by(CancelRequests) == {
         OpenScene,
         SetCamera,

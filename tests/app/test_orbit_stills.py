@@ -58,7 +58,7 @@ def test_a_still_of_orbit_is_the_brute_force_picture(
     assert error < most and abs(difference) < 0.015
 
 
-def test_matt_objects_are_as_bright_as_in_placement(tmp_path: Path, monkeypatch) -> None:
+def test_diffuse_objects_are_as_bright_as_in_placement(tmp_path: Path, monkeypatch) -> None:
     # On the mean of each object, by the same camera, under a sky that is dark on one side.
     monkeypatch.setattr(stills, "render_orbit", partial(render_orbit, n_points=2000))
     image = np.full((16, 32, 3), 0.1, np.float32)

@@ -109,7 +109,7 @@ def test_the_editor_asks_for_what_is_set_and_undo_brings_back(settled: Editor, c
     }
 
 
-def test_bounces_set_by_a_person_do_not_hide_how_many_are_planned(client: FakeClient) -> None:
+def test_bounces_set_by_the_user_do_not_hide_how_many_are_planned(client: FakeClient) -> None:
     editor = Editor(client, "shelf")
     client.open_scene({key: value for key, value in SCENE.items() if key != "bounces"})
     editor.tick(0.0)

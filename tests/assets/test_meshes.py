@@ -116,7 +116,7 @@ def test_rounded_box_encloses_its_volume() -> None:
     assert volume(box) == pytest.approx(expected, rel=1e-4)
 
 
-def test_rounded_profile_turns_smoothly_and_ends_where_told() -> None:
+def test_rounded_profile_turns_smoothly_and_ends_where_requested() -> None:
     profile = rounded_profile([(0, 0, 0), (2, 0, 0.5), (2, 3, 0), (0, 3, 0)], arc_points=5)
     assert np.allclose(profile.points[[0, -1]], [(0, 0), (0, 3)])
     assert np.allclose(np.linalg.norm(profile.points[1:6] - (1.5, 0.5), axis=1), 0.5)  # about the fillet's centre

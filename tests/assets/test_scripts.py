@@ -20,7 +20,7 @@ def test_a_landscape_has_its_triangles_and_hills(tmp_path: Path) -> None:
     assert np.ptp(scene.vertices[:, 1]) > 0.5 and (scene.geometric_normals[:, 1] > 0.0).all()
 
 
-def test_each_part_of_a_view_is_told(tmp_path: Path) -> None:
+def test_each_part_of_a_view_is_reported(tmp_path: Path) -> None:
     scale.make_scene(tmp_path, 800)
     found = scale.measure(tmp_path, (24, 16))
     assert found["n_tiles"] == 2 * -(-found["points"] // 256)  # of two layers

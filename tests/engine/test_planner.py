@@ -160,7 +160,7 @@ def test_light_and_shadow_follow_the_scene(scene: Scene, layers: dict[str, Layer
     assert bright.bounces is None and dict(_values(bright))["bounces"] == "to be planned"
 
 
-def test_every_line_can_be_overruled(scene: Scene, layers: dict[str, Layer]) -> None:
+def test_every_line_can_be_overridden(scene: Scene, layers: dict[str, Layer]) -> None:
     overrides: dict[str, int | str] = {
         "ball.1.theta_h": 8, "ball.1.theta_d": 4, "lights": 100, "sphere": 0, "bounces": 3, "precision": "float",
         "edges": "off",
@@ -174,7 +174,7 @@ def test_every_line_can_be_overruled(scene: Scene, layers: dict[str, Layer]) -> 
     assert plan(scene, layers, overrides={"ball.0.theta_i": 512}).layer("ball.0").bands == (512,)
 
 
-def test_the_sphere_goes_by_the_lights_that_a_person_wants(scene: Scene, layers: dict[str, Layer]) -> None:
+def test_the_sphere_goes_by_the_lights_that_the_user_wants(scene: Scene, layers: dict[str, Layer]) -> None:
     assert not plan(scene, layers, still=True, overrides={"lights": 100}).needs_sphere
     assert plan(scene, layers, still=True, overrides={"sphere": 1, "lights": 100}).needs_sphere
     assert not plan(scene, layers, overrides={"sphere": 0}).settings.keeps_sphere

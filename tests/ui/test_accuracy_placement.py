@@ -29,7 +29,7 @@ def rows(status: PlacementStatus, selected: str | None) -> dict[str, tuple[str, 
     return {name: (value, hint) for name, value, hint in figures(status, selected)}
 
 
-def test_bands_of_the_selected_layer_are_shown_and_all_are_told() -> None:
+def test_bands_of_the_selected_layer_are_shown_and_all_are_reported() -> None:
     value, hint = rows(STATUS, "pot.1")["Coefficients"]
     assert value == "30 of 64, bands 64 × 32"
     assert hint.endswith("\npot.0: bands 16\npot.1: bands 64 × 32\nfloor.0: no bands: fixed")
@@ -42,7 +42,7 @@ def test_memory_is_that_of_transport_and_of_the_graphics_card() -> None:
     assert value == "512 MB, transport 230 MB" and "On the graphics card: 38 MB" in hint
 
 
-def test_parts_of_the_error_are_told_once_they_are_known() -> None:
+def test_parts_of_the_error_are_reported_once_they_are_known() -> None:
     assert error_hint(STATUS) == "" == error_note(None, None)
     note = error_note(0.002, 0.0123)
     assert "still missing: 0.2 %" in note and note.endswith("two halves: 1.2 %")

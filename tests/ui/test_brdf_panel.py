@@ -214,7 +214,7 @@ def test_what_was_measured_is_shown_once_it_is_here(window: HeadlessWindow) -> N
     assert np.abs(sphere_pixels(window) - sphere).max() > 10
 
 
-def test_a_table_without_room_is_told_of(window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_table_without_room_is_reported(window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch) -> None:
     client, editor = window.shell.editor._client, window.shell.editor
     assert isinstance(client, StandInClient)
     measurement = replace(drawn_measurement(), file="/large.binary", number=7)
@@ -232,7 +232,7 @@ def test_a_table_without_room_is_told_of(window: HeadlessWindow, monkeypatch: py
     assert board.curves_alone and "17 MiB of texture" in board.why_alone and not window.shell.awaits_table
 
 
-def test_a_table_that_cannot_be_had_is_told_of(window: HeadlessWindow) -> None:
+def test_a_table_that_cannot_be_had_is_reported(window: HeadlessWindow) -> None:
     client, editor = window.shell.editor._client, window.shell.editor
     assert isinstance(client, StandInClient)
     measurement = replace(drawn_measurement(), file="/gone.binary", number=6)

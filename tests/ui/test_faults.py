@@ -125,7 +125,7 @@ FAULTS: dict[str, Callable[[Holding, pytest.MonkeyPatch], None]] = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_is_told_once_and_the_window_goes_on(
+def test_a_fault_is_reported_once_and_the_window_goes_on(
     holding: Holding, fault: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window, editor = holding.window, holding.editor

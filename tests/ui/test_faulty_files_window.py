@@ -28,7 +28,7 @@ def real(folder: Path) -> Iterator[RealWindow]:
         yield window
 
 
-def test_a_damaged_journal_is_told_at_the_start_and_kept(real: RealWindow, folder: Path) -> None:
+def test_a_damaged_journal_is_reported_at_the_start_and_kept(real: RealWindow, folder: Path) -> None:
     kept = folder / "state" / "journals" / "1-1-0.damaged"
     real.wait_until("'edits that were not saved cannot be read' in editor.status.message")
     assert real.notice().endswith(f"the file is kept as {kept}") and kept.exists()

@@ -65,7 +65,7 @@ def wait_until_shown_by(window: HeadlessWindow, name: str) -> None:
     )
 
 
-def test_before_the_first_picture_objects_are_lit_from_the_eye(window: HeadlessWindow) -> None:
+def test_before_the_first_picture_objects_are_lit_by_a_headlight(window: HeadlessWindow) -> None:
     source, editor = window.shell.source, window.shell.editor
     assert source is not None
 

@@ -325,7 +325,7 @@ def shown(feed: PictureFeed) -> bytes:
     return feed.picture.read()
 
 
-def test_before_anything_is_computed_objects_are_lit_from_the_eye(opening: Opening) -> None:
+def test_before_anything_is_computed_objects_are_lit_by_a_headlight(opening: Opening) -> None:
     opening.step()
     feed, editor = opening.feed.source, opening.editor
     for _ in editor.document.objects:  # each draws one of them at least
@@ -361,7 +361,7 @@ def test_the_first_picture_has_no_black_in_it(opening: Opening, monkeypatch: pyt
     assert source.renderer.linear_image().reshape(-1, 3).max(axis=-1).min() > 0.05
 
 
-def test_objects_lit_from_the_eye_are_no_modes_picture(opening: Opening) -> None:
+def test_objects_lit_by_a_headlight_are_no_modes_picture(opening: Opening) -> None:
     opening.step()
     feed, editor = opening.feed, opening.editor
     while feed.picture is None:
@@ -420,7 +420,7 @@ def test_a_plain_colour_is_about_what_a_material_reflects() -> None:
     np.testing.assert_allclose(headlight_colour([layer, layer]), 1.0)  # more than all there is
 
 
-def test_before_a_scene_the_feed_rehearses_and_leaves_nothing(context: moderngl.Context) -> None:
+def test_before_a_scene_the_feed_warms_up_and_leaves_nothing(context: moderngl.Context) -> None:
     editor = Editor(FakeClient(), "shelf")
     feed = PictureFeed(context, editor.mode)
     for _ in range(100):

@@ -49,7 +49,7 @@ def test_each_line_says_what_it_has_come_to_and_why(window: HeadlessWindow) -> N
     assert sheet(window)["wall.0.theta_i"].reason == "room for edits"
 
 
-def test_what_the_worker_found_to_be_enough_is_told() -> None:
+def test_what_the_worker_found_to_be_enough_is_reported() -> None:
     from app.document.document import Document
 
     status = PlacementStatus(needed_lights=1000, plan_reasons={"lights": "within 0.2 % of what 4,000 show"})
@@ -57,7 +57,7 @@ def test_what_the_worker_found_to_be_enough_is_told() -> None:
     assert (lights.value, lights.reason) == ("1,000", "within 0.2 % of what 4,000 show")
 
 
-def test_rays_of_indirect_light_are_told_once_there_is_any() -> None:
+def test_rays_of_indirect_light_are_reported_once_there_is_any() -> None:
     from app.document.document import Document
 
     found = PlacementStatus(found_rays=256, plan_reasons={"rays": "within 0.3 % of what 512 show"})

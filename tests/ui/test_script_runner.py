@@ -75,7 +75,7 @@ def test_a_script_edits_captures_and_undoes(window: HeadlessWindow, tmp_path: Pa
     assert np.abs(edited[450:770, 230:730] - undone[450:770, 230:730]).max() > 100
 
 
-def test_a_script_waits_until_the_picture_is_judged(
+def test_a_script_waits_for_the_error_estimate(
     window: HeadlessWindow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answers = StandInClient._answers
@@ -103,7 +103,7 @@ def test_a_script_chooses_the_series(window: HeadlessWindow, tmp_path: Path) -> 
     assert editor.document.first_bands is None and editor.view.second_bands is None
 
 
-def test_a_script_overrules_the_plan(window: HeadlessWindow, tmp_path: Path) -> None:
+def test_a_script_overrides_the_plan(window: HeadlessWindow, tmp_path: Path) -> None:
     editor = window.shell.editor
     lines = 'lights = 600, edges = "off", rays = 256, "teapot.coat.theta_h" = 32'
     run(window, tmp_path, f"[[step]]\noverride = {{ {lines} }}\n")

@@ -26,7 +26,7 @@ def test_layers_curves_and_parameters_have_their_names(window: HeadlessWindow, t
 
 
 @pytest.mark.gl
-def test_what_was_undone_is_told_by_name(window: HeadlessWindow) -> None:
+def test_what_was_undone_is_reported_by_name(window: HeadlessWindow) -> None:
     editor = window.shell.editor
     assert isinstance(editor._client, StandInClient)
     editor.do(SetParameter("teapot.1", "alpha", 0.3))

@@ -25,7 +25,7 @@ def test_a_cube_before_the_camera_has_twelve_edges() -> None:
     assert len(edges) == 12 and sorted(set(np.round(edges.ravel(), 6))) == [25.0, 37.5, 62.5, 75.0]
 
 
-def test_what_is_behind_the_eye_is_cut_off() -> None:
+def test_what_is_behind_the_camera_is_cut_off() -> None:
     inside = CAMERA.model_copy(update={"position": (0.0, 0.0, 0.5), "target": (0.0, 0.0, -1.0)})
     edges = visible_edges(CUBE, inside, (100.0, 100.0))
     assert len(edges) == 8  # the back's four and the four that lead to it; the front is behind

@@ -116,7 +116,7 @@ def test_precompute_finds_the_indirect_light_that_the_editor_will_want(scene: st
 GROUND = ground((160, 120))
 
 
-def test_memory_and_disk_are_told_within_a_third(tmp_path: Path) -> None:
+def test_memory_and_disk_are_reported_within_a_third(tmp_path: Path) -> None:
     file = tmp_path / "scene.toml"
     file.write_text(GROUND)
     plan = plan_project(open_project(str(file)), lambda step: None)

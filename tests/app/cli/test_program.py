@@ -136,7 +136,7 @@ def test_a_screenshot_carries_its_script(scene: Path, tmp_path: Path) -> None:
         (ZeroDivisionError("of ours"), 1, "insitu: this failed: a defect of Insitu (for a report: /"),
     ],
 )
-def test_a_person_never_sees_a_traceback(error: BaseException, status: int, said: str, capsys: Captured) -> None:
+def test_the_user_never_sees_a_traceback(error: BaseException, status: int, said: str, capsys: Captured) -> None:
     def work() -> int:
         raise error
 

@@ -93,7 +93,7 @@ def test_an_old_picture_survives_a_failed_one(scene: Path, tmp_path: Path, capsy
     assert output.read_bytes() == b"old" and len(list(tmp_path.glob("*a.exr*"))) == 1
 
 
-def test_edges_are_smooth_unless_told_otherwise(scene: Path, tmp_path: Path, capsys: Captured) -> None:
+def test_edges_are_smooth_by_default(scene: Path, tmp_path: Path, capsys: Captured) -> None:
     """A ball that is darker than the sky: between the two there are pixels that show both."""
     values = ("--resolution", "32", "20", "--set", "ball.chalk.albedo=0.5")
     levels = {}

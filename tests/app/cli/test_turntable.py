@@ -199,7 +199,9 @@ def test_a_turn_that_was_killed_before_a_frame_was_whole_goes_on(tmp_path: Path)
 
 
 @pytest.mark.parametrize("out", ["/proc/self/turn", "/proc/self/turn/a.exr"])
-def test_a_folder_that_cannot_be_written_is_told_before_the_scene_is_read(scene: Path, out: str, capsys, monkeypatch):
+def test_a_folder_that_cannot_be_written_is_reported_before_the_scene_is_read(
+    scene: Path, out: str, capsys, monkeypatch
+):
     monkeypatch.setattr("app.project.project.ProjectSpec.open", lambda words: pytest.fail("the scene was read"))
     assert turn(scene, Path(out), "--turntable", 2) == 1
     assert turn(scene, Path(out), "--frames", 2) == 1
@@ -207,7 +209,7 @@ def test_a_folder_that_cannot_be_written_is_told_before_the_scene_is_read(scene:
     assert len(told) == 2 and all(line.startswith("insitu: /proc/self/turn: not written, ") for line in told)
 
 
-def test_a_full_disk_is_told_before_a_frame_is_drawn(scene: Path, tmp_path: Path, capsys, monkeypatch) -> None:
+def test_a_full_disk_is_reported_before_a_frame_is_drawn(scene: Path, tmp_path: Path, capsys, monkeypatch) -> None:
     as_on_a_full_disk(tmp_path, monkeypatch)
     monkeypatch.setattr("app.cli.turntable.draw_here", lambda *_: pytest.fail("a frame was drawn"))
     assert turn(scene, tmp_path / "out", "--turntable", 2) == 1

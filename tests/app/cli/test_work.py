@@ -31,7 +31,7 @@ def test_plan_says_what_and_why_and_what_it_costs(scene: Path, capsys: Captured)
     ("line", "same"),
     [("lights=40", ("--lights", 40)), ("bounces=2", ("--bounces", 2)), ("edges=off", ("--edges", 0))],
 )
-def test_an_overruled_line_is_what_its_option_is(
+def test_an_overridden_line_is_what_its_option_is(
     scene: Path, tmp_path: Path, line: str, same: tuple[object, ...]
 ) -> None:
     small = ("--resolution", 12, 9)
@@ -41,7 +41,7 @@ def test_an_overruled_line_is_what_its_option_is(
     np.testing.assert_array_equal(one, other)
 
 
-def test_overruled_bands_are_those_of_the_picture(scene: Path, tmp_path: Path) -> None:
+def test_overridden_bands_are_those_of_the_picture(scene: Path, tmp_path: Path) -> None:
     for name, n_bands in (("a.exr", 1), ("b.exr", 32)):
         small = ("--resolution", 12, 9, "--lights", 40)
         assert run("render", scene, "-o", tmp_path / name, *small, "--override", f"ball.0.theta_i={n_bands}") == 0
@@ -67,7 +67,7 @@ def test_overruled_bands_are_those_of_the_picture(scene: Path, tmp_path: Path) -
         (("precompute", "--override", "lights=3"), "20 to 80,000"),
     ],
 )
-def test_lines_that_cannot_be_overruled_are_told(
+def test_lines_that_cannot_be_overridden_are_reported(
     scene: Path, tmp_path: Path, arguments: tuple[str, ...], said: str, capsys: Captured
 ) -> None:
     command, *options = (str(tmp_path / "a.exr") if each == "OUT" else each for each in arguments)

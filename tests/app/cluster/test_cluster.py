@@ -241,7 +241,7 @@ GREETINGS = {"ssh": b"SSH-2.0-OpenSSH_9.2p1\r\n", "nothing": b"", "garbage": (40
 
 
 @pytest.mark.parametrize("greeting", GREETINGS)
-def test_who_is_no_scheduler_is_told_in_one_line(
+def test_an_address_without_a_scheduler_is_reported_in_one_line(
     words: ProjectSpec, greeting: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(cluster_module, "CONNECT_SECONDS", 1.0)
@@ -291,7 +291,7 @@ def test_a_worker_of_another_version_is_named_before_it_is_given_anything(
 
 
 @pytest.mark.parametrize("stage", ["submit", "n_workers", "send"])
-def test_a_scheduler_that_dies_in_mid_run_is_told_in_one_line(
+def test_a_scheduler_that_dies_in_mid_run_is_reported_in_one_line(
     words: ProjectSpec, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, stage: str
 ) -> None:
     few = ("--turntable", "30", "--resolution", "12", "9", "--lights", "40", "--bounces", "1")
@@ -323,7 +323,7 @@ def test_a_scheduler_that_dies_in_mid_run_is_told_in_one_line(
         machines.end()
 
 
-def test_a_cluster_without_workers_and_one_that_has_gone_are_told(
+def test_a_cluster_without_workers_and_one_that_has_gone_are_reported(
     machines: Machines, words: ProjectSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cluster_module, "WORKERLESS_SECONDS", 0.5)

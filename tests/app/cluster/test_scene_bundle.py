@@ -21,7 +21,7 @@ def small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parcels, "PIECE", 4)
 
 
-def test_a_parcel_is_what_its_files_hold(tmp_path: Path) -> None:
+def test_a_bundle_is_what_its_files_hold(tmp_path: Path) -> None:
     one, other = tmp_path / "a.ply", tmp_path / "b"
     one.write_bytes(b"123456789")
     other.write_bytes(b"")
@@ -33,7 +33,7 @@ def test_a_parcel_is_what_its_files_hold(tmp_path: Path) -> None:
     assert changed.digest != sent.digest and changed.pieces[:2] == sent.pieces[:2]
 
 
-def test_a_shelf_has_the_files_of_a_parcel_and_fetches_what_it_lacks(tmp_path: Path) -> None:
+def test_a_cache_has_the_files_of_a_bundle_and_fetches_what_it_lacks(tmp_path: Path) -> None:
     one = tmp_path / "a.ply"
     one.write_bytes(b"123456789")
     sent, pieces, asked = bundle_files([one]), list(pieces_of(one)), []
@@ -50,7 +50,7 @@ def test_a_shelf_has_the_files_of_a_parcel_and_fetches_what_it_lacks(tmp_path: P
     assert shelf.places(sent, fetch)[str(one)].read_bytes() == b"123456789"
 
 
-def test_a_shelf_hands_out_no_piece_that_was_changed_and_keeps_its_bound(tmp_path: Path) -> None:
+def test_a_cache_hands_out_no_piece_that_was_changed_and_keeps_its_bound(tmp_path: Path) -> None:
     shelf = FileCache(tmp_path, bound=8)
     for content in (b"1111", b"2222"):
         shelf.put(content)

@@ -41,7 +41,7 @@ def test_view_factors_are_applied_in_image_space(settled: Editor, client: FakeCl
     assert np.allclose(curve[(angle > 0.2) & (angle < 0.3)], 2.0)  # 1 as generated, lifted by 1
 
 
-def test_a_crash_is_told_and_loses_nothing(settled: Editor, client: FakeClient) -> None:
+def test_a_crash_is_reported_and_loses_nothing(settled: Editor, client: FakeClient) -> None:
     settled.do(SetParameter("pot.1", "scale", 2.0))
     before = settled.document
     client.answer(OpenScene("shelf"), WorkerRestarted("signal 9"))

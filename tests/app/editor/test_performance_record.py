@@ -16,7 +16,7 @@ def test_the_slowest_frame_of_a_moment_and_its_last_error_are_kept() -> None:
     np.testing.assert_allclose(record.samples_at(11.0), [[1.0, 40.0, 0.2], [0.7, 6.0, math.nan]])
 
 
-def test_nothing_older_than_two_minutes_is_told_and_no_room_is_taken_for_it() -> None:
+def test_nothing_older_than_two_minutes_is_reported_and_no_room_is_taken_for_it() -> None:
     record = PerformanceRecord()
     for i in range(round(3.0 * SECONDS / STEP)):
         record.add_frame(1.01 * STEP * i, 10.0, 0.1)

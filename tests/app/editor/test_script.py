@@ -75,7 +75,7 @@ def test_all_kinds_of_steps(tmp_path: Path) -> None:
     )
 
 
-def test_captures_go_where_they_are_told(tmp_path: Path) -> None:
+def test_captures_go_to_their_paths(tmp_path: Path) -> None:
     (tmp_path / "s.toml").write_text('[[step]]\ncapture = "a/b.PNG"')
     assert load_script(tmp_path / "s.toml", tmp_path / "out") == (CaptureWindow(tmp_path / "out" / "a" / "b.PNG"),)
 

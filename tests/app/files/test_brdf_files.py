@@ -96,7 +96,7 @@ def test_export_and_import_again(tmp_path: Path, capsys: pytest.CaptureFixture[s
     np.testing.assert_allclose(evaluate_table(again, *pair), expected, rtol=1e-3)
 
 
-def test_what_a_table_cannot_hold_is_averaged_and_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_table_cannot_hold_is_averaged_and_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     # Ward's two widths: one ring of the table, against the mean over many azimuths.
     layer = make_layer(MODELS["ward_anisotropic"], {"alpha_u": 0.2, "alpha_v": 0.6})
     (note,) = untabulated_features([layer])

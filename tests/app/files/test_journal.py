@@ -71,7 +71,7 @@ def test_damaged_journals_are_not_offered(document: Document, tmp_path: Path) ->
     assert [recovery.path.name for recovery in recoverable_sessions(tmp_path)] == ["good.insitu"]
 
 
-def test_a_full_disk_is_told_and_tried_again(client: FakeClient, tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_and_tried_again(client: FakeClient, tmp_path: Path) -> None:
     journal = Journal(tmp_path)
     editor = opened(client, journal)
     with largest_file(10):
@@ -232,7 +232,9 @@ def notice_of(journal: Journal) -> str:
     return journal.warning
 
 
-def test_a_damaged_journal_is_kept_aside_and_told_once(client: FakeClient, document: Document, tmp_path: Path) -> None:
+def test_a_damaged_journal_is_kept_aside_and_reported_once(
+    client: FakeClient, document: Document, tmp_path: Path
+) -> None:
     save_session(tmp_path / "good.insitu", document, ViewState())
     text = (tmp_path / "good.insitu").read_text()
     for name, content in (("a", text[: text.rindex('"')]), ("b", "\0" * 500), ("newer", "version = 99")):

@@ -27,7 +27,7 @@ def test_no_more_than_ten_are_kept(tmp_path: Path) -> None:
     assert names(recent) == [f"{number}.toml" for number in range(24, 14, -1)] and MOST == 10
 
 
-def test_what_has_gone_is_told(tmp_path: Path) -> None:
+def test_missing_files_are_reported(tmp_path: Path) -> None:
     recent = RecentFiles(tmp_path / "recent.txt")
     (tmp_path / "there.toml").touch()
     recent.add(tmp_path / "gone.toml")

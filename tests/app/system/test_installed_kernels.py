@@ -75,7 +75,7 @@ def test_what_was_begun_is_finished(installed: Path, tmp_path: Path, monkeypatch
     assert not kernels.are_compiled()
 
 
-def test_a_folder_of_a_persons_choice_is_left_empty(
+def test_a_folder_of_the_users_choice_is_left_empty(
     installed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(NUMBA_VARIABLE, str(tmp_path / "chosen"))

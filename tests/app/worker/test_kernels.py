@@ -305,7 +305,7 @@ def test_what_is_wanted_later_is_compiled_after_the_rest_and_once(compilers: lis
     assert compilers == []
 
 
-def test_a_person_may_wait_for_indirect_light_and_for_nothing_after_it(
+def test_the_user_may_wait_for_indirect_light_and_for_nothing_after_it(
     log: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def behind(niceness: int) -> None:

@@ -59,7 +59,9 @@ def test_thumbnails_are_small_and_keep_their_aspect() -> None:
     assert (small[:, 1:30] == 0).all() and (small[:, 34:-1] == 255).all()
 
 
-def test_strokes_are_painted_where_the_eye_sees_them_also_without_texture_coordinates(tasks: RequestDispatcher) -> None:
+def test_strokes_are_painted_where_the_camera_sees_them_also_without_texture_coordinates(
+    tasks: RequestDispatcher,
+) -> None:
     far = Stroke(0.05, dabs=pack_dabs([0.0, 0.0, 1.0], [0.0, 0.0, 1.0]), hardness=1.0)
     images = Images(weight_start=0.0, strokes=Strokes((far,)))
     (found,) = run_in_process(tasks, SampleMaps((("bare.0", images),)))

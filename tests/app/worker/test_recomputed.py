@@ -117,7 +117,7 @@ def test_a_quotient_is_made_again_coarse_to_fine_and_for_its_layer_alone(
         np.testing.assert_allclose(shown[-1][key], picture, rtol=1e-6)
 
 
-def test_each_picture_that_is_told_comes_with_its_footprint(source: str, store: ArrayCache) -> None:
+def test_each_picture_comes_with_its_footprint(source: str, store: ArrayCache) -> None:
     client = InProcessClient(opened(source, store))
     client.send(FREE)
     answers: list[Response] = []

@@ -137,7 +137,7 @@ def test_new_scene_cancels_everything(tmp_path: Path) -> None:
     assert names(client.poll(10)) == ["SceneOpened"]
 
 
-def test_error_meant_for_a_person_is_handed_on_verbatim() -> None:
+def test_error_meant_for_the_user_is_handed_on_verbatim() -> None:
     (response,) = run_in_process(FaultyTasks(), OpenScene("load_error", id=4))
     expected = "a.ply: vertex 3 = nan, expected finite numbers; nothing was changed"
     assert response == RequestFailed(expected, id=4)

@@ -328,7 +328,7 @@ def test_a_camera_that_sees_nothing_to_edit_has_a_picture_of_that(
     assert [type(a) for a in run_in_process(tasks, EstimateError(scene))][-1] is ErrorEstimated
 
 
-def test_a_picture_that_is_not_there_is_not_judged_in_silence(source: str, store: ArrayCache) -> None:
+def test_an_estimate_without_a_picture_is_refused(source: str, store: ArrayCache) -> None:
     tasks = opened(source, store)
     nothing_yet = failure(run_in_process(tasks, EstimateError(compute().scene)))
     assert nothing_yet.startswith("the error is estimated of a whole picture")

@@ -28,7 +28,7 @@ def test_a_computation_is_advanced_step_by_step() -> None:
     assert steps.result == 7
 
 
-def test_steps_are_told_in_other_words() -> None:
+def test_steps_are_renamed() -> None:
     told = map_steps(_sum_of([3, 4]), lambda share: f"{share:.0%}")
     assert [next(told), next(told)] == ["0%", "50%"]
     with pytest.raises(StopIteration) as end:

@@ -101,7 +101,7 @@ def test_small_lamps_in_a_polished_plate(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("room", ["gap", "lamp"])
-def test_the_error_is_told_as_it_is(tmp_path: Path, room: str) -> None:
+def test_the_error_estimate_is_right(tmp_path: Path, room: str) -> None:
     # Within a factor of 1.7 of the closed form's; looks by 16 times the patches shared the leaves that were never cut.
     scene = gap_room(tmp_path, (64, 48)) if room == "gap" else lamp_room(tmp_path, (32, 24))
     project, placement, found = lit(scene)

@@ -101,7 +101,7 @@ def uneven_sky() -> Environment:
 
 
 @pytest.mark.parametrize("model", sorted(MODELS))
-def test_directions_are_drawn_with_the_density_that_is_told(model: str) -> None:
+def test_directions_are_drawn_with_the_reported_density(model: str) -> None:
     scattering = Scattering([edited(model), lambert(0.3)])
     random = np.random.default_rng(5)
     wo = np.tile(np.array([0.48, 0.36, 0.8]), (40_000, 1))
@@ -117,7 +117,7 @@ def test_directions_are_drawn_with_the_density_that_is_told(model: str) -> None:
     assert p_of_directions(wi, told) > 1e-3
 
 
-def test_the_sky_is_drawn_with_the_density_that_is_told() -> None:
+def test_the_sky_is_drawn_with_the_reported_density() -> None:
     light = SkyLight(SkyState(uneven_sky(), 77.0, 3.0))
     drawn = light.sample(np.zeros((100_000, 3)), np.random.default_rng(6).random((100_000, 3)))
     np.testing.assert_allclose(light.pdf(drawn.wi), drawn.pdf, rtol=1e-6)
@@ -130,7 +130,7 @@ def test_the_sky_is_drawn_with_the_density_that_is_told() -> None:
     assert ratio.std() < 0.5 * ratio.mean()
 
 
-def test_emitters_are_drawn_with_the_density_that_is_told(tmp_path: Path) -> None:
+def test_emitters_are_drawn_with_the_reported_density(tmp_path: Path) -> None:
     placement = place(tmp_path, BALL + TABLE)
     light = EmitterLight(placement.scene)
     point = np.array([[0.6, -0.4, 0.2]])
@@ -215,7 +215,7 @@ def test_one_bounce_is_direct_light(tmp_path: Path, model: str) -> None:
 # -------------------------------------------------------------------------------------------------------------- passes
 
 
-def test_the_noise_that_is_told_is_the_error_that_there_is(tmp_path: Path) -> None:
+def test_the_reported_noise_is_the_error_that_there_is(tmp_path: Path) -> None:
     placement = place(tmp_path, BALL + TABLE)
     layers = {0: [make_layer(MODELS["rough_conductor"], {"alpha": 0.5})], 1: [lambert(0.7)]}
     sky = SkyState(constant_environment(0.5))

@@ -116,7 +116,7 @@ def test_the_oracle_of_direct_light_has_the_same_factors(placement: Placement) -
     assert error < 0.02  # 1,280 directions against 400 lights of an even sky
 
 
-def test_strokes_are_the_same_to_the_eye_and_to_paths(placement: Placement) -> None:
+def test_strokes_are_the_same_to_the_camera_and_to_paths(placement: Placement) -> None:
     dab = Stroke(0.6, 1.0, 0.75, 1.0, pack_dabs([0.2, 0.1, 0.0], [0.0, 0.0, 1.0]))
     maps = LayerMaps(weight_start=0.0, strokes=Strokes((dab,)))
     factors, hits = MapFactors(placement.scene, {0: [layer("lambert"), layer("phong", maps)]}), placement.hits

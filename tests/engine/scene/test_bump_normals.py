@@ -127,7 +127,7 @@ def test_meshes_without_coordinates_take_them_from_their_box(folder: Path) -> No
     np.testing.assert_allclose(slopes_of(hits_of(scene))[:, 0], TAN, atol=0.01)
 
 
-def test_normals_turn_no_further_than_the_eye_allows() -> None:
+def test_normals_turn_no_further_than_the_view_allows() -> None:
     random = np.random.default_rng(3)
     n = 2000
     normals = np.tile([0.0, 0.0, 1.0], (n, 1))

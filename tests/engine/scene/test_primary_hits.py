@@ -79,7 +79,7 @@ def test_both_sides_reflect(scene_file):
     assert (back.offset_position[:, 2] < back.position[:, 2]).all()  # lifted to the eye's side
 
 
-def test_a_normal_that_leans_away_is_bent_to_the_eye_and_stays_on_its_side(scene_file, mesh_file):
+def test_a_normal_that_leans_away_is_bent_to_the_camera_and_stays_on_its_side(scene_file, mesh_file):
     head = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(
         f"property float {n}\n" for n in ("x", "y", "z", "nx", "ny", "nz")
     )

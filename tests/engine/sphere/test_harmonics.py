@@ -81,7 +81,7 @@ def test_turned_coefficients_are_of_the_turned_function(turn: Rotation) -> None:
     assert rotate(there, matrix.T) == pytest.approx(vector, abs=1e-12)
 
 
-def test_a_matt_surface_gathers_known_shares() -> None:
+def test_a_diffuse_surface_gathers_known_shares() -> None:
     expected = np.array([1, 2 / 3, 1 / 4, 0, -1 / 24, 0, 1 / 64]) * math.pi
     assert np.abs(clamped_cosine(7) - expected).max() < 1e-14
 

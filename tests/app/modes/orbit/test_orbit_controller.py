@@ -189,7 +189,7 @@ def test_what_a_picture_saw_that_nothing_was_ready_for_is_made_ready(table: Tabl
     assert PrepareOrbit in map(type, table.update())
 
 
-def test_a_worker_that_has_nothing_to_draw_of_is_told_again(table: Table) -> None:
+def test_a_worker_without_a_scene_is_sent_it_again(table: Table) -> None:
     table.look(CAMERAS[0])
     table.update()
     table.controller.receive(OrbitNotReady(id=table.id_of(DrawOrbit)))
@@ -306,7 +306,7 @@ def judged(table: Table) -> EstimateOrbit:
     return asked
 
 
-def test_a_whole_picture_is_judged_as_it_is_at_rest_and_while_something_moves(table: Table) -> None:
+def test_the_error_of_a_whole_picture_is_estimated_at_rest_and_while_something_moves(table: Table) -> None:
     asked = judged(table)
     assert isinstance(asked.at_rest, DrawOrbit) and isinstance(asked.moving, DrawOrbit)
     assert (asked.at_rest.quality, asked.moving.quality) == ("rest", "moving")
@@ -315,7 +315,7 @@ def test_a_whole_picture_is_judged_as_it_is_at_rest_and_while_something_moves(ta
     assert not [request for request in table.update(1.0) if isinstance(request, EstimateOrbit)]
 
 
-def test_from_elsewhere_it_is_judged_as_pictures_are_that_move_until_the_scene_is_edited(table: Table) -> None:
+def test_from_another_view_the_error_is_that_of_moving_pictures_until_an_edit(table: Table) -> None:
     judged(table)
     table.look(CAMERAS[0])
     table.update()
@@ -326,7 +326,7 @@ def test_from_elsewhere_it_is_judged_as_pictures_are_that_move_until_the_scene_i
     assert table.controller.status(Status()).estimate is None
 
 
-def test_where_it_is_off_is_told_where_that_is_asked_for(table: Table) -> None:
+def test_the_error_map_is_sent_where_it_is_requested(table: Table) -> None:
     judged(table)
     table.view = replace(table.view, shows_error=True)
     requests = [*table.update(), *table.update(1.0)]
@@ -341,7 +341,7 @@ def test_where_it_is_off_is_told_where_that_is_asked_for(table: Table) -> None:
     assert table.controller.status(Status()).error_colours is None
 
 
-def test_a_picture_that_is_seen_no_more_is_not_judged(table: Table) -> None:
+def test_a_picture_that_is_no_longer_shown_has_no_estimate(table: Table) -> None:
     table.update()
     assert [type(request) for request in table.update(1.0)].count(EstimateOrbit) == 1
     late = table.id_of(EstimateOrbit)
@@ -351,7 +351,7 @@ def test_a_picture_that_is_seen_no_more_is_not_judged(table: Table) -> None:
     assert table.controller.status(Status()).estimate is None
 
 
-def test_what_cannot_be_judged_is_not_asked_for_again(table: Table) -> None:
+def test_an_estimate_that_failed_is_not_requested_again(table: Table) -> None:
     table.update()
     table.update(1.0)
     table.controller.receive(RequestFailed("no", id=table.id_of(EstimateOrbit)))

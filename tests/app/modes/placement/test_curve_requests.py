@@ -128,7 +128,7 @@ def test_answers_for_what_is_no_longer_selected_are_not_shown(settled: Editor, c
     ]
 
 
-def test_roughness_is_asked_for_when_the_hand_rests(settled: Editor, client: FakeClient) -> None:
+def test_roughness_is_requested_when_idle(settled: Editor, client: FakeClient) -> None:
     settled.begin_drag()
     settled.do(SetParameter("pot.1", "alpha", 0.3))
     settled.tick(2.0)

@@ -113,7 +113,7 @@ def test_it_is_what_a_still_says_of_itself(desk: Desk) -> None:
     assert desk.editor.status.image_error == found.overall
 
 
-def test_a_picture_is_judged_under_the_curves_that_it_shows(desk: Desk) -> None:
+def test_the_error_is_estimated_for_the_curves_on_screen(desk: Desk) -> None:
     """The curve in hand is edited in the window alone; with what the worker was sent last, this was 10 % off."""
     desk.editor.select("ball.0.theta_h")
     desk.until_judged()
@@ -124,7 +124,9 @@ def test_a_picture_is_judged_under_the_curves_that_it_shows(desk: Desk) -> None:
     assert desk.client.sent(ComputeTransport) == n and found is not None and found.overall < 0.05
 
 
-def test_light_between_surfaces_is_judged_as_it_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_error_of_indirect_light_is_estimated_as_it_is_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(indirect_tasks, "FINE", replace(ROUGH, name=FINE_STAGE))  # quicker, and as good for this
     desk = Desk(tmp_path, 2)
     desk.until_judged()
@@ -177,7 +179,7 @@ def test_what_is_asked_is_dropped_at_the_next_edit(desk: Desk) -> None:
     assert not any(isinstance(answer, ErrorEstimated) for answer in desk.client.steps(200))
 
 
-def test_few_lights_are_told(desk: Desk) -> None:
+def test_few_lights_are_reported(desk: Desk) -> None:
     desk.until_judged()
     usual = desk.editor.status.estimate
     desk.editor.do(SetView.of(n_lights=20))  # as few as a preview has
@@ -201,7 +203,7 @@ def test_light_on_the_move_has_the_worker_to_itself(desk: Desk) -> None:
     assert desk.client.sent(EstimateError) == n + 1
 
 
-def test_what_a_person_stopped_is_not_asked_again(desk: Desk) -> None:
+def test_what_the_user_stopped_is_not_requested_again(desk: Desk) -> None:
     desk.until_finished()
     desk.editor._client = Held(desk.client)
     desk.frames(8)

@@ -196,7 +196,7 @@ def test_what_is_frozen_by_hand_costs_no_bands(controller: Talk) -> None:
     assert (controller.asked[-1].key, controller.asked[-1].factor) == ("pot.1", 0)
 
 
-def test_the_noise_of_a_matt_object_is_told_anew_when_the_hand_rests(controller: Talk) -> None:
+def test_the_noise_of_a_diffuse_object_is_measured_again_when_idle(controller: Talk) -> None:
     selected = Selection("floor", 0, "theta_i")
     controller.update(selected)
     controller.found()

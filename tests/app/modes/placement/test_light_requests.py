@@ -96,7 +96,7 @@ def test_answers_to_an_older_light_are_dropped(settled: Editor, client: FakeClie
     assert settled.tick(2.8) == []
 
 
-def test_bounces_are_as_planned_unless_a_person_chose_meanwhile(client: FakeClient) -> None:
+def test_bounces_are_as_planned_unless_the_user_chose_meanwhile(client: FakeClient) -> None:
     editor = Editor(client, "shelf")
     client.open_scene({key: value for key, value in SCENE.items() if key != "bounces"})
     editor.tick(0.0)

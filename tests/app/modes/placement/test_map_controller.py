@@ -112,7 +112,7 @@ def test_an_image_that_cannot_be_used_leaves_the_document_again(editor: Editor, 
     assert editor.status.picture == "exact"
 
 
-def test_one_that_was_edited_on_stays_and_is_told(editor: Editor, client: FakeClient) -> None:
+def test_one_that_was_edited_on_stays_and_is_reported(editor: Editor, client: FakeClient) -> None:
     editor.do(OAK)
     ticks(editor)
     editor.do(SetMap("pot.0", "texture_strength", 0.5))

@@ -178,7 +178,7 @@ def test_a_point_never_asks_for_more_than_so_many_leaves() -> None:
     assert np.diff(near.start).max() <= MOST
 
 
-def test_what_a_railing_leaves_of_a_lamp_is_not_judged_by_the_rarer_leaves() -> None:
+def test_what_a_railing_leaves_of_a_lamp_does_not_hang_on_the_rarer_leaves() -> None:
     # Bars that hide an eighth of a lamp, each narrower than a leaf. Where leaves whose bit differs from all around them
     # got rays of their own, it was too bright: a leaf that is hidden was looked at more often than one that is seen.
     x = np.arange(-1.0, 1.0, 0.08)

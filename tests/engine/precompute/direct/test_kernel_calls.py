@@ -61,7 +61,7 @@ assert sum(map(len, used.values())) > 15
 """
 
 
-def test_a_first_picture_compiles_nothing_that_was_not_rehearsed(tmp_path: Path) -> None:
+def test_a_first_picture_compiles_nothing_that_was_not_warmed_up(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM, str(tmp_path)], cwd=ROOT, capture_output=True, text=True, timeout=240
     )

@@ -96,7 +96,7 @@ def touchy(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("touchy")
-def test_a_point_has_the_mean_of_its_fans() -> None:
+def test_a_point_has_the_mean_of_its_hemisphere_samples() -> None:
     found = in_the_corner(1.5).unfiltered()
     gathered = found.points.samples
     point = np.cumsum(gathered.nth == 0) - 1

@@ -29,7 +29,7 @@ def fan(pole: int, eye: tuple[float, float, float], pattern: int, n: int = 1024)
 
 @pytest.mark.parametrize("pole", [kernels.NORMAL, kernels.MIRROR, kernels.HALF])
 @pytest.mark.parametrize("eye", EYES)
-def test_a_fan_integrates_what_is_known(pole, eye):
+def test_hemisphere_samples_integrate_what_is_known(pole, eye):
     # Over the hemisphere: cos θ gives π, cos² θ gives 2π/3; each ray counts one over the density there.
     sums = []
     for pattern in range(4):
@@ -40,7 +40,7 @@ def test_a_fan_integrates_what_is_known(pole, eye):
 
 
 @pytest.mark.parametrize("pole", [kernels.MIRROR, kernels.HALF])
-def test_a_fan_finds_a_narrow_highlight(pole):
+def test_hemisphere_samples_find_a_narrow_highlight(pole):
     # One degree about the pole holds 2π (1 - cos 1°) of directions, or of half vectors: 4 cos θ_d times as much.
     eye = np.array([0.6, 0.0, 0.8])
     found, rays = [], []
@@ -81,7 +81,7 @@ def test_patterns_are_unit_and_differ():
     assert lobe_tables(0).shape == (N_PATTERNS, 0, 3)
 
 
-def test_further_fans_go_on_where_the_first_ended():
+def test_further_samples_go_on_where_the_first_ended():
     # Two fans of 64 are one of 128: together as even as one, which two patterns of their own are not.
     for tables in (cosine_tables, lobe_tables):
         two = tables(64, 2).reshape(2, N_PATTERNS, 64, 3)
@@ -90,7 +90,7 @@ def test_further_fans_go_on_where_the_first_ended():
     assert kernels.pattern_of(np.uint64(3 + 64 * 9), 2) == 3 + 2 * N_PATTERNS
 
 
-def test_albedo_of_a_matt_surface_is_its_albedo():
+def test_albedo_of_a_diffuse_surface_is_its_albedo():
     layer = make_layer(MODELS["lambert"], {"albedo": [0.2, 0.5, 1.0]})
     for n_bands in (1, 16, 512):
         assert equivalent_albedo(layer, (n_bands,)) == pytest.approx([0.2, 0.5, 1.0], rel=2e-3)

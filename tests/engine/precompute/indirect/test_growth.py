@@ -28,7 +28,7 @@ def test_four_times_at_most(power: float, too_many: float) -> None:
     assert share > 0.35  # and cells are not made much larger than need be
 
 
-def test_a_plain_surface_is_told_at_once() -> None:
+def test_a_plain_surface_is_found_at_once() -> None:
     assert beginnings(2.0, 2.5)[0] == 2
 
 

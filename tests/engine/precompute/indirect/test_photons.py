@@ -137,7 +137,7 @@ def test_photons_land_where_the_picture_shows_it(under_lamp):
 
 
 @pytest.mark.parametrize("model", ["lambert", "oren_nayar"])
-def test_matt_surfaces_throw_nothing(model):
+def test_diffuse_surfaces_cast_no_caustics(model):
     # Also a rough one: what it sends on goes by albedo, so that photons from it would carry nothing.
     ball = indirect_layer(1, make_layer(MODELS[model], {"albedo": [0.7] * 3}), (16,))
     found = solve(placement_of([FLOOR, BALL, LAMP], **VIEW), [matt(0, 0.7), ball], 2, replace(QUICK, n_photons=1 << 12))

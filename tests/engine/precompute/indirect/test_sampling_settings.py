@@ -102,7 +102,7 @@ def test_each_reason_can_be_read() -> None:
 
 
 @pytest.mark.parametrize("value", [0, 100, 2048, "many", True, 128.0])
-def test_a_line_takes_what_a_fan_can_have(value: object) -> None:
+def test_a_line_takes_valid_numbers_of_rays(value: object) -> None:
     assert all(checked_line("rays", n) == n for n in HEMISPHERE_RAYS)
     with pytest.raises(InsituError, match="rays = .*, expected 128, 256, 512 or 1024"):
         checked_line("rays", value)

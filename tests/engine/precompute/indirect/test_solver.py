@@ -125,7 +125,7 @@ def test_darkness_and_black_objects(corner):
     assert not found.picture([matt(i, 0.0) for i in range(3)]).any()
 
 
-def test_a_lamp_around_the_eye_and_in_the_surface():
+def test_a_lamp_around_the_camera_and_in_the_surface():
     # A lamp that cuts through the wall: its own inside and what lies in it stay finite.
     lamp = LAMP | {"transform": [0.3, 0, 0, 1.0, 0, 0.3, 0, 0, 0, 0, 0.3, 0, 0, 0, 0, 1]}
     found = solve(placement_of([SPHERE, lamp]), [matt(0, 0.9)], 4)

@@ -200,7 +200,7 @@ def test_coarse_light_is_about_as_bright(ball, uneven) -> None:
     assert coarse.stored.number.max() < 320
 
 
-def test_matt_points_keep_irradiance_alone_until_they_gloss(ball, uneven) -> None:
+def test_diffuse_points_keep_irradiance_alone_until_they_gloss(ball, uneven) -> None:
     points, _, bits = ball
     sky, floor = make_sky(uneven, 0.0), points.i_object == FLOOR
     glossy, some = lit(ball, sky, 80), empty_incident(~floor, 80)

@@ -204,7 +204,7 @@ def test_too_many_vertices_are_refused_before_any_point_is_placed(block_scene, m
 
 
 @pytest.mark.parametrize("quality", ["moving", "rest"])
-def test_no_pixel_is_nan_where_the_eye_is_exactly_on_a_vertex(block_scene, orbit, quality) -> None:
+def test_no_pixel_is_nan_where_the_camera_is_exactly_on_a_vertex(block_scene, orbit, quality) -> None:
     assert [*orbit.work()]
     points = orbit.lit.points
     for p in (0, np.flatnonzero(points.i_object == 1)[0], len(points) - 1):

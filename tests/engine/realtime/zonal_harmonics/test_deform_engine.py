@@ -198,7 +198,7 @@ def test_a_pixel_shows_what_a_ray_meets(scene: Scene) -> None:
         assert weights == pytest.approx(expected, abs=2e-3)
 
 
-def test_light_of_no_frequency_that_is_lost_is_told(deform: Deform, scene: Scene) -> None:
+def test_lost_light_is_reported(deform: Deform, scene: Scene) -> None:
     made = Deform(scene, n_points=0, n_rays=16)
     layers = {
         0: (make_layer(MODELS["rough_conductor"], {"alpha": 0.05}),),
@@ -213,7 +213,7 @@ def test_drawing_before_anything_is_ready_is_refused(scene: Scene) -> None:
         Deform(scene).draw(scene.description.camera, SIZE)
 
 
-def test_no_pixel_is_nan_where_the_eye_is_exactly_on_a_vertex(scene: Scene) -> None:
+def test_no_pixel_is_nan_where_the_camera_is_exactly_on_a_vertex(scene: Scene) -> None:
     gold = make_layer(MODELS["rough_conductor"], {"alpha": 0.4})
     made = Deform(scene, n_points=100, n_rays=16)
     made.set_light(sky())

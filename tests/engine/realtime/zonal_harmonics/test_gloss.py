@@ -28,7 +28,7 @@ def gold(alpha: float) -> Layer:
 
 
 @pytest.mark.parametrize("alpha", [0.05, 0.3, 0.8])
-def test_its_lobe_falls_from_its_axis_for_every_angle_of_the_eye(alpha: float) -> None:
+def test_its_lobe_falls_from_its_axis_for_every_view_angle(alpha: float) -> None:
     to_axis = np.linspace(-1.0, 1.0, 501)
     directions = np.stack([np.sqrt(1.0 - to_axis**2), np.zeros(501), to_axis], axis=1)
     middle = np.arange(ORDER) * np.arange(1, ORDER + 1)  # of each band, the one about the axis
@@ -40,7 +40,7 @@ def test_its_lobe_falls_from_its_axis_for_every_angle_of_the_eye(alpha: float) -
     assert (lobes / peaks).min() > -1e-5 and (np.diff(lobes, axis=1) / peaks).min() > -1e-5
 
 
-def test_what_it_is_off_is_told() -> None:
+def test_its_error_is_reported() -> None:
     """The square integral of what is left, of a lobe that is drawn out over the sphere once more."""
     layer, sphere = gold(0.3), geodesic(5)
     found, at_45 = low_gloss(layer, ORDER), np.radians(45.0)

@@ -170,7 +170,7 @@ def test_images_may_be_files_beside_it(
         ({"material": {"alphaMode": "BLEND"}}, "transparency is not shown"),
     ],
 )
-def test_what_is_stepped_over_is_told(read: Callable[..., GlbModel], changes: dict[str, Any], words: str) -> None:
+def test_skipped_extensions_are_reported(read: Callable[..., GlbModel], changes: dict[str, Any], words: str) -> None:
     model = read(**changes)
     assert any(words in note for note in model.notes), model.notes
     assert all(layer.maps.is_plain for layer in model.parts[0].layers)

@@ -133,7 +133,7 @@ def test_it_is_the_picture_of_compiled_code(
     bare.set_layers({0: (MATT, GLOSS), 1: (layer(TINTED), MATT), 2: (layer(TINTED), layer(SHARED), GLOSS)})
 
 
-def test_images_are_told_once_and_light_and_amounts_without_them(deform: Deform, picture: PosedPicture) -> None:
+def test_images_are_sent_once_and_light_and_amounts_without_them(deform: Deform, picture: PosedPicture) -> None:
     eye = with_surfaces(deform, ball=PATCH).scene.description.camera
     shown(picture, deform, eye, BENT)
     told = deform.export_picture(eye, BENT[:1], picture.part_numbers)

@@ -104,7 +104,7 @@ def shown(picture: PosedPicture, deform: Deform, eye: Camera, poses: Poses) -> n
     return read_texture(picture.draw(told, eye, SIZE), np.float32)[..., :3].astype(np.float32)
 
 
-def test_what_is_known_is_not_told_again(deform: Deform, picture: PosedPicture) -> None:
+def test_known_parts_are_not_sent_again(deform: Deform, picture: PosedPicture) -> None:
     eye = deform.scene.description.camera
     before = shown(picture, deform, eye, BENT)
     told = deform.export_picture(eye, BENT, picture.part_numbers)

@@ -182,7 +182,7 @@ def test_edges_are_smooth(studio: Studio, context: moderngl.Context) -> None:
     assert partly[1] == 0 and partly[0] > 10  # shares of the lamp's 9 at its rim
 
 
-def test_what_does_not_fit_is_told_in_a_line(
+def test_what_does_not_fit_is_reported_in_a_line(
     studio: Studio, shaded: ShadedPicture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(buffers, "most_buffer_bytes", lambda context: 1000)
@@ -192,7 +192,7 @@ def test_what_does_not_fit_is_told_in_a_line(
     assert not shaded.buffers.is_ready
 
 
-def test_of_light_as_much_is_told_as_goes_into_a_buffer(studio: Studio, shaded: ShadedPicture) -> None:
+def test_as_much_light_is_sent_as_goes_into_a_buffer(studio: Studio, shaded: ShadedPicture) -> None:
     n_rows = len(studio.orbit.lit.incident.stored.number)  # type: ignore[union-attr]
     for part in PointExporter(4 * n_rows * (168 + 2 * 24)).parts(studio.orbit):
         shaded.buffers.take(part)

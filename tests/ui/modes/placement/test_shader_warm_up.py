@@ -52,7 +52,7 @@ def test_no_program_is_left_for_the_first_picture(renderer: PlacementRenderer) -
     assert programs(renderer) == rehearsed
 
 
-def test_a_rehearsal_leaves_no_picture_and_changes_none(context: moderngl.Context, renderer: PlacementRenderer) -> None:
+def test_a_warm_up_leaves_no_picture_and_changes_none(context: moderngl.Context, renderer: PlacementRenderer) -> None:
     for _ in warm_up(renderer):
         pass
     assert renderer.frame is None and renderer.layer_keys == () and renderer._edited.keys == ()
@@ -76,7 +76,7 @@ def test_a_scene_may_come_at_any_step(context: moderngl.Context) -> None:
 
 
 @pytest.mark.parametrize("size", [(90, 70), (128, 128), (128, 70)])
-def test_textures_have_sides_as_those_of_the_rehearsal(
+def test_textures_have_sides_as_those_of_the_warm_up(
     renderer: PlacementRenderer, size: tuple[int, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """llvmpipe compiles for powers of two apart; what was rehearsed holds for pictures of all sizes."""
