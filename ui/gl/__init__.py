@@ -1,6 +1,6 @@
-"""All OpenGL calls of Insitu: 4.1 core, fragment shaders only, but for Orbit's moving pictures on a graphics card.
+"""All OpenGL calls of Insitu: 4.1 core, fragment shaders only, except for Orbit's moving pictures on a graphics card.
 
-What flows where in Placement, from the worker's arrays to the screen::
+The data flow of Placement, from the worker's arrays to the screen::
 
     transport (J,p,3)          c_wanted (J,3)
         │ upload slices             │ CoefficientState picks K terms by |Δc_k|·‖T_k‖
@@ -17,16 +17,17 @@ What flows where in Placement, from the worker's arrays to the screen::
                                      silhouettes, outlines (points) ──► display.frag ─► display picture, sRGB
 
 ``context`` opens OpenGL, ``program`` reads shaders, ``textures`` and ``buffers`` allocate, ``passes`` draws,
-``tonemap`` shows; a ``picture_frame`` is the camera's view. In ``placement``, ``sample_layout`` says where a sample
-lies; ``coefficients`` keeps the books without GL, ``transport`` and ``accumulate`` hold and add the terms, ``refine``
-joins the three; ``layers`` and ``composite`` make the picture, and ``renderer`` is what the window talks to.
+``display`` shows the picture. In ``ui.modes.placement.gl``, ``sample_layout`` defines where a sample is stored;
+``coefficients`` tracks the shown and the wanted ones without GL, ``transport`` and ``accumulator`` hold and add the
+terms, ``refiner`` joins the three; ``layers`` and ``composite`` make the picture, and ``renderer`` is the interface to
+the window.
 
-Orbit's pictures come from the worker to the ``canvas`` in ``orbit``. On a graphics card with OpenGL 4.3 (``choice``)
-moving ones are drawn here: ``point_buffers`` holds what the worker tells of the shading points, ``shaded_picture``
-reflects it towards the eye in a compute shader and draws the triangles between them.
+Orbit's pictures come from the worker to the ``canvas`` in ``ui.modes.orbit.gl``. On a graphics card with OpenGL 4.3
+(``gpu_drawing``) moving ones are drawn here: ``point_buffers`` holds what the worker exports of the shading points,
+``shaded_picture`` computes their radiance towards the camera in a compute shader and draws the triangles between them.
 
-Apart from the picture, a material is seen by its BRDF in GLSL: ``python_to_glsl`` translates the models' own functions,
+Besides the picture, a material is shown by its BRDF in GLSL: ``python_to_glsl`` translates the models' own functions,
 ``brdf_source`` joins them to layers, a ``brdf_stack`` has a material's curves and numbers and draws brdf/*.frag.glsl.
 
-All pictures have row 0 at the top and are stored so: texture row 0 is the picture's top row.
+All pictures are stored with row 0 at the top: texture row 0 is the picture's top row.
 """

@@ -1,10 +1,10 @@
 """The GLSL of a stack of layers: brdf(wi, wo) in 1/sr and brdf_cosine(wi, wo) = brdf cos_i, of local directions.
 
 Each layer is f_q rho_q f_o f_A f_B [BenArtzi07, eq. 3.1]: its strength f_q and the numbers of its quotient are
-uniforms, its curves rows of a texture (shaders/brdf/curves.glsl), angles and rho_q cos_i what `python_to_glsl` makes of
-the functions that the worker compiles. A measured layer has a quotient for each channel besides, of a table in a
-texture (`measured_source`). A text depends on the models alone, in their order, and on which of them share a table: no
-edit compiles a shader, nor does a table that comes.
+uniforms, its curves rows of a texture (shaders/brdf/curves.glsl); angles and rho_q cos_i are translated by
+`python_to_glsl` from the functions that the worker compiles. A measured layer also has a quotient for each channel, of
+a table in a texture (`measured_source`). The text depends only on the models, in their order, and on which of them
+share a table: no edit compiles a shader, nor does a table that comes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ MEASURED_KERNELS = Path(inspect.getfile(MeasuredModel)).with_name("_measured_ker
 INCLUDES = '#include "brdf/arithmetic.glsl"\n#include "brdf/curves.glsl"\n'
 MEASURED_INCLUDE = '#include "brdf/measured.glsl"\n'
 PAIR = "wi.x, wi.y, wi.z, wo.x, wo.y, wo.z"
-# By any other number than those in `kinds` kernels know a quotient that stands in its model's file.
+# The number of a quotient that is defined in its model's file: any that is not in `kinds`.
 OWN_NUMBER = 1 + max(kinds.LAMBERT, kinds.PHONG, kinds.BLINN_PHONG, kinds.COOK_TORRANCE, kinds.ROUGH_CONDUCTOR,
                      kinds.ASHIKHMIN_SHIRLEY, kinds.ASHIKHMIN_SHIRLEY_RATIO)  # fmt: skip
 
@@ -36,13 +36,13 @@ def curves_of(model: Model) -> tuple[Factor, ...]:
 
 
 def rows_of(model: Model) -> int:
-    """How many rows of the texture of curves a layer of this model takes."""
+    """How many rows of the texture of curves a layer of this model has."""
     return len(curves_of(model)) + (n_factor_rows(model) if isinstance(model, MeasuredModel) else 0)
 
 
 @lru_cache(maxsize=64)
 def brdf_source(models: tuple[Model, ...], slots: tuple[int | None, ...]) -> str:
-    """What `#include "generated/brdf.glsl"` stands for. slots: of each layer the place of its table among those of all
+    """The text for `#include "generated/brdf.glsl"`. slots: of each layer the index of its table among those of all
     layers, None where it has none. Raises Untranslatable."""
     translation, layers, row = Translation(), [], 0
     slots_there = sorted({slot for slot in slots if slot is not None})
@@ -64,7 +64,7 @@ def _call(place: int, slot: int | None) -> str:
 
 
 def _layer(translation: Translation, place: int, model: Model, row: int, slot: int | None) -> str:
-    """f_q rho_q cos_i f_A f_B f_o of one layer, whose first curve is that row."""
+    """f_q rho_q cos_i f_A f_B f_o of one layer, whose first curve is in that row."""
     numbers, curves = f"quotient_parameters_{place}", curves_of(model)
     terms = [f"strength_{place}", f"{_quotient(translation, model)}({numbers}, {PAIR})"]
     measured, given = [], ""
@@ -91,7 +91,7 @@ def _value(translation: Translation, slot: int) -> str:
 
 
 def _angle(translation: Translation, kind: int, numbers: str) -> str:
-    """The call that is an angle of the pair of directions."""
+    """The call that computes an angle of the pair of directions."""
     return f"{translation.function(_kernels(), 'gamma', {'kind': kind}, {})}({numbers}, {PAIR})"
 
 

@@ -2,9 +2,9 @@
 
     layers ─► curves at angles of growing distance (4096, 3) each ─► texture, a row a curve ─┐
           ├─► strengths, quotient parameters ─► uniforms ────────────────────────────────────┼─► any brdf/*.frag.glsl
-          └─► what they were measured as ─► tables (`measured_tables`), as far as they are there ─┘
+          └─► their measurements ─► tables (`measured_tables`), as far as they are there ────┘
 
-The curves are the final ones, operators and all: what a drag changes is a row of 64 KiB.
+The curves are the edited ones, with all operators: what a drag changes is a row of 64 KiB.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ui.gl.passes import Box, Passes
 from ui.gl.textures import TextureMemory, read_texture
 
 N_SAMPLES = 4096
-# Where the samples of a curve stand, radians; `place` in shaders/brdf/curves.glsl is the inverse.
+# The angles of a curve's samples, radians; `place` in shaders/brdf/curves.glsl is the inverse.
 SAMPLED_AT = (np.arange(N_SAMPLES) / (N_SAMPLES - 1.0)) ** 2 * (np.pi / 2)
 LARGEST = 3e38
 PAIRS_A_ROW = 1024
@@ -33,7 +33,7 @@ PAIRS_A_ROW = 1024
 class BrdfStack:
     """Some layers whose BRDFs are added, as shaders see them. `set_layers` first, then any number of passes.
 
-    Measured layers are the product of their curves alone while `tables` (None: nobody's) do not have theirs.
+    Measured layers are only the product of their curves while `tables` (None: no tables) does not have theirs.
     """
 
     def __init__(self, passes: Passes, memory: TextureMemory, tables: MeasuredTables | None = None) -> None:
@@ -43,7 +43,7 @@ class BrdfStack:
         self.layers: tuple[Layer, ...] = ()
 
     def set_layers(self, layers: tuple[Layer, ...]) -> bool:
-        """Follow the layers; whether they differ from what was there."""
+        """Follow the layers; returns whether they differ from those before."""
         if layers == self.layers and self._curves is not None:
             return False
         rows = [row for layer in layers for row in _rows(layer)]
@@ -104,7 +104,7 @@ class BrdfStack:
         self._curves, self.layers = None, ()
 
     def _slots(self) -> tuple[tuple[int | None, ...], dict[str, moderngl.TextureArray]]:
-        """Which table each layer looks up, and the textures by their uniforms' names."""
+        """Which table each layer reads, and the textures by their uniforms' names."""
         numbers = [table_number(layer) for layer in self.layers]
         there = list(dict.fromkeys(each for each in numbers if each is not None))
         slots = tuple(None if each is None else there.index(each) for each in numbers)
@@ -120,6 +120,6 @@ class BrdfStack:
 
 
 def _rows(layer: Layer) -> list[NDArray[np.float64]]:
-    """The curves of a layer, and what its quotient is formed of, (N_SAMPLES, 3) each."""
+    """The curves of a layer, and those that its quotient is computed from, (N_SAMPLES, 3) each."""
     curves = [layer.curve(factor.name)(SAMPLED_AT) for factor in curves_of(layer.model)]
     return curves + factor_rows(layer, SAMPLED_AT)

@@ -1,7 +1,8 @@
-"""How a stack of layers reflects, measured on the GPU: a lobe in a plane, the slice of measured BRDFs, albedos.
+"""Plots of how a stack of layers reflects, computed on the GPU: a lobe in a plane, the slice of measured BRDFs,
+albedos.
 
-Values are read back: plots are lines and numbers, and what is under the mouse has to be told. Each is small enough to
-be waited for in a frame (some ms on a software rasterizer).
+Values are read back: plots are lines and numbers, and the panel shows the value under the mouse. Each is small enough
+to be waited for in a frame (some ms on a software rasterizer).
 """
 
 from __future__ import annotations
@@ -27,9 +28,10 @@ NEAREST = 1e-4
 
 @dataclass(frozen=True)
 class BrdfSlice:
-    """BRDF values (N, 3), 1/sr, at angles (N,) of the eye from the normal, radians, those on the light's side negative.
+    """BRDF values (N, 3), 1/sr, at angles (N,) of the camera from the normal, radians, those on the light's side
+    negative.
 
-    `theta_i` is the light's; both lie in the plane that is `azimuth` from the tangent.
+    `theta_i` is the light's; both are in the plane that is `azimuth` from the tangent.
     """
 
     theta_i: float
@@ -90,7 +92,7 @@ class Slice:
         self.values = read_texture(self._numbers, np.float32)[..., :3].astype(np.float32)
 
     def value(self, theta_h: float, theta_d: float) -> tuple[float, float, float]:
-        """What the image shows at two angles, radians."""
+        """The image's value at two angles, radians."""
         column, row = (int(min(max(a / (0.5 * math.pi), 0.0), 0.9999) * SLICE_SIDE) for a in (theta_h, theta_d))
         red, green, blue = (float(value) for value in self.values[SLICE_SIDE - 1 - row, column])
         return red, green, blue
@@ -104,9 +106,9 @@ class Slice:
 
 
 class AlbedoShares:
-    """Both albedos, over all azimuths: of 1,024 directions an angle, within 1 % for lobes down to 1e-3 rad.
+    """Both albedos, over all azimuths: of 1,024 directions per angle, within 1 % for lobes down to 1e-3 rad.
 
-    Drawn some of `N_ROWS` rows at a time, for many layers and tables take longer than a frame may.
+    Drawn some of `N_ROWS` rows at a time, because many layers and tables take longer than a frame may.
     """
 
     def __init__(self, memory: TextureMemory) -> None:
@@ -121,7 +123,7 @@ class AlbedoShares:
         return self._row > 0
 
     def step(self, stack: BrdfStack, rows: int = N_ROWS) -> Albedo | None:
-        """Draw so many rows more; what they tell once all are there. Waits for the GPU then."""
+        """Draw so many rows more; returns the albedo once all are there. Waits for the GPU then."""
         rows = min(rows, N_ROWS - self._row)
         box = (0, self._row, N_ANGLES, rows)
         stack.draw("albedo.frag.glsl", self._target, box, size=(float(N_ANGLES), float(N_ROWS)))

@@ -54,7 +54,7 @@ class BufferMemory:
 
 
 def most_buffer_bytes(context: moderngl.Context) -> int:
-    """Of one buffer that shaders read; 0 where they read none."""
+    """The largest size of one buffer that shaders can read; 0 where they can read none."""
     return int(context.info.get("GL_MAX_SHADER_STORAGE_BLOCK_SIZE", 0))
 
 

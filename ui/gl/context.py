@@ -1,7 +1,7 @@
 """Opening OpenGL 4.1 core, with or without a window.
 
-4.1 is what Macs stop at and what Mesa's software rasterizer exceeds; nothing on the required path needs more. A typed
-error says what was found, what is needed and what to install.
+4.1 is the last version of Macs, and Mesa's software rasterizer exceeds it; nothing on the required path needs more. A
+typed error says what was found, what is needed and what to install.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from engine.core.errors import InsituError
 
 REQUIRED_VERSION = 410
 _ROOM_FOR_SHADERS = 64 << 20
-# Of the names of renderers that have no graphics card.
+# Parts of the names of renderers that have no graphics card.
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "swiftshader", "software", "gdi generic", "microsoft basic render")
 _INSTALL = "install a driver or Mesa (Debian: libegl1 libgl1 libgl1-mesa-dri)"
-# What the passes rely on; each is within the minimum that OpenGL 4.1 promises, and old drivers are still asked.
+# What the passes rely on; each is within the minimum that OpenGL 4.1 promises, but old drivers are checked.
 _REQUIRED_LIMITS = {
     "GL_MAX_COLOR_ATTACHMENTS": 8,
     "GL_MAX_ARRAY_TEXTURE_LAYERS": 512,
@@ -34,7 +34,7 @@ class GraphicsError(InsituError):
 
 
 def spare_full_disk() -> None:
-    """Before the first context: Mesa maps the file of its shader cache without asking for room, so that a full disk
+    """Before the first context: Mesa maps the file of its shader cache without reserving space, so that a full disk
     ends the process by SIGBUS. Without that cache shaders are compiled at each start."""
     folder = Path(platformdirs.user_cache_dir()).absolute()
     there = next(each for each in (folder, *folder.parents) if each.is_dir())

@@ -1,7 +1,7 @@
 """From the linear picture to the screen: exposure, tone mapping, sRGB, outlines, A/B.
 
-Outlines are short lists of points drawn over the picture: looking at each pixel's neighbours in a
-full-screen shader costs more than the rest of the frame on a software rasterizer, and hardly any pixel needs it.
+Outlines are short lists of points drawn over the picture: checking each pixel's neighbours in a full-screen shader
+costs more than the rest of the frame on a software rasterizer, and hardly any pixel needs it.
 """
 
 from __future__ import annotations
@@ -27,8 +27,9 @@ DIVIDER_COLOUR = (0.95, 0.95, 0.95, 1.0)
 class DisplayView:
     """How the linear picture is shown.
 
-    exposure in stops; selected and hovered are object indices, outlined; compare_divider in [0, 1] is where the
-    snapshot A (left) meets the picture B (right), None shows the picture alone; compare_exposure is A's, None as B's.
+    exposure in stops; selected and hovered are object indices, outlined; compare_divider in [0, 1] is the border
+    between the snapshot A (left) and the picture B (right), None shows the picture alone; compare_exposure is A's, None
+    as B's.
     """
 
     exposure: float = 0.0
@@ -102,7 +103,8 @@ class Display:
     def _regions(
         self, linear: moderngl.Texture, view: DisplayView, box: Box
     ) -> list[tuple[Box, moderngl.Texture, float]]:
-        """Which part of `box` shows which picture, how exposed: the snapshot left of the divider, the picture right."""
+        """Which part of `box` shows which picture, with its exposure: the snapshot left of the divider, the picture
+        right."""
         if view.compare_divider is None or self._snapshot is None:
             return [(box, linear, view.exposure)]
         x, y, width, height = box
@@ -148,7 +150,7 @@ class Display:
 
 
 def outline_pixels(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Row-major indices of the pixels just outside of a mask (H,W): the outline covers nothing of what it surrounds."""
+    """Row-major indices of the pixels just outside a mask (H,W): the outline covers nothing of what it surrounds."""
     padded = np.pad(mask, 1)
     neighbours = np.stack([padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]])
     return np.flatnonzero(~mask & neighbours.any(axis=0)).astype(np.int32)

@@ -1,4 +1,4 @@
-"""The colours of errors as a texture, for the picture's panel to lay over it."""
+"""The false colours of errors as a texture that the picture's panel draws over it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 
 class ErrorOverlay:
-    """One texture, of the colours that were asked for last."""
+    """One texture, of the colours that were requested last."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -16,7 +16,7 @@ class ErrorOverlay:
         self._texture: moderngl.Texture | None = None
 
     def texture(self, colours: NDArray[np.uint8] | None) -> moderngl.Texture | None:
-        """Of colours (H, W, 4), row 0 at the top; uploaded where they are others than before."""
+        """The texture of colours (H, W, 4), row 0 at the top; uploaded where they differ from those before."""
         if colours is None:
             return None
         if colours is not self._colours:

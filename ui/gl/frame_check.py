@@ -1,4 +1,4 @@
-"""The check of one camera's view before its arrays go to the graphics card."""
+"""Validates one camera's view before its arrays go to the graphics card."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ui.gl.context import GraphicsError
 
 
 def require_sound(frame: PictureFrame) -> None:
-    """Raises GraphicsError naming the array that does not fit."""
+    """Raise GraphicsError naming the array that does not fit."""
     image, n_image = (frame.height, frame.width), frame.width * frame.height
     shapes = {
         "object_ranges": (frame.object_ranges.shape, (frame.n_objects, 2)),

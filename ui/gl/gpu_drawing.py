@@ -1,4 +1,4 @@
-"""Who draws the moving pictures of Orbit and Deform: the graphics card, or the worker where OpenGL is software."""
+"""Whether the graphics card draws the moving pictures of Orbit and Deform, or the worker, where OpenGL is software."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import moderngl
 from ui.gl.buffers import most_buffer_bytes
 from ui.gl.context import GraphicsError, describe_context, is_software
 
-# "shader" or "worker", whatever the renderer is.
+# "shader" or "worker" overrides the choice by the renderer.
 VARIABLE = "INSITU_MOVING"
 _VERSION = 430
 # Buffers that the shaders of one stage read.
@@ -21,9 +21,9 @@ _LIMITS = {
 
 
 def shader_bytes(context: moderngl.Context) -> int:
-    """Bytes that one buffer may have, where shaders draw; 0 where the worker does.
+    """The largest size of one buffer in bytes, where shaders draw; 0 where the worker does.
 
-    Raises GraphicsError where shaders are asked for and cannot be had, or the variable says something else.
+    Raises GraphicsError where shaders are requested and not available, or the variable has another value.
     """
     asked = os.environ.get(VARIABLE, "")
     if asked not in ("", "shader", "worker"):

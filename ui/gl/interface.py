@@ -1,10 +1,10 @@
 """Draws the interface's triangle lists (imgui) into the bound framebuffer.
 
     imgui draw data ──► vertex + index buffer ──► one draw call a command, clipped ──► screen or framebuffer
-    imgui textures (glyph atlas) ──► created, updated, destroyed when imgui asks
+    imgui textures (glyph atlas) ──► created, updated, destroyed when imgui requests it
 
 Written on moderngl so that one library makes every GL call of the process, in the window and without one (rejected:
-imgui-bundle's PyOpenGL backend, which must be told the platform before its import and saves and restores some thirty
+imgui-bundle's PyOpenGL backend, whose platform must be set before its import, and which saves and restores some thirty
 pieces of state a frame).
 """
 
@@ -23,7 +23,7 @@ SHADERS = Path(__file__).resolve().parents[2] / "shaders" / "interface"
 
 
 class InterfaceRenderer:
-    """Owns the interface's program, buffers and textures. One imgui context and one GL context live as long."""
+    """Owns the interface's program, buffers and textures, for one imgui context and one GL context."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -47,7 +47,7 @@ class InterfaceRenderer:
         return imgui.ImTextureRef(texture.glo)
 
     def substitute(self, reference: int, texture: moderngl.Texture | None) -> None:
-        """Draw `texture` where panels of this frame asked for `reference`, which has been released meanwhile."""
+        """Draw `texture` where panels of this frame refer to `reference`, which has been released meanwhile."""
         if texture is None:
             self._textures.pop(reference, None)
         else:
@@ -101,7 +101,8 @@ class InterfaceRenderer:
             self._array.render(moderngl.TRIANGLES, vertices=command.elem_count, first=first_index + command.idx_offset)
 
     def _upload(self, lists: list[imgui.ImDrawList]) -> list[int]:
-        """All lists into one pair of buffers, which is cheaper than a pair each; where each list's indices begin."""
+        """Upload all lists into one pair of buffers, which is cheaper than a pair each; returns where each list's
+        indices begin."""
         vertices = [_bytes_of(each.vtx_buffer, imgui.VERTEX_SIZE) for each in lists]
         kind = np.uint16 if imgui.INDEX_SIZE == 2 else np.uint32
         indices = [_bytes_of(each.idx_buffer, imgui.INDEX_SIZE).view(kind) for each in lists]

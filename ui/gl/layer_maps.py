@@ -1,4 +1,4 @@
-"""What of a layer's images and strokes shaders are told (`shaders/common/maps.glsl`)."""
+"""The uniforms of a layer's images and strokes (`shaders/common/maps.glsl`)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""A sphere of a material under a fixed set of lights, small: what a person knows a material by.
+"""A small sphere of a material under a fixed set of lights: it shows what the material looks like.
 
-Drawn in steps that add to one another, each with directions of its own: after the first it is there, after `n_steps`
-it is smooth.
+Drawn in steps that add to one another, each with its own directions: after the first it is there, after `n_steps` it is
+smooth.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ui.gl.textures import TextureMemory, read_texture
 from ui.gl.tone_mapper import ToneMapper
 
 N_STEPS = 8
-# Turns of the directions from one step to the next [Roberts' R2 sequence, the plastic number].
+# Offset of the directions from one step to the next [Roberts' R2 sequence, the plastic number].
 TURNS = np.array([0.7548776662466927, 0.5698402909980532])
 
 
@@ -48,15 +48,15 @@ class LitSphere:
 
     @property
     def rows_left(self) -> int:
-        """How many rows of the present step are to be drawn."""
+        """How many rows of the present step are still to be drawn."""
         return self.side - self._row
 
     def restart(self) -> None:
-        """The material is another: the next step begins anew."""
+        """Start over: the material has changed."""
         self.steps = self._row = 0
 
     def step(self, stack: BrdfStack, tone_mapping: ToneMapping = "filmic", rows: int | None = None) -> bool:
-        """Draw one step more, or so many rows of it, and after it the picture so far; whether there are more.
+        """Draw one step more, or so many rows of it, and after it the picture so far; returns whether there are more.
 
         Raises GraphicsError, Untranslatable.
         """
@@ -72,7 +72,7 @@ class LitSphere:
         return not self.finished
 
     def show(self, tone_mapping: ToneMapping) -> None:
-        """Tone map what there is."""
+        """Tone map the picture so far."""
         program = self._mapper.full_screen("brdf/sphere_shown.frag.glsl", tone_mapping)
         textures = {"summed": self._sum, **self._mapper.textures(tone_mapping)}
         self._passes.draw(program, self._target, (0, 0, self.side, self.side), textures, side=float(self.side))

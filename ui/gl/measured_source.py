@@ -1,10 +1,10 @@
-"""The GLSL of a measured layer's quotient: formed where it is looked up, of the measurement and its factors.
+"""The GLSL of a measured layer's quotient: computed at the look-up, from the measurement and its factors.
 
     table of samples ─► shaders/brdf/measured.glsl ─┐
     factors as fitted ─► rows of the curves' texture ┴─► quotient per channel, as material._measured_kernels has it
 
-Both parts of a measurement share one look-up. The factors are sampled as the layer's own curves are, so that an
-unedited layer is the measurement to the last digits of single precision, at the factors' bends as well.
+Both parts of a measurement share one look-up. The factors are sampled like the layer's own curves, so that an unedited
+layer equals the measurement to the last digits of single precision, at the factors' bends as well.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Float64Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Product:
-    """Factors of a measurement by name with the angles they run over, and the strength they are multiplied by."""
+    """Factors of a measurement by name with the angles they are over, and the strength they are multiplied by."""
 
     strength: Part
     factors: tuple[tuple[str, int], ...]
@@ -49,17 +49,18 @@ ANGLES = {
 
 
 def table_number(layer: Layer) -> int | None:
-    """What names the table of a layer; 0 where its file was not read, None for one that is not measured."""
+    """The number that names the table of a layer; 0 where its file was not read, None for one that is not measured."""
     return measurement_of(layer.values).number if isinstance(layer.model, MeasuredModel) else None
 
 
 def n_factor_rows(model: MeasuredModel) -> int:
-    """How many rows of the curves' texture the quotient takes."""
+    """How many rows of the curves' texture the quotient has."""
     return sum(len(product.factors) for product in PRODUCTS[model.part])
 
 
 def factor_rows(layer: Layer, gamma: Float64Array) -> list[Float64Array]:
-    """Those rows, (N, 3) each, at angles (N,); the first of each product has its strength. None of other layers."""
+    """Those rows, (N, 3) each, at angles (N,); the first of each product includes its strength. None of other
+    layers."""
     if not isinstance(layer.model, MeasuredModel):
         return []
     measurement, smoothing = measurement_of(layer.values), number(layer.values, "smoothing")
@@ -67,8 +68,8 @@ def factor_rows(layer: Layer, gamma: Float64Array) -> list[Float64Array]:
 
 
 def value_text(slot: int, angles: Mapping[int, str], phi_d: str) -> str:
-    """The function value_SLOT(wi, wo), a `Measured`; a table of a single texel says that there is none. One look-up
-    serves all layers of a file. angles, by kind, and phi_d: calls that are one."""
+    """The function value_SLOT(wi, wo), a `Measured`; a table of a single texel means that there is none. One look-up
+    serves all layers of a file. angles, by kind, and phi_d: calls that compute them."""
     there = ", ".join(angles[kind] for kind in ANGLES)
     return "\n".join([
         f"uniform sampler2DArray table_{slot};",
@@ -81,7 +82,7 @@ def value_text(slot: int, angles: Mapping[int, str], phi_d: str) -> str:
 
 
 def quotient_text(model: MeasuredModel, place: int, row: int) -> str:
-    """The function measured_PLACE(m), whose factors begin at that row: 1 where there is no value."""
+    """The function measured_PLACE(m), whose factors begin in that row: 1 where there is no value."""
     products = []
     for product in PRODUCTS[model.part]:
         terms = [f"curve_at({row + i}, {ANGLES[kind]})" for i, (_, kind) in enumerate(product.factors)]

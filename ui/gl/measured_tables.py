@@ -1,8 +1,8 @@
 """Tables of measurements on the GPU: each an array texture of 180 x 90 x 90 samples, RGB, for brdf/measured.glsl.
 
-Single precision, 17.5 MB each: values may be as bright as a mirror's, beyond what half floats hold, and what lies above
-a diffuse part is a difference; half floats save 9 MB and no time. A table is uploaded in pieces, a few ms a frame, and
-is used once it is whole. Those used last stay.
+Single precision, 17.5 MB each: values may be as bright as a mirror's, beyond the range of half floats, and what is
+above a diffuse part is a difference; half floats save 9 MB and no time. A table is uploaded in pieces, a few ms a
+frame, and is used once it is complete. The last used ones stay.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class MeasuredTables:
 
     def __init__(self, memory: TextureMemory) -> None:
         self._memory = memory
-        self._whole: dict[int, moderngl.TextureArray] = {}  # the one used last at the end
+        self._whole: dict[int, moderngl.TextureArray] = {}  # in the order of use, the last one at the end
         self._coming: _Upload | None = None
         self._blank: moderngl.TextureArray | None = None
 
@@ -53,7 +53,7 @@ class MeasuredTables:
         self._coming = _Upload(number, samples, self._memory.texture_array((n_phi, n_d, n_h), 3, "f4"))
 
     def step(self, seconds: float) -> bool:
-        """Go on with what is under way, for about so long; whether it has become whole."""
+        """Continue the upload under way, for about so long; returns whether it is complete."""
         upload, until = self._coming, time.perf_counter() + seconds
         if upload is None:
             return False
@@ -66,7 +66,7 @@ class MeasuredTables:
         return upload.is_done
 
     def forget_but(self, used: Collection[int]) -> None:
-        """Free what was used longest ago, beyond `MOST_KEPT`, but for what is in use."""
+        """Free the least recently used tables beyond `MOST_KEPT`, except those in use."""
         spare = [number for number in self._whole if number not in used]
         for number in spare[: max(0, len(spare) - MOST_KEPT)]:
             self._memory.release(self._whole.pop(number))
@@ -80,7 +80,7 @@ class MeasuredTables:
 
 
 class _Upload:
-    """A table on its way: so many of its layers are there."""
+    """A table that is being uploaded: so many of its layers are there."""
 
     def __init__(self, number: int, samples: NDArray[np.float32], texture: moderngl.TextureArray) -> None:
         self.number, self.texture = number, texture

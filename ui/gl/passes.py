@@ -1,7 +1,7 @@
-"""Drawing one full-screen pass or one list of points, with all the state that matters set each time.
+"""Draws one full-screen pass or one list of points, with all the state that matters set each time.
 
-Others draw in the same context (the interface does), so nothing is assumed to be as it was left. A pass changes
-framebuffer, viewport, scissor, blending, program and the texture units it names; whoever draws next sets their own.
+The interface draws in the same context, so no state is assumed to be as it was left. A pass changes framebuffer,
+viewport, scissor, blending, program and the texture units it names; other code sets its own before it draws.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Passes:
     def full_screen(self, fragment: str, made: Mapping[str, str] | None = None, /, **defines: int) -> moderngl.Program:
         """The program of a fragment shader that runs once for each texel of the target's box.
 
-        `made`: texts that it includes and that stand in no file.
+        `made`: texts that it includes and that are in no file.
         """
         return self._programs.get("common/full_screen.vert.glsl", fragment, made, **defines)
 
@@ -46,7 +46,7 @@ class Passes:
         add: bool = False,
         **uniforms: Any,
     ) -> None:
-        """Run `program` over `box` of `target`, replacing what is there or, with `add`, adding to it."""
+        """Run `program` over `box` of `target`, replacing its content or, with `add`, adding to it."""
         self._prepare(target, box, add)
         _assign(program, textures, uniforms)
         self._triangle(program).render(moderngl.TRIANGLES, vertices=3)

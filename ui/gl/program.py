@@ -1,8 +1,8 @@
 """Shaders from the ``shaders`` folder: includes, compile-time switches, programs made once.
 
 ``#include "common/x.glsl"`` is relative to the folder and taken once; switches become ``#define`` lines after
-``#version``. ``#line`` keeps the compiler's line numbers those of the file. What is included may also be a text that
-was made for the program, in place of a file (`ui.gl.brdf_source`).
+``#version``. ``#line`` keeps the compiler's line numbers those of the file. An include may also be a text that was made
+for the program, in place of a file (`ui.gl.brdf_source`).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def load_shader(
 ) -> str:
     """The source of ``folder/name`` with its includes and switches in place; GraphicsError when one is missing.
 
-    ``made``: texts, by the name that includes them, that stand in no file.
+    ``made``: texts, by the name that includes them, that are in no file.
     """
     lines = _expanded(name, folder, set(), made or {}).splitlines()
     if not lines or not lines[0].startswith("#version"):
@@ -55,7 +55,7 @@ def _expanded(name: str, folder: Path, seen: set[str], made: Mapping[str, str]) 
 
 
 class ProgramCache:
-    """Programs of one context, each compiled when it is first asked for."""
+    """Programs of one context, each compiled when it is first requested."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -65,9 +65,9 @@ class ProgramCache:
     def get(
         self, vertex: str, fragment: str, made: Mapping[str, str] | None = None, /, **defines: int
     ) -> moderngl.Program:
-        """The program of two shader files; raises GraphicsError with the compiler's own words.
+        """The program of two shader files; raises GraphicsError with the compiler's message.
 
-        ``made``: texts that the fragment shader includes and that stand in no file.
+        ``made``: texts that the fragment shader includes and that are in no file.
         """
         made = made or {}
         key = (vertex, fragment, tuple(sorted(defines.items())), tuple(sorted(made.items())))
@@ -76,7 +76,7 @@ class ProgramCache:
         return self._programs[key]
 
     def compute(self, name: str) -> moderngl.ComputeShader:
-        """The program of a compute shader's file, OpenGL 4.3; raises GraphicsError with the compiler's own words."""
+        """The program of a compute shader's file, OpenGL 4.3; raises GraphicsError with the compiler's message."""
         if name not in self._compute:
             try:
                 self._compute[name] = self._context.compute_shader(load_shader(name))
@@ -103,7 +103,7 @@ class ProgramCache:
 
 
 def set_uniforms(program: moderngl.Program | moderngl.ComputeShader, **values: object) -> None:
-    """Set those that the program has: what a switch leaves out a compiler drops."""
+    """Set those that the program has: a compiler drops what a switch leaves out."""
     for name, value in values.items():
         member = program.get(name, None)
         if isinstance(member, moderngl.Uniform):

@@ -1,6 +1,6 @@
-"""Python files as text: their functions as syntax trees and their constants as numbers, nothing being imported.
+"""Python files as text: their functions as syntax trees and their constants as numbers, without importing them.
 
-Only modules of this project that constants come from (`engine.material.kinds`) are, which are plain numbers.
+The exception are modules of this project that define constants (`engine.material.kinds`), which are plain numbers.
 """
 
 from __future__ import annotations

@@ -1,14 +1,14 @@
-"""Quotients and angles of models, plain Python functions of floats, said again in GLSL 4.10.
+"""Translates quotients and angles of models, plain Python functions of floats, to GLSL 4.10.
 
-A model is one file: its quotient stands there (or in `engine.material._kernels`) once, for the worker's compiler and
-for shaders. The functions are read as text and never imported, so that the window needs no compiler:
+A model is one file: its quotient is defined there (or in `engine.material._kernels`) once, for the worker's compiler
+and for shaders. The functions are read as text and never imported, so that the window needs no compiler:
 
     source ─ast─► assignments, if, return, arithmetic, math.* ─► GLSL functions, those they call before them
 
-What an argument is known to be (the kind of an angle, the number of a model) is put in, and branches that it decides
-are left out: a shader contains what its layers need. Constants below single precision become its least number.
-Rejected: models with a GLSL text of their own, which is the same formula in two places; a tracing of Python values,
-which cannot see branches.
+Known arguments (the kind of an angle, the number of a model) are substituted, and branches that they decide are left
+out: a shader contains only what its layers need. Constants below single precision become its least number. Rejected:
+models with a GLSL text of their own, which is the same formula in two places; tracing of Python values, which cannot
+see branches.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from engine.core.errors import InsituError
 from ui.gl.python_functions import Number, PythonSource
 
 LEAST, LARGEST = 1.1754944e-38, 3.4028235e38
-# Where the exact forms for single precision stand: shaders/brdf/arithmetic.glsl.
+# The exact forms for single precision are in shaders/brdf/arithmetic.glsl.
 MATH = {
     "sqrt": "sqrt", "exp": "exponential", "log": "logarithm", "log1p": "logarithm_of_1_and", "fabs": "abs",
     "expm1": "exponential_less_1", "atan2": "arc_tangent", "atan": "arc_tangent_of", "acos": "arc_cosine",
@@ -37,11 +37,11 @@ COMPARISONS: dict[type[ast.cmpop], str] = {
 
 
 class Untranslatable(InsituError):
-    """A function uses something that has no counterpart here; the message names file, line and what it is."""
+    """A function uses something that has no counterpart in GLSL; the message names file, line and construct."""
 
 
 def literal(value: float) -> str:
-    """A float of single precision; what would vanish is the least that does not."""
+    """A float of single precision; a value that would become 0 is the least one above."""
     if not abs(value) <= LARGEST:
         raise Untranslatable(f"the constant {value!r} is beyond single precision")
     if value != 0.0 and abs(value) < LEAST:
@@ -51,7 +51,7 @@ def literal(value: float) -> str:
 
 @dataclass(frozen=True)
 class ForeignFunction:
-    """Where a called name is a function of another file; `skipped` of its first arguments are for the caller alone."""
+    """The file where a called function is defined; `skipped` of its first arguments are for the caller alone."""
 
     source: PythonSource
     name: str
@@ -59,7 +59,7 @@ class ForeignFunction:
 
 
 class Translation:
-    """A growing GLSL text: functions in the order in which they may stand, each once for what is known of it."""
+    """A growing GLSL text: functions in a valid order, each once for each set of known arguments."""
 
     def __init__(self) -> None:
         self._names: dict[tuple[object, ...], str] = {}
@@ -73,9 +73,10 @@ class Translation:
     def function(
         self, source: PythonSource, name: str, known: Mapping[str, Number], foreign: Mapping[str, ForeignFunction]
     ) -> str:
-        """The GLSL name of a function of which some arguments are known, translated where it has not been yet.
+        """The GLSL name of a function with some known arguments, translated where it has not been yet.
 
-        Known arguments are not passed. `foreign` tells which called names stand in other files. Raises Untranslatable.
+        Known arguments are not passed. `foreign` tells which called functions are in other files. Raises
+        Untranslatable.
         """
         elsewhere = tuple((called, other.source.path, other.name) for called, other in foreign.items())
         key = (source.path, name, tuple(sorted(known.items())), elsewhere)
@@ -85,14 +86,15 @@ class Translation:
                 raise Untranslatable(f"{source.path.name}: there is no function {name}")
             said = name.rpartition(".")[2].strip("_").replace("__", "_")
             body = _Function(self, source, node, dict(known), foreign)
-            head, lines = body.translated()  # names what it calls first
+            head, lines = body.translated()  # adds what it calls first
             self._names[key] = f"f{len(self._names)}_{said}"
             self._texts.append("\n".join([f"float {self._names[key]}({head}) {{", *lines, "}", ""]))
         return self._names[key]
 
 
 class _Function:
-    """One function under way. Variables are declared at its head, because Python's outlive the branch they begin in."""
+    """One function being translated. Variables are declared at its head, because Python's outlive the branch they begin
+    in."""
 
     def __init__(
         self,
@@ -131,7 +133,7 @@ class _Function:
     # ------------------------------------------------------------------------------------------------------- statements
 
     def _block(self, body: list[ast.stmt], depth: int) -> list[str]:
-        """Lines of statements, up to the first that surely returns."""
+        """Lines of statements, up to the first that always returns."""
         lines: list[str] = []
         for statement in body:
             lines += self._statement(statement, depth)
@@ -160,7 +162,7 @@ class _Function:
         raise self._refused(node, type(node).__name__)
 
     def _several(self, names: list[ast.expr], values: list[ast.expr], tab: str) -> list[str]:
-        """All values before any name, as Python does, where one of them is read."""
+        """Evaluate all values before any assignment, as Python does, where one of the names is read."""
         targets = [each.id for each in names if isinstance(each, ast.Name)]
         if len(targets) < len(names):
             raise self._refused(names[0], "an assignment to something without a name")
@@ -230,7 +232,7 @@ class _Function:
         raise self._refused(node, ast.unparse(node))
 
     def _number(self, node: ast.expr) -> Number | None:
-        """The value of what is known before any direction is; variables hide constants of the same name."""
+        """The value of an expression that does not depend on directions; variables hide constants of the same name."""
         match node:
             case ast.Name(id=name):
                 return self._known.get(name) if name in self._hidden else self._source.constant(name)
@@ -262,7 +264,7 @@ class _Function:
         return pairs[0] if len(pairs) == 1 else f"({' && '.join(pairs)})"
 
     def _known_outcome(self, test: ast.expr) -> bool | None:
-        """The outcome of a condition on what is known; None where it depends on directions."""
+        """The outcome of a condition on known values; None where it depends on directions."""
         match test:
             case ast.BoolOp(op=op, values=values):
                 outcomes = [self._known_outcome(each) for each in values]

@@ -1,8 +1,8 @@
 """Textures and their memory, every allocation checked.
 
-moderngl returns an object also when OpenGL could not allocate; only the context's error flag tells, so it is drained
-before and read after. Sizes beyond the driver's limits are refused before the driver sees them, and a limit of our own
-refuses what would push a machine into swapping.
+moderngl returns an object also when OpenGL could not allocate; only the context's error flag tells, so it is cleared
+before and read after. Sizes beyond the driver's limits are refused before they reach the driver, and a limit of
+Insitu's own refuses what would make a machine swap.
 """
 
 from __future__ import annotations
@@ -148,5 +148,5 @@ def small_texture(context: moderngl.Context, pixels: NDArray[np.uint8]) -> moder
     alpha = np.full((*pixels.shape[:2], 1), 255, dtype=np.uint8)
     data = np.concatenate([pixels, alpha], axis=2).tobytes()
     texture = context.texture((pixels.shape[1], pixels.shape[0]), 4, data)
-    texture.repeat_x = texture.repeat_y = False  # as all that panels draw, so that llvmpipe need not compile anew
+    texture.repeat_x = texture.repeat_y = False  # as for all that panels draw, so that llvmpipe need not compile anew
     return texture

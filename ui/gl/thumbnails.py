@@ -1,6 +1,6 @@
-"""Pictures of the library's materials. Those that come with the program are files beside them, since drawing one the
-first time compiles a shader, for some 100 ms without a graphics card; of a person's own, spheres are drawn, a step a
-frame, while the window has nothing else to do.
+"""Thumbnails of the library's materials. Those that come with the program are files beside them, because drawing one
+the first time compiles a shader, for some 100 ms without a graphics card; for the user's own, spheres are drawn, a step
+a frame, while the window has nothing else to do.
 
 `python -m ui.gl.thumbnails` writes those files anew.
 """
@@ -29,7 +29,7 @@ MANY_STEPS = 64
 
 
 class Thumbnails:
-    """The pictures that panels asked for, by the file of the material; nothing is made that nobody looks at.
+    """The thumbnails that panels requested, by the file of the material; only requested ones are made.
 
     complete: the layers of a material with all that was measured of them, which is then in `tables`; None until it is.
     """
@@ -55,13 +55,13 @@ class Thumbnails:
 
     @property
     def is_waiting(self) -> bool:
-        """Whether a picture is wanted that could be made now."""
+        """Whether a thumbnail is requested that could be made now."""
         return any(entry_picture(e) is not None or self._layers(e) is not None for e in self._wanted.values())
 
     def step(self, may_draw: bool) -> bool:
-        """Go on with the picture that was wanted first: read it, or where that `may` be draw a part of it.
+        """Continue the thumbnail that was requested first: read it, or where `may_draw` draw a part of it.
 
-        Whether a picture has come.
+        Returns whether a thumbnail is finished.
         """
         there = ((e, entry_picture(e)) for e in self._wanted.values())
         ready = ((e, file) for e, file in there if file is not None or (may_draw and self._layers(e) is not None))
@@ -98,7 +98,7 @@ class Thumbnails:
         return self._complete(tuple(layer for layer in entry.material.layers if layer.visible))
 
     def _drawn(self, layers: Layers) -> moderngl.Texture | None:
-        """One step; the picture when that was the last one."""
+        """Draw one step; returns the picture when that was the last one."""
         if self._sphere is None:
             self._sphere = LitSphere(self._passes, self._memory, SIDE)
         if self._stack.set_layers(layers):

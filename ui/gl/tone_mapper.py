@@ -1,4 +1,4 @@
-"""What a shader that ends in display colours needs for a view: its switches, and the table of those that have one."""
+"""The shader switches and the table of a view transform, for shaders that end in display colours."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _TABLE_SWITCH = "TONE_TABLE"
 
 
 class ToneMapper:
-    """Programs and textures by view, for one that draws. A table is made when it is first drawn with, which takes half
-    a second where nobody asked for it before (`ui.tone_view`)."""
+    """Programs and textures by view. A table is made when it is first drawn with, which takes half a second where it
+    was not requested before (`ui.tone_view`)."""
 
     def __init__(self, passes: Passes, memory: TextureMemory) -> None:
         self._passes, self._memory = passes, memory
@@ -26,7 +26,7 @@ class ToneMapper:
         return _with_stops(self._passes.full_screen(fragment, **_switches(view)), view)
 
     def textures(self, view: ToneMapping) -> Textures:
-        """What those programs sample besides the picture."""
+        """The textures that those programs sample besides the picture."""
         if view not in TABULATED_VIEWS:
             return {}
         if view not in self._tables:

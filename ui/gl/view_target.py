@@ -1,4 +1,4 @@
-"""What a graphics card draws moving pictures into: several samples a pixel, with the sky behind all else."""
+"""The target of moving pictures drawn on a graphics card: several samples per pixel, with the sky behind all else."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from engine.scene.description import Camera
 from ui.gl.passes import Passes
 from ui.gl.textures import TextureMemory
 
-# Of the farthest: what is nearer to the eye is not drawn.
+# A fraction of the farthest depth: what is nearer to the camera is not drawn.
 _NEAREST = 3e-4
 _BACKDROP = "orbit/backdrop.frag.glsl"
 
 
 class ViewTarget:
-    """A framebuffer with depth, of the size that was asked for last, and the linear picture that it ends as."""
+    """A framebuffer with depth, of the size that was requested last, and the resolved linear picture."""
 
     def __init__(self, context: moderngl.Context, n_samples: int) -> None:
-        """n_samples: of a pixel, where edges are smoothed; 0: its middle alone."""
+        """n_samples: per pixel, for smooth edges; 0: only its centre."""
         self._context, self._n_samples = context, n_samples
         self._passes, self._textures = Passes(context), TextureMemory(context)
         self._size = (0, 0)
@@ -31,14 +31,14 @@ class ViewTarget:
         self._texture: moderngl.Texture | None = None
 
     def warm_up(self) -> None:
-        """Compile what draws the sky; raises GraphicsError."""
+        """Compile the shader of the sky; raises GraphicsError."""
         self._passes.full_screen(_BACKDROP)
 
     def begin(
         self, camera: Camera, size: tuple[int, int], sky: moderngl.Texture, turn: float, scale: float
     ) -> moderngl.Framebuffer:
-        """Clear all but the sky, turned by degrees and scaled, as a camera sees it in a picture (width, height); what
-        is to be drawn into from now on. Raises GraphicsError where there is no room."""
+        """Clear the target and draw the sky, rotated by degrees and scaled, as a camera sees it in a picture (width,
+        height); returns the framebuffer to draw into. Raises GraphicsError where there is no room."""
         target = self._room(size)
         target.depth_mask = True
         target.color_mask = (True,) * 4  # type: ignore[assignment]
@@ -59,7 +59,7 @@ class ViewTarget:
 
     @property
     def memory_bytes(self) -> int:
-        """Of the picture, without the framebuffer's several samples a pixel."""
+        """Bytes of the picture, without the framebuffer's several samples per pixel."""
         return self._textures.bytes_in_use
 
     def release(self) -> None:
@@ -95,9 +95,9 @@ class ViewTarget:
 def view_uniforms(
     camera: Camera, size: tuple[int, int], eye: NDArray[np.floating], nearest: float, farthest: float
 ) -> dict[str, object]:
-    """Where corners come to lie in a picture (width, height): the uniforms eye, towards and depth of vertex shaders.
+    """The projection of vertices to a picture (width, height): the uniforms eye, towards and depth of vertex shaders.
 
-    eye (3,): in the corners' own coordinates; nearest, farthest: depths between which they lie, in their units.
+    eye (3,): in the vertices' own coordinates; nearest, farthest: depths between which they are, in their units.
     """
     (width, height), half = size, math.tan(math.radians(camera.fov_y) / 2.0)
     right, up, forward = camera_frame(camera)

@@ -1,4 +1,4 @@
-"""What Deform has in the Accuracy panel: how its pictures are drawn, and what of the scene they leave out."""
+"""Deform's part of the Accuracy panel: how its pictures are drawn, and what of the scene they leave out."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LEFT_OUT_AND_STAYS = (
 
 
 def draw(context: PanelContext) -> list[Action]:
-    """The figures measured of what is seen, what sharp curves lose, and what comes back at rest."""
+    """The measured figures of the picture, the loss at sharp curves, and what Placement adds at rest."""
     status = context.status
     actions = accuracy_orbit.draw(context)
     if not isinstance(status, DeformStatus):

@@ -1,4 +1,4 @@
-"""Deform's picture: Orbit's feed, whose moving pictures the graphics card draws of poses that the worker tells.
+"""Deform's picture: Orbit's feed, whose moving pictures the graphics card draws of poses that the worker exports.
 
 take: PoseExported ─► PosedPicture ─► canvas
 """
@@ -31,8 +31,8 @@ class DeformFeed(OrbitFeed):
     def _take_pose(self, editor: Editor, event: PoseArrived) -> None:
         shaded, controller = self.shaded, editor.controller
         if not isinstance(shaded, PosedPicture) or not isinstance(controller, DeformController):
-            return  # given up since
-        if event.export.is_missing_parts(shaded.part_numbers):  # what it went out from was void before it was drawn
+            return  # disabled since
+        if event.export.is_missing_parts(shaded.part_numbers):  # its base became void before it was drawn
             controller.resend_parts(shaded.part_numbers)
             return
         try:

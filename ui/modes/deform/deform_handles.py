@@ -1,4 +1,4 @@
-"""What a hand can drag in Deform's picture: the grips of deformers, and the dividers of a picture that is split."""
+"""Handles in Deform's picture: the grips of deformers, and the dividers of a split picture."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PARTS = ("Path traced", "Not rotated", "Deform")
 
 
 def handles(context: PanelContext, placed: PictureRect) -> list[PictureHandle]:
-    """Of the selected object's deformers, and of the split."""
+    """Those of the selected object's deformers, and of the split."""
     found = pose_handles.handles(context, placed)
     if context.view.split is None or context.status.shown_by not in ("", "Deform"):
         return found
@@ -39,14 +39,14 @@ def _dividers(placed: PictureRect, split: tuple[float, float]) -> list[PictureHa
 
 
 def _dragged(placed: PictureRect, split: tuple[float, float], i: int, to: Place) -> list[Action]:
-    """A divider pushes the other along: where they stand on one another, either can be drawn off."""
+    """Drag a divider; it pushes the other along: where both are at one place, either can be dragged away."""
     share = (to[0] - placed.x) / max(placed.width, 1.0)
     moved = (share, max(share, split[1])) if i == 0 else (min(split[0], share), share)
     return [SetView.of(split=moved)] if moved != split else []
 
 
 def _name_parts(context: PanelContext, placed: PictureRect, split: tuple[float, float]) -> None:
-    """What each part is, at its upper edge, where it is wide enough."""
+    """Label each part at its upper edge, where it is wide enough."""
     draw_list, ends = imgui.get_window_draw_list(), (0.0, *split, 1.0)
     for name, start, end in zip(PARTS, ends, ends[1:], strict=False):
         extent, pad = imgui.calc_text_size(name), context.px(6)

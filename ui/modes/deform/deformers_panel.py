@@ -1,4 +1,4 @@
-"""The deformers that the selected object goes through, and its surface: Deform's part of the Material panel."""
+"""The deformers of the selected object, and its surface: Deform's part of the Material panel."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def draw(context: PanelContext) -> list[Action]:
 
 
 def _row(context: PanelContext, name: str, index: int, deformation: Deformation, count: int) -> list[Action]:
-    """A deformer: its kind and axis, up, down, away; how much of it."""
+    """A deformer: its kind and axis, buttons up, down and remove; its amount."""
     kind, actions = KINDS[deformation.kind], list[Action]()
     imgui.push_id(index)
     imgui.align_text_to_frame_padding()
@@ -69,7 +69,7 @@ def _row(context: PanelContext, name: str, index: int, deformation: Deformation,
     imgui.set_next_item_width(-1.0)
     low, high = kind.limits
     handle = f"pose.{index}"
-    if kind.unit == "degrees":  # two turns are too much for a trough: a few of its pixels would be a right angle
+    if kind.unit == "degrees":  # two turns are too much for a track: a few of its pixels would be a right angle
         touch, amount = number_fields.number(
             context, "amount", deformation.amount, _format(kind), handle, low, high, DEGREES_A_PIXEL, kind.title
         )
@@ -111,7 +111,7 @@ def _add(context: PanelContext, name: str, count: int) -> list[Action]:
 
 
 def _beside(title: str) -> None:
-    """In the same row as the button before it, where a button of that title has room there."""
+    """Continue in the row of the button before it, where a button of that title fits."""
     widgets.same_line_if_room(imgui.calc_text_size(title).x + 2.0 * imgui.get_style().frame_padding.x)
 
 

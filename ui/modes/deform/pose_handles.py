@@ -1,8 +1,7 @@
-"""The deformers of the selected object in the picture: each one's axis as it is bent, and a grip that changes its
-amount.
+"""The deformers of the selected object in the picture: each one's deformed axis, and a grip that changes its amount.
 
-A grip is a point of the object's box that goes through all its deformers. Where a hand drags it to, the amount follows
-by a few steps of Newton's method on the picture's plane: so every kind has a handle that knows only where it is held.
+A grip is a point of the object's box that goes through all its deformers. The amount follows the drag by a few steps of
+Newton's method in the picture's plane, so that every kind of deformer has a handle defined only by its point.
 """
 
 from __future__ import annotations
@@ -26,14 +25,14 @@ from ui.panels.viewport_layout import PictureRect
 Float64Array = NDArray[np.float64]
 
 N_LINE = 33
-BESIDE = 0.07  # of the height, between grips that would lie on one another
+BESIDE = 0.07  # of the height, between grips that would overlap
 _ROUNDS, _STEP = 4, {"degrees": 0.5, "": 0.005}
-_FURTHEST = {"degrees": 15.0, "": 0.15}  # that an amount goes in a step
+_FURTHEST = {"degrees": 15.0, "": 0.15}  # the most that an amount changes in a step
 _NEAREST = 1e-3  # of the distance to the target
 
 
 def handles(context: PanelContext, placed: PictureRect) -> list[PictureHandle]:
-    """Of the selected object, where it is seen."""
+    """The handles of the selected object, where it is visible."""
     selected = context.view.selected
     box = None if selected is None else context.box_of(selected.object)
     if selected is None or box is None or not np.isfinite(box).all():
@@ -67,7 +66,7 @@ def _axis(box: Float64Array, row: tuple[Deformation, ...], index: int) -> Float6
     line = np.empty((N_LINE, 3))
     line[:, [i_across, i_depth]] = 0.5 * (low + high)[[i_across, i_depth]]
     line[:, i_axis] = low[i_axis] + upward * (high - low)[i_axis] * np.linspace(0.0, 1.0, N_LINE)
-    if across:  # up the axis, then out to where it is held
+    if across:  # up the axis, then out to the grip
         n = N_LINE // 2
         line[:n, i_axis] = low[i_axis] + upward * (high - low)[i_axis] * np.linspace(0.0, 1.0, n)
         line[n:, i_axis] = line[n - 1, i_axis]
@@ -76,13 +75,13 @@ def _axis(box: Float64Array, row: tuple[Deformation, ...], index: int) -> Float6
 
 
 def _posed(box: Float64Array, row: tuple[Deformation, ...], points: Float64Array) -> Float64Array:
-    """Where the row of deformers takes points (N, 3)."""
+    """Points (N, 3) after the row of deformers."""
     frames = np.broadcast_to(np.eye(3), (len(points), 3, 3))
     return deform(Pose(points, frames), row, box).positions
 
 
 def _on_screen(context: PanelContext, placed: PictureRect, points: Float64Array) -> Float64Array | None:
-    """Where points (N, 3) are seen (N, 2); None where one is beside or behind the eye."""
+    """Points (N, 3) on screen (N, 2); None where one is beside or behind the camera."""
     towards = points - np.array(context.camera.position)
     if not (towards @ camera_frame(context.camera)[2] > _NEAREST * distance(context.camera)).all():
         return None
@@ -99,7 +98,7 @@ def _dragged(
     index: int,
     to: Place,
 ) -> list[Action]:
-    """The amount by which the grip is nearest to a place on screen."""
+    """Set the amount with which the grip is nearest to a place on screen."""
     deformation = row[index]
     kind, grip = KINDS[deformation.kind], _axis(box, row, index)[-1:]
 
@@ -116,7 +115,7 @@ def _dragged(
             break
         slope = (there - here) / step
         steepness = float(slope @ slope)
-        if steepness < 1e-6:  # it goes towards the eye: the hand cannot say how far
+        if steepness < 1e-6:  # it moves towards the camera: the pointer cannot tell how far
             break
         wanted = float(slope @ (np.array(to) - here)) / steepness
         furthest = _FURTHEST[kind.unit]

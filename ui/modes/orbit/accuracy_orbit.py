@@ -1,4 +1,4 @@
-"""What Orbit has in the Accuracy panel: how its pictures are drawn, and Placement's part while that shows the view."""
+"""Orbit's part of the Accuracy panel: how its pictures are drawn, and Placement's part while that shows the view."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ui.panels.context import PanelContext
 
 
 def draw(context: PanelContext) -> list[Action]:
-    """The figures measured of what is seen."""
+    """The measured figures of the picture."""
     status = context.status
     if not isinstance(status, OrbitStatus):
         return accuracy_placement.draw(context)

@@ -1,10 +1,10 @@
-"""Orbit's picture: the worker draws it, the window shows it; at rest Placement's fades in over it.
+"""Orbit's picture: the worker draws it, the window shows it; when idle Placement's fades in over it.
 
-take: OrbitPicture ─► canvas;  all other events ─► PlacementFeed, which draws as soon as it has a part
-draw: the one or the other, or for a quarter of a second both ─► display texture
+take: OrbitPicture ─► canvas;  all other events ─► PlacementFeed, which draws as soon as it has a part draw: the one or
+the other, or for a quarter of a second both ─► display texture
 
-Where there is a graphics card, moving pictures are drawn here, of parts that the worker tells (`ui.gl.gpu_drawing`);
-where it fails, the worker draws them from then on.
+Where there is a graphics card, moving pictures are drawn here, of parts that the worker exports (`ui.gl.gpu_drawing`);
+where that fails, the worker draws them from then on.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class MovingRenderer(Protocol):
         """Compile all shaders, one a step; raises GraphicsError."""
 
     def forget(self) -> None:
-        """Another scene was opened: give its memory back."""
+        """Free the memory of a scene: another was opened."""
 
     def release(self) -> None: ...
 
@@ -88,7 +88,7 @@ class OrbitFeed(PictureSource):
         self.placement.take(editor, event)
 
     def _take_scene(self, event: SceneFrame) -> None:
-        """Another scene, or the same seen in another way: then what is shown stays until there is another picture."""
+        """Take another scene, or another view of it: then what is shown stays until there is another picture."""
         scene = event.source, event.description.objects
         if scene != self._scene:
             self.canvas.clear()
@@ -103,7 +103,7 @@ class OrbitFeed(PictureSource):
         controller = _controller(editor)
         busy = self._prepare_shaders(editor, controller)
         self._draw_shaded(editor, controller)
-        # Before there is a first picture, Placement's feed shows objects lit from the eye.
+        # Before there is a first picture, Placement's feed shows objects lit from the camera.
         is_first = self.canvas.is_empty
         busy |= (controller.is_placement_active or is_first) and self.placement.draw(editor, last_frame_ms, all_taken)
         share = 1.0 if is_first else self._share_of_placement(controller)
@@ -116,8 +116,8 @@ class OrbitFeed(PictureSource):
         return busy or 0.0 < share < 1.0 or self._view.waits
 
     def _prepare_shaders(self, editor: Editor, controller: OrbitController) -> bool:
-        """Where moving pictures are to be drawn here: compile a shader, and tell the talk after the last; whether there
-        are more."""
+        """Where moving pictures are to be drawn here: compile a shader, and after the last notify the controller;
+        returns whether there are more."""
         if self._is_chosen:
             return False
         try:
@@ -146,7 +146,7 @@ class OrbitFeed(PictureSource):
                 self._disable_shaders(editor, error)
 
     def _draw_shaded(self, editor: Editor, controller: OrbitController) -> None:
-        """The moving picture, where it is drawn here and would be another one."""
+        """Draw the moving picture, where it is drawn here and would differ."""
         wanted, shaded = controller.drawn_in_window, self.shaded
         if not isinstance(shaded, ShadedPicture) or wanted is None or not shaded.buffers.is_ready:
             return
@@ -160,7 +160,7 @@ class OrbitFeed(PictureSource):
         self._shaded_of, self._drawn, self._is_measure = (wanted, self._n_parts), None, False
 
     def _disable_shaders(self, editor: Editor, error: Exception) -> None:
-        """From now on the worker draws."""
+        """Let the worker draw from now on."""
         self.canvas.show(None)
         if self.shaded is not None:
             self.shaded.release()
@@ -169,7 +169,7 @@ class OrbitFeed(PictureSource):
         editor.notify(f"{_controller(editor).title} is drawn by the processor: {error}", True)
 
     def _share_of_placement(self, controller: OrbitController) -> float:
-        """How much of Placement's picture is seen, 0 to 1."""
+        """The opacity of Placement's picture, 0 to 1."""
         now = time.monotonic()
         if not controller.shows_placement:
             self._placement_since = math.inf
@@ -178,7 +178,7 @@ class OrbitFeed(PictureSource):
         return min((now - self._placement_since) / FADE_SECONDS, 1.0)
 
     def _draw_canvas(self, editor: Editor, controller: OrbitController, share: float) -> None:
-        """Draw, where it would be another picture than was drawn last."""
+        """Draw, where the picture would differ from the one drawn last."""
         view = self._display_view(editor, controller)
         if (view, share) != self._drawn:
             other = self.placement.renderer.linear_texture if share > 0.0 else None
@@ -196,8 +196,8 @@ class OrbitFeed(PictureSource):
         self._compared, self._drawn = compared, None
 
     def _display_view(self, editor: Editor, controller: OrbitController) -> DisplayView:
-        """Outlines and the divider belong to the view that was traced last; over a picture from elsewhere, which is
-        seen until the next has been drawn, they would lie beside their objects."""
+        """Outlines and the divider belong to the view that was traced last; over a picture from another camera, which
+        is shown until the next has been drawn, they would be beside their objects."""
         view, compared = editor.view, editor.view.compare
         rests = not controller.is_away and controller.shows_viewpoint
         tone_mapping = self._view.follow(view.tone_mapping)
@@ -238,6 +238,6 @@ class OrbitFeed(PictureSource):
 
 
 def _controller(editor: Editor) -> OrbitController:
-    """Whose picture it is."""
+    """The controller of the picture's mode."""
     assert isinstance(editor.controller, OrbitController)
     return editor.controller

@@ -1,4 +1,4 @@
-"""What Placement has in the Accuracy panel: lights, bounces, bands and precision, and how far the picture is."""
+"""Placement's part of the Accuracy panel: lights, bounces, bands and precision, and the progress of the picture."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ EDGES_HINT = (
     "and memory. Auto: as many as the scene requires."
 )
 GAP = 4.0
-# What a number of lights and one of patches need beside each other.
+# The width that a number of lights and one of patches need side by side.
 LIGHTS_WIDTH = 132.0
-# And the bands of two bounces.
+# And that of the bands of two bounces.
 BANDS_WIDTH = 140.0
 
 
 def draw(context: PanelContext) -> list[Action]:
-    """The choices, and the figures measured."""
+    """The choices, and the measured figures."""
     status = context.status
     assert isinstance(status, PlacementStatus)
     context = replace(context, view=effective_view(context.view, context.document))
@@ -108,7 +108,7 @@ def _quality(context: PanelContext, status: PlacementStatus) -> list[Action]:
 
 
 def _lights_and_patches(context: PanelContext) -> list[Action]:
-    """Where lamps shine too: both numbers on one line."""
+    """Where there are emitters: both numbers on one line."""
     widgets.label(context, "Lights", least=LIGHTS_WIDTH)
     gap = context.px(GAP)
     room = imgui.get_content_region_avail().x - gap
@@ -125,7 +125,7 @@ def _lights_and_patches(context: PanelContext) -> list[Action]:
 
 
 def _series(context: PanelContext) -> list[Action]:
-    """The bands of each bounce from the eye: the first and the second can be chosen, later ones go by albedo."""
+    """The bands of each bounce from the camera: the first and the second can be chosen, later ones depend on albedo."""
     actions: list[Action] = []
     widgets.label(context, "Bands", least=BANDS_WIDTH if context.view.n_bounces > 1 else widgets.LEAST_CONTROL)
     n_later = context.view.n_bounces - 2
@@ -153,7 +153,7 @@ def _series(context: PanelContext) -> list[Action]:
 def _combo(
     context: PanelContext, name: str, choices: Mapping[str, int | None], chosen: int | None, width: float, hint: str
 ) -> list[int | None]:
-    """A list of numbers; what was picked of it, if anything."""
+    """A list of numbers; returns what was picked, if anything."""
     picked = []
     shown = next((text for text, bands in choices.items() if bands == chosen), str(chosen))
     seen = _short_of(shown, width - 2.0 * imgui.get_style().frame_padding.x)
@@ -172,7 +172,7 @@ def _combo(
 
 
 def _short_of(shown: str, room: float) -> str:
-    """What is chosen, or where that is wider than the room, its number alone: "768 patches"."""
+    """The choice, or where that is wider than the room, its number alone: "768 patches"."""
     return shown if imgui.calc_text_size(shown).x <= room else shown.partition(" ")[0]
 
 
@@ -214,7 +214,7 @@ def figures(status: PlacementStatus, selected: str | None = None) -> list[tuple[
 
 
 def _bands(counts: tuple[int, ...]) -> str:
-    """The bands of a layer's curves, as a person reads them."""
+    """The bands of a layer's curves, as they are shown."""
     return "bands " + " × ".join(map(str, counts)) if counts else "no bands: fixed"
 
 

@@ -22,11 +22,11 @@ class MapFeed:
         self._retired: list[moderngl.Texture] = []
 
     def thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]:
-        """The "texture" and the "weight" of a layer, small, row 0 at the top; those there are."""
+        """The "texture" and the "weight" of a layer, small, row 0 at the top, where there are any."""
         return self._thumbnails.get(key, {})
 
     def take(self, event: LayerMapsChanged) -> None:
-        """Another image, or none."""
+        """Take another image, or none."""
         self._newest[event.key] = event
         self._retire([event.key])
         context = self._renderer.context
@@ -35,18 +35,18 @@ class MapFeed:
             self._renderer.set_layer_maps(event.key, event.samples)
 
     def layer_made(self, key: str) -> None:
-        """The renderer has a layer that it had not."""
+        """Note that the renderer has a new layer."""
         if key in self._newest:
             self._renderer.set_layer_maps(key, self._newest[key].samples)
 
     def follow(self, key: str, maps: LayerMaps) -> None:
-        """The numbers of a layer as the document has them; there is nothing to invert before there is a weight."""
+        """Follow a layer's numbers in the document; there is nothing to invert before there is a weight."""
         shown = self._newest.get(key)
         inverts = maps.weight_invert and shown is not None and shown.has_weight
         self._renderer.set_map_numbers(key, maps.texture_strength, inverts)
 
     def clear(self) -> None:
-        """Another scene."""
+        """Drop all: another scene is open."""
         self._newest.clear()
         self._retire(list(self._thumbnails))
 

@@ -1,4 +1,4 @@
-"""Placement's picture: the worker's answers to the renderer, the document's curves after them.
+"""Placement's picture: the worker's responses go to the renderer, followed by the document's curves.
 
     take: picture events ─► renderer (frame, footprint, layers, transport)
     draw: the document drawn (`app.modes.placement.picture_transition`) ─► gains, view curves, visibility, curve
@@ -6,7 +6,7 @@
           ─► renderer.update ─► display texture
           renderer's report ─► PlacementController.rendered
 
-An upload under way takes part of the frame's time, coefficients what is left.
+An upload under way takes part of the frame's time, coefficients the rest.
 """
 
 from __future__ import annotations
@@ -48,16 +48,16 @@ from ui.still_saver import ViewportStill
 from ui.tone_view import ToneView
 
 UPLOAD_SHARE = 0.5
-# Of the frame's time, what refinement gets however long the rest takes.
+# The fraction of the frame's time that refinement gets however long the rest takes.
 LEAST_SHARE = 0.25
 LEAST_INTENSITY = 1e-30
 HEADLIGHT_SECONDS = 0.005
-# Behind objects that are lit from the eye, while the sky is not known.
+# The sky behind objects that are lit from the camera, while it is unknown.
 PLAIN_SKY = 0.18
 
 
 class PlacementFeed(PictureSource):
-    """Feeds one `PlacementRenderer`; renderer: one that is there already."""
+    """Feeds one `PlacementRenderer`; renderer: one that exists already."""
 
     def __init__(self, context: moderngl.Context, renderer: PlacementRenderer | None = None) -> None:
         self.renderer = renderer or PlacementRenderer(context)
@@ -69,7 +69,7 @@ class PlacementFeed(PictureSource):
         self._emission: dict[str, RGB] = {}
         self._maps = MapFeed(self.renderer)
         self._plain: dict[str, ObjectState] = {}
-        self._is_shaded = False  # all objects, plainly at least: others are black
+        self._is_shaded = False  # all objects, lit from the camera at least: others are black
         self._view = ToneView()
         self._wanted: dict[str, NDArray[np.float64]] = {}
         self._compared: object = None
@@ -106,7 +106,7 @@ class PlacementFeed(PictureSource):
         self._maps.release_retired()
         self.renderer.release()
 
-    # --------------------------------------------------------------------------------------------- the worker's answers
+    # ------------------------------------------------------------------------------------------- the worker's responses
 
     def take(self, editor: Editor, event: PictureEvent) -> None:
         self._maps.release_retired()
@@ -144,7 +144,7 @@ class PlacementFeed(PictureSource):
         self._wanted = {}
         self._compared = self._rotation = self._followed = None
         self._is_shaded = False
-        if event.description.environment is not None:  # until the worker sends what it looks like
+        if event.description.environment is not None:  # until the worker sends its image
             self.renderer.set_environment(np.full((1, 2, 3), PLAIN_SKY, np.float32))
 
     def _take_radiance(self, event: LayerRadiance) -> None:
@@ -155,13 +155,13 @@ class PlacementFeed(PictureSource):
             self._maps.layer_made(event.key)
         if self._drawn_as.get(event.key) != event.drawn_as:
             self._drawn_as[event.key] = event.drawn_as
-            self._take_indirect(event.key)  # it may have been the first to come, or be that of the layer before
+            self._take_indirect(event.key)  # it may have come first, or belong to the layer before
         bands = event.coefficients.get(renderer.transport_curve(event.key) or "")
         shown = None if bands is None else forward(bands)
         renderer.set_layer_radiance(event.key, event.radiance, shown, event.stage)
 
     def _take_indirect(self, key: str) -> None:
-        """Show a layer's indirect light, where it is that of the layer whose direct light is shown."""
+        """Show a layer's indirect light, where it belongs to the layer whose direct light is shown."""
         event = self._indirect.get(key)
         if event is None or key not in self.renderer.layer_keys:
             return
@@ -194,7 +194,7 @@ class PlacementFeed(PictureSource):
         started = time.perf_counter()
         arriving = self.renderer.upload_fraction is not None
         uploaded = self.renderer.upload(UPLOAD_SHARE * budget)
-        # The last slice makes the transport ready for work, which is enough for a frame; the work begins in the next.
+        # The last slice makes the transport ready for use, which is enough for a frame; its use begins in the next.
         limit = 0 if arriving and uploaded else None
         report = self.renderer.update(limit, budget if uploaded else (1.0 - UPLOAD_SHARE) * budget)
         self._spent_ms = 1e3 * (time.perf_counter() - started)
@@ -213,7 +213,8 @@ class PlacementFeed(PictureSource):
         return not exact or changed or self._view.waits or shades_plainly
 
     def _shade_headlight(self, editor: Editor, document: Document) -> bool:
-        """Show objects plainly that have no picture yet, for a few milliseconds; whether some may be left."""
+        """Show objects that have no picture yet lit from the camera, for a few milliseconds; returns whether some may
+        be left."""
         until = time.perf_counter() + HEADLIGHT_SECONDS
         keys = set(self.renderer.layer_keys)
         there = self._plain.keys() | {object_of(key) for key in keys}
@@ -228,8 +229,8 @@ class PlacementFeed(PictureSource):
         return False
 
     def _end_plain(self, editor: Editor, document: Document) -> None:
-        """Let objects go that are shown plainly and have a picture now: metals only when it has the light between
-        surfaces, without which they are black."""
+        """Remove objects lit from the camera that have a picture now: metals only when it has indirect light, without
+        which they are black."""
         renderer = self.renderer
         there = {object_of(key) for key in set(renderer.layer_keys) - self._plain.keys()}
         for name in self._plain.keys() & set(renderer.layer_keys) & there:
@@ -238,7 +239,8 @@ class PlacementFeed(PictureSource):
                 renderer.remove_layer(name)
 
     def _shade_object(self, editor: Editor, document: Document, state: ObjectState) -> None:
-        """As a layer of its own, which has the object's name for a key and goes when the real ones can be shown."""
+        """Show an object as one layer, whose key is the object's name, and which goes when the real ones can be
+        shown."""
         frame, index = self.renderer.frame, self._names.index(state.name)
         layers = {layer_key(state.name, i): layer for i, layer in enumerate(state.layers)}
         seen = [layer for key, layer in layers.items() if is_layer_visible(document, editor.view, key)]
@@ -250,21 +252,21 @@ class PlacementFeed(PictureSource):
         self.renderer.set_layer_radiance(state.name, headlight_radiance(headlight_colour(seen), theta_o), stage="plain")
 
     def _follow_environment(self, document: Document) -> None:
-        """Turn the background with the light."""
+        """Rotate the background with the light."""
         rotation = document.light.rotation
         if rotation != self._rotation:
             self.renderer.turn_environment(rotation)
             self._rotation = rotation
 
     def _follow_emitters(self, document: Document) -> None:
-        """What is seen of them."""
+        """Follow the visible radiance of emitters."""
         for name, radiance in emission_of(document):
             if name in self._names and self._emission.get(name) != radiance:
                 self._emission[name] = radiance
                 self.renderer.set_emission(self._names.index(name), radiance)
 
     def _follow_layers(self, editor: Editor, document: Document) -> None:
-        """Gains and view curves; each setter of the renderer is free where nothing changed."""
+        """Follow gains and view curves; each setter of the renderer is free where nothing changed."""
         there = set(self.renderer.layer_keys)
         for key, layer in document.layers():
             if key not in there or not self._is_drawn(editor, key):
@@ -277,7 +279,7 @@ class PlacementFeed(PictureSource):
                 self.renderer.set_view_curve(key, curve)
 
     def _follow_visibility(self, editor: Editor, document: Document) -> None:
-        """Which layers are seen; one that is gone may come back, by undo, before the worker has heard of it."""
+        """Follow which layers are visible; one that is gone may come back, by undo, before the worker knows of it."""
         seen = {key for key, _ in document.layers() if is_layer_visible(document, editor.view, key)}
         keys = set(self.renderer.layer_keys)
         plain = self._plain.keys() & keys
@@ -287,11 +289,11 @@ class PlacementFeed(PictureSource):
             self.renderer.set_layer_visible(name, any(object_of(key) == name for key in seen))
 
     def _is_drawn(self, editor: Editor, key: str) -> bool:
-        """Whether the picture of a layer is its own, and not that of the one that it took the place of."""
+        """Whether the picture of a layer is its own, and not that of the one that it replaced."""
         return self._drawn_as.get(key) == _controller(editor).picture_identity(key)
 
     def _follow_curve(self, editor: Editor) -> None:
-        """The selected curve, in all layers that follow it and have a picture of their own."""
+        """Follow the selected curve, in all layers that share it and have a picture of their own."""
         self._holds = False
         factor = (editor.view.selected and editor.view.selected.factor) or ""
         found: dict[str, NDArray[np.float64]] = {}
@@ -317,7 +319,7 @@ class PlacementFeed(PictureSource):
         self._compared = compared
 
     def _display_view(self, editor: Editor) -> DisplayView:
-        """Exposure takes the light's intensity along: it multiplies the finished picture."""
+        """Exposure includes the light's intensity: it multiplies the finished picture."""
         view, compared = editor.view, editor.view.compare
         return DisplayView(
             exposure=view.exposure + stops(_controller(editor).drawn.light),
@@ -333,7 +335,7 @@ class PlacementFeed(PictureSource):
 
 
 def _controller(editor: Editor) -> PlacementController:
-    """Whose picture it is: the mode's own talk, or the part of it that is Placement's."""
+    """The controller of the picture: the mode's own, or the part of it that is Placement's."""
     controller = getattr(editor.controller, "placement", editor.controller)
     assert isinstance(controller, PlacementController)
     return controller
@@ -344,7 +346,7 @@ def _both(footprint: Footprint | None) -> tuple[NDArray[np.integer] | None, NDAr
 
 
 def stops(light: LightState) -> float:
-    """The light's intensity as exposure."""
+    """The light's intensity in stops."""
     return math.log2(max(light.intensity, LEAST_INTENSITY))
 
 

@@ -1,11 +1,11 @@
-"""Moving pictures of bent meshes that the graphics card draws: lobes turned and summed point by point in a compute
-shader, then the triangles between points [Sloan05, 5].
+"""Moving pictures of deformed meshes drawn on a graphics card: lobes are rotated and summed point by point in a compute
+shader, then the triangles between points drawn [Sloan05, 5].
 
-    backdrop ─► what points send, on either side (lobes.comp) ─► triangles (surface)
-    ─► where images or detail lie, matt layers once more, pixel by pixel (term)
+    backdrop ─► radiance of points, on either side (lobes.comp) ─► triangles (surface)
+    ─► where there are images or detail, diffuse layers once more, pixel by pixel (term)
 
-As `engine.realtime.zonal_harmonics.picture_renderer` draws moving pictures, and with several samples a pixel. Shape,
-look, cover and sky lie in buffers; in a frame places and axes are sent alone, for the deformers are Python's.
+As `engine.realtime.zonal_harmonics.picture_renderer` draws moving pictures, but with several samples per pixel. Shape,
+materials, cover and sky are in buffers; in a frame only positions and axes are sent, because deformers are in Python.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from ui.gl.textures import TextureMemory
 from ui.gl.view_target import ViewTarget, view_uniforms
 
 ORDER = 6  # of `lobes.comp.glsl`
-# Buffers by the numbers that shaders know them by: of points, and of what lies on objects.
+# Buffers by the numbers of their bindings in shaders: of points, and of maps on objects.
 _OF_POINTS = {
     "lobes": 0, "posed": 1, "owners": 2, "light": 3, "objects": 4, "gloss": 5, "blockers": 6,
     "sent": 7,
@@ -52,7 +52,7 @@ class PosedPicture:
     """The linear picture, in any pose and from any camera."""
 
     def __init__(self, context: moderngl.Context, n_samples: int = 4) -> None:
-        """n_samples: of a pixel, where edges are smoothed; 0: its middle alone."""
+        """n_samples: per pixel, for smooth edges; 0: only its centre."""
         self._context, self._programs = context, ProgramCache(context)
         self._target = ViewTarget(context, n_samples)
         self._memory, self._textures = BufferMemory(context), TextureMemory(context)
@@ -146,7 +146,7 @@ class PosedPicture:
         self._backdrop, self._sky = texture, part
 
     def _fill(self, name: str, array: NDArray[np.generic]) -> None:
-        """A buffer of that name with these numbers: the one that is there where it has their size."""
+        """A buffer of that name with these numbers: the present one where it has their size."""
         before = self._buffers.get(name)
         if before is not None and 0 < array.nbytes == before.size:
             before.write(np.ascontiguousarray(array))
@@ -221,7 +221,7 @@ class PosedPicture:
         return self._programs.get("deform/surface.vert.glsl", "deform/surface.frag.glsl")
 
     def forget(self) -> None:
-        """Free what was told of a scene."""
+        """Free the parts of a scene."""
         if self._array is not None:
             self._array.release()
         self._release_cover_arrays()
@@ -238,7 +238,7 @@ class PosedPicture:
 
     @property
     def memory_bytes(self) -> int:
-        """Of buffers and textures, without the target's several samples a pixel."""
+        """Bytes of buffers and textures, without the target's several samples per pixel."""
         return self._memory.bytes_in_use + self._textures.bytes_in_use + self._target.memory_bytes
 
     def release(self) -> None:
@@ -256,7 +256,7 @@ def _detail(detail: ExportedDetail) -> dict[str, object]:
 
 
 def _view(camera: Camera, size: tuple[int, int], posed: PosedPart) -> dict[str, object]:
-    """Where triangles come to lie in the picture: uniforms of `surface.vert.glsl`."""
+    """The projection of triangles to the picture: uniforms of `surface.vert.glsl`."""
     forward = camera_frame(camera)[2]
     depths = posed.places[:, 9:] @ forward.astype(np.float32) - np.float32(np.dot(posed.camera_position, forward))
     farthest = max(float(depths.max(initial=0.0)), 1e-6) * 1.001

@@ -1,1 +1,1 @@
-"""The pictures of Orbit, which the worker draws: they only have to be shown."""
+"""Orbit's pictures: shown as the worker draws them, or drawn on a graphics card from the parts that it exports."""

@@ -1,4 +1,4 @@
-"""Shows pictures that come whole, of any number of pixels, and fades another mode's in over them."""
+"""Shows complete pictures of any resolution, and fades another mode's in over them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class PictureCanvas:
         self.is_empty = True  # nothing has come since it was made, or cleared
 
     def set_frame(self, frame: PictureFrame) -> None:
-        """From now on at this size, with its silhouettes; the picture that came last stays, the snapshot does not."""
+        """Use this size from now on, with its silhouettes; the picture that came last stays, the snapshot does not."""
         linear = self._memory.texture((frame.width, frame.height), 4, "f4")
         display = Display(self._passes, self._memory, frame)
         self._release_frame()
@@ -36,7 +36,7 @@ class PictureCanvas:
         self._target = self._memory.framebuffer([linear])
 
     def set_picture(self, radiance: NDArray[np.floating]) -> None:
-        """Another picture: linear radiance (h, w, 3)."""
+        """Take another picture: linear radiance (h, w, 3)."""
         if radiance.ndim != 3 or radiance.shape[2] != 3:
             raise GraphicsError(f"a picture of shape {radiance.shape}, expected (h, w, 3)")
         self._drawn, self.is_empty = None, False
@@ -49,8 +49,8 @@ class PictureCanvas:
         self._picture = picture
 
     def show(self, drawn: moderngl.Texture | None) -> None:
-        """A linear picture that is drawn here, in place of the one that came last; its owner keeps it as long as it is
-        shown. None: the one that came last."""
+        """Show a linear picture that is drawn here, in place of the one that came last; its owner keeps it as long as
+        it is shown. None: the one that came last."""
         self._drawn, self.is_empty = drawn, self.is_empty and drawn is None
 
     def clear(self) -> None:
@@ -59,14 +59,14 @@ class PictureCanvas:
         self.is_empty = True
 
     def draw(self, view: DisplayView, other: moderngl.Texture | None = None, share: float = 0.0) -> moderngl.Texture:
-        """The display picture, with a share of another linear picture of the same size in it."""
+        """The display picture, with another linear picture of the same size over it with this opacity."""
         self._blend(other, share)
         display = self._shown()
         display.draw(self._linear_texture(), view, (0, 0, *self._linear_texture().size))
         return display.texture
 
     def take_snapshot(self, other: moderngl.Texture | None = None) -> None:
-        """Keep what came last, or another linear picture, as A of a comparison."""
+        """Store what came last, or another linear picture, as A of a comparison."""
         self._blend(other, 0.0 if other is None else 1.0)
         assert self._target is not None
         self._shown().take_snapshot(self._target)

@@ -27,14 +27,14 @@ from ui.gl.textures import TextureMemory
 
 @dataclass(frozen=True, eq=False)
 class Tables:
-    """One term's slices: what they are like, and buffers of coefficients, values, images and places."""
+    """One term's slices: their layout, and buffers of coefficients, values, images and places."""
 
     shape: TablePart
     buffers: tuple[moderngl.Buffer, ...]
 
 
 class PointBuffers:
-    """All that parts have told so far."""
+    """All that the exported parts contain so far."""
 
     def __init__(self, context: moderngl.Context, programs: ProgramCache) -> None:
         self._context, self._programs = context, programs
@@ -57,7 +57,7 @@ class PointBuffers:
         return self._named[name]
 
     def take(self, part: gpu_parts.Part) -> None:
-        """Raises GraphicsError where there is no room for it."""
+        """Take a part. Raises GraphicsError where there is no room for it."""
         match part:
             case MeshPart():
                 self._take_mesh(part)
@@ -73,7 +73,7 @@ class PointBuffers:
 
     @property
     def row_words(self) -> int:
-        """Of a point with gloss."""
+        """Words per row of a point with gloss."""
         assert self.mesh is not None
         return N_HEAD + 2 * self.mesh.n_coefficients
 
@@ -110,7 +110,7 @@ class PointBuffers:
         self._replace("strokes", self._memory.filled(part.strokes))
 
     def _put(self, where: NDArray[np.int32], sent: NDArray[np.uint32], name: str, n_words: int) -> None:
-        """Rows of words (N, k) to their places among those of a buffer, k or more words long."""
+        """Write rows of words (N, k) to their places in a buffer whose rows are k or more words long."""
         if not len(where):
             return
         buffers = self._memory.filled(sent), self._memory.filled(where.astype(np.int32)), self._named[name]
@@ -133,7 +133,7 @@ class PointBuffers:
 
     @property
     def memory_bytes(self) -> int:
-        """Of buffers and textures."""
+        """Bytes of buffers and textures."""
         return self._memory.bytes_in_use + self._textures.bytes_in_use
 
     def release(self) -> None:

@@ -1,10 +1,10 @@
-"""Moving pictures that the graphics card draws of points' functions: the triple product in a compute shader.
+"""Moving pictures drawn on a graphics card from functions at points: the triple product in a compute shader.
 
-    backdrop ─► what emits, and depth ─► marks on the points that are seen
-    for each term: gloss of the marked points towards the eye (gloss.comp) ─► its object's triangles, times its maps
+    backdrop ─► emission, and depth ─► marks on the visible points
+    for each term: gloss of the marked points towards the camera (gloss.comp) ─► its object's triangles, times its maps
 
-As `engine.realtime.triple_product.view_radiance` draws moving pictures, and with several samples a pixel: edges are
-soft. All lies in buffers (`point_buffers`); in a frame nothing is sent but the camera.
+As `engine.realtime.triple_product.view_radiance` draws moving pictures, but with several samples per pixel: edges are
+smooth. All is in buffers (`point_buffers`); in a frame only the camera is sent.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class ShadedPicture:
     """The linear picture, from any camera."""
 
     def __init__(self, context: moderngl.Context, n_samples: int = 4) -> None:
-        """n_samples: of a pixel, where edges are smoothed; 0: its middle alone."""
+        """n_samples: per pixel, for smooth edges; 0: only its centre."""
         self._context, self._programs = context, ProgramCache(context)
         self._target = ViewTarget(context, n_samples)
         self.buffers = PointBuffers(context, self._programs)
@@ -55,7 +55,7 @@ class ShadedPicture:
         self._target.warm_up()
 
     def draw(self, camera: Camera, size: tuple[int, int], n_coefficients: int) -> moderngl.Texture:
-        """The picture (width, height), row 0 at the top, by so many coefficients a point; raises GraphicsError."""
+        """The picture (width, height), row 0 at the top, with so many coefficients per point; raises GraphicsError."""
         buffers, mesh = self.buffers, self.buffers.mesh
         assert mesh is not None and buffers.sky is not None
         self._number += 1
@@ -71,7 +71,7 @@ class ShadedPicture:
 
     @property
     def seconds(self) -> float:
-        """That the last picture took the graphics card; waits for it."""
+        """Seconds that the last picture took on the graphics card; waits for it."""
         return 0.0 if self._query is None else self._query.elapsed / 1e9
 
     def _draw_surfaces(
@@ -97,7 +97,7 @@ class ShadedPicture:
         context.enable_only(moderngl.NOTHING)
 
     def _mark(self, mesh: MeshPart, view: dict[str, object]) -> None:
-        """The points that objects with gloss show."""
+        """Mark the visible points of objects with gloss."""
         program, buffers = self._program("emitted", "seen"), self.buffers
         buffers["corners"].bind_to_storage_buffer(7)
         buffers["seen"].bind_to_storage_buffer(8)
@@ -108,7 +108,7 @@ class ShadedPicture:
     def _shade(
         self, mesh: MeshPart, i_object: int, tables: Tables, view: dict[str, object], n_coefficients: int
     ) -> None:
-        """The triple product at an object's points that are seen."""
+        """The triple product at an object's visible points."""
         buffers, shape = self.buffers, tables.shape
         program = self._programs.compute("orbit/gloss.comp.glsl")
         named = [(0, buffers["points"]), (3, buffers["rows"]), (8, buffers["seen"]), (9, buffers["gloss"])]
@@ -172,7 +172,7 @@ class ShadedPicture:
         self._corners = None
 
     def forget(self) -> None:
-        """Free what was told of a scene."""
+        """Free the parts of a scene."""
         self.buffers.release()
 
     def release(self) -> None:
@@ -185,12 +185,12 @@ class ShadedPicture:
 
     @property
     def memory_bytes(self) -> int:
-        """Of buffers and textures, without the targets' several samples a pixel."""
+        """Bytes of buffers and textures, without the targets' several samples per pixel."""
         return self.buffers.memory_bytes + self._target.memory_bytes
 
 
 def _view(camera: Camera, size: tuple[int, int], mesh: MeshPart) -> dict[str, object]:
-    """Where triangles come to lie in the picture: uniforms of `surface.glsl`."""
+    """The projection of triangles to the picture: uniforms of `surface.glsl`."""
     eye = np.subtract(camera.position, mesh.origin)
     distance = float(np.linalg.norm(eye - mesh.centre))
     return view_uniforms(camera, size, eye, distance - mesh.radius, distance + mesh.radius)

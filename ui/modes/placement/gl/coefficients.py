@@ -1,14 +1,14 @@
-"""The books of incremental rendering: which coefficients to add next, what is on screen, how far off it is.
+"""The state of incremental rendering: which coefficients to add next, which are on screen, the error of the picture.
 
-B = Σ_k c_k T_k is on screen for some c_shown; the curve wants c_wanted. Each frame adds Δc_k T_k for the K terms with
-the largest effect on the image, |Δc_k|·‖T_k‖ [BenArtzi07, ch. 7; there by |Δc_k| alone]. c_shown is kept in float64
-and moved by exactly the float32 amounts that were added, so rounding of a coefficient is not lost, only deferred.
+B = Σ_k c_k T_k is on screen for some c_shown; the desired curve is c_wanted. Each frame adds Δc_k T_k for the K terms
+with the largest effect on the image, |Δc_k|·‖T_k‖ [BenArtzi07, ch. 7; there by |Δc_k| alone]. c_shown is in float64 and
+moved by exactly the float32 amounts that were added, so rounding of a coefficient is not lost, only deferred.
 
 What does drift is the float32 sum in the accumulator: each addition rounds by up to 2⁻²⁴ of the picture and of what is
-added. The books keep a running estimate (roots of summed squares) relative to the picture. Above `TIDY_ABOVE` an idle
-renderer rebuilds the sum from zero, above `REBUILD_ABOVE` the next step is a rebuild whatever the hand does; both stay
-below the 1e-5 that a picture may be off. A step that would add as many terms as the whole sum has is made a
-rebuild too: the same price, and no drift. No GL here, so all of it is tested as arithmetic.
+added. A running estimate (roots of summed squares) relative to the picture follows it. Above `TIDY_ABOVE` an idle
+renderer rebuilds the sum from zero, above `REBUILD_ABOVE` the next step is a rebuild even during a drag; both are below
+the 1e-5 that a picture's error may be. A step that would add as many terms as the whole sum has is made a rebuild too:
+it costs the same, and has no drift. No GL here, so all of it is tested as arithmetic.
 
 Shapes: J coefficients, K terms of one step, 3 colour channels.
 """
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 TIDY_ABOVE = 1e-6
 REBUILD_ABOVE = 3e-6
 _ROUNDING = 2.0**-24
-_LAST_DIGIT = 2.0**-23  # of a float32: what one addition cannot get nearer to what is wanted
+_LAST_DIGIT = 2.0**-23  # of a float32: one addition cannot get nearer to the wanted value
 _NEGLIGIBLE = 1e-9
 
 Float64Array = NDArray[np.float64]
@@ -32,7 +32,7 @@ Float64Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class RefineStep:
-    """What to do next: add `deltas` (K,3) of the terms `indices` (K,), or sum all terms of `indices` from zero."""
+    """The next step: add `deltas` (K,3) of the terms `indices` (K,), or sum all terms of `indices` from zero."""
 
     kind: Literal["nothing", "increment", "rebuild", "tidy"]
     indices: NDArray[np.intp]
@@ -50,7 +50,7 @@ class CoefficientState:
         self._drift_squared = 0.0
 
     def start_from(self, shown: NDArray[np.floating] | None) -> None:
-        """Increments go on from a picture computed elsewhere; no rebuild, which would bring the old one back.
+        """Continue increments from a picture computed elsewhere; no rebuild, which would bring the old one back.
 
         shown: the (J,3) coefficients of that picture; None when unknown, then nothing can be added.
         """
@@ -69,7 +69,7 @@ class CoefficientState:
         return self._rebuild("rebuild") if self.may_rebuild and self._rebuild_is_due(step, limit) else step
 
     def pending(self) -> NDArray[np.intp]:
-        """Indices of the terms that differ noticeably from what is wanted, the largest effect first."""
+        """Indices of the terms that differ noticeably from the wanted ones, the largest effect first."""
         shown = self._shown_or_zero()
         missing = self.wanted - shown
         effect = self._effects(np.where(np.abs(missing) > _LAST_DIGIT * np.abs(self.wanted), missing, 0.0))
@@ -78,7 +78,7 @@ class CoefficientState:
         return order[effect[order] > threshold]
 
     def remaining_effect(self) -> float:
-        """sqrt(Σ_k |Δc_k|²‖T_k‖²), the length of what is missing in the picture were the T_k orthogonal."""
+        """sqrt(Σ_k |Δc_k|²‖T_k‖²), the length of what is missing in the picture if the T_k were orthogonal."""
         return _length(self._effects(self.wanted - self._shown_or_zero()))
 
     def drift(self) -> float:
@@ -86,13 +86,13 @@ class CoefficientState:
         return _relative(self._drift_squared**0.5, _length(self._effects(self._shown_or_zero())))
 
     def record_increment(self, indices: NDArray[np.intp], added: Float64Array) -> None:
-        """The terms were added with exactly the amounts `added` (K,3)."""
+        """Note that the terms were added with exactly the amounts `added` (K,3)."""
         self._drift_squared = self._drift_squared_after(indices, added)
         assert self.shown is not None
         self.shown[indices] += added
 
     def record_rebuild(self, coefficients: Float64Array) -> None:
-        """The accumulator is the sum from zero of exactly these (J,3)."""
+        """Note that the accumulator is the sum from zero of exactly these (J,3)."""
         self.shown = np.array(coefficients, dtype=np.float64)
         self._drift_squared = 0.0
 

@@ -1,8 +1,8 @@
 """From the layers' accumulators to one linear picture.
 
-`Compositor` keeps the textures of one camera's view. ``shade`` sums an object's layers into its rows of `shaded`,
+`Compositor` has the textures of one camera's view. ``shade`` sums an object's layers into its rows of `shaded`,
 ``composite`` puts shaded surfaces and the backdrop together; both only for what changed. Pixels are shaded in sample
-layout, once for each pixel that needs it, so that a picture that is mostly background or still costs little.
+layout, once for each pixel that needs it, so that a picture that is mostly background or static costs little.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ class FootprintTextures:
 
 @dataclass(eq=False)
 class MapTexture:
-    """A layer's images at the pixels of its object, RGB and weight, in the layout of `shaded`; and what they are of."""
+    """A layer's images at the pixels of its object, RGB and weight, in the layout of `shaded`; and their source."""
 
     texture: moderngl.Texture
     samples: NDArray[np.float16]
 
 
 class ShadedLayer(Protocol):
-    """What the compositor must know of a layer to draw it."""
+    """What the compositor needs of a layer to draw it."""
 
     @property
     def accumulator(self) -> Accumulator: ...
@@ -80,9 +80,10 @@ class Compositor:
         self._environment: moderngl.Texture | None = None
 
     def allocating(self) -> Generator[None, None, None]:
-        """Make its textures, in steps none of which keeps the window for as long as a frame; before anything else.
+        """Make its textures, in steps each shorter than a frame; to be called before anything else.
 
-        What there is by then is freed where one fails, or is the last that is asked for."""
+        Textures made so far are freed where one fails, or where no further step is requested.
+        """
         try:
             yield from self._allocate()
         except BaseException:
@@ -125,11 +126,11 @@ class Compositor:
         return int(first), int(last - first)
 
     def object_box(self, i_object: int) -> Box:
-        """The box of the picture that holds an object's pixels."""
+        """The box of the picture that contains an object's pixels."""
         return self._object_boxes[i_object]
 
     def object_size(self, i_object: int) -> int:
-        """Points that the eye sees on the object."""
+        """The number of points that the camera sees on the object."""
         start, stop = self.frame.object_ranges[i_object]
         return int(stop - start)
 
@@ -146,9 +147,9 @@ class Compositor:
         return texels
 
     def _addresses_of_pixels(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Of each pixel (H,W) the address of its point's radiance, −1 where it has none, and −2 − i where what it shows
-        is mixed of several points, or of one that shines as well: their addresses and shares (as bits) stand from the
-        i-th texel on in the second array (rows,1024,2), the last share of a pixel negative."""
+        """For each pixel (H,W) the address of its point's radiance, −1 where it has none, and −2 − i where it is mixed
+        of several points, or of one that emits as well: their addresses and shares (as bits) begin at the i-th texel of
+        the second array (rows,1024,2), the last share of a pixel negative."""
         frame = self.frame
         addresses = np.empty(frame.n_points, dtype=np.int32)
         for i_object, (start, stop) in enumerate(frame.object_ranges):
@@ -202,7 +203,7 @@ class Compositor:
         self._memory.release(footprint.weights)
 
     def set_environment(self, radiance: NDArray[np.floating] | None) -> None:
-        """The lat-long map (H,W,3) seen behind everything; None is black."""
+        """Set the lat-long map (H,W,3) seen behind everything; None is black."""
         if radiance is None:
             radiance = np.zeros((1, 1, 3), dtype=np.float32)
         if radiance.ndim != 3 or radiance.shape[2] != 3 or not np.isfinite(radiance).all():
@@ -215,7 +216,7 @@ class Compositor:
         self._environment = made
 
     def set_emission(self, i_object: int, radiance: Sequence[float]) -> bool:
-        """Let an emitter's front, where it is seen, have this radiance; whether that changes the backdrop."""
+        """Set the radiance of an emitter's front, where it is visible; returns whether that changes the backdrop."""
         lamps, wanted = self._lamps, np.asarray(radiance, dtype=np.float32)
         mine = lamps.object == i_object
         if not mine.any() or (lamps.radiance[mine] == wanted).all():

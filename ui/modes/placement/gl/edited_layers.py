@@ -1,4 +1,4 @@
-"""The layers that follow an edited curve: their transport on the GPU, what of it is still arriving, what is wanted.
+"""The layers that follow an edited curve: their transport on the GPU, pending uploads, and wanted coefficients.
 
 Mostly that is one layer, the selected one. Layers that share the curve follow it as well, each with its own transport
 and at its own samples, all in the same frame: those that a transport was begun `beside`.
@@ -24,7 +24,7 @@ from ui.modes.placement.gl.transport import TransportUpload
 
 @dataclass(eq=False)
 class _PendingUpload:
-    """A transport on its way to the GPU, with the footprint its samples belong to and the layers that stay beside."""
+    """A transport that is being uploaded, with the footprint of its samples and the layers that stay beside it."""
 
     key: str
     curve: str
@@ -36,7 +36,7 @@ class _PendingUpload:
 
 @dataclass(eq=False)
 class _ActiveTransport:
-    """A transport at work, over the bands of a curve."""
+    """A transport in use, over the bands of a curve."""
 
     curve: str
     refiner: Refiner
@@ -45,7 +45,7 @@ class _ActiveTransport:
 
 @dataclass(frozen=True)
 class EditUpdate:
-    """What an update did: terms added, the most that still differ in a layer, whether nothing is left to do."""
+    """The result of an update: terms added, the most that still differ in a layer, whether nothing is left to do."""
 
     applied: int = 0
     remaining: int = 0
@@ -63,22 +63,22 @@ class EditedLayers:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The layers whose transport is at work."""
+        """The layers whose transport is in use."""
         return tuple(self._active)
 
     @property
     def precision(self) -> Precision | None:
-        """Of the transports at work; None where none is."""
+        """The precision of the transports in use; None where none is."""
         return next((active.refiner.transport.precision for active in self._active.values()), None)
 
     @property
     def upload_fraction(self) -> float | None:
-        """How much of the transport under way is there; None when there is none."""
+        """The uploaded fraction of the transport under way; None when there is none."""
         return self._arriving[0].upload.fraction if self._arriving else None
 
     @property
     def footprints(self) -> tuple[FootprintTextures | None, ...]:
-        """What transports at work and under way need."""
+        """The footprints of transports in use and under way."""
         at_work = (active.footprint for active in self._active.values())
         return (*at_work, *(arriving.footprint for arriving in self._arriving))
 
@@ -93,7 +93,7 @@ class EditedLayers:
         curve: str,
         stage: str = "",
     ) -> None:
-        """Start to upload a transport over a curve. Others under way, but for layers `beside` it, are given up."""
+        """Start to upload a transport over a curve. Other uploads, except for layers `beside` it, are dropped."""
         self.cancel(keep=[other for other in beside if other != key])
         upload = TransportUpload(self._memory, transport, norms, scale)
         arriving = _PendingUpload(key, curve, stage, upload, layers.footprint, beside)
@@ -105,7 +105,7 @@ class EditedLayers:
             raise
 
     def upload(self, time_budget_s: float) -> bool:
-        """Go on with what is under way for about this long; True when nothing is any more."""
+        """Continue pending uploads for about this long; True when none is left."""
         if not self._arriving:
             return True
         arriving = self._arriving[0]
@@ -120,16 +120,16 @@ class EditedLayers:
         return not self._arriving
 
     def cancel(self, keep: Collection[str] = ()) -> None:
-        """Give up what is under way, but for some layers; what is at work stays."""
+        """Drop pending uploads, except for some layers; transports in use stay."""
         for arriving in [each for each in self._arriving if each.key not in keep]:
             self._give_up(arriving)
 
     def curve(self, key: str) -> str | None:
-        """The curve of a layer's transport at work."""
+        """The curve of a layer's transport in use."""
         return self._active[key].curve if key in self._active else None
 
     def want(self, key: str, coefficients: NDArray[np.floating], curve: str) -> None:
-        """The curve that a layer should show; kept for its transport where that is not there."""
+        """Set the curve that a layer should show; stored for its transport where that is not there."""
         values = np.array(coefficients, dtype=np.float64)
         if values.ndim != 2 or values.shape[1] != 3 or not np.isfinite(values).all():
             raise GraphicsError(f"layer {key}: coefficients of shape {values.shape}, expected (J, 3), all finite")
@@ -141,9 +141,9 @@ class EditedLayers:
     def start_from(
         self, key: str, coefficients: NDArray[np.floating] | None, same_samples: bool, stage: str = ""
     ) -> None:
-        """A layer's picture was replaced by one of a stage made with these coefficients, None where they are unknown.
+        """Note that a layer's picture was replaced by one of a stage made with these coefficients, None where unknown.
 
-        A transport of another stage that is on its way would bring back the picture before.
+        A pending transport of another stage would bring back the picture before.
         """
         for arriving in [each for each in self._arriving if each.key == key and each.stage != stage]:
             self._give_up(arriving)
@@ -154,7 +154,7 @@ class EditedLayers:
                 self._stop(key)
 
     def update(self, layers: LayerStack, max_coefficients: int | None, budget_s: float | None) -> EditUpdate:
-        """Move each layer towards what is wanted: at most so many terms each, all of them within `budget_s`."""
+        """Move each layer towards its wanted curve: at most so many terms each, all of them within `budget_s`."""
         works = list(self._at_work())
         share = None if budget_s is None or not works else budget_s / len(works)
         applied = 0
@@ -180,7 +180,7 @@ class EditedLayers:
         return float(total**0.5)
 
     def drop(self, key: str) -> None:
-        """A layer's transport is void, at work or under way."""
+        """Drop a layer's transport, in use or pending."""
         self._stop(key)
         self.cancel(keep=[each.key for each in self._arriving if each.key != key])
 
@@ -192,7 +192,7 @@ class EditedLayers:
         self._wanted.clear()
 
     def _at_work(self) -> Iterator[tuple[str, _ActiveTransport]]:
-        """Those for which something is wanted."""
+        """Those with a wanted curve."""
         return ((key, active) for key, active in self._active.items() if key in self._wanted)
 
     def _activate(self, arrived: _PendingUpload) -> None:

@@ -1,7 +1,7 @@
 """The layers of a picture: their accumulators, gains, view curves and footprints, and which objects need shading.
 
-A layer keeps the footprint that its picture came with until its next picture, so that the stages of a coarse-to-fine
-picture may arrive layer by layer and what is on screen is always of one piece within a layer.
+A layer keeps the footprint of its picture until its next picture, so that the stages of a coarse-to-fine picture may
+arrive layer by layer and the picture on screen is always consistent within a layer.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ui.modes.placement.gl.composite import VIEW_CURVE_SIZE, Compositor, Footpri
 
 @dataclass(eq=False)
 class Indirect:
-    """What a layer reflects of light that was reflected before, at samples of its own."""
+    """The indirect light that a layer reflects, at its own samples."""
 
     accumulator: Accumulator
     footprint: FootprintTextures
@@ -47,7 +47,7 @@ class DrawnLayer:
 
 @dataclass(frozen=True, eq=False)
 class ComparedAppearance:
-    """Another look of a layer: f_q, f_o (256,3), visibility, and a radiance (p,3) at every pixel of its object.
+    """Another appearance of a layer: f_q, f_o (256,3), visibility, and a radiance (p,3) at every pixel of its object.
 
     `radiance` None: as in its accumulator. maps: samples of its images (p,4) or None, with their two numbers.
     """
@@ -83,13 +83,13 @@ class LayerStack:
         return tuple(self._layers)
 
     def of_object(self, i_object: int) -> list[DrawnLayer]:
-        """The object's layers as they are shaded one by one, each with its indirect light as another."""
+        """The object's layers as they are shaded one by one; the indirect light of each is another."""
         found = [layer for layer in self._layers.values() if layer.i_object == i_object]
         parts = [(layer, layer.indirect) for layer in found if layer.indirect is not None]
         return found + [replace(layer, accumulator=p.accumulator, footprint=p.footprint) for layer, p in parts]
 
     def put(self, key: str, i_object: int, n_samples: int) -> None:
-        """Add a layer, black; an old one of that key loses its picture and keeps all else."""
+        """Add a layer, black; an old one of that key loses only its picture."""
         n_objects = self._compositor.frame.n_objects
         if not 0 <= i_object < n_objects:
             raise GraphicsError(f"layer {key}: object {i_object}, expected 0 to {n_objects - 1}")
@@ -105,7 +105,7 @@ class LayerStack:
         self.dirty.add(i_object)
 
     def remove(self, key: str) -> None:
-        """Take a layer away."""
+        """Remove a layer."""
         layer = self[key]
         _release(layer)
         self._memory.release(layer.view_curve)
@@ -129,7 +129,7 @@ class LayerStack:
         self.dirty.add(layer.i_object)
 
     def set_indirect(self, key: str, radiance: NDArray[np.floating] | None) -> None:
-        """A layer's indirect radiance (p,3) at the samples of the indirect footprint; None takes it away."""
+        """Set a layer's indirect radiance (p,3) at the samples of the indirect footprint; None removes it."""
         layer = self[key]
         if radiance is None:
             if layer.indirect is not None:
@@ -152,7 +152,7 @@ class LayerStack:
         self.dirty.add(layer.i_object)
 
     def exchange(self, key: str, accumulator: Accumulator, footprint: FootprintTextures | None) -> None:
-        """Show another accumulator; the old one belongs to the caller."""
+        """Show another accumulator; the caller gets the old one."""
         layer = self[key]
         layer.accumulator, layer.footprint = accumulator, footprint
         self.dirty.add(layer.i_object)
@@ -184,7 +184,7 @@ class LayerStack:
         self.dirty.add(layer.i_object)
 
     def set_maps(self, key: str, samples: NDArray[np.float16] | None) -> None:
-        """A layer's images (p,4) at every pixel of its object, texture RGB and weight; None: it has none."""
+        """Set a layer's images (p,4) at every pixel of its object, texture RGB and weight; None: it has none."""
         layer = self[key]
         made = None if samples is None else self._compositor.make_maps(layer.i_object, samples)
         self._compositor.release_maps(layer.maps)
@@ -192,7 +192,7 @@ class LayerStack:
         self.dirty.add(layer.i_object)
 
     def set_map_numbers(self, key: str, strength: float, inverts: bool) -> None:
-        """How strong a layer's texture is, and whether one minus the weight counts."""
+        """Set the strength of a layer's texture, and whether one minus the weight counts."""
         layer = self[key]
         if layer.map_numbers != (strength, inverts):
             layer.map_numbers = strength, inverts
@@ -201,7 +201,8 @@ class LayerStack:
 
     @contextmanager
     def with_appearances(self, looks: Mapping[str, ComparedAppearance]) -> Iterator[None]:
-        """The layers with other looks for a while; their own come back unharmed, and their objects are to be shaded."""
+        """Show the layers with other appearances for a while; then their own return unchanged, and their objects are to
+        be shaded."""
         own = {key: self._layers[key] for key in looks if key in self._layers}
         try:
             for key, layer in own.items():
@@ -238,18 +239,18 @@ class LayerStack:
             worn.accumulator.write(look.radiance)
 
     def set_footprint(self, rows: NDArray[np.integer] | None, weights: NDArray[np.floating] | None) -> None:
-        """The footprint of the pictures to come; None is one sample a pixel."""
+        """Set the footprint of the pictures to come; None is one sample per pixel."""
         if rows is None or weights is None:
             self.footprint = None
             return
         self.footprint = self._made(rows, weights)
 
     def set_indirect_footprint(self, rows: NDArray[np.integer], weights: NDArray[np.floating]) -> None:
-        """The footprint of the indirect light to come."""
+        """Set the footprint of the indirect light to come."""
         self.indirect_footprint = self._made(rows, weights)
 
     def _made(self, rows: NDArray[np.integer], weights: NDArray[np.floating]) -> FootprintTextures:
-        """A footprint's textures; those there are where it was set before and is still in use."""
+        """A footprint's textures; the present ones where it was set before and is still in use."""
         for made_of, footprint in self._footprints:
             if made_of is rows:
                 return footprint
@@ -267,7 +268,7 @@ class LayerStack:
             self._footprints = [each for each in self._footprints if each is not made]
 
     def check_sample_count(self, key: str, i_object: int, n_samples: int) -> None:
-        """Raises GraphicsError unless the current footprint finds all its samples among so many."""
+        """Raise GraphicsError unless the current footprint finds all its samples among so many."""
         n_pixels = self._compositor.object_size(i_object)
         if self.footprint is None and n_samples != n_pixels:
             raise GraphicsError(f"layer {key}: {n_samples} samples without a footprint, expected {n_pixels}")
@@ -301,7 +302,7 @@ def _release(layer: DrawnLayer) -> None:
 
 
 def _finite_mean(radiance: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Mean of |radiance| (3,) over the samples, 0 for what is no number."""
+    """Mean of |radiance| (3,) over the samples, with 0 for NaN and infinity."""
     if not len(radiance):
         return np.zeros(3)
     finite = np.where(np.isfinite(radiance), np.abs(radiance), 0.0)

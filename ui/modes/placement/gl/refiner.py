@@ -1,7 +1,7 @@
-"""Bringing one layer's picture from the coefficients it shows to those that are wanted, a step a frame.
+"""Moves one layer's picture from the coefficients it shows to the wanted ones, a step a frame.
 
-Owns the transport of the selected layer, its books and a spare accumulator. A rebuild sums from zero into the spare
-and swaps when it is complete, so that a half-built picture is never shown.
+Owns the transport of the selected layer, its coefficient state and a spare accumulator. A rebuild sums from zero into
+the spare and swaps when it is complete, so that an incomplete picture is never shown.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from ui.modes.placement.gl.coefficients import CoefficientState, Float64Array, R
 from ui.modes.placement.gl.transport import TransportTexture
 
 _LARGEST_MULTIPLIER = 1e36
-# Terms of the step by which the cost of one is measured, where there is a budget to keep.
+# Terms of the step by which the cost of one is measured, where there is a budget.
 _TERMS_TO_MEASURE = 8
 LEAST_REBUILT = 32
 
 
 @dataclass
 class _Rebuild:
-    """A sum from zero under way: the first `n_done` of `indices` (K,) are in the spare."""
+    """A sum from zero under way: the first `n_done` of `indices` (K,) are in the spare accumulator."""
 
     indices: NDArray[np.intp]
     exact: Float64Array
@@ -37,7 +37,7 @@ class _Rebuild:
 
 @dataclass(frozen=True)
 class StepDone:
-    """What one call did: terms added, whether what is shown changed, whether the accumulator was exchanged."""
+    """The result of one step: terms added, whether the picture changed, whether the accumulator was swapped."""
 
     applied: int
     shown_changed: bool
@@ -45,7 +45,7 @@ class StepDone:
 
 
 class Refiner:
-    """The transport of one layer at work on its accumulator; `seconds_per_term` is measured once."""
+    """The transport of one layer, added to its accumulator; `seconds_per_term` is measured once."""
 
     def __init__(
         self, memory: TextureMemory, terms: TermSum, transport: TransportTexture, norms: NDArray[np.floating]
@@ -57,7 +57,7 @@ class Refiner:
         self._memory, self._terms = memory, terms
         self._spare: Accumulator | None = Accumulator(memory, transport.n_samples)
         self._rebuild: _Rebuild | None = None
-        # A sum of nothing compiles the shaders now, so that the first real step measures what a term costs.
+        # A sum of no terms compiles the shaders now, so that the first real step measures what a term costs.
         self._terms.add(transport, np.zeros(0, dtype=np.intp), np.zeros((0, 3), dtype=np.float32), self._spare)
 
     def fits(self, coefficients: NDArray[np.floating]) -> bool:
@@ -74,7 +74,7 @@ class Refiner:
         self.state.wanted = wanted.copy()
 
     def start_from(self, shown: NDArray[np.floating] | None) -> None:
-        """The accumulator was replaced by a picture with these coefficients (None: unknown)."""
+        """Note that the accumulator was replaced by a picture with these coefficients (None: unknown)."""
         self._rebuild = None
         if shown is not None and not self.fits(shown):
             shown = None
@@ -105,14 +105,14 @@ class Refiner:
         return min(limits, default=None)
 
     def mean_radiance(self) -> Float64Array:
-        """|mean| (3,) over the samples of what is shown; 0 while that is unknown."""
+        """mean| (3,) over the samples of the shown picture; 0 while unknown."""
         if self.state.shown is None:
             return np.zeros(3)
         return np.abs(np.sum(self.state.shown * self.transport.means, axis=0))
 
     @property
     def is_exact(self) -> bool:
-        """Nothing is left to add or to tidy."""
+        """Whether nothing is left to add or to rebuild."""
         return self._rebuild is None and self.state.next_step().kind == "nothing" and self.state.shown is not None
 
     def _increment(self, accumulator: Accumulator, step: RefineStep) -> StepDone:
@@ -142,14 +142,14 @@ class Refiner:
         return StepDone(n_added, shown_changed=True, swapped=True), spare
 
     def _spare_for(self, n_samples: int) -> Accumulator:
-        """The spare, made anew when it came from a layer of another size."""
+        """The spare accumulator, made anew when it came from a layer of another size."""
         if self._spare is None or self._spare.n_samples != n_samples:
             self.release_spare()
             self._spare = Accumulator(self._memory, n_samples)
         return self._spare
 
     def _rounded(self, indices: NDArray[np.intp], amounts: Float64Array) -> tuple[Float64Array, NDArray[np.float32]]:
-        """(what is really added, the float32 multipliers of the stored numbers) for amounts (K,3)."""
+        """(the amounts really added, the float32 multipliers of the stored numbers) for amounts (K,3)."""
         scale = self.transport.scale[indices]
         with np.errstate(under="ignore"):
             multipliers = (amounts * scale).astype(np.float32)
@@ -158,7 +158,7 @@ class Refiner:
     def _timed(
         self, indices: NDArray[np.intp], multipliers: NDArray[np.float32], target: Accumulator, replace: bool
     ) -> None:
-        """Add; the first time wait for the GPU on both sides and note what a term costs."""
+        """Add; the first time wait for the GPU on both sides and measure what a term costs."""
         measure = self.seconds_per_term is None and len(indices) > 0
         if measure:
             self._memory.context.finish()

@@ -1,20 +1,20 @@
-"""The renderer of Placement mode: what the window calls each frame.
+"""The renderer of Placement: what the window calls each frame.
 
 A picture is the sum of layers, each with an accumulator B at its samples. The selected layer, and those that share its
-curve, also have their transport on the GPU, and the curve is followed by increments (`edited_layers`); the others stand
-as the worker computed them.
+curve, also have their transport on the GPU, and follow the curve by increments (`edited_layers`); the others stay as
+the worker computed them.
 
-In a frame the window calls ``upload`` (a slice of a transport under way), ``wanted`` (the curve of now), ``update`` (as
+In a frame the window calls ``upload`` (a slice of a pending transport), ``want`` (the present curve), ``update`` (as
 many terms as the time allows) and ``composite`` (the display texture). No call waits for the GPU, except the read-backs
 and one measurement of a term's cost after each new transport. Every failure is a GraphicsError and leaves the old
 picture.
 
 On a software rasterizer (llvmpipe, two cores, 512×512, a layer of 60,000 samples) a curve change is a finished frame
-after 15 ms of CPU with 30 terms and 35 ms with all 128, spread over both cores; of these 1.6 ms shade the object,
-3.5 ms composite and 3.2 ms tone map.
+after 15 ms of CPU with 30 terms and 35 ms with all 128, spread over both cores; of these 1.6 ms shade the object, 3.5
+ms composite and 3.2 ms tone map.
 
-Order of the worker's answers: a layer's radiance before its transport. A radiance that arrives while a transport is
-active makes that transport stale: increments go on from the new picture, but nothing is rebuilt from the old one.
+Order of the worker's responses: a layer's radiance before its transport. A radiance that arrives while a transport is
+active makes that transport stale: increments continue from the new picture, but nothing is rebuilt from the old one.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ from ui.modes.placement.gl.layers import ComparedAppearance, LayerStack
 
 @dataclass(frozen=True)
 class UpdateReport:
-    """What an update did.
+    """The result of an update.
 
-    applied: terms added; remaining: terms that still differ; image_error: what those amount to, relative to the mean
-    radiance; exact: nothing is left to add or to tidy.
+    applied: terms added; remaining: terms that still differ; image_error: their amount, relative to the mean radiance;
+    exact: nothing is left to add or to rebuild.
     """
 
     applied: int = 0
@@ -54,7 +54,7 @@ class UpdateReport:
 
 @dataclass(eq=False)
 class _Coming:
-    """What a frame is drawn with, made step by step; made: once it is there."""
+    """A frame's resources, made step by step; made: once they are there."""
 
     frame: PictureFrame
     steps: Generator[None, None, tuple[Compositor, Display]]
@@ -77,7 +77,7 @@ class _Picture:
 
 
 class PlacementRenderer:
-    """All GL state of Placement mode in one context. `memory_limit` in bytes refuses textures beyond it."""
+    """All GL state of Placement in one context. `memory_limit` in bytes refuses textures beyond it."""
 
     def __init__(self, context: moderngl.Context, memory_limit: int | None = None) -> None:
         self.context = context
@@ -101,7 +101,8 @@ class PlacementRenderer:
         self._picture = _Picture(compositor, display, layers, linear_box=compositor.picture_box)
 
     def prepare_frame(self, frame: PictureFrame) -> bool:
-        """A step of making what `set_frame` needs for this one, while the picture stays; whether there are more."""
+        """Do a step of what `set_frame` needs for this frame, while the picture stays; returns whether there are
+        more."""
         if self._coming is None or self._coming.frame is not frame:
             self._drop_coming()
             self._coming = _Coming(frame, self._making(frame))
@@ -143,23 +144,23 @@ class PlacementRenderer:
     def set_environment(
         self, radiance: NDArray[np.floating] | None, rotation_degrees: float = 0.0, intensity: float = 1.0
     ) -> None:
-        """The lat-long map (H,W,3) behind the surfaces; None is black. It lights nothing here."""
+        """Set the lat-long map (H,W,3) behind the surfaces; None is black. It lights nothing here."""
         self._shown().compositor.set_environment(radiance)
         self.turn_environment(rotation_degrees, intensity)
 
     def set_emission(self, i_object: int, radiance: Sequence[float]) -> None:
-        """What is seen of an emitter, linear radiance; free where it is what it was."""
+        """Set the visible radiance of an emitter, linear; free where nothing changes."""
         picture = self._shown()
         picture.backdrop_is_stale = picture.compositor.set_emission(i_object, radiance) or picture.backdrop_is_stale
 
     def turn_environment(self, rotation_degrees: float, intensity: float = 1.0) -> None:
-        """Rotation and intensity of the map that is there."""
+        """Set the rotation and intensity of the present map."""
         picture = self._shown()
         picture.rotation_degrees, picture.intensity = float(rotation_degrees), float(intensity)
         picture.backdrop_is_stale = True
 
     def set_footprint(self, rows: NDArray[np.integer] | None, weights: NDArray[np.floating] | None = None) -> None:
-        """Which samples stand for each pixel in the pictures set from now on; None: one sample a pixel.
+        """Set which samples stand for each pixel in the pictures set from now on; None: one sample per pixel.
 
         rows (P,4) index the samples of the pixel's own object, from 0; weights (P,4) sum to 1.
         """
@@ -175,7 +176,7 @@ class PlacementRenderer:
         self._release_unused_footprints()
 
     def remove_layer(self, key: str) -> None:
-        """Take away a layer that is not edited."""
+        """Remove a layer that is not edited."""
         self._shown().layers.remove(key)
 
     def set_layer_radiance(
@@ -188,8 +189,8 @@ class PlacementRenderer:
         """Replace a layer's picture by radiance (p,3) at the samples of the current footprint.
 
         coefficients (J,3), Daub4 domain: those of the active transport's curve that the radiance was contracted with.
-        None when unknown: an active transport then waits for its successor. stage: that of the radiance; a transport
-        of another one that is still arriving is given up.
+        None when unknown: an active transport then waits for its successor. stage: that of the radiance; a pending
+        transport of another one is dropped.
         """
         layers = self._shown().layers
         before = layers[key]
@@ -199,12 +200,12 @@ class PlacementRenderer:
         self._release_unused_footprints()
 
     def set_indirect_footprint(self, rows: NDArray[np.integer], weights: NDArray[np.floating]) -> None:
-        """Which samples of indirect light stand for each pixel, as in `set_footprint`, in what is set from now on."""
+        """Set which samples of indirect light stand for each pixel, as in `set_footprint`, from now on."""
         self._shown().layers.set_indirect_footprint(rows, weights)
         self._release_unused_footprints()
 
     def set_layer_indirect(self, key: str, radiance: NDArray[np.floating] | None) -> None:
-        """A layer's radiance (p,3) from light that was reflected before, without f_q and f_o; None: there is none."""
+        """Set a layer's indirect radiance (p,3), without f_q and f_o; None: there is none."""
         self._shown().layers.set_indirect(key, radiance)
         self._release_unused_footprints()
 
@@ -213,22 +214,22 @@ class PlacementRenderer:
         return () if self._picture is None else self._picture.layers.keys
 
     def set_layer_gain(self, key: str, gain: Sequence[float]) -> None:
-        """f_q, one factor a channel."""
+        """Set f_q, one factor per channel."""
         self._shown().layers.set_gain(key, gain)
 
     def set_layer_visible(self, key: str, visible: bool) -> None:
         self._shown().layers.set_visible(key, visible)
 
     def set_layer_maps(self, key: str, samples: NDArray[np.float16] | None) -> None:
-        """A layer's images (p,4) at every pixel of its object, texture RGB and weight; None: it has none."""
+        """Set a layer's images (p,4) at every pixel of its object, texture RGB and weight; None: it has none."""
         self._shown().layers.set_maps(key, samples)
 
     def set_map_numbers(self, key: str, strength: float, inverts: bool) -> None:
-        """How strong a layer's texture is, from 0 to 1, and whether one minus the weight counts."""
+        """Set the strength of a layer's texture, from 0 to 1, and whether one minus the weight counts."""
         self._shown().layers.set_map_numbers(key, strength, inverts)
 
     def set_view_curve(self, key: str, curve: NDArray[np.floating] | None) -> None:
-        """f_o (256,3) at angles θ_o from 0 to π/2 inclusive, linear between; None is 1 everywhere."""
+        """Set f_o (256,3) at angles θ_o from 0 to π/2 inclusive, linear between; None is 1 everywhere."""
         self._shown().layers.set_view_curve(key, curve)
 
     # ---------------------------------------------------------------------------------------------------- the transport
@@ -245,15 +246,15 @@ class PlacementRenderer:
     ) -> None:
         """Start to upload a layer's transport (J,p,3) over a curve, true values transport·scale, in the Daub4 domain.
 
-        Its numbers are float16 or float32, and so they stay on the GPU. norms (J,3) are the lengths ‖T_k‖ of the true
-        values over the p samples; scale (J,) or (J,3), None is 1. The active transport and the picture stay until
-        ``upload`` is done; then all transports are dropped but those of layers `beside` it, which follow the same
-        curve. Another one under way is given up unless it is one of these.
+        Its numbers are float16 or float32, and stay so on the GPU. norms (J,3) are the lengths ‖T_k‖ of the true values
+        over the p samples; scale (J,) or (J,3), None is 1. The active transport and the picture stay until ``upload``
+        is done; then all transports are dropped except those of layers `beside` it, which follow the same curve.
+        Another pending one is dropped unless it is one of these.
         """
         self._edited.begin(self._shown().layers, key, transport, norms, scale, beside, curve, stage)
 
     def upload(self, time_budget_s: float) -> bool:
-        """Go on with the upload for about this long; True when none is under way any more."""
+        """Continue the upload for about this long; True when none is pending."""
         if self._edited.upload_fraction is None:
             return True
         is_over = self._edited.upload(time_budget_s)
@@ -262,7 +263,7 @@ class PlacementRenderer:
 
     @property
     def upload_fraction(self) -> float | None:
-        """How much of the transport under way is there; None when there is none."""
+        """The uploaded fraction of the pending transport; None when there is none."""
         return self._edited.upload_fraction
 
     @property
@@ -275,7 +276,8 @@ class PlacementRenderer:
         return self._edited.curve(key)
 
     def want(self, key: str, coefficients: NDArray[np.floating], curve: str = "") -> None:
-        """The curve (J,3), Daub4 domain, that the layer should show; kept for its transport where that is not there.
+        """Set the curve (J,3), Daub4 domain, that the layer should show; stored for its transport where that is not
+        there.
 
         Raises GraphicsError on numbers that are not finite; a number of bands that the active transport does not have
         waits for the next one.
@@ -283,9 +285,9 @@ class PlacementRenderer:
         self._edited.want(key, coefficients, curve)
 
     def update(self, max_coefficients: int | None = None, budget_s: float | None = None) -> UpdateReport:
-        """Move the picture towards what is wanted: at most so many terms, and as many as fit into `budget_s`.
+        """Move the picture towards the wanted curves: at most so many terms, and as many as fit into `budget_s`.
 
-        With neither, all. A rebuild that is due may take 32 terms, whatever is allowed.
+        With neither, all. A rebuild that is due may take 32 terms, whatever the limits.
         """
         if not self._edited.keys:
             return UpdateReport()
@@ -295,7 +297,7 @@ class PlacementRenderer:
 
     @property
     def mean_radiance(self) -> float:
-        """Of the direct light, over the pixels that see a surface and the channels."""
+        """Mean radiance of the direct light, over the pixels that see a surface and the channels."""
         return self._shown().layers.mean_radiance()
 
     def image_error(self) -> float:
@@ -329,7 +331,8 @@ class PlacementRenderer:
         return picture.display.texture
 
     def snapshot_compare(self, looks: Mapping[str, ComparedAppearance] | None = None) -> None:
-        """Keep the linear picture as it would be with these layers looking so (of now: none) as A of the comparison."""
+        """Store the linear picture, with these appearances of its layers (None: the present ones), as A of the
+        comparison."""
         self._draw_linear()
         picture = self._shown()
         with picture.layers.with_appearances(looks or {}):
@@ -361,14 +364,14 @@ class PlacementRenderer:
         return self._shown().display.read()
 
     def finished_image(self, view: DisplayView) -> NDArray[np.float32]:
-        """The picture (H,W,3) in the screen's values, exposed and tone mapped as the view says, with nothing drawn over
+        """The picture (H,W,3) in the screen's values, exposed and tone mapped as in the view, with nothing drawn over
         it; waits for the GPU."""
         self._draw_linear()
         picture = self._shown()
         return picture.display.finished(picture.compositor.linear, view.exposure, view.tone_mapping)
 
     def layer_radiance(self, key: str) -> NDArray[np.float32]:
-        """The radiance (p,3) of one layer as it stands in its accumulator; waits for the GPU."""
+        """The radiance (p,3) of one layer in its accumulator; waits for the GPU."""
         return self._shown().layers[key].accumulator.read()
 
     def object_at(self, x: int, y: int) -> int:
@@ -389,7 +392,7 @@ class PlacementRenderer:
         self._passes.release()
 
     def _draw_linear(self) -> None:
-        """Bring the linear picture up to date."""
+        """Update the linear picture."""
         picture = self._shown()
         compositor, layers = picture.compositor, picture.layers
         if picture.backdrop_is_stale:

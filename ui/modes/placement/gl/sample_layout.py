@@ -1,10 +1,10 @@
-"""Where the samples of a layer lie in its textures.
+"""The layout of a layer's samples in its textures.
 
 The transport's 16-bit numbers are stored as they come, eight to a texel of four 32-bit words; red, green and blue of
 eight samples fill three texels exactly. A fragment of the increment pass therefore works on a *group* of eight
-consecutive samples and has eight results, one a render target (a *lane*). An accumulator keeps the lanes side by side:
+consecutive samples and has eight results, one per render target (a *lane*). An accumulator has the lanes side by side:
 sample i of group q = i // 8 and lane j = i % 8 has column j·128 + q % 128 of row q // 128, so that a row is 1,024
-samples in a row of the transport as well. ``shaders/common/sample_layout.glsl`` holds the same numbers.
+samples in a row of the transport as well. ``shaders/common/sample_layout.glsl`` has the same numbers.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def sample_addresses(samples: NDArray[np.integer]) -> NDArray[np.int32]:
 
 
 def pack_samples(values: NDArray[np.generic], n_components: int) -> NDArray[np.generic]:
-    """Values (p,n) per sample as texels (rows, 1024, n_components); what is padded is 0."""
+    """Values (p,n) per sample as texels (rows, 1024, n_components), padded with 0."""
     n_samples, n_given = values.shape
     rows = row_count(n_samples)
     padded = np.zeros((rows * SAMPLES_PER_ROW, n_components), dtype=values.dtype)

@@ -1,9 +1,9 @@
-"""Shaders compiled before a picture needs them: small pictures, drawn in all the ways that one can be.
+"""Compiles shaders before a picture needs them, by drawing small pictures with all of their variants.
 
 A driver compiles a shader when it is first drawn with, and anew for each format of what it reads and writes. llvmpipe
-needs 50 to 100 ms for each on the first start of a machine (later ones find most of them in Mesa's cache), and
-compiles once more where the sides of a texture are powers of two. A dozen in the first picture's frame would block the
-window; here each has a step of its own.
+needs 50 to 100 ms for each on the first start of a machine (later ones find most of them in Mesa's cache), and compiles
+once more where the sides of a texture are powers of two. A dozen in the first picture's frame would block the window;
+here each has its own step.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ _N_BANDS = 2
 
 
 def warm_up(renderer: PlacementRenderer) -> Iterator[None]:
-    """Draw, a step at a time, what pictures are made of; the renderer is empty again after the last step.
+    """Draw all that pictures are made of, one part per step; the renderer is empty again after the last step.
 
-    Left unfinished, it is made good by the next `set_frame`.
+    If it is not finished, the next `set_frame` removes the rest.
     """
     for width, height in _SIZES:
         yield from _picture(renderer, width, height)
@@ -56,7 +56,7 @@ def _picture(renderer: PlacementRenderer, width: int, height: int) -> Iterator[N
 
 
 def _layers(renderer: PlacementRenderer) -> Iterator[None]:
-    """A layer alone and one above it, both with a curve at work and with a view curve."""
+    """Draw a layer alone and one above it, both with a curve in use and with a view curve."""
     for key in (_BASE, _UPPER):
         renderer.set_layer(key, 0, _N_SAMPLES)
         renderer.set_layer_radiance(key, np.ones((_N_SAMPLES, 3), np.float32))
@@ -70,7 +70,7 @@ def _layers(renderer: PlacementRenderer) -> Iterator[None]:
 
 
 def _transport(renderer: PlacementRenderer) -> Iterator[None]:
-    """Increments of a curve: uploaded, begun from another one, drawn."""
+    """Upload a curve's transport, start from another curve, draw increments."""
     half = np.ones((_N_BANDS, _N_SAMPLES, 3), np.float16)
     renderer.begin_transport(_BASE, half, np.ones((_N_BANDS, 3)))
     while not renderer.upload(0.0):
@@ -82,7 +82,7 @@ def _transport(renderer: PlacementRenderer) -> Iterator[None]:
 
 
 def _frame(width: int, height: int) -> PictureFrame:
-    """A picture of one object, half of a pixel of which shows nothing."""
+    """A picture of one object, half of whose pixels show nothing."""
     seen = np.arange(width * height).reshape(height, width) < _N_SAMPLES
     return PictureFrame(
         pixel=np.arange(_N_SAMPLES, dtype=np.int32),

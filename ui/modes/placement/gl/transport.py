@@ -1,8 +1,8 @@
 """A layer's transport in GPU memory, and its upload in slices.
 
-One coefficient is one layer of an array texture; its (p,3) numbers lie there as they come from the worker (see
-``sample_layout``), so an upload copies and never rearranges nor converts: halves stay halves. They are numbers h with
-T = scale·h, one scale for each coefficient (see ``engine.precompute.direct.planes``): a scale for each pixel would zero
+One coefficient is one layer of an array texture; its (p,3) numbers are stored as they come from the worker (see
+``sample_layout``), so an upload copies and never rearranges nor converts: halves stay halves. They are numbers h with T
+= scale·h, one scale for each coefficient (see ``engine.precompute.direct.planes``): a scale for each pixel would zero
 the weak bands, none would overflow. The shader decodes every half exactly.
 
 Reading one coefficient at a time leaves the choice of terms free; the packing is what makes it fast on a CPU. One layer
@@ -21,9 +21,9 @@ one core of it reads memory at 20 GB/s, which would be 0.5 ms for 30 halves and 
      3.8 ms    14.8 ms     6   the same in a buffer texture (moderngl has none)
      8.1 ms    31.6 ms    12   4 samples a fragment, three RGBA32F texels, four targets (float precision)
 
-A texel fetch costs about the same whatever its width, so wide texels win. Packing consecutive coefficients is as fast
-for whole curves, but few chosen terms fall into many groups, and the numbers must be rearranged on upload.
-Blending into the accumulator and a second one read and written in turn differ by less than the noise (0.3 ms of 7).
+A texel fetch costs about the same whatever its width, so wide texels are best. Packing consecutive coefficients is as
+fast for whole curves, but a few chosen terms are in many groups, and the numbers must be rearranged on upload. Blending
+into the accumulator and a second one read and written in turn differ by less than the noise (0.3 ms of 7).
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class TransportTexture:
 
 
 class TransportUpload:
-    """Brings a (J,p,3) array into a TransportTexture, coefficient by coefficient, within time slices."""
+    """Uploads a (J,p,3) array into a TransportTexture, coefficient by coefficient, within time slices."""
 
     def __init__(
         self,
@@ -147,6 +147,6 @@ def _mean(numbers: NDArray[np.floating]) -> NDArray[np.float32]:
 
 
 def _all_finite(numbers: NDArray[np.floating]) -> bool:
-    if numbers.dtype == np.float16:  # np.isfinite of halves is an order slower than a look at the exponents
+    if numbers.dtype == np.float16:  # np.isfinite of halves is ten times slower than a test of the exponents
         return numbers.size == 0 or int((numbers.view(np.uint16) & 0x7FFF).max()) < 0x7C00
     return bool(np.isfinite(numbers).all())
