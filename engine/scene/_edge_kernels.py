@@ -1,15 +1,15 @@
-"""Compiled: which pixels are at edges, and which rays through them share a point."""
+"""Compiled: finds pixels at edges, and groups the rays through them that share a point."""
 
 import numba as nb
 import numpy as np
 
-# Points farther off each other's plane than the sine of 15° are not on one surface; above 1: any two are.
+# Points further off each other's plane than the sine of 15° are not on one surface; above 1: any two points are.
 SAME_PLANE, ANY_PLANE = np.float32(0.259), np.float32(2.0)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _alike(a, b, normal_a, normal_b, least, plane):
-    """Whether two points may be one: normals alike, and neither off the other's plane."""
+    """Whether two points may be merged: similar normals, and neither is off the other's plane."""
     cosine, length2, off_a, off_b = np.float32(0.0), np.float32(0.0), np.float32(0.0), np.float32(0.0)
     for k in range(3):
         step = b[k] - a[k]
@@ -58,7 +58,8 @@ def group(ids, position, normal, places, least, plane, leader, share):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _lead_from_the_middle(leader, places):
-    """Let the ray nearest to the middle of those that share a point have it, but for the centre's."""
+    """Within each group that shares a point, make the ray nearest to the group's mean the leader; the centre's group
+    keeps the centre."""
     n = leader.shape[0]
     for g in range(1, n):
         if leader[g] != g:
@@ -76,7 +77,7 @@ def _lead_from_the_middle(leader, places):
         if best != g:
             for k in range(g, n):
                 if leader[k] == g:
-                    leader[k] = n + best  # not looked at again
+                    leader[k] = n + best  # not visited again
     for k in range(n):
         if leader[k] >= n:
             leader[k] -= n

@@ -1,10 +1,10 @@
-"""Texture coordinates for meshes that have none: images projected from the six sides of the mesh's box.
+"""Texture coordinates for meshes that have none: images are projected from the six sides of the mesh's bounding box.
 
-Each triangle takes the side that it faces most, in the mesh's own frame, so that an image goes with an object that is
-turned or stretched. u grows to the right and v upwards as one looks at a side; up is +Y, on the top −Z, on the bottom
-+Z, as if both were folded away from the front. An image covers the longest edge of the box once, and no side stretches
-it. Rejected: blending the sides where a surface turns from one to the next, which a path that looks the image up at a
-point could follow, but means over a surface and a mesh that another program reads could not.
+Each triangle takes the side that it faces most, in the mesh's own frame, so that an image follows an object that is
+rotated or stretched. On each side u grows to the right and v upwards; up is +Y, on the top −Z, on the bottom +Z, as if
+both were unfolded from the front. An image covers the longest edge of the box once, and no side stretches it. Rejected:
+blending between sides where a surface turns from one to the next; a path that looks the image up at a point could
+follow that, but means over a surface and a mesh that another program reads could not.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from engine.scene.mesh import Mesh
 
-# Of the sides +X, +Y, +Z, −X, −Y, −Z: which coordinate is u and which v, and whether each grows against it.
+# For the sides +X, +Y, +Z, −X, −Y, −Z: which coordinates are u and v, and whether each is reversed.
 _U, _V = np.array([2, 0, 0, 2, 0, 0]), np.array([1, 2, 1, 1, 2, 1])
 _U_TURNED = np.array([True, False, False, False, False, True])
 _V_TURNED = np.array([False, True, False, False, False, False])
@@ -23,9 +23,9 @@ Float64Array = npt.NDArray[np.float64]
 
 
 def box_frame(mesh: Mesh, transform: Float64Array, origin: Float64Array) -> Float64Array:
-    """From the scene's frame to that of a mesh's box, (3, 4): its lowest corner at 0, its longest edge 1.
+    """Transform (3, 4) from the scene's frame to that of a mesh's box: its lowest corner at 0, its longest edge 1.
 
-    transform (4, 4) places the mesh in the world; the scene's frame is the world less `origin`.
+    transform (4, 4) places the mesh in the world; the scene's frame is the world minus `origin`.
     """
     used = mesh.vertices[np.unique(mesh.triangles)]
     low, edge = used.min(axis=0), float(np.ptp(used, axis=0).max()) or 1.0

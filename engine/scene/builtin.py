@@ -1,6 +1,6 @@
-"""The scenes, environments and materials that come with the program: names and where their files stand.
+"""The built-in scenes, environments and materials: their names and files.
 
-They lie in `assets/` beside the `engine` package, in a checkout and in an installed copy alike.
+The files are in `assets/` beside the `engine` package, in a checkout and in an installed copy alike.
 """
 
 from pathlib import Path

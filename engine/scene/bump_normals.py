@@ -1,15 +1,15 @@
-"""The normals that a scene's normal and bump maps turn, wherever points of its surfaces are made.
+"""Perturbs shading normals by a scene's normal and bump maps.
 
-Of heights the gradient over the surface is taken from the triangle's own plane, so that an image may be stretched; a
-normal map lies in the frame that bakers take [Mikkelsen08]: the direction in which u grows, averaged over the triangles
-that share a corner and its texture coordinates, and a bitangent on the side to which v grows, mirrored images included;
-where a file brings tangents, it is theirs. Where texture coordinates say nothing (all three the same) a surface is
-flat.
+The gradient of heights over the surface is computed in the triangle's own plane, so that an image may be stretched. A
+normal map refers to the frame that bakers use [Mikkelsen08]: the direction in which u grows, averaged over the
+triangles that share a corner and its texture coordinates, and a bitangent on the side on which v grows, also for
+mirrored images; a file's own tangents take precedence. Where texture coordinates are degenerate (all three equal) a
+surface is flat.
 
-What the eye cannot see, no material answers for. So a normal is turned no further than until the mirror direction of
-the eye grazes the surface (as Cycles's *ensure valid reflection* has it): neither a normal that faces away from the eye
-nor a highlight that would come from inside is left, and no black rims. Light counts that is above both the turned
-normal's horizon and the surface's own.
+A material is not defined for directions below the surface. So a normal is perturbed only until the camera's mirror
+direction grazes the surface (as in Cycles' *ensure valid reflection*): no normal faces away from the camera, no
+highlight comes from inside, and there are no black rims. Light counts if it is above both the perturbed normal's
+horizon and the surface's own.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ if TYPE_CHECKING:
 
 Float64Array = NDArray[np.float64]
 Footprints = tuple[Float64Array, Float64Array, Float64Array]
-# Of the mirror direction to the surface, where `wo` is as high.
+# Least cosine of the mirror direction to the surface, unless `wo` itself is lower.
 MIN_REFLECTED_COSINE = 0.01
 _TINY = 1e-30
 
 
 @dataclass(frozen=True, eq=False)
 class _ObjectBumps:
-    """One object's bumps: their slopes, its triangles, and for a normal map tangents at corners (t, 3, 3) and on
-    which side the bitangents are (t,)."""
+    """One object's bumps: their slopes, its triangles, and for a normal map the tangents at corners (t, 3, 3) and the
+    sides of the bitangents (t,)."""
 
     bumps: Bumps
     slopes: Pyramid
@@ -52,14 +52,14 @@ class _ObjectBumps:
 
     @cached_property
     def gradients(self) -> Float64Array:
-        """Of u and v over each of its triangles (t, 2, 3)."""
+        """Gradients of u and v over each of its triangles (t, 2, 3)."""
         return gradients(self.scene, np.arange(self.first, self.first + self.n_triangles))
 
 
 class BumpNormals:
     """A scene's bumps. Safe to use from several threads.
 
-    flaws: what is wrong with the images of objects, by name; these objects are flat.
+    flaws: errors in the images of objects, by name; these objects are flat.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -73,7 +73,7 @@ class BumpNormals:
                     None if described.is_lamp or described.bumps.is_flat else scene.textures.slopes(described.bumps)
                 )
             except LoadError as error:
-                # A new one: where it was raised, which it remembers, the scene was at hand.
+                # A new error: a raised one refers to its traceback, which refers to the scene.
                 self.flaws[described.name] = LoadError(error.file, error.what, error.value, error.expected)
                 continue
             if slopes is not None and slopes.levels[0].any():
@@ -84,18 +84,18 @@ class BumpNormals:
                 self._covers[i] = _ObjectBumps(described.bumps, slopes, begin, end - begin, tangents, hands, scene)
 
     def check_images(self) -> None:
-        """Raises the LoadError of the first image that cannot be used."""
+        """Raise the LoadError of the first image that cannot be used."""
         for error in self.flaws.values():
             raise error
 
     @property
     def objects(self) -> tuple[int, ...]:
-        """Those that are not flat."""
+        """Indices of the objects with bumps."""
         return tuple(self._covers)
 
     def offset_axes(self, i_object: int) -> Float64Array:
-        """What leans run along, at corners of the triangles of one of `objects`, (t, 3, 6): the gradients of u and of
-        v, or of a normal map the tangent, 1 or, mirrored, −1, and zeros."""
+        """Axes of the offsets, at corners of the triangles of one of `objects`, (t, 3, 6): the gradients of u and of v,
+        or of a normal map the tangent, 1 or, mirrored, −1, and zeros."""
         cover = self._covers[i_object]
         if not cover.bumps.normal_map:
             return np.repeat(cover.gradients.reshape(-1, 1, 6), 3, axis=1)
@@ -107,10 +107,10 @@ class BumpNormals:
         self, triangle: NDArray[np.integer], u: NDArray, v: NDArray, normals: Float64Array, wo: NDArray[np.floating],
         footprints: Footprints | None = None,
     ) -> Float64Array:  # fmt: skip
-        """Normals (P, 3) at points of triangles (P,), unit and on the side of wo (P, 3), turned by the bumps.
+        """Normals (P, 3) at points of triangles (P,), unit, on the side of wo (P, 3), perturbed by the bumps.
 
-        footprints: coordinates of all points on their images and how these change over a pixel; None to look images up
-        between texels.
+        footprints: texture coordinates of all points and their change over a pixel; None to interpolate images between
+        texels.
         """
         out, objects = normals, self._scene.object_of_triangle[triangle]
         for i in self._covers:
@@ -128,7 +128,7 @@ class BumpNormals:
         wo: NDArray[np.floating], footprints: Footprints | None, most_probes: int = MOST_PROBES,
         is_quick: bool = False,
     ) -> Float64Array:  # fmt: skip
-        """What is added to unit normals (p, 3) of one of `objects`, within the surface, before they are unit again."""
+        """Offsets of unit normals (p, 3) of one of `objects`, tangential, to be added before normalization."""
         cover = self._covers[i_object]
         scene, repeats = self._scene, np.array(cover.bumps.bump_repeats)
         if footprints is None:
@@ -148,10 +148,12 @@ class BumpNormals:
 
 
 def offset_normals(normals: Float64Array, lean: Float64Array, wo: NDArray[np.floating]) -> Float64Array:
-    """normalize(n + lean) for unit normals (p, 3) and leans (p, 3) across them, as far as wo (p, 3) allows it.
+    """normalize(n + lean) for unit normals (p, 3) and offsets lean (p, 3) perpendicular to them, as far as wo (p, 3)
+    allows.
 
-    At an angle a from n, in the plane of n and the lean, in which wo = r (sin φ, cos φ), the mirror direction of wo is
-    r cos(2 a − φ) above the surface: a is at most (φ + acos(least / r)) / 2. Where nothing leans n comes back as it is.
+    At an angle a from n, in the plane of n and the offset, in which wo = r (sin φ, cos φ), the mirror direction of wo
+    is r cos(2 a − φ) above the surface: a is at most (φ + acos(least / r)) / 2. Without an offset n is returned
+    unchanged.
     """
     slope = np.linalg.norm(lean, axis=1)
     across = lean / np.maximum(slope, _TINY)[:, None]
@@ -165,20 +167,20 @@ def offset_normals(normals: Float64Array, lean: Float64Array, wo: NDArray[np.flo
 
 
 def gradients(scene: Scene, triangle: NDArray[np.integer]) -> Float64Array:
-    """The gradients of u and v over triangles (p,), (p, 2, 3) in 1/m."""
+    """Gradients of u and v over triangles (p,), (p, 2, 3) in 1/m."""
     corners = scene.vertices[scene.triangles[triangle]].astype(np.float64)
     uvs = corner_uvs(scene, triangle)
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = np.cross(first, second)
     squared = np.maximum(np.einsum("pk,pk->p", normal, normal), _TINY)[:, None]
-    # Of the shares of the second and the third corner.
+    # Gradients of the barycentric coordinates of the second and the third corner.
     of_shares = np.stack([np.cross(second, normal), np.cross(normal, first)], axis=1) / squared[:, None]
     return np.einsum("pca,pck->pak", uvs[:, 1:] - uvs[:, :1], of_shares)
 
 
 def corner_tangents(scene: Scene, i_object: int) -> tuple[Float64Array, Float64Array]:
-    """The direction in which u grows at the corners of an object's triangles, (t, 3, 3), zero where nothing says, and
-    whether v grows to the left of it, seen from outside, (t,): 1 or, mirrored, −1. As the file says, where it does."""
+    """The direction in which u grows at the corners of an object's triangles, (t, 3, 3), zero where undefined, and the
+    handedness (t,): 1 if v grows to its left, seen from outside, or, mirrored, −1. From the file if it has tangents."""
     tangents, hands = _derived_tangents(scene, i_object)
     if scene.tangents is not None:
         own = scene.tangents[slice(*scene.triangle_ranges[i_object])].astype(np.float64)
@@ -188,7 +190,7 @@ def corner_tangents(scene: Scene, i_object: int) -> tuple[Float64Array, Float64A
 
 
 def _derived_tangents(scene: Scene, i_object: int) -> tuple[Float64Array, Float64Array]:
-    """The same by the texture coordinates [Mikkelsen08]."""
+    """Derive the tangents from the texture coordinates [Mikkelsen08]."""
     begin, end = scene.triangle_ranges[i_object]
     triangle = np.arange(begin, end)
     uvs, corners = corner_uvs(scene, triangle), scene.vertices[scene.triangles[begin:end]].astype(np.float64)
@@ -212,7 +214,7 @@ def _derived_tangents(scene: Scene, i_object: int) -> tuple[Float64Array, Float6
 
 
 def _corner_angles(corners: Float64Array) -> Float64Array:
-    """The angles (t, 3) of triangles (t, 3, 3)."""
+    """Angles (t, 3) of triangles (t, 3, 3)."""
     after, before = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     cosine = np.einsum("tki,tki->tk", after, before)
     return np.arctan2(np.linalg.norm(np.cross(after, before), axis=2), cosine)

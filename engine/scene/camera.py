@@ -1,6 +1,6 @@
-"""The pinhole camera: rays through pixel centres, or anywhere else in a pixel.
+"""The pinhole camera: rays through pixel centres, or any other place in a pixel.
 
-right = forward × up, true up = right × forward; the picture's height spans `fov_y`, its width follows the
+right = forward × up, true up = right × forward; the picture's height spans `fov_y`, its width follows from the
 resolution's aspect. Pixel (0, 0) is the upper left.
 """
 
@@ -22,7 +22,7 @@ def camera_frame(camera: Camera) -> npt.NDArray[np.float64]:
 
 
 def unit(vector: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """A vector (3,) made 1 long, however short it is: the square of 1e-170 would be zero."""
+    """Normalize a vector (3,), however short it is: the square of 1e-170 would be zero."""
     vector = vector / np.abs(vector).max()
     return np.asarray(vector / np.linalg.norm(vector))
 
@@ -32,7 +32,7 @@ def pixel_directions(
 ) -> npt.NDArray[np.float32]:
     """Unit directions (..., 3) through the picture's points (columns, rows), in pixels from the upper left corner.
 
-    A pixel's centre stands at its index plus ½. resolution is (width, height).
+    A pixel's centre is at its index plus ½. resolution is (width, height).
     """
     width, height = resolution
     half = math.tan(math.radians(camera.fov_y) / 2)
@@ -47,8 +47,8 @@ def pixel_directions(
 def project(
     camera: Camera, resolution: tuple[int, int], directions: npt.NDArray[np.floating]
 ) -> npt.NDArray[np.float64]:
-    """Where the picture shows what lies in some directions (..., 3) from the eye, of any length and before the camera:
-    (..., 2) columns and rows, pixels from the upper left corner; the inverse of `pixel_directions`."""
+    """Project directions (..., 3) from the camera, of any length and in front of it, to columns and rows (..., 2),
+    pixels from the upper left corner; the inverse of `pixel_directions`."""
     width, height = resolution
     half = math.tan(math.radians(camera.fov_y) / 2)
     x, y, depth = np.moveaxis(np.asarray(directions, np.float64) @ camera_frame(camera).T, -1, 0)

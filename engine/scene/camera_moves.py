@@ -1,8 +1,8 @@
-"""How a camera moves about a scene: orbit, pan, dolly, focal length, level horizon, framing of a box, standard views.
+"""Camera moves: orbit, pan, dolly, focal length, level horizon, framing of a box, standard views.
 
-Each takes a camera and returns another; where a coordinate would leave its range, the same. A camera turns about the
-world's Y where its horizon is level, else about its own `up`, and never through the poles: rejected was a trackball,
-which tilts the horizon with every second drag. Lengths are those of film of 36 x 24 mm, whose height is the picture's.
+Each takes a camera and returns another; the same one if a coordinate would leave its range. A camera with a level
+horizon orbits about the world's Y, any other about its own `up`, and never across the poles. A trackball was rejected:
+it tilts the horizon with every second drag. Lengths are those of film of 36 x 24 mm, whose height is the picture's.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from engine.scene.description import MAX_COORDINATE, Camera
 FILM_HEIGHT = 24.0  # millimetres
 LEAST_FOV, LARGEST_FOV = 0.01, 179.0
 MOST_ELEVATION = math.radians(89.99)
-# A camera whose right is no farther off the horizontal (a sine) is level; one whose up is farther from Y has an axis of
-# its own.
+# A camera is level if its right vector is at most this far off the horizontal (a sine); if its up is further from Y
+# than the second value, it orbits about its own axis.
 LEVEL, NEAR_Y = 1e-6, 0.5
-# Nearer to its target a camera would not know where it looks: metres, and a share of the largest coordinate.
+# Least distance to the target at which the view direction is defined: metres, and a share of the largest coordinate.
 LEAST_DISTANCE, LEAST_SHARE = 1e-7, 1e-8
-# Of the picture, what a framed box covers at most.
+# Share of the picture that a framed box covers at most.
 FRAMED_SHARE = 0.9
 Side = Literal["front", "back", "right", "left", "top", "bottom"]
 Float64Array = npt.NDArray[np.float64]
@@ -37,38 +37,39 @@ SIDES: dict[Side, tuple[tuple[float, float, float], float]] = {
 
 
 def focal_length(fov_y: float) -> float:
-    """Millimetres on film 24 mm high, of a field of view in degrees."""
+    """Focal length in millimetres on film 24 mm high, for a field of view in degrees."""
     return 0.5 * FILM_HEIGHT / math.tan(math.radians(fov_y) / 2.0)
 
 
 def field_of_view(focal: float) -> float:
-    """Degrees, of a focal length in millimetres; the inverse of `focal_length` within what a camera may have."""
+    """Field of view in degrees for a focal length in millimetres; the inverse of `focal_length` within a camera's
+    range."""
     return min(max(math.degrees(2.0 * math.atan2(0.5 * FILM_HEIGHT, focal)), LEAST_FOV), LARGEST_FOV)
 
 
 def with_focal_length(camera: Camera, focal: float) -> Camera:
-    """From the same place through a lens of so many millimetres."""
+    """From the same position with this focal length in millimetres."""
     return camera.model_copy(update={"fov_y": field_of_view(focal)})
 
 
 def distance(camera: Camera) -> float:
-    """To its target, metres."""
+    """Distance to its target, metres."""
     return math.dist(camera.position, camera.target)
 
 
 def is_level(camera: Camera) -> bool:
-    """Whether its horizon is."""
+    """Whether its horizon is level."""
     right, up, _ = camera_frame(camera)
     return abs(right[1]) <= LEVEL and up[1] >= -LEVEL
 
 
 def level_horizon(camera: Camera) -> Camera:
-    """With its horizon level, from the same place."""
+    """Level the horizon from the same position."""
     return _turned_to(camera, *_level_and_elevation(camera, Y), Y)
 
 
 def orbit_camera(camera: Camera, right: float, up: float) -> Camera:
-    """About its target to its right and up, radians; up to the pole at most."""
+    """Orbit about its target to its right and up, radians; as far as the pole."""
     axis = _axis(camera)
     level, elevation = _level_and_elevation(camera, axis)
     turned = math.cos(right) * level + math.sin(right) * np.cross(axis, level)
@@ -76,7 +77,7 @@ def orbit_camera(camera: Camera, right: float, up: float) -> Camera:
 
 
 def pan_camera(camera: Camera, right: float, up: float, depth: float | None = None) -> Camera:
-    """To its right and up, in heights of the picture at so many metres before it (None: at its target)."""
+    """Pan to its right and up, in heights of the picture at a depth in metres (None: of its target)."""
     depth = distance(camera) if depth is None else depth
     height = 2.0 * depth * math.tan(math.radians(camera.fov_y) / 2.0)
     across, upwards, _ = camera_frame(camera)
@@ -85,7 +86,7 @@ def pan_camera(camera: Camera, right: float, up: float, depth: float | None = No
 
 
 def dolly_camera(camera: Camera, factor: float, about: npt.ArrayLike | None = None) -> Camera:
-    """So many times as far from a point (3,), which stays where it is in the picture (None: from its target)."""
+    """Multiply the distance from a point (3,), which keeps its place in the picture (None: from its target)."""
     position, target = np.array(camera.position), np.array(camera.target)
     pivot = target if about is None else np.asarray(about, np.float64)
     factor = max(factor, _least_distance(target) / max(distance(camera), 1e-300))
@@ -93,54 +94,54 @@ def dolly_camera(camera: Camera, factor: float, about: npt.ArrayLike | None = No
 
 
 def frame_box(camera: Camera, box: npt.ArrayLike, aspect: float) -> Camera:
-    """In the same direction, so near that a box (2, 3), its least and its largest corner, is seen whole in a picture
-    `aspect` times as wide as high."""
+    """Keep the direction, and move to the nearest place from which a box (2, 3), given by minimum and maximum, is
+    entirely visible in a picture of this aspect, width over height."""
     low, high = np.asarray(box, np.float64)
     centre = 0.5 * (low + high)
     corners = np.array(np.meshgrid(*np.stack([low, high], axis=1))).reshape(3, -1).T - centre
     right, up, depth = np.abs(camera_frame(camera) @ corners.T)
     half = FRAMED_SHARE * math.tan(math.radians(camera.fov_y) / 2.0)
-    # A corner nearer to the eye by its depth has to fit, too; the eye stays outside of the box.
+    # A corner nearer to the camera must fit as well; the camera stays outside of the box.
     needed = max(float(np.max(np.maximum(right / aspect, up) / half + depth)), 1.1 * float(np.max(depth)))
     return _placed(camera, centre - needed * camera_frame(camera)[2], centre, camera.up)
 
 
 def view_from_side(camera: Camera, side: Side) -> Camera:
-    """From one side of the scene at its target: the front is on +Z, the right on +X, the top on +Y."""
+    """View the scene from one side of its target: the front is on +Z, the right on +X, the top on +Y."""
     level, elevation = SIDES[side]
     return _turned_to(camera, np.array(level), elevation, Y)
 
 
 def point_at(camera: Camera, resolution: tuple[int, int], column: float, row: float, depth: float) -> Float64Array:
-    """What stands at a place of the picture, pixels, so many metres before the camera."""
+    """The point at a position in the picture, in pixels, at a depth in metres."""
     ray = pixel_directions(camera, resolution, column, row).astype(np.float64)
     return np.asarray(np.array(camera.position) + depth / float(ray @ camera_frame(camera)[2]) * ray)
 
 
 def depth_of(camera: Camera, point: npt.ArrayLike) -> float:
-    """How far before the camera a point (3,) is, metres; negative behind it."""
+    """Depth of a point (3,) in front of the camera, metres; negative behind it."""
     return float(np.subtract(point, camera.position) @ camera_frame(camera)[2])
 
 
 def _axis(camera: Camera) -> Float64Array:
-    """What it turns about."""
+    """The axis about which the camera orbits."""
     up = unit(np.array(camera.up))
     return Y if is_level(camera) and up[1] >= NEAR_Y else up
 
 
 def _level_and_elevation(camera: Camera, axis: Float64Array) -> tuple[Float64Array, float]:
-    """Where the camera stands seen from its target: the direction along the ground of an axis, and the angle above."""
+    """Where the camera is relative to its target: the horizontal direction about an axis, and the elevation."""
     outwards = -camera_frame(camera)[2]
     height = float(np.clip(outwards @ axis, -1.0, 1.0))
     level = outwards - height * axis
-    if np.linalg.norm(level) < 1e-5:  # at a pole: what is up in the picture says
+    if np.linalg.norm(level) < 1e-5:  # at a pole: the picture's up direction decides
         upwards = camera_frame(camera)[1]
         level = -math.copysign(1.0, height) * (upwards - (upwards @ axis) * axis)
     return unit(level), math.asin(height)
 
 
 def _turned_to(camera: Camera, level: Float64Array, elevation: float, axis: Float64Array) -> Camera:
-    """At the same distance from its target in that direction."""
+    """Place the camera at the same distance from its target in that direction."""
     elevation = min(max(elevation, -MOST_ELEVATION), MOST_ELEVATION)
     outwards = math.cos(elevation) * level + math.sin(elevation) * axis
     target = np.array(camera.target)
@@ -149,7 +150,7 @@ def _turned_to(camera: Camera, level: Float64Array, elevation: float, axis: Floa
 
 
 def _placed(camera: Camera, position: Float64Array, target: Float64Array, up: tuple[float, ...]) -> Camera:
-    """There, no nearer to its target than can be told apart; the same camera where that is out of range."""
+    """Place the camera, no nearer to its target than can be resolved; the same camera if that is out of range."""
     offset, least = position - target, _least_distance(target)
     if not np.linalg.norm(offset) >= least:
         position = target - least * camera_frame(camera)[2]

@@ -1,9 +1,9 @@
-"""What a scene file says, as frozen values: `scene.toml` and nothing that has to be loaded for it.
+"""The contents of a scene file as frozen values: `scene.toml`, without the files that it names.
 
-The file is TOML of version 1: `[camera]`, an optional `[environment]` and a list of `[[object]]` with their layers.
-Reading goes through the standard library's parser and pydantic models that accept no unknown key, no wrong type and no
-number that is not finite; the first thing wrong becomes one `LoadError` with the place in the file. Whether a layer's
-model and its parameters make sense is for `engine.material` to say: here they are names and finite numbers.
+The file is TOML of version 1: `[camera]`, an optional `[environment]` and a list of `[[object]]` with their layers. It
+is read by the standard library's parser and pydantic models that accept no unknown key, no wrong type and no number
+that is not finite; the first error becomes one `LoadError` with the place in the file. `engine.material` decides
+whether a layer's model and parameters are valid: here they are names and finite numbers.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
 
 
 def _grey_to_rgb(value: object) -> object:
-    """A single number stands for the same value in all three channels."""
+    """Expand a single number to all three channels."""
     return [value] * 3 if _is_finite(value) else value
 
 
 def _name(value: object) -> str:
-    """Names stand in paths such as `teapot.1.alpha` and in messages."""
+    """Check a name, which appears in paths such as `teapot.1.alpha` and in messages."""
     good = isinstance(value, str) and 0 < len(value) <= 64 and value.isprintable() and value == value.strip()
     if not isinstance(value, str) or not good or set(value) & set(".\"'[]="):
         raise ValueError("a name of 1 to 64 characters without . = [ ] and quotes")
@@ -55,7 +55,7 @@ def _name(value: object) -> str:
 
 
 def _parameter(value: object) -> ParameterValue:
-    """A layer's parameter as TOML gives it, lists as tuples."""
+    """A layer's parameter from TOML, lists as tuples."""
     if isinstance(value, (bool, str)):
         return value
     if isinstance(value, (list, tuple)) and all(_is_finite(item) for item in value):
@@ -90,12 +90,12 @@ def _bumps(value: object) -> Bumps:
 
 
 def _is_finite(value: object) -> bool:
-    """Whether it is a number that a float can hold."""
+    """Whether it is a number that a float can represent."""
     return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= 1e300
 
 
 def _number(value: object) -> object:
-    """TOML integers are as good as floats; booleans and strings are not numbers."""
+    """Accept TOML integers as floats; booleans and strings are not numbers."""
     if not _is_finite(value):
         raise ValueError("a finite number")
     return value
@@ -114,7 +114,7 @@ Text = Annotated[str, Field(min_length=1, max_length=4096, strict=True)]
 ParameterValue = bool | float | str | tuple[float, ...]
 Maps = Annotated[LayerMaps, PlainValidator(_maps), PlainSerializer(map_values, return_type=dict)]
 BumpMap = Annotated[Bumps, PlainValidator(_bumps), PlainSerializer(bump_values, return_type=dict)]
-Parameter = Annotated[Any, PlainValidator(_parameter)]  # a ParameterValue; "Any" serializes as what it is
+Parameter = Annotated[Any, PlainValidator(_parameter)]  # a ParameterValue; "Any" serializes unchanged
 
 
 class _Description(BaseModel):
@@ -124,7 +124,7 @@ class _Description(BaseModel):
 
 
 class Camera(_Description):
-    """A pinhole: right-handed, metres, `fov_y` in degrees."""
+    """A pinhole camera: right-handed, metres, `fov_y` in degrees."""
 
     position: Vector
     target: Vector
@@ -145,7 +145,7 @@ class Camera(_Description):
 
 
 class CameraDescription(Camera):
-    """The camera that a scene is first seen from, and the picture's `resolution` = (width, height) in pixels."""
+    """The initial camera of a scene, and the picture's `resolution` = (width, height) in pixels."""
 
     resolution: tuple[Pixels, Pixels] = (512, 512)
 
@@ -167,8 +167,8 @@ class EnvironmentDescription(_Description):
 
 
 class LayerDescription(_Description):
-    """One layer of a material: its model, an optional name, the model's parameters as the file gives them, the name of
-    a layer that it shares its curves with, and its texture and weight map."""
+    """One layer of a material: its model, an optional name, the model's parameters as in the file, the name of a layer
+    that it shares its curves with, and its texture and weight map."""
 
     model: Text
     name: Name | None = None
@@ -188,7 +188,7 @@ class LayerDescription(_Description):
 
 
 class ObjectDescription(_Description):
-    """A thing in the scene: geometry, where it stands, what it is made of, what it emits from its front."""
+    """An object in the scene: geometry, transform, material, and the radiance that it emits from its front."""
 
     name: Name
     mesh: Text | None = None
@@ -223,7 +223,7 @@ class ObjectDescription(_Description):
 
     @property
     def is_of_files(self) -> bool:
-        """Whether there are images on it, which want texture coordinates."""
+        """Whether it has images, which need texture coordinates."""
         own = self.deform.is_mapped or bool(self.deform.files)
         return own or bool(self.bumps.file) or any(layer.maps.is_of_files for layer in self.layers)
 
@@ -239,8 +239,8 @@ class ObjectDescription(_Description):
 
 
 class SceneDescription(_Description):
-    """A whole scene file. bounces: reflections between light and eye that its picture is meant to have, None for as
-    many as it requires."""
+    """A whole scene file. bounces: number of reflections between light and camera, None for as many as the picture
+    requires."""
 
     version: Annotated[int, Field(strict=True)]
     name: Text = "scene"

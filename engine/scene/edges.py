@@ -1,11 +1,11 @@
-"""Where one shading point a pixel is not enough, and which ones such a pixel has.
+"""Antialiasing: finds pixels that need several shading points, and chooses these points.
 
-A pixel needs more than its centre where one of its eight neighbours sees another object, where normals turn by more
-than an angle from one to the next, or where a surface breaks off between them: at silhouettes and creases, and on rims
-and knobs whose highlights are narrower than a pixel. So many rays go through it. Of what they meet, all that is alike
-(one object, one plane, normals within that angle) shares one point, which stands for its share of the pixel: of half
-the pixels along an edge one point more is all, however many rays said where the edge is, and inside of objects nothing
-is added. The centre keeps its point, so that a picture with edges has all the points of one without them.
+A pixel needs more than its centre if one of its eight neighbours shows another object, if the angle between
+neighbouring normals exceeds a limit, or if a surface breaks off between them: at silhouettes and creases, and on rims
+and knobs whose highlights are narrower than a pixel. Such pixels get n rays. Hits that are alike (one object, one
+plane, normals within that angle) share one point, which represents their share of the pixel: half of the pixels along
+an edge need just one more point, however many rays located the edge, and inside objects nothing is added. The centre
+keeps its point, so that a picture with edges has all the points of one without.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 Float32Array = npt.NDArray[np.float32]
 Int32Array = npt.NDArray[np.int32]
 
-# Radians by which normals of one point may differ, divided by the rays.
+# Angle in radians by which normals of one point may differ, times the number of rays.
 _TURN = 1.2
-# Of the points at pixels' centres, turning normals may ask for so many more, and surfaces that break off; few are had
-# in any case.
+# Limits of additional points relative to the points at pixel centres, for creases and for surfaces that break off; a
+# few are always allowed.
 _MOST_TURNED, _MOST_BROKEN, _FEW = 0.25, 0.5, 1000
 
 _PATTERNS = {
@@ -40,15 +40,15 @@ _PATTERNS = {
 
 
 def ray_offsets(n_rays: int) -> Float32Array:
-    """Where the rays of an edge pixel pass, (n, 2) columns and rows from its centre, in pixels; no two of them in one
-    column or row, none at the centre. The patterns are those of Direct3D's multisampling, of 16 its middle moved."""
+    """Positions of the rays of an edge pixel, (n, 2) columns and rows from its centre, in pixels; no two of them in one
+    column or row, none at the centre. The patterns are those of Direct3D's multisampling; of the 16, the middle one is
+    moved."""
     sixteenths = np.asarray(_PATTERNS[n_rays], np.float32)
     return (sixteenths + np.float32(0.5 if n_rays == 16 else 0.0)) / np.float32(16.0)
 
 
 class Surface(NamedTuple):
-    """What rays meet: the object that reflects there or −1, ids of any shape, its position and normal, of that shape
-    times 3."""
+    """Hits of rays: the reflecting object or −1, ids of any shape; position and normal, of that shape times 3."""
 
     ids: Int32Array
     position: Float32Array
@@ -56,8 +56,8 @@ class Surface(NamedTuple):
 
 
 class Groups(NamedTuple):
-    """Of edge pixels (F,) and their centre and rays (F, 1 + n): which of these has the point that each of them shares,
-    −1 where nothing reflects, and the share of the pixel that each stands for, 0 but for those."""
+    """Groups of the centre and rays (F, 1 + n) of edge pixels (F,): leader, the sample whose point each of them shares,
+    −1 where nothing reflects, and share, the part of the pixel that each leader represents, 0 for others."""
 
     leader: Int32Array
     share: Float32Array
@@ -69,8 +69,8 @@ def turn_of(n_rays: int) -> float:
 
 
 def edge_pixels(seen: Int32Array, centres: Surface, turn: float, resolution: tuple[int, int]) -> npt.NDArray[np.bool_]:
-    """Which pixels (N,) of a picture of resolution (width, height) one of their neighbours differs from; seen (N,): the
-    object at each centre, −1 for none; centres: what reflects there."""
+    """Find the pixels (N,) of a picture of resolution (width, height) that differ from a neighbour; seen (N,): the
+    object at each centre, −1 for none; centres: the hits there."""
     width, height = resolution
     edge = np.zeros((height, width), bool)
     ids, position, normal = (each.reshape(height, width, *each.shape[1:]) for each in centres)
@@ -79,10 +79,10 @@ def edge_pixels(seen: Int32Array, centres: Surface, turn: float, resolution: tup
 
 
 def group_samples(samples: Surface, offsets: Float32Array, turn: float, n_centres: int) -> Groups:
-    """Who shares a point: of samples (F, 1 + n), the centre first, the rays passing at offsets (n, 2).
+    """Group samples (F, 1 + n), the centre first, whose rays pass at offsets (n, 2).
 
-    Where these would be too many beside the n_centres points of a picture, the angle is widened, to where the objects
-    and planes alone decide, and at last the objects.
+    If there would be too many groups relative to the n_centres points of a picture, the angle is widened, until only
+    objects and planes decide, and at last objects alone.
     """
     shape = samples.ids.shape
     leader, share = np.empty(shape, np.int32), np.empty(shape, np.float32)
@@ -101,10 +101,10 @@ def group_samples(samples: Surface, offsets: Float32Array, turn: float, n_centre
 def nearest_centres(
     hits: PrimaryHits, normals: Float32Array, least_alike: Float32Array
 ) -> tuple[Int32Array, Int32Array]:
-    """The rows (X,) of all points beside their pixels' centres, and for each the nearest row at the centre of its own
-    pixel or one around it that is on the same surface, −1 where there is none.
+    """The rows (X,) of all points off their pixels' centres, and for each the nearest row at the centre of its own
+    pixel or a neighbouring one on the same surface, −1 if there is none.
 
-    normals (P, 3); least_alike (M,): the cosine by which those of an object may differ.
+    normals (P, 3); least_alike (M,): the least cosine between normals of an object's points.
     """
     rows = np.flatnonzero(~hits.is_centred).astype(np.int32)
     nearest = np.full(len(rows), -1, np.int32)

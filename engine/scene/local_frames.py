@@ -1,7 +1,6 @@
 """Frames: the axes of objects in the world, and tangent, bitangent and normal at points of their surfaces.
 
-Kernels that frame a point on their own (`indirect._second_kernels`, `transport._seen_kernels`) and the exported
-script do as here.
+Kernels that construct a point's frame themselves and the exported script use the same convention.
 """
 
 from __future__ import annotations

@@ -1,14 +1,14 @@
-"""Triangle meshes as arrays, the one door through which geometry files come in, and the normals they lack.
+"""Triangle meshes as arrays: the single entry point for geometry files, and normals for meshes without them.
 
-`read_mesh_file` dispatches on the file's name to a strict reader. Nothing but a `Mesh` leaves it, and each is as
-`validate_mesh` has it: finite, indices in range, small enough to square.
+`read_mesh_file` selects a strict reader by the file's name. It returns only a `Mesh`, and each passes `validate_mesh`:
+finite, indices in range, small enough to square.
 
-The readers are our own. trimesh 5.2 was tried: of the files that our tests refuse it takes 5 of 18 OBJ, 9 of 31 ASCII
-PLY and 19 of 54 GLB without a word; it reads an OBJ file's relative indices from its end, refuses binary PLY files with
-polygons of different size, and drops skins (`test_trimesh` shows each), morph targets and transforms of textures. Of a
-million triangles, CPU seconds, ours and trimesh's: binary PLY 0.15 and 0.15, ASCII PLY 5.7 and 3.7, OBJ 6.4 and 3.0,
-GLB 0.75 (most of it to place it, normals unit) and 0.09; to import it takes 0.5 more. pygltflib 1.16 takes 49 of
-those 54 GLB files, and makes an object of each JSON value: 50 s a megabyte of empty materials, where we promise 2.
+The readers are our own. trimesh 5.2 was tried: of the files that our tests reject it accepts 5 of 18 OBJ, 9 of 31 ASCII
+PLY and 19 of 54 GLB without a word; it reads an OBJ file's relative indices from its end, rejects binary PLY files with
+polygons of different size, and drops skins (`test_trimesh` shows each), morph targets and transforms of textures. CPU
+seconds for a million triangles, ours and trimesh's: binary PLY 0.15 and 0.15, ASCII PLY 5.7 and 3.7, OBJ 6.4 and 3.0,
+GLB 0.75 (most of it for placing it with unit normals) and 0.09; its import takes 0.5 more. pygltflib 1.16 accepts 49 of
+those 54 GLB files, and makes an object of each JSON value: 50 s for a megabyte of empty materials, where we promise 2.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from engine.core.safe_files import read_regular_file
 MESH_ENDINGS = (".ply", ".obj", ".glb")
 MAX_MESH_BYTES = 512 * 2**20
 MAX_COORDINATE = 1e12
-MAX_UV = 1e4  # beyond, single precision no longer tells texels apart
+MAX_UV = 1e4  # beyond, single precision no longer resolves texels
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
@@ -34,12 +34,12 @@ Int32Array = npt.NDArray[np.int32]
 
 @dataclass(frozen=True)
 class Mesh:
-    """Vertices (V, 3) float64, normals (V, 3) float64 of any length or None, triangles (T, 3) int32 by right hand.
+    """Vertices (V, 3) float64, normals (V, 3) float64 of any length or None, triangles (T, 3) int32, counter-clockwise.
 
-    uvs (T, 3, 2) float32 or None: texture coordinates of each triangle's corners, v upwards. They stand at corners and
-    not at vertices, so that a seam of a texture splits no vertex and bends no normal. tangents (T, 3, 4) float32 or
-    None: likewise, the direction in which u grows, and 1 or −1: v grows along so many times normal × tangent; 0 where
-    the file says nothing.
+    uvs (T, 3, 2) float32 or None: texture coordinates of each triangle's corners, v upwards. They belong to corners and
+    not to vertices, so that a seam of a texture splits no vertex and bends no normal. tangents (T, 3, 4) float32 or
+    None: likewise, the direction in which u grows, and the handedness 1 or −1: v grows along hand × normal × tangent; 0
+    where the file has no tangent.
     """
 
     vertices: Float64Array
@@ -51,8 +51,8 @@ class Mesh:
 
 @dataclass(frozen=True)
 class MeshFile:
-    """The triangles of a file, a note on each kind of thing in it that was stepped over, and what it calls materials
-    that are not read; empty where it names none."""
+    """The triangles of a file, a note on each kind of skipped content, and the names of materials that are not read;
+    empty if it names none."""
 
     mesh: Mesh
     notes: tuple[str, ...] = ()
@@ -60,10 +60,10 @@ class MeshFile:
 
 
 def read_mesh_file(path: Path) -> MeshFile:
-    """An OBJ or PLY file; raises LoadError. GLB files have materials too: `gltf.read_glb`.
+    """Read an OBJ or PLY file; raises LoadError. GLB files have materials too: `gltf.read_glb`.
 
-    As there, normals that are no numbers are computed from the faces around, and texture coordinates beyond what single
-    precision tells apart are 0; a note says how many.
+    As there, normals that are not finite are computed from the faces around, and texture coordinates beyond single
+    precision become 0; a note gives their number.
     """
     from engine.scene.loaders.obj import parse_obj
     from engine.scene.loaders.ply import parse_ply
@@ -86,9 +86,9 @@ def read_mesh_file(path: Path) -> MeshFile:
 
 
 def validate_mesh(mesh: Mesh, file: Path, place: str = "") -> Mesh:
-    """The mesh itself if it can be used; raises LoadError naming the first vertex or face that cannot.
+    """Return the mesh if it can be used; raises LoadError naming the first invalid vertex or face.
 
-    place stands before it in the message, for files that hold several meshes.
+    place is prepended to the message, for files that contain several meshes.
     """
     if not len(mesh.triangles):
         raise LoadError(file, f"{place}faces", 0, "at least one face")
@@ -116,8 +116,8 @@ def validate_mesh(mesh: Mesh, file: Path, place: str = "") -> Mesh:
 
 
 def cross(a: Float64Array, b: Float64Array) -> Float64Array:
-    """Cross products (..., 3), bit by bit those of NumPy, whose own function costs 0.1 ms for a single one: a scene may
-    hold thousands of small meshes."""
+    """Cross products (..., 3), bit by bit those of NumPy, whose own function takes 0.1 ms for a single one: a scene may
+    contain thousands of small meshes."""
     after, before = [1, 2, 0], [2, 0, 1]
     return a[..., after] * b[..., before] - a[..., before] * b[..., after]
 
@@ -127,7 +127,7 @@ def face_normals(
 ) -> tuple[Float64Array, npt.NDArray[np.bool_]]:
     """Unit normals (T, 3) by winding, and which faces have an area at all (the others get a zero normal).
 
-    A face counts as having none when |e1 × e2| ≤ 1e-12 · (longest edge)².
+    A face has no area if |e1 × e2| ≤ 1e-12 · (longest edge)².
     """
     corners = vertices[triangles].astype(np.float64)
     edges = corners[:, (1, 2, 0)] - corners
@@ -158,7 +158,7 @@ def smooth_normals(vertices: npt.NDArray[np.floating], triangles: Int32Array) ->
 
 
 def normalize(vectors: Float64Array, fallback: tuple[float, float, float] | Float64Array) -> Float64Array:
-    """Vectors (N, 3) at unit length; those shorter than 1e-12 of the longest become the fallback."""
+    """Normalize vectors (N, 3); those shorter than 1e-12 of the longest become the fallback."""
     scale = np.abs(vectors).max(axis=1, keepdims=True)
     shrunk = vectors / np.where(scale > 0, scale, 1.0)  # squares neither overflow nor underflow
     length = np.linalg.norm(shrunk, axis=1, keepdims=True)
@@ -167,13 +167,13 @@ def normalize(vectors: Float64Array, fallback: tuple[float, float, float] | Floa
 
 
 def _are_short(vectors: Float64Array) -> npt.NDArray[np.bool_]:
-    """Which vectors (N, 3) have no length beside the longest, and so no direction."""
+    """Which vectors (N, 3) are too short relative to the longest to have a direction."""
     scale = np.abs(vectors).max(axis=1)
     return scale <= 1e-12 * scale.max(initial=0.0)
 
 
 def with_flat_normals(mesh: Mesh) -> tuple[Mesh, npt.NDArray[np.int32]]:
-    """The mesh with flat normals: each face has three vertices of its own; and which ones these were (3 T,)."""
+    """The mesh with flat normals: each face has three vertices of its own; and the original indices of these (3 T,)."""
     vertices = mesh.triangles.ravel()
     flat, _ = face_normals(mesh.vertices, mesh.triangles)
     triangles = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
@@ -182,10 +182,10 @@ def with_flat_normals(mesh: Mesh) -> tuple[Mesh, npt.NDArray[np.int32]]:
 
 
 def with_normals(mesh: Mesh) -> Mesh:
-    """The mesh itself, or, where it has no normals, with smooth ones, all of a shell wound one way."""
+    """The mesh itself, or, if it has no normals, with smooth ones and consistent winding in each shell."""
     if mesh.normals is not None:
         return mesh
-    from engine.scene.winding import inconsistent_faces  # SciPy, which the window's process does without
+    from engine.scene.winding import inconsistent_faces  # SciPy, which the window's process does not import
 
     triangles, uvs, tangents = mesh.triangles, mesh.uvs, mesh.tangents
     turned = inconsistent_faces(mesh.vertices, triangles)[:, None]
@@ -198,10 +198,10 @@ def with_normals(mesh: Mesh) -> Mesh:
 
 
 def place_copies(mesh: Mesh, matrices: npt.NDArray[np.float64]) -> Mesh:
-    """Copies of a mesh under affine transforms (N, 4, 4) as one mesh, with unit normals where it has normals.
+    """Copies of a mesh under affine transforms (N, 4, 4) as one mesh, with unit normals if it has normals.
 
-    Normals go with the inverse transpose (here the cofactor matrix det(A) A⁻ᵀ, which needs no division). A mirroring
-    transform turns the winding round, so that fronts stay fronts and geometric and vertex normals agree.
+    Normals are transformed by the inverse transpose (here the cofactor matrix det(A) A⁻ᵀ, which needs no division). A
+    mirroring transform reverses the winding, so that fronts stay fronts and geometric and vertex normals agree.
     """
     linear = matrices[:, :3, :3]
     vertices = (mesh.vertices @ linear.swapaxes(1, 2) + matrices[:, None, :3, 3]).reshape(-1, 3)
@@ -226,14 +226,14 @@ def place_copies(mesh: Mesh, matrices: npt.NDArray[np.float64]) -> Mesh:
 
 
 def _wind_mirrored(copies: Sequence[npt.NDArray], mirrored: npt.NDArray[np.bool_]) -> npt.NDArray:
-    """What stands at the corners of copies of triangles (T, 3, ...), those of mirrored ones the other way round."""
+    """Values at the corners of copies of triangles (T, 3, ...), in reversed order for mirrored ones."""
     return np.concatenate([each[:, ::-1] if turned else each for each, turned in zip(copies, mirrored, strict=True)])
 
 
 def _turned_tangents(
     tangents: npt.NDArray[np.float32], linear: Float64Array, mirrored: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.float32]:
-    """Tangents (T, 3, 4) under each linear transform (N, 3, 3), (N, T, 3, 4); a mirror turns the hand round."""
+    """Tangents (T, 3, 4) under each linear transform (N, 3, 3), (N, T, 3, 4); a mirror changes the handedness."""
     along = np.einsum("nij,tcj->ntci", linear, tangents[..., :3].astype(np.float64))
     length = np.linalg.norm(along, axis=3, keepdims=True)
     hand = np.where(mirrored, -1.0, 1.0)[:, None, None, None] * np.sign(tangents[..., 3:])
@@ -241,7 +241,7 @@ def _turned_tangents(
 
 
 def join_meshes(meshes: list[Mesh]) -> Mesh:
-    """Several meshes as one; those without normals get smooth ones if any other has its own (see `with_normals`), those
+    """Join several meshes; those without normals get smooth ones if any other has its own (see `with_normals`), those
     without texture coordinates (0, 0)."""
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
     normals = None
@@ -255,7 +255,7 @@ def join_meshes(meshes: list[Mesh]) -> Mesh:
 
 
 def join_uvs(meshes: list[Mesh]) -> npt.NDArray[np.float32] | None:
-    """Texture coordinates (T, 3, 2) of several meshes, 0 in those that have none; None if none has any."""
+    """Texture coordinates (T, 3, 2) of several meshes, 0 for those that have none; None if none has any."""
     return _join_corners(meshes, [mesh.uvs for mesh in meshes], 2)
 
 

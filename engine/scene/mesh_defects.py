@@ -1,4 +1,4 @@
-"""What is odd in a mesh, counted so that a person can be told; only faces without area are left out."""
+"""Counts the defects of a mesh for the user; only faces without area are left out."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _SLIVER = 1e-5
 
 @dataclass(frozen=True)
 class Defects:
-    """solid (T,) marks faces with an area; the rest are counts of faces."""
+    """solid (T,) marks faces with an area; the others are counts of faces."""
 
     solid: npt.NDArray[np.bool_]
     zero_area: int
@@ -23,7 +23,7 @@ class Defects:
     flipped: int
 
     def notes(self) -> list[str]:
-        """One line a kind of defect that occurs."""
+        """One line for each kind of defect that occurs."""
         lines = [
             (self.zero_area, "faces without area left out"),
             (self.sliver, "sliver faces"),
@@ -34,11 +34,11 @@ class Defects:
 
 
 def count_defects(mesh: Mesh) -> Defects:
-    """Zero-area, sliver, duplicate and inconsistently wound faces of a placed mesh.
+    """Count zero-area, sliver, duplicate and inconsistently wound faces of a placed mesh.
 
     A sliver is lower than 1e-5 of its longest edge. Two faces that share an edge should run along it in opposite
-    directions; where two do not, both are counted as flipped (nobody knows which one is). A third face at an edge is
-    no fault of winding.
+    directions; if they do not, both count as flipped (it is unknown which one is). A third face at an edge is not a
+    defect of winding.
     """
     vertices, triangles = mesh.vertices, mesh.triangles
     _, solid = face_normals(vertices, triangles)
@@ -72,7 +72,7 @@ def _repeats(keys: npt.NDArray) -> npt.NDArray[np.bool_]:
 
 
 def _count_flipped(triangles: npt.NDArray[np.int64], n_vertices: int) -> int:
-    """Faces at an edge that two faces more run along one way than the other."""
+    """Number of faces at edges that exactly two faces share and run along in the same direction."""
     directed = np.stack([triangles, triangles[:, (1, 2, 0)]], axis=2).reshape(-1, 2)
     edges = _keys(np.sort(directed, axis=1), n_vertices)
     _, edge, uses = np.unique(edges, return_inverse=True, return_counts=True)

@@ -1,7 +1,8 @@
-"""A mesh alone as a scene: it stands on a floor, is seen from the front and a little above, and lit by a built-in sky.
+"""A scene for a single mesh: it stands on a floor, is seen from the front and slightly above, and lit by a built-in
+sky.
 
-The mesh is not moved, so that what is known of its coordinates stays true: floor and camera follow it. Y is up, as
-everywhere here; what another program has made with another axis up lies on its side.
+The mesh is not moved, so that its coordinates stay valid: floor and camera are placed around it. Y is up, as everywhere
+here; a mesh from a program with another up axis lies on its side.
 """
 
 from __future__ import annotations
@@ -32,10 +33,10 @@ DEFAULT_ENVIRONMENT = ASSETS / "environments" / "studio.exr"
 FLOOR = LayerDescription(model="lambert", parameters={"albedo": (0.35, 0.35, 0.35)})
 FOV_Y = 30.0
 SMALLEST = 1e-8
-_VIEW_DIRECTION = (0.55, 0.42, 0.72)  # where the eye is, seen from the mesh
+_VIEW_DIRECTION = (0.55, 0.42, 0.72)  # from the mesh to the camera
 _MARGIN = 1.08
 _FLOOR_SIDE = 40.0  # in radii of the mesh: its edges are out of sight
-_GAP = 1e-4  # in radii, below the mesh: faces that lie in the floor's plane are seen
+_GAP = 1e-4  # in radii, below the mesh: faces in the floor's plane stay visible
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class MeshScene:
 
 
 def load_mesh_scene(path: Path) -> MeshScene:
-    """Read a mesh file and set it up; raises LoadError."""
+    """Read a mesh file and make its scene; raises LoadError."""
     alone = _describe_scene(path, [ObjectDescription(name=_name_of(path), mesh=path.name)], np.zeros(3), 1.0)
     items, notes = object_meshes(alone, path.parent, path)
     if len(items) >= MAX_OBJECTS:
@@ -68,7 +69,7 @@ def load_mesh_scene(path: Path) -> MeshScene:
 def _describe_scene(
     path: Path, objects: list[ObjectDescription], centre: np.ndarray, radius: float
 ) -> SceneDescription:
-    """The scene of these objects, seen so that a sphere of that radius fills the picture."""
+    """The scene of these objects, with a camera for which a sphere of that radius fills the picture."""
     away = np.array(_VIEW_DIRECTION) / math.hypot(*_VIEW_DIRECTION)
     distance = _MARGIN * radius / math.sin(math.radians(FOV_Y) / 2.0)
     camera = CameraDescription(
@@ -81,13 +82,13 @@ def _describe_scene(
 
 
 def _floor(name: str, centre: np.ndarray, height: float, radius: float) -> ObjectDescription:
-    """A square below the mesh: the unit square of the XY plane, laid down with its front upwards."""
+    """A square below the mesh: the unit square of the XY plane, rotated to face upwards."""
     side, (x, _, z) = _FLOOR_SIDE * radius, centre.tolist()
     transform = (side, 0.0, 0.0, x, 0.0, 0.0, side, height - _GAP * radius, 0.0, -side, 0.0, z, 0.0, 0.0, 0.0, 1.0)
     return ObjectDescription(name=name, primitive="quad", transform=transform, layer=(FLOOR,))
 
 
 def _name_of(path: Path) -> str:
-    """The file's name as far as it can be an object's."""
+    """The file's name, reduced to a valid object name."""
     kept = "".join("_" if c in ".\"'[]=" or not c.isprintable() else c for c in path.stem).strip()
     return kept[:48].strip() or "mesh"

@@ -1,10 +1,10 @@
-"""The mesh of every object of a description; a GLB file brings its own materials.
+"""Loads the mesh of every object of a description; a GLB file brings its own materials.
 
-An object that names a GLB and gives no layers takes the file's: one material, and its layers become the object's; more,
-and the object becomes one object a material, each marked with its `part` so that it reads back as what it is.
+An object that names a GLB file and has no layers takes the file's: with one material its layers become the object's;
+with more, the object becomes one object for each material, marked with its `part` so that it can be read back.
 
-What a small file may cost is bounded by the number of objects: each takes well under a millisecond to be placed and
-looked over, MAX_OBJECTS of them two to three seconds, be they named in the scene or the materials of a GLB.
+The cost of a small file is limited by the number of objects: each takes well under a millisecond to be placed and
+checked, MAX_OBJECTS of them two to three seconds, whether the scene names them or they are materials of a GLB file.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from engine.scene.rig import Rig, join_bindings
 
 @dataclass(frozen=True)
 class ObjectMesh:
-    """An object's description, with layers, its mesh in its own frame, and what moves it, if anything does. unread:
-    what its file calls the materials that it would have and that are not read."""
+    """An object's description, with layers, its mesh in its own frame, and its rig, if anything moves it. unread: the
+    names of materials in its file that are not read."""
 
     description: ObjectDescription
     mesh: Mesh
@@ -63,7 +63,7 @@ def object_meshes(description: SceneDescription, folder: Path, path: Path) -> tu
 
 
 def _with_layers(items: list[ObjectMesh], notes: list[str]) -> list[ObjectMesh]:
-    """What neither shines nor has layers would be black for ever: it gets grey ones, and a note says so."""
+    """Objects that neither emit nor have layers would stay black: they get grey ones, and a note."""
     bare: dict[str, list[str]] = {}
     for item in items:
         if not item.description.layers and not item.description.emits:
@@ -85,7 +85,7 @@ def _list_names(names: list[str]) -> str:
 
 
 def _glb_objects(item: ObjectDescription, model: GlbModel, path: Path, taken: set[str]) -> list[ObjectMesh]:
-    """The object or, without layers of its own, one object a material of the file."""
+    """The object or, if it has no layers of its own, one object for each material of the file."""
     if item.part is not None and item.part >= len(model.parts):
         raise LoadError(path, f"object {item.name!r}: part", item.part, f"a part from 0 to {len(model.parts) - 1}")
     chosen = range(len(model.parts)) if item.part is None else [item.part]
@@ -107,7 +107,7 @@ def _glb_objects(item: ObjectDescription, model: GlbModel, path: Path, taken: se
 
 
 def _join_parts(parts: list[GlbPart]) -> tuple[Mesh, Rig | None]:
-    """Parts as one; beside smooth ones those without normals stay flat."""
+    """Join parts; those without normals stay flat beside smooth ones."""
     is_mixed = len({part.mesh.normals is None for part in parts}) > 1
     meshes, rigs = [], []
     for part in parts:
@@ -122,7 +122,8 @@ def _join_parts(parts: list[GlbPart]) -> tuple[Mesh, Rig | None]:
 
 
 def _material(item: ObjectDescription, part: GlbPart) -> dict[str, object]:
-    """What a part of its file gives an object; its own bumps stay. What has no normals is flat [glTF 2.0, 3.7.2.1]."""
+    """The material that a part of its file gives an object; its own bumps take precedence. A part without normals is
+    flat [glTF20, 3.7.2.1]."""
     bumps = item.bumps
     if part.bumps.file and not bumps.file:
         bumps = replace(part.bumps, normal_map=f"{item.mesh}{part.bumps.normal_map}")
@@ -140,7 +141,7 @@ def _layers(part: GlbPart, file: str) -> tuple[LayerDescription, ...]:
 
 
 def free_name(name: str, taken: set[str]) -> str:
-    """The name, with more behind it if it is taken; from then on it is."""
+    """Make a name unique by a suffix, and mark it as taken."""
     while name in taken:
         name += "+"
     taken.add(name)

@@ -1,4 +1,4 @@
-"""What the window knows of one camera's view: which pixel sees what, as the worker's primary hits say it."""
+"""The part of the primary hits of one camera that the window needs: which pixel shows what."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
 
 class Lamps(NamedTuple):
-    """Where emitters are seen from their front: pixels (E,), the object in each and its share of it, and the radiance
-    (E, 3) that it has."""
+    """Emitters that are seen from their front: pixels (E,), the object in each and its share of it, and its radiance
+    (E, 3)."""
 
     pixel: NDArray[np.integer]
     object: NDArray[np.integer]
@@ -33,15 +33,15 @@ def no_lamps() -> Lamps:
 
 @dataclass(frozen=True, eq=False)
 class PictureFrame:
-    """P points that the eye sees on reflecting objects, sorted by object, then row-major; row 0 is the picture's top.
+    """P visible points on reflecting objects, sorted by object, then row-major; row 0 is the picture's top.
 
-    pixel (P,) row-major index, that of a pixel's centre first where there are several at an edge; share (P,) of its
-    pixel that a point stands for; object_ranges (O,2) first and one past the last of each object's points; object_image
-    (H,W) at pixels' centres, −1 is background; open_image (H,W) the share of each pixel that shows it; emission_image
-    (H,W,3) linear radiance of emitters seen directly, by their shares, which `lamps` says; ray_directions (H,W,3) unit,
-    world; theta_o (P,) between shading normal and eye, radians; distance (P,) along the ray, metres; front (P,) whether
-    the winding faces the eye; normal and tangent (P,3) of the shading frame. share, open_image and lamps may be left
-    out where no pixel has several points.
+    pixel (P,) row-major index, that of a pixel's centre first if there are several at an edge; share (P,) of its pixel
+    that a point represents; object_ranges (O,2) first and one past the last of each object's points; object_image (H,W)
+    at pixels' centres, −1 is background; open_image (H,W) the share of each pixel that shows it; emission_image (H,W,3)
+    linear radiance of emitters seen directly, by their shares, see `lamps`; ray_directions (H,W,3) unit, world; theta_o
+    (P,) between shading normal and wo, radians; distance (P,) along the ray, metres; front (P,) whether the winding
+    faces the camera; normal and tangent (P,3) of the shading frame. share, open_image and lamps may be omitted if no
+    pixel has several points.
     """
 
     pixel: NDArray[np.integer]
@@ -83,7 +83,7 @@ class PictureFrame:
         return len(self.object_ranges)
 
     def object_box(self, i_object: int) -> tuple[int, int, int, int]:
-        """(x, y, width, height) around an object's pixels; all 0 when it has none."""
+        """(x, y, width, height) around an object's pixels; all 0 if it has none."""
         start, stop = self.object_ranges[i_object]
         if start == stop:
             return 0, 0, 0, 0
@@ -92,12 +92,12 @@ class PictureFrame:
         return left, top, int(x.max()) - left + 1, int(y.max()) - top + 1
 
     def object_at(self, column: int, row: int) -> int:
-        """The number of what a pixel sees; −1 for nothing, also where there is no such pixel."""
+        """Index of the object at a pixel; −1 for none, also outside of the picture."""
         inside = 0 <= column < self.width and 0 <= row < self.height
         return int(self.object_image[row, column]) if inside else -1
 
     def sample_at(self, column: int, row: int) -> int | None:
-        """The number of the point at a pixel's centre; None for emitters and the background."""
+        """Index of the point at a pixel's centre; None for emitters and the background."""
         index, pixel = self.object_at(column, row), row * self.width + column
         if index < 0:
             return None
@@ -107,13 +107,13 @@ class PictureFrame:
 
 
 def _whole_lamps(object_image: NDArray[np.integer], emission_image: NDArray[np.floating]) -> Lamps:
-    """The emitters of pixels that see one thing each."""
+    """The emitters of pixels that show one object each."""
     lit = np.flatnonzero(emission_image.any(axis=2))
     return Lamps(lit, object_image.ravel()[lit], np.ones(len(lit), np.float32), emission_image.reshape(-1, 3)[lit])
 
 
 def picture_frame(hits: PrimaryHits, eye: NDArray[np.floating]) -> PictureFrame:
-    """What the window needs of primary hits from an eye (3,)."""
+    """The window's part of primary hits of a camera at eye (3,)."""
     cos_o = np.clip(np.einsum("pc,pc->p", hits.normal, hits.wo), 0.0, 1.0)
     return PictureFrame(
         pixel=hits.pixel,

@@ -1,9 +1,9 @@
-"""Polygons of a mesh as triangles that cover just what they do.
+"""Triangulates the polygons of a mesh exactly.
 
-A polygon that can be seen whole from its first corner becomes a fan about it, as most files mean theirs. Others lose
-one ear after the other [Meisters75] in the plane of their Newell normal: a fan would cover what is not theirs, and make
-4 of an L of area 3. An outline may touch itself, or lead to a hole and back. Rejected: monotone pieces [Garey78], whose
-cost is n log n for any outline, but which know none that touches or crosses itself.
+A polygon that is star-shaped about its first corner becomes a fan about it, as most files intend. Others are cut by ear
+clipping [Meisters75] in the plane of their Newell normal: a fan would cover area outside, and turn an L of area 3 into
+4. An outline may touch itself, or lead to a hole and back. Rejected: monotone pieces [Garey78], whose cost is n log n
+for any outline, but which do not allow one that touches or crosses itself.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _THIN = 1e-12
 
 
 class TooIntricateError(Exception):
-    """polygon: the number of one that takes longer to cut than its file is worth."""
+    """polygon: index of a polygon that takes longer to cut than its file's size allows."""
 
     def __init__(self, polygon: int) -> None:
         super().__init__(f"polygon {polygon}")
@@ -29,23 +29,23 @@ class TooIntricateError(Exception):
 
 
 def triangulate(places: Float64Array, lengths: Int64Array, n_bytes: int) -> Int32Array:
-    """Triangles (T, 3) of polygons, in their order, as numbers of corners.
+    """Triangles (T, 3) of polygons, in their order, as indices of corners.
 
-    places (C, 3): of the corners of all polygons one after the other; lengths (N,), each at least 3; n_bytes: of the
-    file, which bounds what it may cost. Raises TooIntricateError.
+    places (C, 3): positions of the corners of all polygons one after the other; lengths (N,), each at least 3; n_bytes:
+    of the file, which limits the cost. Raises TooIntricateError.
     """
     fans, owner = _fans(lengths)
     if (lengths == 3).all():
         return fans
     starts = np.cumsum(lengths) - lengths
-    with np.errstate(invalid="ignore", over="ignore"):  # places that are no numbers are for others to find
-        local = places - np.repeat(places[starts], lengths, axis=0)  # far from the origin products would round
+    with np.errstate(invalid="ignore", over="ignore"):  # positions that are not finite are reported elsewhere
+        local = places - np.repeat(places[starts], lengths, axis=0)  # far from the origin products would be inaccurate
         flat, has_area = _project_to_plane(local, lengths, starts)
         badly = np.bincount(owner, ~_are_solid(flat, fans), len(lengths)) > 0
     chosen = np.flatnonzero(badly & has_area & (lengths > 3))
     if not len(chosen):
         return fans
-    from engine.scene._polygon_kernels import cut_ears  # late: most files need no compiler
+    from engine.scene._polygon_kernels import cut_ears  # late: most files do not need the compiler
 
     most = int((lengths[chosen] - 2).sum())
     ears, owners = np.empty((most, 3), np.int64), np.empty(most, np.int64)
@@ -59,7 +59,7 @@ def triangulate(places: Float64Array, lengths: Int64Array, n_bytes: int) -> Int3
 
 
 def _fans(lengths: Int64Array) -> tuple[Int32Array, Int64Array]:
-    """Triangles (a, b, c), (a, c, d)… of polygons, as numbers of corners, and the polygon of each."""
+    """Triangles (a, b, c), (a, c, d)… of polygons, as indices of corners, and the polygon of each."""
     starts, n_each = np.cumsum(lengths) - lengths, lengths - 2
     owner = np.repeat(np.arange(len(lengths)), n_each)
     first = starts[owner]
@@ -70,8 +70,9 @@ def _fans(lengths: Int64Array) -> tuple[Int32Array, Int64Array]:
 def _project_to_plane(
     local: Float64Array, lengths: Int64Array, starts: Int64Array
 ) -> tuple[Float64Array, npt.NDArray[np.bool_]]:
-    """The corners (C, 2) along the axis that a polygon's normal [Newell] is nearest to, from where it runs counter-
-    clockwise, and which polygons have an area. Areas shrink by one factor a polygon, and no coordinate is rounded."""
+    """Project the corners (C, 2) along the coordinate axis nearest to the polygon's normal [Newell75], so that the
+    polygon runs counter-clockwise; and return which polygons have an area. Areas shrink by one factor for each polygon,
+    and no coordinate is rounded."""
     n = len(local)
     after = np.arange(1, n + 1)
     after[starts + lengths - 1] = starts
@@ -86,7 +87,7 @@ def _project_to_plane(
 
 
 def _are_solid(flat: Float64Array, triangles: Int32Array) -> npt.NDArray[np.bool_]:
-    """Which triangles of corners in the plane run counter-clockwise and are no mere lines."""
+    """Which triangles of corners in the plane run counter-clockwise and have an area."""
     corners = flat[triangles]
     edges = corners[:, (1, 2, 0)] - corners
     doubled = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]

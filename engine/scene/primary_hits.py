@@ -1,7 +1,7 @@
-"""What the eye sees: one surface point a pixel, and several where objects meet (`engine.scene.edges`).
+"""Primary hits: one surface point for each pixel, and several where objects meet (`engine.scene.edges`).
 
-Only objects that reflect get shading points; emitters and the background are pictures. The points are sorted by
-object, so that everything about one object is a range.
+Only objects that reflect get shading points; emitters and the background are images. The points are sorted by object,
+so that an object's data is a range.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from engine.scene.surface_uvs import pixel_footprints
 Float32Array = npt.NDArray[np.float32]
 Int32Array = npt.NDArray[np.int32]
 
-# Of a shading normal to the eye.
+# Of a shading normal to wo.
 LEAST_COSINE = 1e-3
 
 
@@ -35,15 +35,15 @@ LEAST_COSINE = 1e-3
 class PrimaryHits(SurfacePoints):
     """The shading points of a picture (P of them), sorted by object, then row-major. Vectors are unit, float32.
 
-    pixel (P,): row · width + column; offset (P, 2): columns and rows from its centre where the ray passes, 0 but at
-    edges; share (P,): of its pixel that a point stands for; object_ranges (M, 2) into the points; position (P, 3) in
-    the scene's frame and offset_position, lifted off the surface for shadow rays; horizon: the normal that is
-    interpolated where smooth, on the face's side and the eye's; normal: the shading normal, which is that as bumps turn
-    it (`engine.scene.bump_normals`); geometric_normal: the face's, turned to the eye; front (P,): whether the eye sees
-    the side that the winding faces; tangent: across the object's Y axis, the brushed direction; wo: to the eye.
-    Of pixels: object_image (H, W) int16: what their centres see, −1 for the background; open_image (H, W): the share
-    that shows the background; emission_image (H, W, 3): emitters seen from their front, by their shares; `lamps` says
-    these; ray_directions (H, W, 3) through the centres.
+    pixel (P,): row · width + column; offset (P, 2): columns and rows from its centre where the ray passes, 0 except at
+    edges; share (P,): of its pixel that a point represents; object_ranges (M, 2) into the points; position (P, 3) in
+    the scene's frame and offset_position, lifted off the surface for shadow rays; horizon: the normal, interpolated on
+    smooth objects, on the face's and the camera's side; normal: the shading normal, which is the horizon perturbed by
+    bumps (`engine.scene.bump_normals`); geometric_normal: the face's, on the camera's side; front (P,): whether the
+    camera sees the side that the winding faces; tangent: perpendicular to the object's Y axis, the brushed direction;
+    wo: to the camera. Of pixels: object_image (H, W) int16: the object at their centres, −1 for the background;
+    open_image (H, W): the share that shows the background; emission_image (H, W, 3): emitters seen from their front, by
+    their shares, see `lamps`; ray_directions (H, W, 3) through the centres.
     """
 
     resolution: tuple[int, int]
@@ -75,8 +75,7 @@ class PrimaryHits(SurfacePoints):
 
     @property
     def places(self) -> npt.NDArray[np.float64]:
-        """Where the rays to the points pass through the picture (P, 2): columns and lines from its upper left
-        corner."""
+        """Positions in the picture (P, 2) of the rays to the points: columns and rows from its upper left corner."""
         return _places(self.pixel, self.offset, self.resolution[0])
 
     @cached_property
@@ -94,7 +93,7 @@ class PrimaryHits(SurfacePoints):
         return image
 
     def at(self, rows: Int32Array) -> PrimaryHits:
-        """Some of the points alone, by ascending rows; images stay those of the whole picture."""
+        """Select points by ascending rows; images stay those of the whole picture."""
         vectors = "position", "offset_position", "horizon", "normal", "geometric_normal", "tangent", "wo"
         points = ("pixel", "offset", "share", "front", *vectors)
         ranges = np.searchsorted(rows, self.object_ranges).astype(self.object_ranges.dtype)
@@ -102,7 +101,7 @@ class PrimaryHits(SurfacePoints):
 
 
 class _Rays(NamedTuple):
-    """What rays (R,) through pixels meet; offset (R, 2) from the pixel's centre, directions (R, 3)."""
+    """Hits of rays (R,) through pixels; offset (R, 2) from the pixel's centre, directions (R, 3)."""
 
     pixel: Int32Array
     offset: Float32Array
@@ -111,11 +110,11 @@ class _Rays(NamedTuple):
     ids: Int32Array
 
     def reflecting(self, scene: Scene) -> npt.NDArray[np.intp]:
-        """Which of them end where shading points may be."""
+        """Which of them hit reflecting objects."""
         return np.flatnonzero((self.ids >= 0) & scene.reflecting[self.ids])
 
     def lamps(self, scene: Scene, share: float, of: npt.NDArray[np.integer]) -> Lamps:
-        """The emitters that the rays `of` see, each ray being such a share of its pixel."""
+        """The emitters that the rays `of` see, each ray representing this share of its pixel."""
         facing = np.einsum("rk,rk->r", scene.geometric_normals[self.found.triangle[of]], self.directions[of]) < 0.0
         mine = of[(self.ids[of] >= 0) & facing & scene.emitters[self.ids[of]]]
         n_objects = len(scene.emission)
@@ -131,8 +130,8 @@ _Points = dict[str, npt.NDArray]
 def trace_primary(
     scene: Scene, caster: RayCaster, resolution: tuple[int, int] | None = None, n_edge_rays: int = 0
 ) -> PrimaryHits:
-    """Trace a ray through every pixel centre (Python's oracle renders the same), and through pixels at edges as many
-    more as are asked for, 0 or what `ray_offsets` knows; resolution = (width, height)."""
+    """Trace a ray through every pixel centre (the Python twin renders the same), and through pixels at edges
+    n_edge_rays more, 0 or a number of `ray_offsets`; resolution = (width, height)."""
     return run_to_end(trace_primary_steps(scene, caster, resolution, n_edge_rays))
 
 
@@ -163,7 +162,7 @@ def trace_primary_steps(
     lamps.append(centres.lamps(scene, 1.0, inner))
     shining = Lamps(*(np.concatenate(parts) for parts in zip(*lamps, strict=True)))
     ids = points.pop("ids")
-    order = np.lexsort((points["offset"].any(axis=1), points["pixel"], ids))  # of a pixel the centre's first
+    order = np.lexsort((points["offset"].any(axis=1), points["pixel"], ids))  # a pixel's centre first
     bounds = np.searchsorted(ids[order], np.arange(len(scene.smooth) + 1)).astype(np.int32)
     return PrimaryHits(
         resolution=size,
@@ -178,7 +177,7 @@ def trace_primary_steps(
 
 
 def _emission_picture(lamps: Lamps, size: tuple[int, int]) -> Float32Array:
-    """The picture (H, W, 3) of what shines."""
+    """The picture (H, W, 3) of emitters."""
     image = np.zeros((size[0] * size[1], 3), np.float32)
     np.add.at(image, lamps.pixel, lamps.share[:, None] * lamps.radiance)
     return image.reshape(size[1], size[0], 3)
@@ -194,7 +193,7 @@ def _trace_pixels(
 def _trace_edge_pixels(
     scene: Scene, caster: RayCaster, pixels: Int32Array, n_rays: int, size: tuple[int, int]
 ) -> _Rays:
-    """n rays through each of the pixels (F,), one pixel's after another's."""
+    """Trace n rays through each of the pixels (F,), one pixel after another."""
     pixel, offset = np.repeat(pixels, n_rays), np.tile(ray_offsets(n_rays), (len(pixels), 1))
     columns, lines = _places(pixel, offset, size[0]).T
     directions = pixel_directions(scene.description.camera, size, columns, lines)
@@ -204,7 +203,7 @@ def _trace_edge_pixels(
 def _points(
     scene: Scene, caster: RayCaster, rays: _Rays, of: npt.NDArray[np.integer], size: tuple[int, int]
 ) -> _Points:
-    """The points that some of the rays hit, each the whole of its pixel."""
+    """The points that some of the rays hit, each with its whole pixel as share."""
     towards, places = rays.directions[of], _places(rays.pixel[of], rays.offset[of], size[0])
     return {
         "ids": rays.ids[of],
@@ -225,8 +224,8 @@ def _with_edges(
     scene: Scene, caster: RayCaster, centred: _Points, met: Surface, around: _Rays, pixels: Int32Array,
     size: tuple[int, int],
 ) -> _Points:  # fmt: skip
-    """The points at the centres and, of the rays around those of edge pixels (F,), the ones that lead a group; with
-    the share of its pixel that each stands for. met: what the centres of all pixels do."""
+    """Combine the points at the centres and, of the rays around those of edge pixels (F,), the group leaders, with
+    their shares of the pixel. met: hits of all pixel centres."""
     if not len(pixels):
         return centred
     n_rays = len(around.ids) // len(pixels)
@@ -245,7 +244,7 @@ def _with_edges(
 
 
 def _surface(points: _Points, n_pixels: int) -> Surface:
-    """What the centres of all pixels meet."""
+    """The hits of all pixel centres."""
     ids, position, normal = np.full(n_pixels, -1, np.int32), *np.zeros((2, n_pixels, 3), np.float32)
     places = points["pixel"]
     ids[places], position[places], normal[places] = points["ids"], points["position"], points["horizon"]
@@ -253,7 +252,7 @@ def _surface(points: _Points, n_pixels: int) -> Surface:
 
 
 def _surface_around(scene: Scene, rays: _Rays) -> Surface:
-    """What rays meet, as closely as need be to tell what is alike: their points are few in the end."""
+    """Hits of rays in just enough detail to group them: few become points."""
     n = len(rays.ids)
     ids, position, normal = np.full(n, -1, np.int32), *np.zeros((2, n, 3), np.float32)
     of = rays.reflecting(scene)
@@ -287,9 +286,9 @@ def shading_frames(
 ) -> dict[str, Float32Array]:  # fmt: skip
     """Position, normals, tangent and wo of the points (P,) that some `rays` (P,) of those found hit.
 
-    ids (R,): `object_ids` of all; wo (P, 3): back along the rays. Named and turned as in `PrimaryHits`. places:
-    where the rays (P, 2) pass through a picture of that resolution, over whose pixels bumps are averaged; None for rays
-    from anywhere.
+    ids (R,): `object_ids` of all; wo (P, 3): back along the rays. Named and oriented as in `PrimaryHits`. places:
+    positions (P, 2) of the rays in a picture of that resolution, over whose pixels bumps are averaged; None for other
+    rays.
     """
     triangle, ids = found.triangle[rays], ids[rays]
     u, v = found.u[rays].astype(np.float64), found.v[rays].astype(np.float64)
@@ -321,7 +320,7 @@ def _perturbed(
     wo: Float32Array,
     places: tuple[npt.NDArray[np.float64], tuple[int, int]] | None,
 ) -> npt.NDArray[np.float64]:  # fmt: skip
-    """Normals (P, 3) of hits as the scene's bumps turn them."""
+    """Normals (P, 3) of hits, perturbed by the scene's bumps."""
     bumpy = np.flatnonzero(np.isin(scene.object_of_triangle[found.triangle[rays]], scene.bump_normals.objects))
     at = rays[bumpy]
     hit = Intersections(*(getattr(found, name)[at] for name in ("triangle", "u", "v", "distance")))
@@ -332,15 +331,15 @@ def _perturbed(
 
 
 def _face(normals: npt.NDArray[np.float64], side: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
-    """Normals turned to a side: the face's to the eye's, the shading normal to the face's."""
+    """Flip normals to a side: the face's to the camera's, the shading normal to the face's."""
     return np.where(np.einsum("pk,pk->p", normals, side)[:, None] < 0.0, -normals, normals)
 
 
 def _bend_towards_camera(normals: npt.NDArray[np.float64], wo: Float32Array) -> npt.NDArray[np.float64]:
-    """Unit normals, those that lean away from the eye bent until it sees their side edge on.
+    """Bend unit normals that lean away from the camera until they are perpendicular to wo.
 
-    Along silhouettes an interpolated normal may point behind a face that the eye sees. Turned round by its own sign, as
-    two-sided materials do that ask the shading frame alone, it would face into the body: a dark dot in the picture.
+    Along silhouettes an interpolated normal may point behind a face that the camera sees. Flipped by its own sign, as
+    in two-sided materials that use only the shading frame, it would face into the body: a dark dot in the picture.
     """
     along = np.einsum("pk,pk->p", normals, wo)[:, None]
     bent = normals + np.maximum(LEAST_COSINE - along, 0.0) * wo

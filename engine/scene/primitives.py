@@ -1,8 +1,8 @@
 """Meshes of unit size for `primitive = ...` in a scene file, centred at the origin.
 
-quad: 1×1 in the XY plane, front along +Z; cube: edge 1; sphere: diameter 1, with its exact normals. A texture fills
-the quad, each side of the cube and, as a map in longitude and latitude, the sphere; u grows to the right and v upwards
-as one looks at the front.
+quad: 1×1 in the XY plane, front along +Z; cube: edge 1; sphere: diameter 1, with its exact normals. A texture fills the
+quad, each side of the cube and, as a map in longitude and latitude, the sphere; seen from the front, u grows to the
+right and v upwards.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def cube() -> Mesh:
 
 
 def sphere() -> Mesh:
-    """The sphere of diameter 1 in 64 × 128 latitude and longitude cells, normals those of the true sphere."""
+    """The sphere of diameter 1 in 64 × 128 latitude and longitude cells, with the true sphere's normals."""
     theta = np.linspace(0.0, np.pi, _RINGS + 1)[1:-1, None]
     phi = np.arange(_SEGMENTS) * (2 * np.pi / _SEGMENTS)
     ring = np.stack(np.broadcast_arrays(np.sin(theta) * np.sin(phi), np.cos(theta), np.sin(theta) * np.cos(phi)), -1)
@@ -43,7 +43,7 @@ def sphere() -> Mesh:
 
 
 def _sphere_triangles() -> np.ndarray:
-    """Two fans at the poles and bands of quads between the rings, outward by right hand."""
+    """Two fans at the poles and bands of quads between the rings, counter-clockwise from outside."""
     n = _SEGMENTS
     here, there = np.arange(n), (np.arange(n) + 1) % n
     last = 1 + (_RINGS - 2) * n
@@ -57,8 +57,8 @@ def _sphere_triangles() -> np.ndarray:
 
 
 def _sphere_uvs(triangles: np.ndarray) -> np.ndarray:
-    """(u, v) = (φ / 2π, 1 − θ / π) of the corners, (T, 3, 2): u goes on to 1 at the seam, and at a pole is that of the
-    middle of the other two corners."""
+    """(u, v) = (φ / 2π, 1 − θ / π) of the corners, (T, 3, 2): u continues to 1 at the seam, and at a pole is the mean
+    of the other two corners'."""
     n = _SEGMENTS
     pole = (triangles == 0) | (triangles == triangles.max())
     ring, column = np.divmod(triangles - 1, n)

@@ -1,10 +1,10 @@
-"""The one wrapper of Embree: every ray of the project passes here.
+"""The only wrapper of Embree: every ray of the project passes here.
 
-The library underneath checks nothing (shapes, bounds, NaN), changes distances in place and ignores geometry added
-after the first query; so the arrays are validated here, the tree is built once, in the constructor, and batches are
-split over threads (the library lets go of the interpreter while it traces). Inside, the scene is moved to the origin
-and scaled by a power of two if it is not about there already: exact, and it keeps single precision meaningful from
-dust to mountains. A scene of ordinary place and size is left alone, and its rays pass without a copy.
+The library underneath checks nothing (shapes, bounds, NaN), changes distances in place and ignores geometry added after
+the first query; so the arrays are validated here, the BVH is built once, in the constructor, and batches are divided
+over threads (the library releases the interpreter lock while it traces). Internally, the scene is moved to the origin
+and scaled by a power of two unless it is about there already: this is exact, and preserves single precision from dust
+to mountains. A scene of ordinary place and size is left alone, and its rays pass without a copy.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Float32Array = npt.NDArray[np.float32]
 _CHUNK = 32768
 _FARTHEST = np.float32(1e37)
 _EPSILON = float(np.finfo(np.float32).eps)
-# A hit is off its triangle by a few ulp of the coordinates: lifted by 4 ε, a curved handle shadowed itself by 4 %.
+# The error of a hit is a few ulp of the coordinates: with an offset of 4 ε, a curved handle shadowed itself by 4 %.
 _OFFSET = 32.0 * _EPSILON
 
 
@@ -43,7 +43,7 @@ class Intersections:
     distance: Float32Array
 
     def of(self, rays: npt.NDArray[np.integer]) -> Intersections:
-        """Of some of them."""
+        """Select some of them."""
         return Intersections(self.triangle[rays], self.u[rays], self.v[rays], self.distance[rays])
 
 
@@ -64,23 +64,24 @@ class RayCaster:
         largest = float(np.abs((used - self._centre) * self._scale).max())
         self._offset = _OFFSET * (largest + float(np.abs(self._centre).max()) * self._scale) / self._scale
         self._n_threads = threads or n_threads()
-        # Threads that stay, and others for whom stands apart: they begin when they are first wanted.
+        # Persistent threads, separate ones for callers that set apart; they start on first use.
         self._pools = {is_apart: ThreadPoolExecutor(self._n_threads, "rays") for is_apart in (False, True)}
         self._scene = EmbreeScene()
         self._mesh = TriangleMesh(self._scene, local, faces)
-        self._scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32), query="OCCLUDED")  # builds the tree
+        self._scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32), query="OCCLUDED")  # builds the BVH
 
     @property
     def offset(self) -> float:
-        """How far `offset_origins` lifts a point, in metres: 32 ε max|p| over the scene."""
+        """Distance by which `offset_origins` lifts a point, in metres: 32 ε max|p| over the scene."""
         return self._offset
 
     def occluded(
         self, origins: npt.ArrayLike, directions: npt.ArrayLike, distance: npt.ArrayLike | None = None
     ) -> npt.NDArray[np.bool_]:
-        """Whether anything stands on each ray (R,), nearer than `distance` (R,) in lengths of its direction.
+        """Whether anything intersects each ray (R,) nearer than `distance` (R,) in lengths of its direction.
 
-        origins, directions (R, 3); contiguous float32 arrays are used as they are. distance > 0, or None for no limit.
+        origins, directions (R, 3); contiguous float32 arrays are used without a copy. distance > 0, or None for no
+        limit.
         """
         origins, directions, limits = _checked_rays(origins, directions, distance)
         blocked = np.empty(len(origins), bool)
@@ -110,14 +111,14 @@ class RayCaster:
         return hits
 
     def offset_origins(self, points: npt.NDArray, geometric_normals: npt.NDArray) -> Float32Array:
-        """Points (P, 3) lifted off their surface along its normal (P, 3), enough for a ray not to hit it again.
+        """Lift points (P, 3) off their surface along its normal (P, 3), far enough for a ray not to hit it again.
 
         The lift is 32 ε max|p| with ε = 2⁻²³ and the maximum over the scene: it follows the scene's size.
         """
         return (np.asarray(points, np.float64) + self._offset * np.asarray(geometric_normals)).astype(np.float32)
 
     def _local(self, origins: Float32Array, directions: Float32Array, part: slice) -> tuple[Float32Array, Float32Array]:
-        """A slice of the rays in the tree's frame: origins moved and scaled, so that distances scale too."""
+        """A slice of the rays in the BVH's frame: origins are moved and scaled, so distances scale too."""
         if self._identity:
             return origins[part], directions[part]
         moved = (origins[part] - self._centre) * self._scale
@@ -130,7 +131,7 @@ class RayCaster:
         return np.minimum(limits[part].astype(np.float64) * self._scale, _FARTHEST).astype(np.float32)
 
     def _split(self, n_rays: int, trace: Callable[[slice], None]) -> None:
-        """Trace all rays in chunks, over the threads when there are enough of them."""
+        """Trace all rays in chunks, over the threads if there are enough of them."""
         parts = [slice(start, min(start + _CHUNK, n_rays)) for start in range(0, n_rays, _CHUNK)]
         if self._n_threads == 1 or len(parts) < 2:
             for part in parts:
@@ -140,7 +141,7 @@ class RayCaster:
 
 
 def _normalization(points: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], float]:
-    """Centre and power-of-two scale that bring the points to about [−1, 1]³; zero and 1 where they nearly are."""
+    """Centre and power-of-two scale that bring the points to about [−1, 1]³; zero and 1 if they nearly are there."""
     low, high = points.min(axis=0), points.max(axis=0)
     half = float((high - low).max()) / 2
     centre = (low + high) / 2
@@ -172,7 +173,7 @@ def _checked_triangles(triangles: npt.ArrayLike, n_vertices: int) -> npt.NDArray
 def _checked_rays(
     origins: npt.ArrayLike, directions: npt.ArrayLike, distance: npt.ArrayLike | None
 ) -> tuple[Float32Array, Float32Array, Float32Array | None]:
-    """Contiguous, writable float32 arrays of matching shapes without a number that is not finite."""
+    """Contiguous, writable float32 arrays of matching shapes with only finite numbers."""
     starts, along = _as_floats(origins), _as_floats(directions)
     if starts.ndim != 2 or starts.shape[1] != 3 or starts.shape != along.shape:
         raise ValueError(f"origins {starts.shape} and directions {along.shape}: expected two of (R, 3)")
@@ -195,6 +196,6 @@ def _as_floats(array: npt.ArrayLike) -> Float32Array:
 
 
 def _all_finite(array: Float32Array) -> bool:
-    """Whether all numbers are finite; a finite sum says so at the price of one pass without a temporary."""
+    """Whether all numbers are finite; a finite sum proves it in one pass without a temporary."""
     with np.errstate(over="ignore", invalid="ignore"):
         return bool(np.isfinite(array.sum())) or bool(np.isfinite(array).all())

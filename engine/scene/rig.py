@@ -1,13 +1,14 @@
-"""How the vertices of a mesh hang on the nodes of its file, and how animations move these [glTF20, 3.7, 3.11].
+"""Describes how the vertices of a mesh are bound to the nodes of its file, and how animations move these [glTF20, 3.7,
+3.11].
 
-Descriptions in arrays, and the mesh at rest; `engine.realtime.zonal_harmonics.animated_pose` moves it. A *bone* is a
-node together with the map that takes the mesh as its accessors have it into the node's own axes (a skin's inverse bind
-matrix). What has no skin hangs on one bone, the node that has the mesh, by the identity. A vertex x with weights w_b,
-bones at G_b, and morph targets d_m of weights u_m is at
+Contains descriptions in arrays, and the mesh at rest; `engine.realtime.zonal_harmonics.animated_pose` moves it. A
+*bone* is a node together with the map that takes the mesh as its accessors store it into the node's own axes (a skin's
+inverse bind matrix). A mesh without a skin is bound to one bone, its node, by the identity. A vertex x with weights
+w_b, bones at G_b with inverse bind matrices B_b, and morph targets d_m of weights u_m is at
 
     Σ_b w_b G_b B_b (x + Σ_m u_m d_m),
 
-at rest, too: the node of a skinned mesh has no part in it.
+also at rest: the node of a skinned mesh has no influence on it.
 """
 
 from __future__ import annotations
@@ -25,14 +26,15 @@ from engine.scene.mesh import Mesh, cross, normalize, smooth_normals
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
 
-PATHS = {"translation": 3, "rotation": 4, "scale": 3}  # and their numbers; weights have as many as there are targets
+# And their numbers of components; weights have as many as there are targets.
+PATHS = {"translation": 3, "rotation": 4, "scale": 3}
 INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """One property of a node over time: times (K,) that ascend, seconds; values (K, W), of splines (K, 3, W): the
-    tangent into the key, its value, the tangent out of it. path: a key of `PATHS`, or weights."""
+    """One property of a node over time: times (K,), ascending, seconds; values (K, W), of splines (K, 3, W): the
+    in-tangent of the key, its value, its out-tangent. path: a key of `PATHS`, or weights."""
 
     node: int
     path: str
@@ -43,7 +45,7 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """An animation by its name; it begins at 0 and is `duration` seconds long."""
+    """An animation by its name; it begins at 0 and lasts `duration` seconds."""
 
     name: str
     duration: float
@@ -51,7 +53,7 @@ class Clip:
 
 
 class Animation(NamedTuple):
-    """What of a clip the window knows: its name, and how long it is, seconds."""
+    """The part of a clip that the window knows: its name, and its length in seconds."""
 
     name: str
     duration: float
@@ -63,7 +65,7 @@ Animations = tuple[Animation, ...]
 @dataclass(frozen=True, eq=False)
 class Skeleton:
     """Nodes by their numbers in the file, parents before their children: order; parents, of those that have one;
-    matrices (4, 4) at rest, to the parent; parts: translation (3,), rotation (4,) and scale (3,) of those that a track
+    matrices (4, 4) at rest, to the parent; parts: translation (3,), rotation (4,) and scale (3,) of nodes that a track
     moves; weights: of the morph targets of a node's mesh."""
 
     order: tuple[int, ...]
@@ -74,7 +76,7 @@ class Skeleton:
     clips: tuple[Clip, ...]
 
     def clip(self, name: str) -> Clip:
-        """Raises ValueError where there is none of that name."""
+        """The clip of a name. Raises ValueError if there is none."""
         for clip in self.clips:
             if clip.name == name:
                 return clip
@@ -83,8 +85,8 @@ class Skeleton:
 
 @dataclass(frozen=True, eq=False)
 class Morph:
-    """How some vertices (n,) move at weight 1 of target `number` of a node's mesh: offsets (n, 3) of their places and,
-    where the file has them, of their unit normals."""
+    """How some vertices (n,) move at weight 1 of target `number` of a node's mesh: offsets (n, 3) of their positions
+    and, if the file has them, of their unit normals."""
 
     node: int
     number: int
@@ -95,8 +97,8 @@ class Morph:
 
 @dataclass(frozen=True, eq=False)
 class Binding:
-    """What V vertices hang on. places (V, 3) and unit normals (V, 3), 0 where the file has none: as the accessors have
-    them, before anything moves them. Bones, as nodes (B,) and maps (B, 4, 4) from there to their axes; for each vertex
+    """The binding of V vertices. places (V, 3) and unit normals (V, 3), 0 if the file has none: as in the accessors,
+    before anything moves them. Bones, as nodes (B,) and maps (B, 4, 4) into their axes; for each vertex the indices of
     some of them (V, K) and weights (V, K) that sum to 1."""
 
     nodes: Int32Array
@@ -108,14 +110,14 @@ class Binding:
     morphs: tuple[Morph, ...] = ()
 
     def blend_matrices(self, matrices: Float64Array) -> Float64Array:
-        """Of bones' matrices (B, 3, N) the mean of each vertex's own, (V, 3, N)."""
+        """Blend the bones' matrices (B, 3, N) by each vertex's weights, (V, 3, N)."""
         total = np.zeros((len(self.bones), *matrices.shape[1:]))
         for bones, weights in zip(self.bones.T, self.weights.T, strict=True):
             total += weights[:, None, None] * matrices[bones]
         return total
 
     def morph_vertices(self, weights: Mapping[int, Float64Array]) -> tuple[Float64Array, Float64Array]:
-        """Places and normals (V, 3) under morph targets of these weights, by node; 0 for what has none."""
+        """Positions and normals (V, 3) under morph targets with these weights, by node; 0 for nodes without."""
         places, normals = self.places, self.normals
         for morph in self.morphs:
             weight = morph_weight(morph, weights)
@@ -129,7 +131,7 @@ class Binding:
         return places, normals
 
     def select_vertices(self, vertices: npt.NDArray[np.integer]) -> Binding:
-        """Of copies of some vertices (n,)."""
+        """The binding of copies of some vertices (n,)."""
         every = np.argsort(vertices, kind="stable")
         morphs = []
         for morph in self.morphs:
@@ -146,14 +148,14 @@ class Binding:
 
 
 def morph_weight(morph: Morph, weights: Mapping[int, Float64Array]) -> float:
-    """That of a target among those of its node; 0 where nothing says it."""
+    """The weight of a target among those of its node; 0 if there is none."""
     own = weights.get(morph.node)
     return float(own[morph.number]) if own is not None and morph.number < len(own) else 0.0
 
 
 def normal_matrices(matrices: Float64Array) -> Float64Array:
-    """What normals go by under matrices (B, 3, 4): the inverse transposes (B, 3, 3) of their linear parts, blended as
-    those are [glTF20, 3.7.3.3]; where there is no inverse the cofactors, which have its directions."""
+    """Matrices for normals under matrices (B, 3, 4): the inverse transposes (B, 3, 3) of their linear parts, blended in
+    the same way [glTF20, 3.7.3.3]; if there is no inverse, the cofactors, which have its directions."""
     linear = matrices[..., :3]
     cofactor = cross(linear[:, [1, 2, 0]], linear[:, [2, 0, 1]])
     volume = np.einsum("bk,bk->b", linear[:, 0], cofactor[:, 0])
@@ -162,8 +164,8 @@ def normal_matrices(matrices: Float64Array) -> Float64Array:
 
 
 def rest_mesh(mesh: Mesh, binding: Binding, matrices: Float64Array, weights: Mapping[int, Float64Array]) -> Mesh:
-    """A mesh where its bones and morph targets have it: matrices (B, 3, 4) of the bones, G_b B_b; weights of morph
-    targets by node. What a bone mirrors is wound the other way round, so that fronts stay fronts."""
+    """A mesh under its bones and morph targets: matrices (B, 3, 4) of the bones, G_b B_b; weights of morph targets by
+    node. The winding of what a bone mirrors is reversed, so that fronts stay fronts."""
     places, normals = binding.morph_vertices(weights)
     skin = binding.blend_matrices(matrices)
     linear = skin[..., :3]
@@ -190,8 +192,8 @@ def rest_mesh(mesh: Mesh, binding: Binding, matrices: Float64Array, weights: Map
 
 
 class RestPose(NamedTuple):
-    """What a rig's mesh is at rest: its bones' matrices (B, 3, 4), those of its vertices (V, 3, 3) without where they
-    take them, and back."""
+    """A rig's mesh at rest: its bones' matrices (B, 3, 4), the linear parts for its vertices (V, 3, 3), and their
+    inverses."""
 
     matrices: Float64Array
     linear: Float64Array
@@ -200,7 +202,7 @@ class RestPose(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """A mesh's binding to a file's skeleton; frame (4, 4) takes the skeleton's space to that of the mesh."""
+    """A mesh's binding to a file's skeleton; frame (4, 4) maps the skeleton's space to that of the mesh."""
 
     skeleton: Skeleton
     binding: Binding
@@ -208,11 +210,11 @@ class Rig:
 
     @property
     def animations(self) -> Animations:
-        """All that move anything of it."""
+        """The animations that move any part of it."""
         return tuple(Animation(clip.name, clip.duration) for clip in self.skeleton.clips if clip.tracks)
 
     def bone_matrices(self, moved: Mapping[int, Float64Array]) -> Float64Array:
-        """Those of the bones (B, 3, 4), G_b B_b, where some nodes have other matrices (4, 4) to their parents."""
+        """The bones' matrices (B, 3, 4), G_b B_b, if some nodes have other matrices (4, 4) to their parents."""
         skeleton, matrices = self.skeleton, dict[int, Float64Array]()
         for node in skeleton.order:
             own = moved.get(node, skeleton.matrices[node])
@@ -223,7 +225,8 @@ class Rig:
 
     @cached_property
     def rest_pose(self) -> RestPose:
-        """See `RestPose`; where bones flatten a vertex's surroundings there is no way back, and the identity stands."""
+        """See `RestPose`; where bones flatten a vertex's neighbourhood there is no inverse, and the identity replaces
+        it."""
         matrices = self.bone_matrices({})
         linear = np.ascontiguousarray(self.binding.blend_matrices(matrices)[..., :3])
         is_flat = np.abs(np.linalg.det(linear)) <= 1e-9 * np.linalg.norm(linear, axis=1).prod(axis=1)
@@ -231,12 +234,12 @@ class Rig:
         return RestPose(matrices, linear, inverse)
 
     def transformed_by(self, matrix: Float64Array) -> Rig:
-        """Of the mesh under an affine transform (4, 4)."""
+        """The rig of the mesh under an affine transform (4, 4)."""
         return Rig(self.skeleton, self.binding, matrix @ self.frame)
 
 
 def join_bindings(bindings: Sequence[Binding]) -> Binding:
-    """Of several meshes as one, see `mesh.join_meshes`."""
+    """Join the bindings of several meshes, see `mesh.join_meshes`."""
     width = max(binding.bones.shape[1] for binding in bindings)
     n_bones = np.cumsum([0] + [len(binding.nodes) for binding in bindings])
     n_vertices = np.cumsum([0] + [len(binding.bones) for binding in bindings])

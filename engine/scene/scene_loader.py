@@ -1,8 +1,9 @@
-"""From a scene file to arrays: meshes read, placed in the world and joined, with notes on what was odd in them.
+"""Loads a scene file into arrays: reads the meshes, places them in the world and joins them, with notes on their
+defects.
 
-A `Scene` is frozen and knows no library: one vertex and one triangle array for everything, the triangles of object i in
-a contiguous range. A scene that stands far from the world's origin would lose its small parts to float32; its arrays
-are then relative to `Scene.origin`, the camera included.
+A `Scene` is frozen and depends on no library: one vertex and one triangle array for everything, the triangles of object
+i in a contiguous range. A scene far from the world's origin would lose its small parts in float32; its arrays, the
+camera included, are then relative to `Scene.origin`.
 """
 
 from __future__ import annotations
@@ -37,16 +38,16 @@ _FAR, _FAR_IN_SCENE = 16.0, 1024.0
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything geometric, ready for rays. V vertices, T triangles, M objects; lengths in metres.
+    """The geometry of a scene, ready for rays. V vertices, T triangles, M objects; lengths in metres.
 
-    vertices (V, 3) and normals (V, 3, unit) float32 in the world less `origin`; triangles (T, 3) int32, counter-
-    clockwise seen from the front; object_of_triangle (T,) int32; triangle_ranges (M, 2); geometric_normals (T, 3)
-    float32; smooth (M,) bool: whether normals are interpolated; emission (M, 3) float32, zero where nothing shines.
-    uvs (T, 3, 2) float32: texture coordinates of the triangles' corners, v upwards, 0 in objects without, None where no
-    object has them; tangents (T, 3, 4) as `Mesh.tangents`, None where no file says them; has_uvs (M,) bool; boxes
-    (M, 3, 4) the frames in which the others are looked up (`engine.scene.box_projection`); textures: the scene's
-    images. vertex_ranges (M, 2); rigs: for each object how its file's animations move its vertices, in the frame of the
-    arrays, None where none does.
+    vertices (V, 3) and normals (V, 3, unit) float32 in the world minus `origin`; triangles (T, 3) int32,
+    counter-clockwise seen from the front; object_of_triangle (T,) int32; triangle_ranges (M, 2); geometric_normals (T,
+    3) float32; smooth (M,) bool: whether normals are interpolated; emission (M, 3) float32, zero for objects that do
+    not emit. uvs (T, 3, 2) float32: texture coordinates of the triangles' corners, v upwards, 0 in objects without,
+    None if no object has them; tangents (T, 3, 4) as `Mesh.tangents`, None if no file has them; has_uvs (M,) bool;
+    boxes (M, 3, 4): the frames for texture coordinates of the others (`engine.scene.box_projection`); textures: the
+    scene's images. vertex_ranges (M, 2); rigs: for each object how its file's animations move its vertices, in the
+    frame of the arrays, None if none does.
     """
 
     description: SceneDescription
@@ -75,11 +76,12 @@ class Scene:
 
     @cached_property
     def bump_normals(self) -> BumpNormals:
-        """What its normal and bump maps do to normals."""
-        return BumpNormals(replace(self))  # one that knows of no relief: a circle outlives what it is of
+        """The perturbation of normals by its normal and bump maps."""
+        # Of a copy without this cached property: a reference cycle would prolong the scene's life.
+        return BumpNormals(replace(self))
 
     def with_bumps(self, bumps: Mapping[str, Bumps]) -> Scene:
-        """The scene with objects, by name, under these bumps instead of their own; names of no object do not count."""
+        """The scene with these bumps of objects, by name, instead of their own; unknown names are ignored."""
         changed = tuple(
             each.model_copy(update={"bumps": bumps.get(each.name, each.bumps)}) for each in self.description.objects
         )
@@ -87,7 +89,7 @@ class Scene:
 
     @property
     def bounds(self) -> npt.NDArray[np.float64]:
-        """The least and the largest corner of each object in the world (M, 2, 3); not a number where it has none."""
+        """Minimum and maximum of each object in the world (M, 2, 3); NaN for objects without geometry."""
         bounds = np.full((len(self.triangle_ranges), 2, 3), np.nan)
         for box, (start, stop) in zip(bounds, self.triangle_ranges, strict=True):
             if stop > start:
@@ -97,7 +99,7 @@ class Scene:
 
     @property
     def animations(self) -> tuple[Animations, ...]:
-        """Those of each object's file."""
+        """The animations of each object's file."""
         return tuple(() if rig is None else rig.animations for rig in self.rigs)
 
     @property
@@ -106,28 +108,28 @@ class Scene:
         return tuple(described.name for described in self.description.objects)
 
     def object_index(self, name: str) -> int:
-        """The place of an object among them."""
+        """The index of an object by its name."""
         return self.object_names.index(name)
 
     @property
     def emitters(self) -> npt.NDArray[np.bool_]:
-        """Which objects are emitters (M,): those that the file has shine, however dark they have been made since."""
+        """Which objects are emitters (M,): those that emit in the file, even if they were darkened since."""
         return np.array([described.emits for described in self.description.objects], bool)
 
     @property
     def reflecting(self) -> npt.NDArray[np.bool_]:
-        """Which objects reflect light (M,): all but lamps, which have no layers."""
+        """Which objects reflect light (M,): all except lamps, which have no layers."""
         return np.array([not described.is_lamp for described in self.description.objects], bool)
 
     def with_emission(self, emission: Mapping[str, tuple[float, float, float]]) -> Scene:
-        """The scene with emitters, by name, of this radiance instead of their own; names of no emitter do not count."""
+        """The scene with this radiance of emitters, by name, instead of their own; unknown names are ignored."""
         changed = self.emission.copy()
         for i in np.flatnonzero(self.emitters):
             changed[i] = emission.get(self.description.objects[i].name, changed[i])
         return replace(self, emission=changed)
 
     def from_camera(self, camera: Camera | None, resolution: tuple[int, int] | None = None) -> Scene:
-        """The scene from another camera, in so many pixels (width, height); None: as it is."""
+        """The scene from another camera, with this resolution (width, height); None: unchanged."""
         return replace(self, description=self.description.from_camera(camera), resolution=resolution or self.resolution)
 
     @property
@@ -151,7 +153,7 @@ def load_scene(path: str | Path, resolution: tuple[int, int] | None = None) -> S
 
 
 def build_scene(description: SceneDescription, path: Path, resolution: tuple[int, int] | None = None) -> Scene:
-    """The scene of a description that was read from (or would stand at) `path`."""
+    """The scene of a description that was read from (or would be stored at) `path`."""
     environment_path = None
     if description.environment is not None and description.environment.file is not None:
         environment_path = resolve_inside(path.parent, description.environment.file, path, "environment: file")
@@ -163,7 +165,7 @@ def _assemble(
     description: SceneDescription, items: Sequence[ObjectMesh], notes: Sequence[str], path: Path,
     resolution: tuple[int, int] | None, environment_path: Path | None,
 ) -> Scene:  # fmt: skip
-    """The arrays of objects that have been read; the description takes over what they became."""
+    """Build the arrays of objects that were read; the description takes over their final form."""
     _check_count(items, path)
     placed, place_notes = _place_all(items, path)
     description = description.model_copy(update={"objects": tuple(item.description for item in items)})
@@ -205,9 +207,9 @@ def _assemble(
 
 
 def _load_maps(scene: Scene) -> None:
-    """Read the images that the scene's layers name, so that what is wrong with them is said at once.
+    """Read the images that the scene's layers name, so that errors in them are reported at once.
 
-    A scene file may name only what stands in its folder; full paths are for a person to choose.
+    A scene file may name only files in its folder; only the user may choose full paths.
     """
     wanted, bumps = [], []
     for described in scene.description.objects:
@@ -226,14 +228,14 @@ def _load_maps(scene: Scene) -> None:
 
 
 def _check_count(items: Sequence[ObjectMesh], path: Path) -> None:
-    """Refuses too many triangles, before each object that shares a mesh gets a copy of it."""
+    """Reject too many triangles before each object that shares a mesh gets a copy of it."""
     total = sum(len(item.mesh.triangles) for item in items)
     if total > MAX_TRIANGLES:
         raise LoadError(path, "triangles", total, f"at most {MAX_TRIANGLES}")
 
 
 def _place_all(items: Sequence[ObjectMesh], path: Path) -> tuple[list[Mesh], list[str]]:
-    """Every object's mesh in world coordinates (float64), and what was odd about it."""
+    """Every object's mesh in world coordinates (float64), and its defects."""
     placed, notes = [], []
     for item in items:
         mesh = place_copies(item.mesh, np.reshape(item.description.transform, (1, 4, 4)))
@@ -251,11 +253,11 @@ def _place_all(items: Sequence[ObjectMesh], path: Path) -> tuple[list[Mesh], lis
 
 
 def _find_origin(placed: Sequence[Mesh], path: Path) -> npt.NDArray[np.float64]:
-    """What all vertices are to be relative to (3,): zero unless the scene stands far off.
+    """The point (3,) to which all vertices are relative: zero unless the scene is far away.
 
-    Far off is more than 16 times its half extent away; each such factor of two costs a bit of float32. Then, all is
-    relative to its middling object; and so it is where this one alone is 1024 of its own half extents away: a figure
-    on a wide floor is to keep its detail. A room with a small lamp in it stays where it is, and its strokes with it.
+    Far away is more than 16 times its half extent; each such factor of two costs a bit of float32. Then the origin is
+    that of the scene's median object; and so it is if this object alone is 1024 of its own half extents away: a figure
+    on a wide floor must keep its detail. A room with a small lamp in it stays in place, and its strokes with it.
     """
     boxes = np.array([_box(mesh.vertices[mesh.triangles].reshape(-1, 3)) for mesh in placed])
     low, high = _box(boxes.reshape(-1, 3))
@@ -269,16 +271,16 @@ def _find_origin(placed: Sequence[Mesh], path: Path) -> npt.NDArray[np.float64]:
 
 
 def _box(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """The least and the largest corner of points (N, 3), as (2, 3)."""
+    """Minimum and maximum of points (N, 3), as (2, 3)."""
     return np.stack([points.min(axis=0), points.max(axis=0)])
 
 
 def _round_all(
     placed: Sequence[Mesh], origin: npt.NDArray[np.float64], items: Sequence[ObjectMesh], path: Path
 ) -> tuple[npt.NDArray[np.float32], list[Mesh], list[str]]:
-    """All vertices less `origin` as float32, the meshes without the faces that this leaves no area, and notes.
+    """All vertices minus `origin` as float32, the meshes without faces that lose their area by rounding, and notes.
 
-    These faces are no fault of the file: their object stands too far from the others for what is that small.
+    The file is not at fault for these faces: their object is too far from the others for its size.
     """
     rounded, kept, notes = [], [], []
     for item, mesh in zip(items, placed, strict=True):
@@ -298,19 +300,19 @@ def _round_all(
 
 
 def _with_faces(mesh: Mesh, chosen: npt.NDArray[np.bool_]) -> Mesh:
-    """The mesh with some of its faces alone."""
+    """The mesh with some of its faces only."""
     uvs, tangents = (None if own is None else own[chosen] for own in (mesh.uvs, mesh.tangents))
     return Mesh(mesh.vertices, mesh.triangles[chosen], mesh.normals, uvs, tangents)
 
 
 def _ranges(counts: list[int]) -> npt.NDArray[np.int32]:
-    """Where each of so many things, one after the other, begins and ends (M, 2)."""
+    """Begin and end (M, 2) of consecutive groups of these sizes."""
     ends = np.cumsum(counts)
     return np.stack([ends - counts, ends], axis=1).astype(np.int32)
 
 
 def _rig_in_scene(item: ObjectMesh, origin: npt.NDArray[np.float64]) -> Rig | None:
-    """What moves an object, in the world less `origin`."""
+    """An object's rig in the world minus `origin`."""
     if item.rig is None:
         return None
     matrix = np.reshape(item.description.transform, (4, 4)).astype(np.float64)
@@ -319,7 +321,7 @@ def _rig_in_scene(item: ObjectMesh, origin: npt.NDArray[np.float64]) -> Rig | No
 
 
 def _map_notes(description: SceneDescription, placed: list[Mesh]) -> list[str]:
-    """Which objects' images lie on them by the box."""
+    """Notes on objects whose images are projected by their box."""
     return [
         f"{described.name}: {PROJECTED_NOTE}"
         for described, mesh in zip(description.objects, placed, strict=True)

@@ -1,4 +1,4 @@
-"""What is said of an object's surface for Deform alone: `[object.deform]` in a scene's file, see docs/deform.md."""
+"""Descriptions of an object's surface for Deform alone: `[object.deform]` in a scene's file, see docs/deform.md."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ MAX_NAME = 4096
 
 
 def _pair(value: object) -> object:
-    """One number stands for both."""
+    """Expand one number to a pair."""
     return (value, value) if isinstance(value, (int, float)) else value
 
 
 def _share_or_file(value: object) -> object:
-    """One line for what is neither, where pydantic has one for each."""
+    """Validate with one message for values that are neither, where pydantic has one for each."""
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and 0.0 <= value <= 1.0
     if is_number or isinstance(value, str) and 1 <= len(value) <= MAX_NAME:
         return value
@@ -42,13 +42,13 @@ class _Surface(BaseModel):
 
 
 class Membrane(_Surface):
-    """So thin that light comes through: a share of it, or a map of shares."""
+    """A membrane so thin that light passes through: a share of it, or a map of shares."""
 
     translucency: ShareOrFile = 0.5
 
 
 class Subsurface(_Surface):
-    """Light that enters comes out elsewhere: reduced scattering and absorption per metre, index of refraction."""
+    """Subsurface scattering: reduced scattering and absorption per metre, index of refraction."""
 
     scattering: Annotated[float, Field(gt=0.0, le=1e9, allow_inf_nan=False)]
     absorption: Annotated[float, Field(ge=0.0, le=1e9, allow_inf_nan=False)] = 0.0
@@ -56,7 +56,7 @@ class Subsurface(_Surface):
 
 
 class Detail(_Surface):
-    """Heights that repeat over the texture coordinates: of a kind, or a file's brightness; times `height`."""
+    """Heights that repeat over the texture coordinates: of a pattern, or a file's brightness; times `height`."""
 
     kind: PATTERNS | None = None
     file: File | None = None
@@ -71,7 +71,7 @@ class Detail(_Surface):
 
 
 class Wrinkles(_Surface):
-    """Grooves across one texture coordinate, so many over it, as deep as `depth` times their width."""
+    """Grooves across one texture coordinate: how many repeat over it, and `depth`, relative to their width."""
 
     across: Literal["u", "v"] = "u"
     repeats: Positive = 1.0
@@ -79,7 +79,7 @@ class Wrinkles(_Surface):
 
 
 class DeformSurface(_Surface):
-    """One of these, or none: then light is that of the object's material alone."""
+    """One of these, or none: then the object's material alone determines the light."""
 
     membrane: Membrane | None = None
     subsurface: Subsurface | None = None
@@ -94,17 +94,17 @@ class DeformSurface(_Surface):
 
     @property
     def kind(self) -> str:
-        """The name of the one that it is; empty where it is none."""
+        """The name of its kind; empty if none."""
         return next((kind for kind in type(self).model_fields if getattr(self, kind) is not None), "")
 
     @property
     def values(self) -> dict[str, Any]:
-        """What is said of it, by name."""
+        """Its values by name."""
         return dict(getattr(self, self.kind)) if self.kind else {}
 
     @property
     def files(self) -> tuple[tuple[str, str], ...]:
-        """Images that it names, and what each is."""
+        """The images that it names, and the purpose of each."""
         found = []
         if self.membrane is not None and isinstance(self.membrane.translucency, str):
             found.append(("translucency", self.membrane.translucency))
@@ -114,11 +114,11 @@ class DeformSurface(_Surface):
 
     @property
     def is_mapped(self) -> bool:
-        """Whether its transfer lies on texture coordinates."""
+        """Whether its transfer is a map over texture coordinates."""
         return self.patch is not None or self.wrinkles is not None
 
 
-# What an image can be of a surface: the kind that has it, and which of its values names it.
+# The purposes of a surface's images: the kind that has it, and the value that names it.
 SURFACE_IMAGES: Mapping[str, tuple[str, str]] = {
     "translucency": ("membrane", "translucency"),
     "heights": ("patch", "file"),
@@ -131,7 +131,7 @@ NO_SURFACE = DeformSurface()
 
 @dataclass(frozen=True)
 class SurfaceKind:
-    """A kind as a panel shows it; what it has a choice or a slider for, with the values that it begins with."""
+    """A kind as a panel shows it; its choices and sliders, with their initial values."""
 
     title: str
     tooltip: str
@@ -139,7 +139,7 @@ class SurfaceKind:
 
     @property
     def defaults(self) -> dict[str, Any]:
-        """What an object that becomes of this kind begins with."""
+        """The values with which an object of this kind begins."""
         return {each.name: each.default for each in self.parameters}
 
 
@@ -195,14 +195,14 @@ SURFACES: Mapping[str, SurfaceKind] = {
 
 
 def surface_with(surface: DeformSurface, kind: str, values: Mapping[str, Any], owner: str = "") -> DeformSurface:
-    """A surface of a kind ("" for none) with these values, the others as they are, or as that kind begins. Raises
-    LoadError, which says whose it is."""
+    """A surface of a kind ("" for none) with these values; the others stay, or are that kind's initial values. Raises
+    LoadError, which names the owner."""
     if not kind:
         return NO_SURFACE
     if kind not in SURFACES:
         raise LoadError(owner, "surface", kind, f"none or one of {', '.join(SURFACES)}")
     given = {**(surface.values if surface.kind == kind else SURFACES[kind].defaults), **values}
-    if kind == "patch":  # a pattern takes the place of a file, and a file of that
+    if kind == "patch":  # a pattern replaces a file, and a file a pattern
         given |= {other: None for name, other in (("kind", "file"), ("file", "kind")) if values.get(name)}
     tree = {kind: {name: value for name, value in given.items() if value is not None}}
     try:

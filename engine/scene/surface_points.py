@@ -1,4 +1,4 @@
-"""Points of a surface as rays need them: where, which way up, and lifted off."""
+"""Points of a surface as rays need them: position, normal, and position lifted off the surface."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ Float32Array = npt.NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class SurfacePoints:
-    """P points. position (P, 3) in the scene's frame, metres; horizon (P, 3): the unit normal that says what is above
-    it; offset_position (P, 3): lifted off the surface, for shadow rays."""
+    """P points. position (P, 3) in the scene's frame, metres; horizon (P, 3): the unit normal that defines the
+    hemisphere above; offset_position (P, 3): lifted off the surface, for shadow rays."""
 
     position: Float32Array
     horizon: Float32Array

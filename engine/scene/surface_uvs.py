@@ -1,7 +1,7 @@
-"""Where points of surfaces lie on images, and how far a pixel reaches over them.
+"""Texture coordinates of points on surfaces, and the footprints of pixels.
 
-How far is found by where the rays of the pixels to the right and below meet the plane of a point's own triangle
-[Igehy99], so that silhouettes and seams do not matter.
+The footprint is found by intersecting the rays of the pixels to the right and below with the plane of a point's own
+triangle [Igehy99], so that silhouettes and seams do not matter.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Float64Array = NDArray[np.float64]
 
 
 def corner_uvs(scene: Scene, triangle: NDArray[np.integer]) -> Float64Array:
-    """Texture coordinates (N, 3, 2) of the corners of triangles (N,), of some meshes by their box."""
+    """Texture coordinates (N, 3, 2) of the corners of triangles (N,), for some meshes by their box."""
     objects = scene.object_of_triangle[triangle]
     uvs = np.zeros((len(triangle), 3, 2)) if scene.uvs is None else scene.uvs[triangle].astype(np.float64)
     bare = np.flatnonzero(~scene.has_uvs[objects])
@@ -37,12 +37,12 @@ def uvs_at(scene: Scene, triangle: NDArray[np.integer], u: NDArray, v: NDArray) 
 
 
 def positions_at(scene: Scene, triangle: NDArray[np.integer], u: NDArray, v: NDArray) -> NDArray[np.float32]:
-    """Where such points are in the scene's frame, (N, 3)."""
+    """Positions (N, 3) of such points in the scene's frame."""
     return between(scene.vertices[scene.triangles[triangle]], u, v).astype(np.float32)
 
 
 def between(corners: NDArray, u: NDArray, v: NDArray) -> Float64Array:
-    """What stands at corners (N, 3, k), at such points of the triangles."""
+    """Interpolate values at corners (N, 3, k) at such points of the triangles."""
     corners = corners.astype(np.float64)
     u, v = np.asarray(u, np.float64)[:, None], np.asarray(v, np.float64)[:, None]
     return np.asarray((1.0 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2])
@@ -51,8 +51,8 @@ def between(corners: NDArray, u: NDArray, v: NDArray) -> Float64Array:
 def pixel_footprints(
     scene: Scene, found: Intersections, places: Float64Array, resolution: tuple[int, int]
 ) -> tuple[Float64Array, Float64Array, Float64Array]:
-    """Texture coordinates of what rays hit that pass through a picture at places (p, 2), columns and lines in pixels
-    from its upper left corner, and by how much they change over a pixel to the right and downwards, (p, 2)."""
+    """Texture coordinates at the hits of rays that pass through a picture at places (p, 2), columns and rows in pixels
+    from its upper left corner, and their change over a pixel to the right and downwards, (p, 2)."""
     uv = uvs_at(scene, found.triangle, found.u, found.v)
     columns, lines = places.T
     beside = []
@@ -63,8 +63,8 @@ def pixel_footprints(
 
 
 def _uvs_in_plane(scene: Scene, found: Intersections, directions: Float64Array) -> Float64Array:
-    """Texture coordinates (p, 2) where rays from the eye meet the planes of the triangles found; far out where they
-    hardly do."""
+    """Texture coordinates (p, 2) where rays from the camera meet the planes of the triangles found; large where they
+    are nearly parallel."""
     corners = scene.vertices[scene.triangles[found.triangle]].astype(np.float64)
     a, one, two = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = np.cross(one, two)

@@ -1,11 +1,11 @@
-"""TOML in and out: reading with the standard library's parser, and the writer that it lacks.
+"""TOML in and out: reads with the standard library's parser, and adds the writer that it lacks.
 
-All TOML that Insitu reads passes through `parse_toml`: whatever a text holds ends as a tree of plain values or as one
-LoadError; what the tree means is for pydantic models. The parser takes memory that grows with the square of a key's
-parts, and stack for each bracket, so that both are counted before it sees the text.
+All TOML that Insitu reads passes through `parse_toml`: any text becomes either a tree of plain values or one LoadError;
+pydantic models interpret the tree. The parser's memory grows with the square of a key's parts, and its stack with each
+bracket, so both are counted before it sees the text.
 
-tomli-w was tried for writing: it gives each number of an array a line of its own, so that a colour takes five lines
-and a transform eighteen in files that people read, and takes 43 ms for a map's strokes of a megabyte, ours 3 ms.
+tomli-w was tried for writing: it gives each number of an array a line of its own, so that a colour takes five lines and
+a transform eighteen in files that people read, and takes 43 ms for a map's strokes of a megabyte, ours 3 ms.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ MAX_PARTS = 16
 MAX_LEVELS = 16
 MAX_WORD = 256  # no number is longer: beyond it are integers that cannot even be printed
 
-# Strings and comments as wholes, so that what is in them counts for nothing; an unclosed one goes on to where the
-# parser gives up. Nothing is ever matched twice: every repetition is possessive.
+# Strings and comments as single tokens, so that their content does not count; an unclosed one extends to where the
+# parser fails. Nothing is matched twice: every repetition is possessive.
 _TOKEN = re.compile(
     r"""
       \"""(?:[^"\\]++|\\.?|"(?!""))*+(?:"{3,5}|\Z)
@@ -40,12 +40,12 @@ _TOKEN = re.compile(
 
 
 def load_toml(path: Path, max_bytes: int) -> dict[str, Any]:
-    """The tree of a TOML file; LoadError when it is not a regular file, too large, or not TOML."""
+    """The tree of a TOML file; LoadError if it is not a regular file, too large, or not TOML."""
     return parse_toml_bytes(read_regular_file(path, max_bytes), path)
 
 
 def parse_toml_bytes(data: bytes, path: Path) -> dict[str, Any]:
-    """The tree of what a TOML file holds; LoadError when it is not TOML."""
+    """The tree of a TOML file's bytes; LoadError if they are not TOML."""
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -54,7 +54,7 @@ def parse_toml_bytes(data: bytes, path: Path) -> dict[str, Any]:
 
 
 def parse_toml(text: str, file: str | Path) -> dict[str, Any]:
-    """The tree of a TOML text, called `file` in what LoadError says of it."""
+    """The tree of a TOML text, called `file` in LoadError."""
     _check_depth(text, file)
     try:
         return tomllib.loads(text)
@@ -63,7 +63,7 @@ def parse_toml(text: str, file: str | Path) -> dict[str, Any]:
 
 
 def _check_depth(text: str, file: str | Path) -> None:
-    """Raises LoadError for a key of many parts, for many brackets in each other and for endless words."""
+    """Raise LoadError for a key of many parts, for deeply nested brackets and for endless words."""
     parts, levels, begin = 1, 0, 0
     for token in _TOKEN.finditer(text):
         kind = text[token.start()]
@@ -86,7 +86,7 @@ def _too_much(text: str, place: int, file: str | Path, what: str, expected: str)
 
 
 def check_version(tree: Mapping[str, Any], file: str | Path, supported: int) -> None:
-    """Refuse a file of another version; one from the future says so."""
+    """Reject a file of another version; the message says if it is newer than this program."""
     version = tree.get("version")
     if isinstance(version, int) and version > supported:
         raise LoadError(file, "version", f"{version} (made by a newer version)", f"version {supported}")
@@ -95,13 +95,13 @@ def check_version(tree: Mapping[str, Any], file: str | Path, supported: int) -> 
 
 
 def toml_lines(values: Mapping[str, Any]) -> list[str]:
-    """``key = value`` lines; keys at None are left out."""
+    """``key = value`` lines; keys with None are left out."""
     return [f"{_key(key)} = {toml_value(value)}" for key, value in values.items() if value is not None]
 
 
 def toml_value(value: object) -> str:
-    """A TOML value; floats in the shortest form that reads back the same. InsituError for a text that no file can hold:
-    one with half a pair of surrogates."""
+    """A TOML value; floats in the shortest form that reads back the same. InsituError for a text that no file can
+    store: one with an unpaired surrogate."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, int | float):

@@ -10,10 +10,10 @@ _FLATTEST = 1e-9
 
 
 def check_transform(entries: Sequence[float]) -> str | None:
-    """What the 16 numbers should have been, or None if they are an invertible affine transform.
+    """What was expected instead of the 16 numbers, or None if they are an invertible affine transform.
 
     Invertible means |det A| > 1e-9 · |a_x| |a_y| |a_z| with the columns a of the linear part A (Hadamard's inequality:
-    the ratio is 1 for orthogonal axes, 0 for axes in one plane), whatever the scale.
+    the ratio is 1 for orthogonal axes, 0 for axes in one plane), at any scale.
     """
     if not all(math.isfinite(e) and abs(e) <= MAX_ENTRY for e in entries):
         return f"finite numbers of at most {MAX_ENTRY:g}"

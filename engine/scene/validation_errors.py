@@ -1,4 +1,4 @@
-"""Pydantic's complaints as one line of ours: the place in the file, what stands there, what should."""
+"""Converts pydantic's errors to one line of ours: the place in the file, what was found, what was expected."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MESSAGES = {"tuple_type": "a list", "model_type": "a table", "bool_type": "true
 def first_validation_error(
     error: ValidationError, tree: dict[str, Any], file: str | Path, model: type[BaseModel]
 ) -> LoadError:
-    """The first thing wrong in the tree of a file that was to become `model`."""
+    """The first error in the tree of a file that should become `model`."""
     first = error.errors()[0]
     location = list(first["loc"])
     if first["type"] == "value_error":
@@ -32,7 +32,7 @@ def first_validation_error(
 
 
 def _expected(first: dict[str, Any]) -> str:
-    """What pydantic wanted, without its preamble."""
+    """What pydantic expected, without its preamble."""
     if first["type"] in ("too_short", "too_long"):
         words = (("at least", "min_length"), ("at most", "max_length"))
         return " and ".join(f"{text} {first['ctx'][key]} items" for text, key in words if key in first["ctx"])
@@ -43,7 +43,7 @@ def _expected(first: dict[str, Any]) -> str:
 
 
 def _known_keys(location: list[int | str], model: type[BaseModel]) -> str:
-    """The keys of the table that holds the unknown one."""
+    """The keys of the table that contains the unknown one."""
     for part in location[:-1]:
         fields = {field.alias or key: field for key, field in model.model_fields.items()}
         if part in fields:
@@ -59,7 +59,7 @@ def _inner_model(annotation: Any) -> type[BaseModel] | None:
 
 
 def _place(location: list[int | str], tree: dict[str, Any]) -> str:
-    """`object 2 'ball': transform 3`: the way to a value with the names of the objects on it."""
+    """`object 2 'ball': transform 3`: the path to a value with the names of the objects on it."""
     words: str = ""
     node: Any = tree
     for part in location:
@@ -67,7 +67,7 @@ def _place(location: list[int | str], tree: dict[str, Any]) -> str:
         if isinstance(part, int):
             name = node.get("name") if isinstance(node, dict) else None
             words += f" {part}" + (f" {name!r}" if isinstance(name, str) else "")
-        elif part != "parameters":  # the models gather a layer's own keys under this name
+        elif part != "parameters":  # the models collect a layer's own keys under this name
             words += (": " if words else "") + part
     return words
 
@@ -82,7 +82,7 @@ def _found(location: list[int | str], tree: dict[str, Any]) -> object:
 
 
 def _descend(node: Any, part: int | str) -> Any:
-    """One step down a tree of dicts and lists; None where there is nothing."""
+    """One step down a tree of dicts and lists; None if there is nothing."""
     if isinstance(part, int):
         return node[part] if isinstance(node, (list, tuple)) and part < len(node) else None
     if part == "parameters":

@@ -1,8 +1,8 @@
-"""The GLB 2 container: header, JSON chunk, binary chunk; and typed access to the JSON of a file nobody vouches for.
+"""The GLB 2 container: header, JSON chunk, binary chunk; and typed access to the JSON of an untrusted file.
 
-Every length is held against the bytes that are there before it is used. The JSON is decoded once; `JsonObject` then
-hands out its integers, numbers and lists only if they are what glTF 2.0 (Khronos) says, and names the place where not.
-What is wrong but can be mended (a factor of 1.0000001) is mended, and a note says so.
+Every length is checked against the available bytes before it is used. The JSON is decoded once; `JsonObject` then
+returns its integers, numbers and lists only if they conform to glTF 2.0 (Khronos), and otherwise names the place of the
+error. Errors that can be repaired (a factor of 1.0000001) are repaired, with a note.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ _JSON, _BIN = 0x4E4F534A, 0x004E4942
 
 @dataclass(frozen=True)
 class JsonObject:
-    """A JSON object of a file and its place in it ("meshes 3: primitives 0"). notes: what of the file was mended or
-    left out, each line once, in order; all objects of a file share them."""
+    """A JSON object of a file and its place in it ("meshes 3: primitives 0"). notes: repairs and omissions, each line
+    once, in order; all objects of a file share them."""
 
     values: dict[str, Any]
     place: str
@@ -35,11 +35,11 @@ class JsonObject:
         return LoadError(self.file, f"{self.place}: {key}" if self.place else key, value, expected)
 
     def note(self, key: str, value: object, words: str) -> None:
-        """Say what became of a value that is not as it should be, without refusing the file for it."""
+        """Note how an invalid value was treated, without rejecting the file."""
         self.notes[f"{self.place}: {key} = {describe_value(value)}, {words}"] = None
 
     def clamped(self, value: float, key: str, low: float = 0.0, high: float = 1.0) -> float:
-        """The value or the end of the range that it is beyond, with a note: exporters round their numbers."""
+        """Clamp a value to its range, with a note: exporters round their numbers."""
         if low <= value <= high:
             return value
         end = min(max(value, low), high)
@@ -47,11 +47,11 @@ class JsonObject:
         return end
 
     def has(self, key: str) -> bool:
-        """Whether the key is there."""
+        """Whether the key is present."""
         return key in self.values
 
     def integer(self, key: str, low: int, high: int, default: int | None = None) -> int:
-        """An integer in [low, high]; without a default it has to be there."""
+        """An integer in [low, high]; required if there is no default."""
         value = self.values.get(key, default)
         if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
             shown = "nothing" if key not in self.values else value
@@ -73,21 +73,21 @@ class JsonObject:
         return float(value)
 
     def text(self, key: str) -> str | None:
-        """A string, or None if the key is not there."""
+        """A string, or None if the key is missing."""
         value = self.values.get(key)
         if value is not None and not isinstance(value, str):
             raise self.error(key, value, "a string")
         return value
 
     def child(self, key: str) -> JsonObject:
-        """The object under a key, empty if it is not there."""
+        """The object under a key, empty if it is missing."""
         value = self.values.get(key, {})
         if not isinstance(value, dict):
             raise self.error(key, value, "an object")
         return JsonObject(value, f"{self.place}: {key}" if self.place else key, self.file, self.notes)
 
     def children(self, key: str) -> list[JsonObject]:
-        """The list of objects under a key, empty if it is not there."""
+        """The list of objects under a key, empty if it is missing."""
         value = self.values.get(key, [])
         if not isinstance(value, list) or len(value) > MAX_ITEMS:
             raise self.error(key, value, f"a list of at most {MAX_ITEMS} objects")
@@ -98,7 +98,7 @@ class JsonObject:
         return [JsonObject(item, f"{place} {i}", self.file, self.notes) for i, item in enumerate(value)]
 
     def item(self, key: str, index: int) -> JsonObject | None:
-        """One object of a list, without a look at the others; None past its end."""
+        """One object of a list, without checking the others; None past its end."""
         value = self.values.get(key, [])
         if not isinstance(value, list) or not all(isinstance(item, dict) for item in value[index : index + 1]):
             raise self.error(f"{key} {index}", value, "an object")
@@ -115,7 +115,7 @@ class JsonObject:
 
 
 def _is_number(value: object) -> bool:
-    """A finite JSON number that fits a float."""
+    """A finite JSON number that a float can represent."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return False
     try:
@@ -150,7 +150,7 @@ def parse_glb(data: bytes, file: Path) -> tuple[JsonObject, bytes]:
 
 
 def _chunk(data: bytes, start: int, file: Path) -> tuple[int, bytes, int]:
-    """Type and content of the chunk at `start`, and where the next one starts."""
+    """Type and content of the chunk at `start`, and the start of the next one."""
     if start + 8 > len(data):
         raise LoadError(file, f"chunk at byte {start}", f"truncated at byte {len(data)}", "a chunk header of 8 bytes")
     length, kind = struct.unpack_from("<II", data, start)
@@ -164,7 +164,8 @@ def _chunk(data: bytes, start: int, file: Path) -> tuple[int, bytes, int]:
 def _decode(text: bytes, file: Path) -> JsonObject:
     """The root object of a glTF 2 JSON text."""
     try:
-        root = json.loads(text.decode("utf-8-sig").rstrip("\0"))  # as some exporters begin and pad it
+        # Some exporters begin with a byte order mark and pad with zeros.
+        root = json.loads(text.decode("utf-8-sig").rstrip("\0"))
     except RecursionError:
         raise LoadError(file, "JSON", "too deep", "JSON with a few levels") from None
     except ValueError as error:

@@ -1,12 +1,12 @@
 """Geometry and materials of a GLB file: every triangle under its node's transform, sorted by material.
 
-The accessors are checked and read here, not by trimesh or pygltflib, which read what is not there (see `mesh`): counts,
-offsets and strides are held against the binary chunk, indices against the vertices. Nodes must form a forest of bounded
-depth. What is read is the mesh at rest, where its skin and the weights of its morph targets have it; where the file has
-animations, each part has a rig that says how they move it (`gltf_rig`). Materials are `gltf_materials`'.
+The accessors are checked and read here, not by trimesh or pygltflib, which accept invalid files (see `mesh`): counts,
+offsets and strides are checked against the binary chunk, indices against the vertices. Nodes must form a forest of
+bounded depth. The result is the mesh at rest, under its skin and the default weights of its morph targets; if the file
+has animations, each part has a rig that describes them (`gltf_rig`). `gltf_materials` reads the materials.
 
-What a file has wrong beside its lengths and indices is mended or left out with a note, as other programs do: a normal
-that is no number is computed, a node scaled by 0 shows nothing. A mesh without normals is flat [glTF 2.0, 3.7.2.1].
+Errors other than lengths and indices are repaired or skipped with a note, as in other programs: a normal that is not
+finite is computed, a node with scale 0 shows nothing. A mesh without normals is flat [glTF20, 3.7.2.1].
 """
 
 from __future__ import annotations
@@ -46,7 +46,8 @@ from engine.scene.rig import Binding, Rig, Skeleton, join_bindings
 Bound = tuple[Mesh, Binding | None]
 
 MAX_COUNT = 2**31 - 1
-# Vertices and faces of all copies that nodes make of meshes, one more for every byte: small files must not cost much.
+# Limit of vertices and faces of all copies that nodes make of meshes, plus one for every byte: small files must not
+# cost much.
 MOST_COPIED = 1_000_000
 _HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_")
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
@@ -65,7 +66,7 @@ class GlbPart:
 
 @dataclass(frozen=True)
 class GlbModel:
-    """A GLB file's parts, one a material in use, and notes on what was stepped over."""
+    """A GLB file's parts, one for each material in use, and notes on what was skipped."""
 
     parts: tuple[GlbPart, ...]
     notes: tuple[str, ...]
@@ -106,8 +107,8 @@ def read_glb(path: Path) -> GlbModel:
 
 
 def _part(bound: list[Bound], material: PartMaterial, skeleton: Skeleton | None) -> GlbPart:
-    """The joined meshes of one material; without texture coordinates it has no textures. Where some have normals, those
-    without get vertices of their own for every face, so that they stay flat."""
+    """Join the meshes of one material; without texture coordinates it has no textures. If some have normals, those
+    without get separate vertices for every face, so that they stay flat."""
     if any(mesh.normals is not None for mesh, _ in bound):
         bound = [each if each[0].normals is not None else _with_flat_normals(*each) for each in bound]
     mesh, layers, bumps = join_meshes([mesh for mesh, _ in bound]), material.layers, material.bumps
@@ -126,7 +127,7 @@ def _with_flat_normals(mesh: Mesh, binding: Binding | None) -> Bound:
 
 
 def _check_extensions(root: JsonObject) -> None:
-    """Refuses files that cannot be read without an extension that changes geometry, or the format of images."""
+    """Reject files that require an extension that changes geometry or the format of images."""
     required = root.values.get("extensionsRequired", [])
     if not isinstance(required, list):
         raise root.error("extensionsRequired", required, "a list")
@@ -137,7 +138,7 @@ def _check_extensions(root: JsonObject) -> None:
 
 
 def _check_uris(root: JsonObject, binary: bytes) -> None:
-    """The one buffer is the file's own binary chunk; pictures may be files, but none outside the file's folder."""
+    """Check that the one buffer is the file's own binary chunk, and that image files are inside the file's folder."""
     for i, buffer in enumerate(root.children("buffers")):
         uri = buffer.text("uri")
         if uri is not None:
@@ -158,8 +159,8 @@ def _check_uris(root: JsonObject, binary: bytes) -> None:
 
 
 class _Copies:
-    """The triangles of a file by material: each list of them read once, and placed once for all its copies, of which a
-    file may have no more than its size is worth; and what they hang on, where something moves them."""
+    """The triangles of a file by material: each primitive is read once, and placed once for all its copies, whose
+    number is limited relative to the file's size; and their bindings, if something moves them."""
 
     def __init__(self, file: GltfFile, rigs: RigReader) -> None:
         self._file, self._rigs = file, rigs
@@ -168,7 +169,8 @@ class _Copies:
         self._most, self._n = MOST_COPIED + len(file.binary), 0
 
     def take(self, primitive: JsonObject, placed: list[MeshNode]) -> bool:
-        """Read a primitive and note where copies of it stand; False for points and lines, which are left out."""
+        """Read a primitive and record the places of its copies; returns False for points and lines, which are
+        skipped."""
         if primitive.integer("mode", 0, 6, _TRIANGLES) < _TRIANGLES:
             return False
         made_of = repr([primitive.values.get(key) for key in ("attributes", "indices", "targets", "mode")])
@@ -188,7 +190,7 @@ class _Copies:
         return True
 
     def by_material(self) -> dict[int, list[Bound]]:
-        """All triangles at rest, in the order of the materials, −1 for what has none, and what they hang on."""
+        """All triangles at rest, in the order of the materials, −1 for none, and their bindings."""
         found: dict[int, list[Bound]] = {}
         for (material, made_of), placed in self._placed.items():
             read = self._read[made_of]
@@ -198,7 +200,7 @@ class _Copies:
 
 
 def _read_primitive(file: GltfFile, primitive: JsonObject) -> Mesh | None:
-    """One list, strip or fan of triangles; None where it has none."""
+    """Read one list, strip or fan of triangles; None if it has none."""
     attributes = primitive.child("attributes")
     if not attributes.has("POSITION"):
         raise attributes.error("POSITION", "nothing", "an accessor of positions")
@@ -228,15 +230,15 @@ def _read_primitive(file: GltfFile, primitive: JsonObject) -> Mesh | None:
     tangents = None
     if normals is not None:
         normals = _mend_normals(normals, vertices, triangles, attributes)
-        if uvs is not None:  # tangents are of use beside both others alone [glTF 2.0, 3.7.2.1]
+        if uvs is not None:  # tangents need both others [glTF20, 3.7.2.1]
             tangents = _read_tangents(file, attributes, len(vertices), triangles)
     mesh = Mesh(vertices, triangles, normals, uvs, tangents)
     return validate_mesh(mesh, file.path, f"{primitive.place}: ")
 
 
 def _triangles(primitive: JsonObject, corners: npt.NDArray[np.int64]) -> npt.NDArray[np.int32]:
-    """Triangles (T, 3) of a list, a strip or a fan [glTF 2.0, 3.7.2.1]; those of a strip that only turn it round, with
-    a corner twice, are none."""
+    """Triangles (T, 3) of a list, a strip or a fan [glTF20, 3.7.2.1]; degenerate ones of a strip, which repeat a corner
+    to turn it, are dropped."""
     mode, n = primitive.integer("mode", _TRIANGLES, _FAN, _TRIANGLES), len(corners)
     if mode == _TRIANGLES:
         if n % 3:
@@ -254,7 +256,7 @@ def _triangles(primitive: JsonObject, corners: npt.NDArray[np.int64]) -> npt.NDA
 def _mend_normals(
     normals: Float64Array, vertices: Float64Array, triangles: npt.NDArray[np.int32], attributes: JsonObject
 ) -> Float64Array:
-    """Unit normals (V, 3), those that are no numbers as the faces around have them."""
+    """Unit normals (V, 3); those that are not finite are computed from the faces around."""
     is_usable = np.asarray(np.isfinite(normals).all(axis=1))
     around = smooth_normals(vertices, triangles)
     if not is_usable.all():
@@ -265,7 +267,7 @@ def _mend_normals(
 def _read_uvs(
     file: GltfFile, attributes: JsonObject, n_vertices: int, triangles: npt.NDArray[np.int32]
 ) -> npt.NDArray[np.float32] | None:
-    """Texture coordinates of the corners, (T, 3, 2), v turned upwards: in glTF it grows downwards."""
+    """Texture coordinates of the corners, (T, 3, 2), v flipped to grow upwards: in glTF it grows downwards."""
     if not attributes.has("TEXCOORD_0"):
         return None
     values = file.read(attributes, "TEXCOORD_0", "VEC2", SHARES)
@@ -283,7 +285,7 @@ def _read_uvs(
 
 
 def _notes(materials: list[PartMaterial], skipped: int) -> list[str]:
-    """What the file holds that is not shown."""
+    """Notes on what the file contains but is not shown."""
     lines = []
     if skipped:
         lines.append(f"{skipped} primitives of points or lines left out")
@@ -294,7 +296,8 @@ def _notes(materials: list[PartMaterial], skipped: int) -> list[str]:
 def _read_tangents(
     file: GltfFile, attributes: JsonObject, n_vertices: int, triangles: npt.NDArray[np.int32]
 ) -> npt.NDArray[np.float32] | None:
-    """Tangents and hands of the corners, (T, 3, 4): bitangents are hand × normal × tangent, to where images go up."""
+    """Tangents and handedness of the corners, (T, 3, 4): bitangents are hand × normal × tangent, in the images' upward
+    direction."""
     if not attributes.has("TANGENT"):
         return None
     values = file.read(attributes, "TANGENT", "VEC4", FLOATS)

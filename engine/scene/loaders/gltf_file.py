@@ -1,6 +1,6 @@
 """The lists of a GLB file that refer to each other, and the values of its accessors.
 
-Counts, offsets and strides are held against the binary chunk before anything is read.
+Counts, offsets and strides are checked against the binary chunk before anything is read.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import numpy.typing as npt
 from engine.scene.loaders.glb import JsonObject
 
 FLOATS = (5126,)
-SHARES = (5126, 5121, 5123)  # from 0 to 1: as floats, or as integers of which the largest is 1
+SHARES = (5126, 5121, 5123)  # from 0 to 1: floats, or integers whose largest value is 1
 ANY_SHARES = (5126, 5120, 5121, 5122, 5123)
 INTEGERS = (5121, 5123, 5125)
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-MOST_ZEROS = 1_000_000  # rows of a sparse accessor without a view, one more for every byte of the file
+MOST_ZEROS = 1_000_000  # rows of a sparse accessor without a view, plus one for every byte of the file
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 
 
@@ -35,7 +35,7 @@ class GltfFile:
     n_materials: int
 
     def read(self, owner: JsonObject, key: str, kind: str, components: tuple[int, ...]) -> npt.NDArray:
-        """The rows (count, width) of the accessor that `owner` names under `key`."""
+        """Rows (count, width) of the accessor that `owner` names under `key`."""
         accessor = self.accessors[owner.integer(key, 0, len(self.accessors) - 1)]
         if accessor.text("type") != kind:
             raise accessor.error("type", accessor.text("type") or "nothing", f"{kind} for {key}")
@@ -45,7 +45,7 @@ class GltfFile:
         layout, width = np.dtype(_COMPONENTS[component]), _WIDTHS[kind]
         if not accessor.has("sparse"):
             return self._rows(accessor, layout, width)
-        # Some rows instead of those of the view, or of zeros [glTF 2.0, 3.6.2.3].
+        # A sparse accessor replaces some rows of the view, or of zeros [glTF20, 3.6.2.3].
         if accessor.has("bufferView"):
             rows = self._rows(accessor, layout, width).copy()
         else:
@@ -61,7 +61,7 @@ class GltfFile:
         return rows
 
     def _rows(self, owner: JsonObject, layout: np.dtype, width: int, count: int | None = None) -> npt.NDArray:
-        """The rows of a buffer view from an owner's byteOffset on; as many as the owner says, or count."""
+        """Rows of a buffer view from an owner's byteOffset on; as many as the owner says, or count."""
         row = layout.itemsize * width
         view = self.views[owner.integer("bufferView", 0, len(self.views) - 1)]
         view.integer("buffer", 0, 0)
@@ -79,7 +79,7 @@ class GltfFile:
         return np.ascontiguousarray(rows).view(layout)
 
     def read_shares(self, owner: JsonObject, key: str, kind: str, components: tuple[int, ...]) -> npt.NDArray:
-        """As floats, float64; integers are shares of their largest [glTF 2.0, 3.11]."""
+        """Rows as floats, float64; integers are shares of their largest value [glTF20, 3.11]."""
         values = self.read(owner, key, kind, components)
         if values.dtype.kind == "f":
             return values.astype(np.float64)

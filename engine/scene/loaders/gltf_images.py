@@ -1,4 +1,4 @@
-"""The pictures of a GLB file: in its binary chunk, as data in its JSON, or files beside it. Bytes here, no pixels."""
+"""The images of a GLB file: in its binary chunk, as data in its JSON, or files beside it. Returns bytes, not pixels."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ MAX_IMAGE_BYTES = 256 * 2**20
 
 
 def image_reader(path: Path) -> Callable[[int], bytes]:
-    """What gives the bytes of a GLB file's images by number; it, too, raises LoadError naming the place and what was
-    expected there."""
+    """Return a function from an image's number to its bytes in a GLB file; it, too, raises LoadError naming the place
+    and what was expected there."""
     return partial(image_bytes, *parse_glb(read_regular_file(path, MAX_MESH_BYTES), path))
 
 
 def image_bytes(root: JsonObject, binary: bytes, index: int) -> bytes:
-    """The same of a file that has been read: its root and its binary chunk."""
+    """The bytes of an image of a file that was read already: its root and its binary chunk."""
     image = root.item("images", index)
     if image is None:
         there = len(root.values.get("images", []))

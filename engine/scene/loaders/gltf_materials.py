@@ -1,18 +1,18 @@
 """glTF metallic-roughness as layers: a Lambert layer and a rough conductor.
 
 The glossy layer's reflectance at normal incidence is F0 = 0.04 (1 − m) + m · base colour, its width α = roughness²
-[glTF 2.0, appendix B]. A conductor's curve needs an index: η and k follow from F0 by [Gulbrandsen14],
+[glTF20, B]. A conductor's curve needs an index: η and k follow from F0 by [Gulbrandsen14],
 
     n_min = (1 − F0)/(1 + F0),  n_max = (1 + √F0)/(1 − √F0),  η = g n_min + (1 − g) n_max,
     k² = ((η + 1)² F0 − (η − 1)²)/(1 − F0),
 
 with the edge tint g = metalness: a dielectric gets k = 0 and the true index 1.5, a metal one that stays bright. The
-0.04 is that of index 1.5; KHR_materials_ior and KHR_materials_specular say another.
+value 0.04 belongs to index 1.5; KHR_materials_ior and KHR_materials_specular change it.
 
-A texture of the base colour multiplies the layers that have it. What is half a metal then becomes the mixture that
-glTF defines, (1 − m) times the dielectric and m times the metal, for only the metal has the texture's colours. Of a
-metallic-roughness texture the means count: a layer has one curve wherever it is. Images are named as `#N` here, the Nth
-of the file; who knows how the file is called puts that before it.
+A texture of the base colour multiplies the layers that have it. A partial metal becomes the mixture that glTF defines,
+(1 − m) times the dielectric and m times the metal, because only the metal has the texture's colours. A
+metallic-roughness texture is replaced by its means: a layer has the same curve everywhere. Images are named `#N` here,
+the Nth of the file; the caller, who knows the file's name, prepends it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from engine.scene.loaders.gltf_textures import GltfImages, TextureUse
 _DIELECTRIC = 0.04
 _SMOOTHEST = 0.01
 _BRIGHTEST = 0.98
-_MIXED = 0.02  # metalness this close to 0 or 1 is that
+_MIXED = 0.02  # metalness this close to 0 or 1 counts as that
 RGB = tuple[float, float, float]
 GREY = (LayerDescription(model="lambert", parameters={"albedo": (0.5, 0.5, 0.5)}),)
 """What has no material at all."""
@@ -37,8 +37,8 @@ GREY = (LayerDescription(model="lambert", parameters={"albedo": (0.5, 0.5, 0.5)}
 
 @dataclass(frozen=True)
 class PartMaterial:
-    """Layers of a material (glTF's default: white, metal 1, roughness 1, is replaced by plain grey), its emission,
-    what of it is not shown, and its normal map."""
+    """Layers of a material (glTF's default, white with metal 1 and roughness 1, is replaced by plain grey), its
+    emission, what of it is not shown, and its normal map."""
 
     layers: tuple[LayerDescription, ...] = GREY
     emission: RGB | None = None
@@ -47,7 +47,7 @@ class PartMaterial:
 
 
 def read_material(fields: JsonObject, images: GltfImages) -> PartMaterial:
-    """A material as layers; values outside their range are taken as its ends, with a note in the file's."""
+    """Read a material as layers; values outside their range are clamped, with a note."""
     notes: list[str] = []
     pbr = fields.child("pbrMetallicRoughness")
     base_colour = pbr.numbers("baseColorFactor", 4, (1.0,) * 4)
@@ -73,7 +73,7 @@ _NOT_SHOWN = {"emissiveTexture": "emissive textures"}
 
 
 def _emission(fields: JsonObject) -> RGB:
-    """Radiance: the factor, in [0, 1], times the strength of KHR_materials_emissive_strength."""
+    """Emitted radiance: the factor, in [0, 1], times the strength of KHR_materials_emissive_strength."""
     factor = (fields.clamped(v, "emissiveFactor") for v in fields.numbers("emissiveFactor", 3, (0.0, 0.0, 0.0)))
     extension = fields.child("extensions").child("KHR_materials_emissive_strength")
     strength = extension.clamped(extension.number("emissiveStrength", 1.0), "emissiveStrength", 0.0, MAX_RADIANCE)
@@ -81,7 +81,7 @@ def _emission(fields: JsonObject) -> RGB:
 
 
 def _bumps(info: JsonObject, images: GltfImages, notes: list[str]) -> Bumps:
-    """What a normal texture says, of its file's image by number; nothing where that cannot be had."""
+    """The normal map of a normal texture, by the number of its image; none if that is unavailable."""
     used = images.use(info, notes)
     if used is None:
         return NO_BUMPS
@@ -100,7 +100,7 @@ def _bumps(info: JsonObject, images: GltfImages, notes: list[str]) -> Bumps:
 def metallic_roughness_layers(
     base: RGB, metallic: float, roughness: float, facing: RGB = (_DIELECTRIC,) * 3, texture: TextureUse | None = None
 ) -> tuple[LayerDescription, ...]:
-    """Layers for a linear base colour, a metalness and a roughness in [0, 1]; facing: F0 of what is no metal."""
+    """Layers for a linear base colour, a metalness and a roughness in [0, 1]; facing: F0 of the dielectric part."""
     if texture is None:
         reflectance = _rgb(tuple(f * (1 - metallic) + c * metallic for f, c in zip(facing, base, strict=True)))
         glossy: list[LayerDescription] = [_glossy(reflectance, metallic, roughness)]
@@ -123,7 +123,7 @@ def _glossy(
     reflectance: RGB, tint: float, roughness: float, scale: float = 1.0, name: str | None = None,
     texture: TextureUse | None = None,
 ) -> LayerDescription:  # fmt: skip
-    """A rough conductor of that reflectance at normal incidence."""
+    """A rough conductor with this reflectance at normal incidence."""
     indices = [conductor_index(f0, tint) for f0 in reflectance]
     parameters = {
         "distribution": "ggx",
@@ -146,7 +146,7 @@ def _maps(texture: TextureUse | None) -> LayerMaps:
 
 
 def _facing_reflectance(extensions: JsonObject) -> RGB:
-    """F0 of what is no metal: ((n − 1)/(n + 1))² times the colour and the strength of its reflection."""
+    """F0 of a dielectric: ((n − 1)/(n + 1))² times the colour and the strength of its reflection."""
     ior, specular = extensions.child("KHR_materials_ior"), extensions.child("KHR_materials_specular")
     index = ior.number("ior", 1.5)
     if index != 0.0:
@@ -159,12 +159,12 @@ def _facing_reflectance(extensions: JsonObject) -> RGB:
 
 
 def conductor_index(f0: float, tint: float) -> tuple[float, float]:
-    """(η, k) of a conductor with reflectance f0 at normal incidence [Gulbrandsen14, eq. 1-4]; f0 up to 0.98 counts."""
+    """(η, k) of a conductor with reflectance f0 at normal incidence [Gulbrandsen14, eq. 1-4]; f0 is clamped to 0.98."""
     f0 = min(max(f0, 0.0), _BRIGHTEST)
     root = math.sqrt(f0)
     eta = tint * (1 - f0) / (1 + f0) + (1 - tint) * (1 + root) / (1 - root)
     squared = ((eta + 1) ** 2 * f0 - (eta - 1) ** 2) / (1 - f0)
-    return eta, math.sqrt(squared) if squared > 1e-12 else 0.0  # rounding leaves a dielectric about 1e-16
+    return eta, math.sqrt(squared) if squared > 1e-12 else 0.0  # for a dielectric, rounding leaves about 1e-16
 
 
 def _rgb(values: tuple[float, ...]) -> RGB:

@@ -1,4 +1,4 @@
-"""The nodes of a GLB file: a forest of bounded depth, and where each places its mesh."""
+"""The nodes of a GLB file: a forest of bounded depth, and the transforms of their meshes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _TRANSFORM = ("matrix", "translation", "rotation", "scale")
 
 
 class MeshNode(NamedTuple):
-    """A node that has a mesh, its matrix (4, 4) to the file's frame, and whether that flattens what it places."""
+    """A node that has a mesh, its matrix (4, 4) to the file's frame, and whether that is degenerate."""
 
     node: int
     matrix: Float64Array
@@ -27,7 +27,7 @@ class MeshNode(NamedTuple):
 
 
 def placed_meshes(file: GltfFile, root: JsonObject) -> dict[int, list[MeshNode]]:
-    """Of every mesh in the scene the nodes that have it."""
+    """For every mesh in the scene the nodes that have it."""
     children = [node.indices("children", len(file.nodes)) for node in file.nodes]
     parents = _parents(file, children)
     stack = [(k, np.eye(4), False, 0) for k in reversed(_roots(file, root, parents))]
@@ -76,7 +76,7 @@ def _parents(file: GltfFile, children: list[list[int]]) -> dict[int, int]:
 
 
 def _roots(file: GltfFile, root: JsonObject, parents: dict[int, int]) -> list[int]:
-    """The nodes at the top of the scene that is to be shown."""
+    """The top nodes of the scene that is shown."""
     scenes = root.children("scenes")
     if scenes:
         roots = scenes[root.integer("scene", 0, len(scenes) - 1, 0)].indices("nodes", len(file.nodes))
@@ -114,7 +114,7 @@ def node_parts(node: JsonObject) -> tuple[Float64Array, Float64Array, Float64Arr
 
 
 def matrix_of(translation: Float64Array, rotation: Float64Array, scale: Float64Array) -> Float64Array:
-    """Translation · rotation · scale (4, 4), by a quaternion of any length but 0."""
+    """Translation · rotation · scale (4, 4), with a quaternion of any length except 0."""
     x, y, z, w = rotation.tolist()
     s = 2.0 / (x * x + y * y + z * z + w * w)
     matrix = np.eye(4)
@@ -129,14 +129,14 @@ def matrix_of(translation: Float64Array, rotation: Float64Array, scale: Float64A
 
 
 def _finite(matrix: Float64Array, node: JsonObject) -> Float64Array:
-    """The matrix if its entries are of a usable size and it is affine."""
+    """Check that a matrix is affine and its entries are of a usable size."""
     if not (np.abs(matrix) <= 1e9).all() or np.abs(matrix[3] - (0, 0, 0, 1)).max() > 1e-6:
         raise node.error("transform", matrix.reshape(-1).tolist(), "an affine matrix with entries up to 1e+09")
     return matrix
 
 
 class WorldMatrices:
-    """The matrices of a file's nodes at rest to its frame, each found once."""
+    """The matrices of a file's nodes at rest to its frame, each computed once."""
 
     def __init__(self, file: GltfFile) -> None:
         self._file, self._parents = file, parents_of(file)

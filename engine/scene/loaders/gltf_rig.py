@@ -1,7 +1,7 @@
-"""Skins, morph targets and animations of a GLB file: what `engine.scene.rig` describes, and the meshes at rest.
+"""Skins, morph targets and animations of a GLB file, in the form of `engine.scene.rig`, and the meshes at rest.
 
-What moves a mesh is worth less than the mesh: a skin or an animation that cannot be read is left out, and the line that
-says why becomes a note.
+An invalid rig does not invalidate its mesh: a skin or an animation that cannot be read is skipped, and the reason
+becomes a note.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ Read = TypeVar("Read")
 
 MAX_TARGETS = 256
 MAX_NOTES = 8
-LONGEST_NAME = 64  # of an animation, in characters; sessions write it
-# Numbers of all tracks, morph targets and bones, one more for every byte: accessors may be shared, and small files must
-# not cost much.
+LONGEST_NAME = 64  # of an animation, in characters; sessions store it
+# Limit of numbers of all tracks, morph targets and bones, plus one for every byte: accessors may be shared, and small
+# files must not cost much.
 MOST_NUMBERS = 4_000_000
-OF_A_COPY = 4_000  # numbers that a bent copy costs the time of
+OF_A_COPY = 4_000  # numbers whose reading takes as long as one bent copy
 
 
 @dataclass(frozen=True, eq=False)
 class PrimitiveRig:
-    """What a primitive says of its own: joints by their places in a skin and weights (V, K), or None; its morph targets
-    as offsets (V, 3) of places and, or None, of normals."""
+    """A primitive's own data: joints by their index in a skin and weights (V, K), or None; its morph targets as offsets
+    (V, 3) of positions and, or None, of normals."""
 
     bones: npt.NDArray[np.int32] | None
     weights: Float64Array | None
@@ -45,7 +45,7 @@ class PrimitiveRig:
 
 
 class RigReader:
-    """Reads what moves the meshes of a file, and how that has them at rest; `notes` grow by what is left out."""
+    """Reads what moves the meshes of a file, and their state at rest; adds omissions to `notes`."""
 
     def __init__(self, file: GltfFile, root: JsonObject) -> None:
         self._file, self._root = file, root
@@ -61,11 +61,11 @@ class RigReader:
 
     @property
     def notes(self) -> list[str]:
-        """What was left out, and why; of many lines the first."""
+        """What was left out, and why; the first of many lines."""
         return list(self._notes)[:MAX_NOTES]
 
     def attached(self, primitive: JsonObject, n_vertices: int, placed: list[MeshNode]) -> PrimitiveRig | None:
-        """Joints, weights and morph targets of a primitive; None where nothing moves it, now or at rest."""
+        """Joints, weights and morph targets of a primitive; None if nothing moves it, now or at rest."""
         nodes = [self._file.nodes[each.node] for each in placed]
         has_skin = any(node.has("skin") for node in nodes)
         skinned = self._try(primitive.place, lambda: self._influences(primitive, n_vertices)) if has_skin else None
@@ -80,8 +80,8 @@ class RigReader:
     def copies(
         self, mesh: Mesh, attached: PrimitiveRig | None, placed: list[MeshNode]
     ) -> list[tuple[Mesh, Binding | None]]:
-        """The copies of a primitive at rest, in the order of their nodes, and what they hang on, None where nothing
-        moves them; of those that only follow their nodes one for all that stand together, as there may be many."""
+        """The copies of a primitive at rest, in the order of their nodes, and their bindings, None if nothing moves
+        them; copies that only follow their nodes become one mesh, because there may be many."""
         found: list[tuple[Mesh, Binding | None]] = []
         for bends, group in groupby(placed, lambda each: self._bends(attached, self._file.nodes[each.node])):
             rigid: list[MeshNode] = []
@@ -100,13 +100,13 @@ class RigReader:
         return found
 
     def _bends(self, attached: PrimitiveRig | None, node: JsonObject) -> bool:
-        """Whether a copy has a skin or morph targets; no more of them than the file is worth."""
+        """Whether a copy has a skin or morph targets; limited in number by the file's size."""
         if attached is None or not (attached.targets or node.has("skin")):
             return False
         return self._try(node.place, lambda: self._spend_numbers(OF_A_COPY, node, "mesh")) is not None
 
     def _bind_copy(self, mesh: Mesh, attached: PrimitiveRig, placed: MeshNode) -> tuple[Mesh, Binding] | None:
-        """A copy with its skin and its morph targets; None where it has neither after all."""
+        """Bind a copy to its skin and its morph targets; None if it has neither after all."""
         node = self._file.nodes[placed.node]
         skinned = self._try(node.place, lambda: self._hung(mesh, attached, node))
         if skinned is None and not attached.targets:
@@ -129,7 +129,8 @@ class RigReader:
         return rest_mesh(mesh, binding, (world @ binding.maps)[:, :3], weights), binding
 
     def skeleton(self, bindings: Iterable[Binding]) -> Skeleton | None:
-        """The nodes that these hang on with all above them, and the animations; None where nothing moves."""
+        """The nodes that these bindings refer to with all their ancestors, and the animations; None if nothing
+        moves."""
         return self._try("animations", lambda: self._moving(bindings))
 
     def _moving(self, bindings: Iterable[Binding]) -> Skeleton | None:
@@ -148,7 +149,7 @@ class RigReader:
         return self._skeleton(sorted(depths, key=lambda node: (depths[node], node)), parents, shaped)
 
     def _skeleton(self, order: list[int], parents: dict[int, int], shaped: list[int]) -> Skeleton | None:
-        """Of these nodes, parents before their children; their numbers stay the file's in bindings and tracks."""
+        """A skeleton of these nodes, parents before their children; bindings and tracks use the file's node numbers."""
         nodes = self._file.nodes
         clips = self._clips(set(order))
         if not any(clip.tracks for clip in clips):
@@ -164,7 +165,7 @@ class RigReader:
         )
 
     def _clips(self, nodes: set[int]) -> list[Clip]:
-        """All animations that can be read, each by a name of its own."""
+        """All animations that can be read, with unique names."""
         clips: list[Clip] = []
         taken: set[str] = set()
         n_of: dict[str, int] = {}
@@ -187,7 +188,7 @@ class RigReader:
             target = channel.child("target")
             path = target.text("path")
             if not target.has("node") or path not in (*PATHS, "weights"):
-                continue  # an extension's; a reader without it passes it over
+                continue  # an extension's channel, which is ignored without it
             node = target.integer("node", 0, len(self._file.nodes) - 1)
             if node not in nodes:
                 continue
@@ -225,14 +226,14 @@ class RigReader:
         return Track(node, str(path), interpolation, times, values)
 
     def _n_targets(self, node: JsonObject) -> int:
-        """How many morph targets a node's mesh has."""
+        """Number of morph targets of a node's mesh."""
         if not node.has("mesh"):
             return 0
         mesh = self._file.meshes[node.integer("mesh", 0, len(self._file.meshes) - 1)]
         return max((len(primitive.children("targets")) for primitive in mesh.children("primitives")), default=0)
 
     def _weights(self, node: JsonObject) -> tuple[float, ...]:
-        """Of a node's morph targets where no animation says them: its own, or its mesh's, or 0."""
+        """Default weights of a node's morph targets: its own, or its mesh's, or 0."""
         count = self._n_targets(node)
         if not count:
             return ()
@@ -241,7 +242,7 @@ class RigReader:
         return self._try(owner.place, lambda: owner.numbers("weights", count, none)) or none
 
     def _influences(self, primitive: JsonObject, n_vertices: int) -> tuple[npt.NDArray[np.int32], Float64Array] | None:
-        """Joints (V, K) and weights (V, K), which sum to 1 or are all 0; None where the file has none."""
+        """Joints (V, K) and weights (V, K), which sum to 1 or are all 0; None if the file has none."""
         attributes = primitive.child("attributes")
         joints: list[npt.NDArray[np.int32]] = []
         weights: list[Float64Array] = []
@@ -265,7 +266,7 @@ class RigReader:
         )
 
     def _targets(self, primitive: JsonObject, n_vertices: int) -> tuple[tuple[Float64Array, Float64Array | None], ...]:
-        """Offsets (V, 3) of places and of normals, None without, of each morph target."""
+        """Offsets (V, 3) of positions and of normals, None if missing, of each morph target."""
         targets = primitive.children("targets")
         if len(targets) > MAX_TARGETS:
             raise primitive.error("targets", len(targets), f"at most {MAX_TARGETS}")
@@ -282,7 +283,7 @@ class RigReader:
         return offsets
 
     def _hung(self, mesh: Mesh, attached: PrimitiveRig, node: JsonObject) -> Binding | None:
-        """On the joints of a node's skin; a vertex without weights on the first that it names."""
+        """Bind a mesh to the joints of a node's skin; a vertex without weights to the first joint that it names."""
         if not node.has("skin"):
             return None
         skin = node.integer("skin", 0, len(self._skins) - 1)
@@ -329,7 +330,7 @@ class RigReader:
         self._notes[line] = None
 
     def _spend_numbers(self, count: int, owner: JsonObject, key: str) -> int:
-        """What is left then."""
+        """Subtract from the limit of numbers and check that it is not exceeded."""
         self._left -= count
         if self._left < 0:
             raise owner.error(key, f"{count} numbers more", "fewer in a file of this size")
@@ -337,7 +338,7 @@ class RigReader:
 
 
 def _place_copies_at_nodes(mesh: Mesh, placed: list[MeshNode]) -> Binding:
-    """Of copies of a mesh that stand on their nodes."""
+    """Bindings of copies of a mesh that follow their nodes."""
     nodes = np.array([each.node for each in placed], np.int32)
     bones = np.repeat(np.arange(len(placed), dtype=np.int32), len(mesh.vertices))[:, None]
     maps = np.broadcast_to(np.eye(4), (len(placed), 4, 4))

@@ -1,8 +1,8 @@
-"""Which image a glTF material uses, how it lies on the surface, and its mean.
+"""The image that a glTF material uses, its mapping to the surface, and its mean.
 
-An image that cannot be had (kept in a format of an extension, placed by a second set of coordinates, larger with those
-before it than the file is worth, or not there) is stepped over with a note: the material's factors stand for it. Images
-that are the same bytes are one. What KHR_texture_transform and samplers say of where an image lies is kept.
+An image that is unavailable (in a format of an extension, mapped by a second set of coordinates, too large relative to
+the file together with those before it, or missing) is skipped with a note: the material's factors replace it. Images
+with equal bytes are one. Mappings by KHR_texture_transform and samplers are preserved.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from engine.scene.loaders.glb import JsonObject
 from engine.scene.loaders.gltf_images import image_bytes
 from engine.texture.texture_files import image_size, read_texture, reduction
 
-# Of all images of one file, and more for every byte: a few kilobytes can claim millions of pixels. They are decoded
-# when they are used, 0.1 s a megapixel: whatever a small file claims, that is 6 s, and never in the window's process.
+# Limit of pixels of all images of one file, plus more for every byte: a few kilobytes can claim millions of pixels.
+# They are decoded when they are used, at 0.1 s a megapixel: at most 6 s for a small file, and never in the window's
+# process.
 MOST_PIXELS = 1 << 26
 PIXELS_A_BYTE = 32
 _REPEAT = 10497
@@ -29,7 +30,7 @@ _LEAST_REPEAT = 1e-3
 
 @dataclass(frozen=True)
 class TextureUse:
-    """The number of an image in its file, how often it repeats along u and v, and where it is looked up then."""
+    """An image's number in its file, its repeats along u and v, and the rest of its mapping."""
 
     image: int
     scale: tuple[float, float]
@@ -49,19 +50,19 @@ class GltfImages:
         self._pixels_left = MOST_PIXELS + PIXELS_A_BYTE * len(binary)
 
     def use(self, info: JsonObject, notes: list[str]) -> TextureUse | None:
-        """What a material's texture says, None where it cannot be shown; notes tell why."""
+        """Read a material's texture, None if it cannot be shown; the reason becomes a note."""
         image = self._image(info, notes)
         if image is None:
             return None
         wrap = self._wrap(self._textures[info.integer("index", 0, len(self._textures) - 1)])
         scale, rotation, offset = _transform(info.child("extensions").child("KHR_texture_transform"))
-        # Of an image that repeats whole ones of the offset do not count.
+        # Whole offsets of an image that repeats have no effect.
         shifts = [o - round(o) if w == "repeat" else o for o, w in zip(offset, wrap, strict=True)]
         along_u, along_v = (0.0 if abs(shift) < 1e-9 else shift for shift in shifts)
         return TextureUse(image, scale, TextureTransform(rotation, (along_u, along_v), wrap))
 
     def _wrap(self, texture: JsonObject) -> tuple[Wrap, Wrap]:
-        """What a texture's sampler says of what is beyond the edges."""
+        """How a texture's sampler continues the image beyond its edges."""
         if not texture.has("sampler"):
             return "repeat", "repeat"
         sampler = self._samplers[texture.integer("sampler", 0, len(self._samplers) - 1)]
@@ -75,13 +76,14 @@ class GltfImages:
         return found[0], found[1]
 
     def mean(self, info: JsonObject, notes: list[str]) -> tuple[float, float, float]:
-        """Of an image of numbers, not of colours; 1 where it cannot be had."""
+        """Mean of an image of numbers, not of colours; 1 if it is unavailable."""
         image = self._image(info, notes)
         if image is None:
             return 1.0, 1.0, 1.0
         if image not in self._means:
             name = f"{self._root.file}#{image}"
-            pixels = read_texture(image_bytes(self._root, self._binary, image), name, "linear")  # means are as they are
+            # A mean needs no mapping.
+            pixels = read_texture(image_bytes(self._root, self._binary, image), name, "linear")
             red, green, blue = pixels.reshape(-1, 3).mean(axis=0, dtype=np.float64).tolist()
             self._means[image] = red, green, blue
         notes.append("of a metallic-roughness texture the means are shown")
@@ -106,7 +108,7 @@ class GltfImages:
         return usable
 
     def _examined(self, image: int) -> tuple[int | None, str]:
-        """The first image of these bytes, if it can be read; else None and why not."""
+        """The first image with these bytes, if it can be read; else None and the reason."""
         where = [self._images[image].values.get(key) for key in ("bufferView", "uri")]
         first = self._first_of.setdefault(repr(where), image)
         if first != image:
@@ -118,7 +120,7 @@ class GltfImages:
         if size is None:
             return None, f"image {image} is no PNG or JPEG and not shown"
         n_pixels, k = size[0] * size[1], reduction(*size)
-        if k > 1:  # what is shown of it costs, and decoding the rest an eighth of that
+        if k > 1:  # cost: the pixels shown, and an eighth for decoding the rest
             n_pixels = n_pixels // k**2 + n_pixels // 8
         if n_pixels > self._pixels_left:
             return None, "images are not shown that have, with those before them, too many pixels for such a file"
@@ -130,8 +132,8 @@ def _transform(transform: JsonObject) -> tuple[tuple[float, float], float, tuple
     """Repeats (s_u, s_v), rotation in degrees and offset (o_u, o_v), v upwards.
 
     In glTF v grows downwards: u' = c s_u u + s s_v v + o_u and v' = −s s_u u + c s_v v + o_v with the cosine c and the
-    sine s of the rotation (as the extension's sample models have it). With 1 − v for v, before and after, it is a turn
-    counter-clockwise by the same angle and the offset (o_u + s s_v, 1 − o_v − c s_v).
+    sine s of the rotation (as in the extension's sample models). With 1 − v for v, before and after, this is a
+    counter-clockwise rotation by the same angle and the offset (o_u + s s_v, 1 − o_v − c s_v).
     """
     given = transform.numbers("scale", 2, (1.0, 1.0))
     across, down = (_repeat(transform, number) for number in given)
@@ -144,7 +146,7 @@ def _transform(transform: JsonObject) -> tuple[tuple[float, float], float, tuple
 
 
 def _repeat(transform: JsonObject, number: float) -> float:
-    """The number, or one of a usable size: one of 0 would make an image one colour."""
+    """The number, or one of a usable size: 0 would reduce an image to one colour."""
     size = min(max(abs(number), _LEAST_REPEAT), MAX_REPEATS)
     if size == abs(number):
         return number

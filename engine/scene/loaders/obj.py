@@ -1,9 +1,9 @@
-"""A strict reader of Wavefront OBJ files: vertices, normals and polygons; numbers that are none are refused by line.
+"""A strict reader of Wavefront OBJ files: vertices, normals and polygons; invalid numbers are rejected with their line.
 
-Groups, lines and points say nothing that a scene file does not say itself and are stepped over, and so are lines that
-no standard has, with a note. Materials are not read, and their library is not even looked for: whatever it is called,
-nothing outside the folder is touched. Corners with the same position and normal become one vertex, whatever their
-texture coordinates; those count where all corners of the file have them. trimesh reads them otherwise: see `mesh`.
+Groups, lines and points are skipped, because scene files have their own; so are lines that no standard defines, with a
+note. Materials are not read, and the material library is not opened: whatever its name, nothing outside the folder is
+touched. Corners with the same position and normal become one vertex, whatever their texture coordinates, which count
+only if all corners of the file have them. trimesh reads them differently: see `mesh`.
 """
 
 from __future__ import annotations
@@ -26,8 +26,7 @@ _MOST_NAMES = 4
 
 @dataclass
 class _Lines:
-    """What has been read so far; corners are (position, normal or −1, texture or −1), faces their numbers of
-    corners."""
+    """The data read so far; corners are (position, normal or −1, texture or −1), faces are indices of corners."""
 
     file: Path
     positions: list[list[float]] = field(default_factory=list)
@@ -43,7 +42,7 @@ class _Lines:
 
 
 def parse_obj(data: bytes, file: Path) -> MeshFile:
-    """What is in the bytes of an OBJ file; raises LoadError naming the line and what stands there."""
+    """Parse the bytes of an OBJ file; raises LoadError naming the line and its content."""
     state = _Lines(file)
     if b"\0" in data:
         raise LoadError(file, f"byte {data.index(0)}", "binary data", "the text of an OBJ file")
@@ -62,7 +61,7 @@ def parse_obj(data: bytes, file: Path) -> MeshFile:
 
 
 def _read_line(state: _Lines, words: list[str]) -> None:
-    """Take one line into the state."""
+    """Add one line to the state."""
     if not words or words[0] in _IGNORED:
         return
     if words[0] == "f":
@@ -80,7 +79,7 @@ def _read_line(state: _Lines, words: list[str]) -> None:
 
 
 def _notes(state: _Lines) -> tuple[str, ...]:
-    """One on the lines that were stepped over, where there were any."""
+    """A note on skipped lines, if there were any."""
     if not state.unknown:
         return ()
     n = sum(state.unknown.values())
@@ -96,7 +95,7 @@ def _listed(names: dict[str, Any]) -> str:
 
 
 def _numbers(state: _Lines, words: list[str], counts: tuple[int, ...]) -> list[float]:
-    """The first three of a line's numbers."""
+    """The first three numbers of a line."""
     try:
         numbers = [float(word) for word in words[1:]]
     except ValueError:
@@ -117,7 +116,8 @@ def _read_face(state: _Lines, words: list[str]) -> None:
 
 
 def _read_corner(state: _Lines, word: str) -> tuple[int, int, int]:
-    """(position, normal, texture) of a corner; one that counts from the first on means the same wherever it stands."""
+    """(position, normal, texture) of a corner; absolute indices are cached, because their meaning does not depend on
+    the line."""
     parts = word.split("/")
     if len(parts) > 3:
         raise _line_error(state, word, "v, v/vt, v//vn or v/vt/vn")
@@ -131,7 +131,7 @@ def _read_corner(state: _Lines, word: str) -> tuple[int, int, int]:
 
 
 def _index(state: _Lines, word: str, digits: str, count: int, kind: str) -> int:
-    """The zero-based index of a reference; those that point forward are checked at the end."""
+    """The zero-based index of a reference; forward references are checked at the end."""
     plain = digits.removeprefix("-")
     if not (plain.isascii() and plain.isdecimal() and len(plain) <= _MAX_INDEX_DIGITS) or int(plain) == 0:
         raise _line_error(state, word, f"indices from 1, or from -1 down, to {kind}")
@@ -167,16 +167,16 @@ def _assemble(state: _Lines, n_bytes: int) -> Mesh:
 
 
 def _uvs(state: _Lines, textures: npt.NDArray[np.int64], triangles: npt.NDArray[np.int32]) -> npt.NDArray | None:
-    """Of each triangle's corners, (T, 3, 2), where all corners have some."""
+    """Texture coordinates of the triangles' corners, (T, 3, 2), if all corners have some."""
     if (textures < 0).any():
         return None
-    # In double precision here: what is too large for single is to be found by `validate_mesh`, not by a warning.
+    # In double precision here: `validate_mesh` reports values too large for single precision, not a warning.
     values = np.clip(np.array(state.textures), -1e30, 1e30).astype(np.float32)
     return values[textures[triangles]]
 
 
 def _check_range(state: _Lines, indices: npt.NDArray[np.int64], count: int, kind: str) -> None:
-    """Refuses indices past the last vertex or normal, by the line of their face."""
+    """Reject indices past the last vertex or normal, with the line of their face."""
     if (indices >= count).any():
         at = int(np.argmax(indices >= count))
         face = int(np.searchsorted(np.cumsum(state.lengths), at, "right"))

@@ -1,10 +1,10 @@
 """A strict reader of PLY files (ASCII, binary little and big endian).
 
-Every count in the header is held against the bytes that are there before anything is allocated, so a truncated file,
-a negative count and a header that claims 10⁹ vertices all end in one line that says which. What stands after the last
-element is stepped over with a note. Polygons and strips (`tristrips`, whose list −1 parts) become triangles; properties
-other than x y z, nx ny nz, texture coordinates (s t, u v or texture_u texture_v) and the vertex indices of faces are
-stepped over. trimesh reads such files otherwise: see `mesh`.
+Every count in the header is checked against the available bytes before anything is allocated, so that a truncated file,
+a negative count and a header that claims 10⁹ vertices all end in one line that names the error. Bytes after the last
+element are skipped with a note. Polygons and strips (`tristrips`, a list in which −1 separates strips) become
+triangles; properties other than x y z, nx ny nz, texture coordinates (s t, u v or texture_u texture_v) and the vertex
+indices of faces are skipped. trimesh reads such files differently: see `mesh`.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class _Element:
         return any(p.count_type for p in self.properties)
 
     def reads(self, p: _Property) -> bool:
-        """Whether a mesh is made of a property; others are stepped over."""
+        """Whether a property is used; others are skipped."""
         return self.name == "vertex" and not p.count_type or self.name in _SURFACES and p.name in _CORNERS
 
 
@@ -66,7 +66,7 @@ class _Lists:
 
 
 def parse_ply(data: bytes, file: Path) -> MeshFile:
-    """What is in the bytes of a PLY file; raises LoadError naming the line, element or byte."""
+    """Parse the bytes of a PLY file; raises LoadError naming the line, element or byte."""
     elements, byte_order, body = _parse_header(data, file)
     if byte_order:
         columns, notes = _read_binary(data, body, elements, byte_order, file)
@@ -79,7 +79,7 @@ def parse_ply(data: bytes, file: Path) -> MeshFile:
 
 
 def _triangles(columns: dict, vertices: npt.NDArray[np.float64], n_bytes: int, file: Path) -> npt.NDArray[np.int32]:
-    """Those of all faces, then those of all strips."""
+    """Triangles of all faces, then of all strips."""
     found = []
     for element, read in (("face", _of_polygons), ("tristrips", _of_strips)):
         lists = next((columns[element, name] for name in _CORNERS if (element, name) in columns), None)
@@ -91,7 +91,7 @@ def _triangles(columns: dict, vertices: npt.NDArray[np.float64], n_bytes: int, f
 
 
 def _uvs(columns: dict, triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.float32] | None:
-    """Of each triangle's corners, (T, 3, 2), where the vertices have some."""
+    """Texture coordinates of the triangles' corners, (T, 3, 2), if the vertices have some."""
     for names in _UV_NAMES:
         found = [columns.get(("vertex", name)) for name in names]
         if not any(column is None or isinstance(column, _Lists) for column in found):
@@ -101,7 +101,7 @@ def _uvs(columns: dict, triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.floa
 
 
 def _parse_header(data: bytes, file: Path) -> tuple[list[_Element], str, int]:
-    """Elements, byte order ("" for ASCII) and where the body starts."""
+    """Elements, byte order ("" for ASCII) and the start of the body."""
     if not data.startswith((b"ply\n", b"ply\r")):
         raise LoadError(file, "first line", data[:16].decode("ascii", "replace"), "ply")
     end = data.find(b"end_header", 0, _MAX_HEADER)
@@ -128,7 +128,7 @@ def _parse_header(data: bytes, file: Path) -> tuple[list[_Element], str, int]:
 
 
 def _parse_count(word: str, number: int, file: Path) -> int:
-    """How many rows an element claims."""
+    """The number of rows that an element claims."""
     count = int(word) if word.removeprefix("-").isdecimal() and len(word) < 20 else None
     if count is None or not 0 <= count <= _MAX_COUNT:
         raise LoadError(file, f"line {number}: count", word, f"a number from 0 to {_MAX_COUNT}")
@@ -170,8 +170,8 @@ def _row_type(element: _Element, order: str, lengths: dict[str, int]) -> np.dtyp
 
 
 def _read_rows(data: bytes, start: int, element: _Element, order: str, lengths: dict[str, int], file: Path) -> tuple:
-    """Columns of an element whose rows all have one layout, and where the next element starts; none where a list has
-    another length than its first."""
+    """Columns of an element whose rows all have one layout, and the start of the next element; no columns if the length
+    of a list changes."""
     if not element.properties:
         return {}, start
     layout = _row_type(element, order, lengths)
@@ -191,7 +191,7 @@ def _read_rows(data: bytes, start: int, element: _Element, order: str, lengths: 
 
 
 def _read_list_rows(data: bytes, start: int, element: _Element, order: str, file: Path) -> tuple:
-    """An element with lists: at one stride if the first row's lengths hold for all, else row by row."""
+    """Read an element with lists: at a fixed stride if the first row's lengths hold for all, else row by row."""
     if not element.count:
         return {(element.name, p.name): _Lists(np.zeros(0, np.int64), np.zeros(0)) for p in element.properties}, start
     lengths, first_end = _first_lengths(data, start, element, order, file)
@@ -203,7 +203,7 @@ def _read_list_rows(data: bytes, start: int, element: _Element, order: str, file
 
 
 def _first_lengths(data: bytes, start: int, element: _Element, order: str, file: Path) -> tuple[dict[str, int], int]:
-    """The list lengths of the row at `start`, and where that row ends."""
+    """The list lengths of the row at `start`, and the end of that row."""
     lengths: dict[str, int] = {}
     for p in element.properties:
         if p.count_type:
@@ -221,7 +221,7 @@ def _first_lengths(data: bytes, start: int, element: _Element, order: str, file:
 
 
 def _walk_rows(data: bytes, start: int, element: _Element, order: str, file: Path) -> tuple:
-    """An element with lists of different lengths, one row at a time; what nobody asks for is stepped over."""
+    """Read an element with lists of different lengths, one row at a time; unused properties are skipped."""
     size = len(data)
     if element.count > size - start:
         _truncated(data, start, element, 1, file)
@@ -257,7 +257,7 @@ def _walk_rows(data: bytes, start: int, element: _Element, order: str, file: Pat
 
 
 def _counter(p: _Property, order: str) -> struct.Struct | None:
-    """What reads the length of a list."""
+    """Return a function that reads the length of a list."""
     return struct.Struct(order + _CODES[p.count_type]) if p.count_type else None
 
 
@@ -280,7 +280,7 @@ def _scalar(data: bytes, start: int, layout: str, element: _Element, file: Path)
 
 
 def _truncated(data: bytes, start: int, element: _Element, row: int, file: Path) -> NoReturn:
-    """Says that an element claims more rows than there are bytes for."""
+    """An error: an element claims more rows than there are bytes for."""
     raise LoadError(
         file,
         f"element {element.name}",
@@ -307,7 +307,7 @@ def _read_ascii(data: bytes, start: int, elements: list[_Element], file: Path) -
 
 
 def _ascii_rows(rows: list[tuple[int, list[bytes]]], element: _Element, file: Path) -> dict:
-    """The columns of lines with one number a property."""
+    """The columns of lines with one number for each property."""
     width = len(element.properties)
     table = _fast_table(rows)
     if table is not None and table.shape[1] == width:
@@ -321,7 +321,7 @@ def _ascii_rows(rows: list[tuple[int, list[bytes]]], element: _Element, file: Pa
 
 
 def _ascii_lists(rows: list[tuple[int, list[bytes]]], element: _Element, file: Path) -> dict:
-    """The columns of lines that hold lists."""
+    """The columns of lines that contain lists."""
     table = _fast_table(rows)
     if table is not None and len(element.properties) == 1 and (table[:, 0] == table.shape[1] - 1).all():
         return {(element.name, element.properties[0].name): _Lists(table[:, 0].astype(np.int64), table[:, 1:].ravel())}
@@ -348,7 +348,8 @@ def _ascii_lists(rows: list[tuple[int, list[bytes]]], element: _Element, file: P
 
 
 def _fast_table(rows: list[tuple[int, list[bytes]]]) -> npt.NDArray[np.float64] | None:
-    """All lines as one table if they are numbers and as many on each, else None: then go line by line."""
+    """All lines as one table if they are numbers, equally many on each, else None: then the reader goes line by
+    line."""
     width = len(rows[0][1]) if rows else 0
     if not width or any(len(words) != width for _, words in rows):
         return None
@@ -360,7 +361,7 @@ def _fast_table(rows: list[tuple[int, list[bytes]]]) -> npt.NDArray[np.float64] 
 
 
 def _numbers(words: list[bytes], number: int, file: Path) -> list[float]:
-    """The numbers of a line; Python's own underscores are no numbers here."""
+    """The numbers of a line; underscores, which Python accepts in numbers, are invalid."""
     try:
         if any(b"_" in word for word in words):
             raise ValueError
@@ -398,8 +399,8 @@ def _of_polygons(faces: _Lists, vertices: npt.NDArray[np.float64], n_bytes: int,
 
 
 def _of_strips(strips: _Lists, vertices: npt.NDArray[np.float64], n_bytes: int, file: Path) -> npt.NDArray[np.int32]:
-    """Triangles of strips: each corner makes one with the two before it, every other one wound the other way. Those
-    that have a corner twice only lead from one strip to the next."""
+    """Triangles of strips: each corner makes one with the two before it, every other one with opposite winding.
+    Triangles that repeat a corner only connect strips."""
     corners = _indices(strips, len(vertices), "tristrips", -1, file)
     begins = np.zeros(len(corners), bool)
     begins[(np.cumsum(strips.lengths) - strips.lengths)[strips.lengths > 0]] = True
