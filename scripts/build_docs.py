@@ -52,7 +52,7 @@ def stage(folder: Path) -> None:
     """Copy pages and pictures into a folder, as the site has them."""
     for path in [*OUTSIDE, *sorted(DOCS.rglob("*"))]:
         place = place_of(path)
-        if place is None or path.suffix not in (".md", ".png", ".jpg", ".bib"):
+        if place is None or path.suffix not in (".md", ".png", ".jpg", ".bib", ".css"):
             continue
         target = folder / place
         target.parent.mkdir(parents=True, exist_ok=True)

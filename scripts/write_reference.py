@@ -39,18 +39,18 @@ from engine.scene.description import (
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "reference"
 # Tables of each format: where they stand in the file, and the model that reads them.
 SCENE = [
-    ("top of the file", SceneDescription), ("[camera]", CameraDescription), ("[environment]", EnvironmentDescription),
+    ("Top of the file", SceneDescription), ("[camera]", CameraDescription), ("[environment]", EnvironmentDescription),
     ("[[object]]", ObjectDescription), ("object.layer", LayerDescription),
     ("object.deform.membrane", surface_kinds.Membrane), ("object.deform.subsurface", surface_kinds.Subsurface),
     ("object.deform.patch", surface_kinds.Detail), ("object.deform.wrinkles", surface_kinds.Wrinkles),
 ]  # fmt: skip
 SESSION = [
-    ("top of the file", SessionRecord), ("[light]", LightRecord), ("[view]", ViewRecord), ("[[object]]", ObjectRecord),
+    ("Top of the file", SessionRecord), ("[light]", LightRecord), ("[view]", ViewRecord), ("[[object]]", ObjectRecord),
     ("[[object.layer]]", LayerRecord), ("[[object.layer.curve]]", CurveRecord), ("its operator", OperatorRecord),
     ("[[object.deformer]]", DeformerRecord), ("[[bookmark]]", BookmarkRecord),
 ]  # fmt: skip
 SCRIPT = [
-    ("top of the file", ScriptRecord), ("[[step]]", StepRecord), ("drag", DragRecord), ("deform", DeformRecord),
+    ("Top of the file", ScriptRecord), ("[[step]]", StepRecord), ("drag", DragRecord), ("deform", DeformRecord),
     ("paint", PaintRecord), ("measured", ImportRecord),
 ]  # fmt: skip
 SHOWN = {(ObjectDescription, "bumps"): "`normal_map` or `bump_map`"}
