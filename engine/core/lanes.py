@@ -101,7 +101,7 @@ def store(typingctx, array, at, lanes):  # type: ignore[no-untyped-def]
 
 
 def _four(context: Any, builder: Any, signature: Any, arguments: Any, kind: ir.VectorType) -> Any:
-    """A pointer to four such numbers in the first argument."""
+    """A pointer to four consecutive numbers in the first argument."""
     data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
     return builder.bitcast(builder.gep(data, [arguments[1]]), kind.as_pointer())
 

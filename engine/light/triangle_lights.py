@@ -32,7 +32,7 @@ from engine.light.environment import LUMINANCE, Environment, triangle_integrals,
 from engine.sphere.geodesic import MAX_LEVEL, geodesic, triangle_solid_angles
 
 MIN_LIGHTS = 20
-# A light with more than this share of the total power belongs to a sun.
+# A light with more than this share of the total power is a peak, such as the sun or a piece of it.
 PEAK_SHARE = 0.004
 # The centres (16, 3) of the parts of a triangle that is split in four twice, in barycentric coordinates.
 _STEPS = (np.array([1.0, 4.0, 7.0, 10.0]) / 12.0).tolist()

@@ -293,6 +293,7 @@ def apply_answers(
     for i in range(ray_block.shape[0]):
         b, t = ray_block[i], ray_target[i]
         mine, above, known = bits[rows[b]], horizon[b], asked[b]
+        # Store the result, and compare it with the prediction.
         w = t >> 6
         bit = _ONE << np.uint64(t & 63)
         seen = not blocked[i]

@@ -169,12 +169,14 @@ def _is_blurred(unit, frame, size, optics, ox, oy, oz):
     """Whether a highlight could reveal which part of a node is visible."""
     if not is_highlight(optics.kind_a):
         return False
+    # Direction of the node's centre in the local frame.
     u, v, w = (
         unit[0, 0] + unit[1, 0] + unit[2, 0], unit[0, 1] + unit[1, 1] + unit[2, 1], unit[0, 2] + unit[1, 2] + unit[2, 2]
     )  # fmt: skip
     a = frame[0, 0] * u + frame[0, 1] * v + frame[0, 2] * w
     b = frame[1, 0] * u + frame[1, 1] * v + frame[1, 2] * w
     c = frame[2, 0] * u + frame[2, 1] * v + frame[2, 2] * w
+    # Its extent in γ, against the width of a band and the distance from the lobe axis.
     rate = np.float32(1.0) if optics.kind_a == THETA_R else np.float32(0.5)
     away = rate * distance_from_axis(optics.kind_a, a, b, c, ox, oy, oz)
     return rate * size > max(BAND_SHARE * HALF_PI / np.float32(optics.n_a), DISTANCE_SHARE * away)
@@ -219,7 +221,7 @@ def correct_shares(near, parents, shares):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def place_at(corners, place, out):
-    """Writes corners (3, 3) relative to a place."""
+    """Writes corners (3, 3) relative to a position."""
     for k in range(3):
         for axis in range(3):
             out[k, axis] = corners[k, axis] - place[axis]

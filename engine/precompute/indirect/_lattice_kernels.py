@@ -181,6 +181,7 @@ def interpolate(blocks, objects, row_image, position, normal, least_alike, point
                     continue
                 u = np.float32(x - block[1]) / np.float32(max(x1 - block[1], 1))
                 total = np.float32(0.0)
+                # Bilinear weights of the corners that may be used; a single pixel uses itself.
                 for k in range(4):
                     cy, cx = _corner(block, k, height, width)
                     if block[2] == 1:
@@ -190,5 +191,6 @@ def interpolate(blocks, objects, row_image, position, normal, least_alike, point
                     rows[r, k] = point_of_row[row_image[cy, cx]] if allowed else 0
                     weights[r, k] = max(weight, _LEAST_SAY) if allowed else np.float32(0.0)
                     total += weights[r, k]
+                # Normalise.
                 for k in range(4):
                     weights[r, k] /= total

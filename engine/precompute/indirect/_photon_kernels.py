@@ -1,6 +1,6 @@
 """Compiled: traces caustic photons from glossy surfaces, and reflects them at gather points.
 
-A photon starts at a uniformly distributed position of the glossy surfaces, takes light from one of the lamps, chosen by
+A photon starts at a uniformly distributed position of the glossy surfaces, takes light from a light source, chosen by
 power, and leaves about the axis of the surface's lobe, which works for any curve. Where it lands it contributes to the
 gather points around it, with a kernel that falls to 0 at their radius r,
 
@@ -57,7 +57,7 @@ def emit(numbers, about, triangles, per_area, mesh, lobe_axes, axes, lamps, offs
         if u + v > ONE:
             u, v = ONE - u, ONE - v
         px, py, pz = _position(mesh, triangle, u, v)
-        # A lamp by power, and a point on it.
+        # A light source by power, and a point on it.
         m = _pick_light(lamps, numbers[i, 2])
         x, y, z = _point_in_triangle(lamps.corners, m, numbers[i, 3], numbers[i, 4])
         is_sky = m < lamps.density.shape[0]
@@ -109,6 +109,7 @@ def photon_power(photons, g, out):
     for i in range(out.shape[0]):
         o = photons.sources[i]
         nx, ny, nz = photons.normals[i, 0], photons.normals[i, 1], photons.normals[i, 2]
+        # Directions to the light and onwards in the local frame.
         tx, ty, tz = _tangent(g.axes, o, nx, ny, nz)
         to_light, onward = photons.to_light[i], photons.directions[i]
         x, y, z = _to_local(tx, ty, tz, nx, ny, nz, to_light[0], to_light[1], to_light[2])

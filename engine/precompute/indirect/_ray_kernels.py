@@ -141,10 +141,12 @@ def write_sample_rays(
     for i in range(rows.shape[0]):
         r = rows[i]
         tangent, normal, position, g = surface.tangent[r], surface.normal[r], surface.position[r], geometric[r]
+        # Direction to the camera in the local frame; the point's own pattern and rotation.
         ox, oy, oz = local_wo(tangent, normal, surface.wo[r])
         seed, cosine, sine = pattern_rotation(r)
         pattern = pattern_of(seed, nth[i])
         for m in range(begin, end):
+            # Direction m of the set, from the table of its distribution.
             out = i * (end - begin) + m - begin
             is_cosine = m < n_cosine
             table = tables_cosine[pattern] if is_cosine else tables_lobe[pattern]
@@ -162,6 +164,7 @@ def write_sample_rays(
                 side += directions[out, axis] * g[axis]
                 height += directions[out, axis] * horizon[r, axis]
             there[out] = there[out] and height > ZERO
+            # Offset the origin to the side on which the ray leaves.
             lift = offset if side >= ZERO else -offset
             for axis in range(3):
                 origins[out, axis] = position[axis] + lift * g[axis]

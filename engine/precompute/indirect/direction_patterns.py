@@ -13,7 +13,7 @@ _SEED = 20260711
 
 @lru_cache(maxsize=8)
 def cosine_tables(n_rays: int, n_sets: int = 1) -> NDArray[np.float32]:
-    """(64 n_sets, R, 3) unit vectors about +z with density cos θ / π; the nth set of each pattern begins 64 n rows
+    """(64 n_sets, R, 3) unit vectors about +z with density cos θ / π; set n (from 0) of each pattern lies 64 n rows
     further on."""
     u, v = _patterns(n_rays, n_sets, 0)
     radius, angle = np.sqrt(u), 2 * np.pi * v

@@ -1,6 +1,6 @@
-"""Caustics: light of the lamps that glossy surfaces reflect onto others, traced from the lamps' side.
+"""Caustics: light that glossy surfaces reflect onto others, traced from the light sources.
 
-A small lamp in a curved mirror draws a bright line that rays from the lit surface hardly ever find. Photons are
+A small light in a curved mirror draws a bright line that rays from the lit surface hardly ever find. Photons are
 therefore emitted from the glossy surfaces (`_photon_kernels`), and each gather point takes the ones nearest to it.
 Their positions do not depend on any curve and are computed once; their flux and its reflection are summed at each
 freezing.
@@ -79,7 +79,7 @@ class PhotonFlux(NamedTuple):
 @dataclass(frozen=True, eq=False)
 class PhotonSource:
     """Emits photons. scene, and the mesh of its records; glossy (M,): which objects are; lobe_axes (M,) and axes (M, 2,
-    3); the lamps."""
+    3); lamps: the light sources."""
 
     scene: Scene
     cells: IrradianceCache
@@ -141,7 +141,7 @@ class PhotonSource:
             self.lobe_axes, self.axes, self.lamps, np.float32(caster.offset), starts, to_light, limits, onward, normals,
             power, ahead,
         )  # fmt: skip
-        # Drop photons without power, then those whose path to the lamp is blocked.
+        # Drop photons without power, then those whose path to the light is blocked.
         kept = np.flatnonzero(power.max(axis=1) > 0.0)
         kept = kept[~caster.occluded(starts[kept], to_light[kept], limits[kept])]
         # Trace the others to where they land, and retain those that the picture shows.

@@ -157,7 +157,7 @@ class HemisphereSamples:
         return out
 
     def _weights_of(self, optics: kernels.ReflectingLayer) -> RayWeights:
-        """The stored weights of such a layer, or new ones."""
+        """The stored weights of a layer, or new ones."""
         key = _weights_key(optics)
         kept = self._weights.get(key)
         if kept is not None and kept.n_angles >= n_angles_of(optics):

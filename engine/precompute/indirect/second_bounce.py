@@ -160,8 +160,8 @@ class _LightChooser:
 class SecondBounceLight:
     """The light that glossy surfaces reflect under certain curves. objects (C,) of the records; radiosity (2, C, D, 4):
     as it lights others, and as the edited object reflects it on; per_area (M,): photons emitted per square metre;
-    digests (M): differ if an object's surface reflects differently; tables of layers and lamps; the edited object and
-    the inverse of its albedo (3,)."""
+    digests (M): differ if an object's surface reflects differently; layers, lamps: tables of layers and lights; edited:
+    the edited object; inverse (3,): the reciprocal of its albedo."""
 
     objects: NDArray[np.int32]
     radiosity: NDArray[np.float32]

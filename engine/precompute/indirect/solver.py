@@ -96,8 +96,8 @@ class CellSizeTry(NamedTuple):
 
 
 def growth(tries: Sequence[CellSizeTry], expected: float) -> float:
-    """The factor by which cells grow after the last try, so that the `expected` number of sample sets fits. One large
-    step costs less than several restarts.
+    """The factor by which cells grow after the last try, so that the records of the `expected` number of sample sets
+    fit. One large step costs less than several restarts.
 
     n sample sets find C n^0.4 s^-p records in cells of size s. On a plain surface p = 2. Beside polished metal, which
     shows small cells of the whole scene, the number hardly falls with s. Two tries determine p.
