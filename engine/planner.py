@@ -332,11 +332,11 @@ def _plan_still_layer(key: str, layer: Layer) -> LayerPlan:
     for place, (name, n_bands) in enumerate(band_counts(layer).items()):
         counts[name] = min(2 * n_bands, MOST_BANDS)
         reasons.append("twice as many as for editing")
-        # Nothing is stored, so a highlight narrower than an editor's bands gets as many as it requires.
+        # Nothing is stored, so a highlight narrower than the bands for editing gets as many as it requires.
         if place == 0 and layer.model.factors[0].gamma not in SLOW_ANGLES and n_bands == MOST_BANDS:
             most = MAX_BANDS_OVERRIDDEN[0]
             counts[name] = min(2 * bandwidth(layer, name, most=most, least=MOST_BANDS), most)
-            reasons[0] = "a highlight narrower than an editor's bands"
+            reasons[0] = "a highlight narrower than the bands for editing"
     return LayerPlan(key, layer.model.name, False, tuple(counts), tuple(counts.values()), tuple(reasons))
 
 
@@ -345,7 +345,7 @@ def sphere_reason(has_sky: bool, needs_sphere: bool) -> str:
     if not has_sky:
         return "no sky, so only emitters cast shadows"
     if needs_sphere:
-        return "shadows outlive every change of the sky"
+        return "shadows are reused when the sky changes"
     return f"fewer than {MIN_LIGHTS_FOR_SPHERE:,} lights are traced one by one"
 
 

@@ -39,7 +39,7 @@ def run_guarded(work: Callable[[], int]) -> int:
         where = f"{error.filename}: " if error.filename else ""
         print_error(f"{where}{error.strerror or error}")
     except Exception as error:  # a defect of ours: the person gets a line, we get the details
-        print_error(f"this failed: a defect of Insitu (for a report: {_write_traceback(error)})")
+        print_error(f"this failed: a bug in Insitu (for a report: {_write_traceback(error)})")
     return FAILED
 
 

@@ -15,7 +15,7 @@ from engine.scene.description import MAX_RESOLUTION
 def picture_size(value: tuple[int, int] | None) -> tuple[int, int] | None:
     """Raises BadParameter for one that no picture can have."""
     if value is not None and not all(1 <= side <= MAX_RESOLUTION for side in value):
-        raise typer.BadParameter(f"{value[0]} x {value[1]}, expected 1 to {MAX_RESOLUTION} pixels each way")
+        raise typer.BadParameter(f"{value[0]} x {value[1]}, expected 1 to {MAX_RESOLUTION} pixels per side")
     return value
 
 

@@ -40,12 +40,13 @@ def describe_plan(plan: Plan) -> Iterator[str]:
     if plan.cost is not None:
         cost = plan.cost
         yield (
-            f"about {cost.seconds / cost.n_cores:.0f} s on {cost.n_cores} cores ({cost.seconds:.0f} s of processors, "
+            f"about {cost.seconds / cost.n_cores:.0f} s on {cost.n_cores} cores "
+            f"({cost.seconds:.0f} s of processor time, "
             f"{cost.visibility_seconds:.0f} s of them shadows, {cost.indirect_seconds:.0f} s indirect light), "
             f"{cost.memory_mib:.0f} MiB of main memory, {cost.disk_mib:.0f} MiB on disk, "
             f"{cost.gpu_mib:.0f} MiB on the GPU (largest layer selected)"
         )
-        yield f"tried on {cost.n_sampled:,} of {cost.n_points:,} points and a few windows: within about 30 %"
+        yield f"measured on {cost.n_sampled:,} of {cost.n_points:,} points and a few windows: within about 30 %"
 
 
 def memory_note(plan: Plan, free: int) -> str:
@@ -69,7 +70,7 @@ def describe_check(plan: Plan, was: Carried) -> str:
     if cost is None:
         raise ValueError("expected a plan with its cost")
     pairs = (
-        (was.seconds, cost.seconds, "s of processors"),
+        (was.seconds, cost.seconds, "s of processor time"),
         (was.memory_mib, cost.memory_mib, "MiB of main memory"),
         (was.disk_mib, cost.disk_mib, "MiB on disk"),
     )

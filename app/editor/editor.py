@@ -357,7 +357,7 @@ class Editor:
             self.scenes.update(now, view)
             made_of = self.document, view
             update = partial(self.controller.update, now, *made_of)
-            events = events + run("What follows an edit", update, none, made_of)
+            events = events + run("The update after an edit", update, none, made_of)
             run("The journal", partial(self._autosave, now), None, made_of)
         self.metrics.stopped &= not (self.controller.is_running or self.status.is_finished)
         self.metrics.measure_memory(now, self._client.pid)

@@ -77,7 +77,7 @@ class Barrier:
         self._faults[part] = _Fault(said, made_of, now + RETRY_SECONDS)
         if before is None or not before.suppresses(said, now):
             self.on_fault(
-                f"{part} failed: a defect of Insitu. Your edits are safe; undo the last one{_log_fault(part, error)}"
+                f"{part} failed: a bug in Insitu. Your edits are safe; undo the last one{_log_fault(part, error)}"
             )
 
 

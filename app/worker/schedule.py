@@ -139,4 +139,4 @@ def _line_for(error: Exception, request: Request, details: str) -> str:
     _log.error("%s failed", type(request).__name__, exc_info=error)
     if isinstance(error, MemoryError):
         return "out of memory; lower the resolution, the lights or the bands" + details
-    return "the computation failed: a defect of Insitu. Undo the last edit to go on" + details
+    return "the computation failed: a bug in Insitu. Undo the last edit to go on" + details

@@ -125,7 +125,7 @@ def serve(channel: Channel, options: Any) -> None:
         handler = import_named(options.handlers)()
     except Exception:
         logging.getLogger("insitu.jobs").exception("the worker's tasks could not be loaded")
-        channel.send(RequestFailed(f"computing could not be started: a defect of Insitu{details}"))
+        channel.send(RequestFailed(f"computing could not be started: a bug in Insitu{details}"))
         sys.exit(1)
     worker.run(Schedule(handler, details))
 

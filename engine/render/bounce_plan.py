@@ -43,7 +43,7 @@ class BouncePlan:
     def warning(self) -> str:
         """A warning if much light is missing, else ""."""
         if self.missing >= 1.0:
-            return f"all light is reflected on and on: no number of bounces holds it, {self.n_bounces} are shown"
+            return f"the scene absorbs too little light: no number of bounces is enough, {self.n_bounces} are shown"
         if self.missing > MUCH:
             kept = f"{self.n_bounces} bounces carry {1.0 - self.missing:.0%} of the light, the rest is missing"
             return kept.replace("1 bounces carry", "1 bounce carries")

@@ -57,14 +57,14 @@ def estimate_cost(
     n_each = int(np.clip(MOST_SAMPLED // max(len(rows_of), 1), LEAST_SAMPLED, N_SAMPLED))
     generator = np.random.default_rng(seed)
     samples = {index: _sample(rows, n_each, generator) for index, rows in rows_of.items()}
-    yield StillProgress(0.0, "trying shadows")
+    yield StillProgress(0.0, "sampling shadows")
     visibility_seconds, reading_seconds = _measure_shadows(placement, sky, plan)
-    yield StillProgress(0.2, "trying the light")
+    yield StillProgress(0.2, "sampling the light")
     light = _light_of(placement, samples, sky, plan)
     projection_seconds, n_bytes = 0.0, 0.0
     present = [each for each in layers if each.i_object in samples]
     for i, each in enumerate(present):
-        yield StillProgress(0.3 + 0.2 * i / len(present), f"trying {each.layer.name} of object {each.i_object}")
+        yield StillProgress(0.3 + 0.2 * i / len(present), f"sampling {each.layer.name} of object {each.i_object}")
         seconds, size, reading = _measure_layer(placement, samples[each.i_object], light, each)
         reading_seconds += reading
         projection_seconds += seconds * len(rows_of[each.i_object])
@@ -170,13 +170,13 @@ def _measure_indirect(
         return NO_INDIRECT
     by_hand, other_light = plan.n_rays, None
     if not by_hand:
-        looking = StillProgress(0.5, "trying: direct light")
+        looking = StillProgress(0.5, "sampling: direct light")
         other_light = yield from map_steps(direct_mean(placement, by_object(layers), sky), lambda step: looking)
     trying = indirect_cost(
         placement, models_of(layers), sky, plan.bounces or 1, indirect_layers(layers),
         FINE.with_rays(by_hand), other_light,
     )  # fmt: skip
-    return (yield from map_steps(trying, lambda step: StillProgress(0.5 + 0.5 * step[0], f"trying: {step[1]}")))
+    return (yield from map_steps(trying, lambda step: StillProgress(0.5 + 0.5 * step[0], f"sampling: {step[1]}")))
 
 
 def _memory_bytes(placement: Placement, sky: SkyState, plan: Plan, indirect: float) -> float:

@@ -70,7 +70,7 @@ class LightBudget:
             if needed < ceiling:
                 said[line] = f"within {100.0 * plain:.1f} % of what {ceiling:,} show"
             elif plain == NOT_FOUND:
-                said[line] = "no point that was tried is lit, which does not say that none is"
+                said[line] = "no sampled point is lit, though others may be"
             elif plain > TOLERANCE:
                 said[line] = f"{fewer} would change the picture by {100.0 * plain:.1f} %"
             else:

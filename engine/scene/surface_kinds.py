@@ -159,17 +159,17 @@ SURFACES: Mapping[str, SurfaceKind] = {
     "membrane": SurfaceKind(
         "Membrane",
         "So thin that light comes through from behind: wings, leaves, paper.",
-        (_slider("translucency", 0.5, "Translucency", "The share of the light behind it that comes through.", 1.0),),
+        (_slider("translucency", 0.5, "Translucency", "Share of the light from behind that comes through.", 1.0),),
     ),
     "subsurface": SurfaceKind(
         "Subsurface",
         "Light that enters comes out elsewhere, so that thin parts let it through: marble, wax, skin.",
         (
             _slider(
-                "scattering", 150.0, "Density", "How dense it is: reduced scattering. Less lets light further through.",
+                "scattering", 150.0, "Density", "Reduced scattering: less lets light further through.",
                 1e5, 1.0, unit="/m", is_wide=True,
             ),
-            _slider("absorption", 0.5, "Absorption", "What is swallowed inside.", 1e4, unit="/m", is_wide=True),
+            _slider("absorption", 0.5, "Absorption", "Absorption inside.", 1e4, unit="/m", is_wide=True),
             _slider("ior", 1.3, "Index", "Index of refraction: a higher one keeps more light inside.", 3.0, 1.0),
         ),
     ),
@@ -179,14 +179,14 @@ SURFACES: Mapping[str, SurfaceKind] = {
         (
             _choice("kind", "Pattern", "What is repeated.", get_args(PATTERNS)),
             _slider("repeats", 8.0, "Repeats", _REPEATS, 100.0, 1.0, is_wide=True),
-            _slider("height", 1.0, "Height", "By what the pattern's heights are multiplied.", 10.0, 0.01, is_wide=True),
+            _slider("height", 1.0, "Height", "Factor of the pattern's heights.", 10.0, 0.01, is_wide=True),
         ),
     ),
     "wrinkles": SurfaceKind(
         "Wrinkles",
         "Grooves across one texture coordinate.",
         (
-            _choice("across", "Across", "Which texture coordinate they lie across.", ("u", "v")),
+            _choice("across", "Across", "The texture coordinate across the grooves.", ("u", "v")),
             _slider("repeats", 8.0, "Grooves", _REPEATS, 200.0, 1.0, is_wide=True),
             _slider("depth", 0.3, "Depth", "By the width of a groove.", 1.0),
         ),

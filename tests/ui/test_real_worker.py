@@ -51,7 +51,7 @@ def test_a_fault_in_every_frame_is_one_line_and_the_hand_goes_on(real: RealWindo
     real.do(BREAK)
     real.drag("curve.magnitude", by=(0, -40))
     assert real.n_steps() == 1
-    assert "defect of Insitu" in real.notice() and "window.log" in real.notice() and "theta_i" not in real.notice()
+    assert "bug in Insitu" in real.notice() and "window.log" in real.notice() and "theta_i" not in real.notice()
     real.click("status.message")
     assert real.ask("state.message is None")
     for _ in range(3):

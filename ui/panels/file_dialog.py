@@ -63,8 +63,8 @@ ENDINGS = {
     "save_scene": ("",),
 }
 PICTURE_CHOICES = (
-    ("PNG", "As shown, 8 bits a channel: for the screen."),
-    ("PNG 16 bit", "As shown, 65,536 levels a channel: for grading and print."),
+    ("PNG", "As shown, 8 bits per channel: for the screen."),
+    ("PNG 16 bit", "As shown, 65,536 levels per channel: for grading and print."),
     ("EXR", "Linear light in 32-bit numbers, without exposure and view: for compositing."),
 )
 # What a measurement becomes; the second is cloth.

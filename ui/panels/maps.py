@@ -27,7 +27,7 @@ HINTS = {
     "map, in one of them inverted, are blended by it. Files may be dropped on this row.",
 }
 SPACE_CHOICES = (
-    ("Auto", "Auto: as files of this kind usually are, sRGB with 8 bits a channel, else linear."),
+    ("Auto", "Auto: as files of this kind usually are, sRGB with 8 bits per channel, else linear."),
     ("sRGB", "sRGB: meant for a screen."),
     ("Linear", "Linear: proportional to reflectance."),
 )

@@ -18,7 +18,7 @@ from ui.panels.material import number_format
 from ui.theme import Icon
 
 PLAIN = "As its material"
-PLAIN_HINT = "Light is reflected where it falls, as the layers below say."
+PLAIN_HINT = "An opaque surface, shaded by its layers."
 # By the parameter that it replaces: which of `SURFACE_IMAGES` it is, and its effect.
 IMAGES = {
     "translucency": (

@@ -88,7 +88,7 @@ class RayBudget:
     def reason(self) -> str:
         """The reason for this number, in words."""
         if self.noise is None:
-            return "as many as there may be"
+            return "the most there may be"
         if self.n_rays < self.max_rays:
             return f"within {100.0 * self.added(self.n_rays):.1f} % of what {self.max_rays:,} show"
         fewer = self.max_rays // 2

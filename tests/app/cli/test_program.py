@@ -133,7 +133,7 @@ def test_a_screenshot_carries_its_script(scene: Path, tmp_path: Path) -> None:
         (InsituError("a line\nand another"), 1, "insitu: a line and another\n"),
         (PermissionError(13, "Permission denied", "/there"), 1, "insitu: /there: Permission denied\n"),
         (MemoryError(), 1, "insitu: there is not enough memory"),
-        (ZeroDivisionError("of ours"), 1, "insitu: this failed: a defect of Insitu (for a report: /"),
+        (ZeroDivisionError("of ours"), 1, "insitu: this failed: a bug in Insitu (for a report: /"),
     ],
 )
 def test_the_user_never_sees_a_traceback(error: BaseException, status: int, said: str, capsys: Captured) -> None:

@@ -88,7 +88,7 @@ def test_what_bounces_leave_out_stands_in_the_plan(tmp_path: Path, capsys: Captu
     closed.write_text(SCENE.replace("bounces = 1", "bounces = 3").replace("[0, 0, 4]", "[0, 0, 0.3]"))
     assert run("plan", closed) == 0
     (line,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("bounces"))
-    said = "all light is reflected on and on: no number of bounces holds it, 3 are shown"
+    said = "the scene absorbs too little light: no number of bounces is enough, 3 are shown"
     assert line.endswith(f"as the scene says; {said}")
     for how in ((), ("--reference", "--samples", 1)):
         small = ("--lights", 20, "--resolution", 12, 9)

@@ -90,7 +90,7 @@ def test_without_a_folder_for_state_nothing_stops(
     assert library.entries  # those that come with the program
     with pytest.raises(InsituError, match=f"^{tmp_path / place / 'materials' / 'chalk.toml'}: not written, "):
         library.save("Chalk", LAYERS)
-    assert log_to_file() == "" and "a defect of Insitu (for a report: ZeroDivisionError: " in capsys.readouterr().err
+    assert log_to_file() == "" and "a bug in Insitu (for a report: ZeroDivisionError: " in capsys.readouterr().err
     assert (tmp_path / "file").read_bytes() == b"mine"
 
 

@@ -183,7 +183,7 @@ def test_worker_that_cannot_load_its_tasks_says_why_and_is_not_tried_again() -> 
         answers = collect(client, lambda _: not client.alive)
         (failed,) = answers
         assert isinstance(failed, RequestFailed)
-        assert failed.line.startswith("computing could not be started: a defect of Insitu (for a report: ")
+        assert failed.line.startswith("computing could not be started: a bug in Insitu (for a report: ")
         client.send(OpenScene("open scene"))  # a new wish, a new try
         assert client.alive
         collect(client, seen(RequestFailed))

@@ -145,9 +145,7 @@ def test_error_meant_for_the_user_is_handed_on_verbatim() -> None:
 
 def test_other_errors_become_one_line_and_a_traceback_in_the_log(caplog: pytest.LogCaptureFixture) -> None:
     responses = run_in_process(FaultyTasks(), OpenScene("bug", id=4))
-    assert responses[-1] == RequestFailed(
-        "the computation failed: a defect of Insitu. Undo the last edit to go on", id=4
-    )
+    assert responses[-1] == RequestFailed("the computation failed: a bug in Insitu. Undo the last edit to go on", id=4)
     (record,) = caplog.records
     assert record.levelno == logging.ERROR
     assert record.exc_info is not None

@@ -73,7 +73,7 @@ def test_what_is_missing_in_a_hollow_ball_is_the_rest_of_the_series(
 def test_a_closed_scene_that_reflects_all_light_is_flagged(tmp_path: Path, albedo: float) -> None:
     plan = planned_bounces(place(tmp_path, INSIDE), matt(albedo))
     assert (plan.n_bounces, plan.missing, plan.most_missing) == (MOST_PLANNED, 1.0, 1.0)
-    assert plan.warning == "all light is reflected on and on: no number of bounces holds it, 4 are shown"
+    assert plan.warning == "the scene absorbs too little light: no number of bounces is enough, 4 are shown"
 
 
 def test_white_things_under_a_sky_are_not(tmp_path: Path) -> None:

@@ -96,7 +96,7 @@ def test_what_nobody_asked_for_is_refused(name: str, value: np.ndarray) -> None:
 
 
 def test_each_reason_can_be_read() -> None:
-    assert RayBudget(512, 512).reason == "as many as there may be"
+    assert RayBudget(512, 512).reason == "the most there may be"
     assert required_rays(512, 0.004).reason == "within 0.2 % of what 512 show"
     assert required_rays(512, 0.08).reason == "256 would be 1.8 % noisier"
 
