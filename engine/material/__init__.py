@@ -1,10 +1,10 @@
-"""Reflection models as editable factors [BenArtzi07, ch. 3].
+r"""Reflection models as editable factors [BenArtzi07, ch. 3].
 
     parameters --generate--> curves --operators--> edited curves --bands, wavelet--> coefficients
-         \\--quotient_parameters--> compiled quotient (`Model.number`, worker only)
+         \--quotient_parameters--> compiled quotient (`Model.number`, worker only)
 
-`MODELS` lists what there is: every module of this package that has a `MODEL`, so that a file is all that a further one
-takes. `Layer` is one use of a model. Importing this package imports no compiler.
+`MODELS` lists the available models: every module of this package that has a `MODEL`, so that a further model takes just
+one file. `Layer` is one use of a model. Importing this package imports no compiler.
 """
 
 import importlib
@@ -16,7 +16,7 @@ from engine.material.parameters import Parameter, ParameterError
 
 
 def _models() -> list[Model]:
-    """Of all modules here, matt ones first, by label."""
+    """All models of this package, diffuse ones first, then by label."""
     names = [name for _, name, _ in pkgutil.iter_modules(__path__) if not name.startswith("_")]
     modules = [importlib.import_module(f"{__name__}.{name}") for name in names]
     found: list[Model] = [module.MODEL for module in modules if hasattr(module, "MODEL")]

@@ -1,9 +1,9 @@
-"""Compiled angles and quotients of all models, called once for each pixel, light and vertex: some 10^8 times.
+"""Compiled angles and quotients of all models, called once for each pixel, light and vertex: about 10^8 times.
 
-Scalar functions of one pair of unit directions in the local frame (z = normal): i towards the light, o towards the eye.
-Quotients of models that bring their own are called by address.
-Kernels validate nothing. Everything is finite for every input: cosines are divided by only where the expression as a
-whole stays finite, so G / (cos_i cos_o) cos_i is one expression and not a quotient of small numbers.
+Scalar functions of one pair of unit directions in the local frame (z = normal): i towards the light, o towards the
+camera. Quotients that a model defines in its own file are called by address. Kernels validate nothing. Results are
+finite for every input: cosines are divisors only where the expression as a whole stays finite, so G / (cos_i cos_o)
+cos_i is one expression and not a quotient of small numbers.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ RISES = kinds.FRESNEL_TERM
 Float64Array = NDArray[np.float64]
 
 HALF_PI = math.pi / 2
-# Directions whose sum is shorter than 1e-12 are opposite: their half vector is the normal.
+# Directions whose sum is shorter than 1e-12 count as opposite: their half vector is the normal.
 OPPOSITE = 1e-24
 INVERSE_PI = 1.0 / math.pi
 INVERSE_8PI = 0.125 / math.pi
@@ -51,9 +51,9 @@ _compile: dict[str, Any] = {
 def _arc(root: float, x: float) -> float:
     """arccos(x) = sqrt(1 - x) P(x) for x in [0, 1], given root = sqrt(1 - x): error 2e-11, relative where it is small.
 
-    The form of Abramowitz and Stegun's 4.4.46 with degree 11, interpolated at Chebyshev nodes; even and odd powers
-    apart, which halves the chain of dependent operations. With a `root` that did not cancel, small angles keep all
-    their digits.
+    The form of Abramowitz and Stegun's 4.4.46 with degree 11, interpolated at Chebyshev nodes; even and odd powers are
+    separate, which halves the chain of dependent operations. With an accurate `root`, small angles keep all their
+    digits.
     """
     x2 = x * x
     even = ((((0.001000347753385237 * x2 + 0.007475125487796199) * x2 + 0.01777265605470764) * x2
@@ -65,7 +65,7 @@ def _arc(root: float, x: float) -> float:
 
 @njit(inline="always", **_compile)
 def _angle(cosine: float, sin2: float) -> float:
-    """The angle in [0, pi] by its cosine and squared sine; 1 - |cos| = sin^2 / (1 + |cos|)."""
+    """The angle in [0, pi] from its cosine and squared sine; 1 - |cos| = sin^2 / (1 + |cos|)."""
     x = min(abs(cosine), 1.0)
     arc = _arc(math.sqrt(sin2 / (1.0 + x)), x)
     return arc if cosine >= 0.0 else math.pi - arc
@@ -73,7 +73,7 @@ def _angle(cosine: float, sin2: float) -> float:
 
 @njit(inline="always", **_compile)
 def _log_cosine_half(sx: float, sy: float, sz: float) -> float:
-    """ln cos(theta_h) of the unnormalised half vector, at least -69 (cos = 1e-30)."""
+    """ln cos(theta_h) of the unnormalized half vector, at least -69 (cos = 1e-30)."""
     flat2 = sx * sx + sy * sy
     length2 = flat2 + sz * sz
     if length2 < OPPOSITE:
@@ -88,7 +88,7 @@ def _log_cosine_half(sx: float, sy: float, sz: float) -> float:
 
 @njit(inline="always", **_compile)
 def _share_of_u(sx: float, sy: float) -> float:
-    """cos(phi_h)^2; 1/2 where the half vector is the normal."""
+    """cos(phi_h)^2; 1/2 if the half vector is the normal."""
     flat2 = sx * sx + sy * sy
     return sx * sx / flat2 if flat2 > 1e-300 else 0.5
 
@@ -105,7 +105,7 @@ def _arc_of_power(exponent: float, log_cosine: float) -> float:
 
 @njit(**_compile)
 def theta_r(ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
-    """Angle between the mirrored light and the eye, by dot and cross product."""
+    """Angle between the mirror direction of wi and wo, by dot and cross product."""
     cx = -iy * oz - iz * oy
     cy = iz * ox + ix * oz
     cz = iy * ox - ix * oy
@@ -126,7 +126,7 @@ def theta_h(ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) ->
 
 @njit(**_compile)
 def theta_d(ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
-    """Angle between light and half vector: half of that between light and eye."""
+    """Angle between wi and half vector: half of that between wi and wo."""
     sx, sy, sz = ix + ox, iy + oy, iz + oz
     dx, dy, dz = ix - ox, iy - oy, iz - oz
     return _angle(0.5 * math.sqrt(sx * sx + sy * sy + sz * sz), 0.25 * (dx * dx + dy * dy + dz * dz))
@@ -134,11 +134,11 @@ def theta_d(ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) ->
 
 @njit(**_compile)
 def gamma(kind: int, q: Float64Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
-    """The angle that a curve of that kind (engine.material.kinds) runs over, radians in [0, pi], error 2e-11.
+    """The angle over which a curve of this kind runs (engine.material.kinds), radians in [0, pi], error 2e-11.
 
-    Beyond pi/2 a curve has no bands: f is 0 there. Half vector of opposite directions: the normal.
-    q (8,) are the layer's quotient parameters; GAMMA_RATIO needs its exponent from them. Twice as fast in loops where
-    the compiler knows `kind`, because they become vector code.
+    Beyond pi/2 a curve has no bands: f is 0 there. The half vector of opposite directions is the normal. q (8,) are the
+    layer's quotient parameters; GAMMA_RATIO takes its exponent from them. Twice as fast in loops where the compiler
+    knows `kind`, because they vectorize.
     """
     if kind == THETA_I:
         return _angle(iz, ix * ix + iy * iy)
@@ -151,11 +151,15 @@ def gamma(kind: int, q: Float64Array, ix: float, iy: float, iz: float, ox: float
     if kind == THETA_D:
         return theta_d(ix, iy, iz, ox, oy, oz)
     sx, sy, sz = ix + ox, iy + oy, iz + oz
+    # Slopes of the half vector along tangent and bitangent: tan gamma = |h_x| / h_z or |h_y| / h_z.
     if kind == SLOPE_U or kind == SLOPE_V:
         return math.atan2(abs(sx if kind == SLOPE_U else sy), sz)
+    # cos(phi_h)^2, the share of the exponent along the tangent.
     share = _share_of_u(sx, sy)
     if kind == PHI_H:
         return _angle(math.sqrt(share), 1.0 - share)
+    # gamma_alpha [BenArtzi07, eq. 3.7], gamma_beta [BenArtzi07, eq. 3.8] and gamma_r [BenArtzi07, eq. 3.15]:
+    # arccos(cos(theta_h)^exponent) with the exponents cos^2 phi_h, sin^2 phi_h and n_u sin^2 phi_h.
     if kind == GAMMA_BETA:
         share = 1.0 - share
     elif kind == GAMMA_RATIO:
@@ -202,7 +206,7 @@ def _smith_ggx(cosine: float, a2: float) -> float:
 
 @njit(inline="always", **_compile)
 def _smith_beckmann(cosine: float, alpha: float) -> float:
-    """G1(cos) / cos of the rational approximation [Walter07, eq. 27], with a = cos / slope multiplied out."""
+    """G1(cos) / cos in the rational approximation [Walter07, eq. 27], with a = cos / slope multiplied out."""
     slope = alpha * math.sqrt(max(1.0 - cosine * cosine, 0.0))
     masked = cosine < 1.6 * slope
     numerator = 3.535 * slope + 2.181 * cosine if masked else 1.0
@@ -240,7 +244,7 @@ _compiling = Lock()
 
 
 def _call_plain(number: int, q: Float64Array, *directions: float) -> float:
-    """Where numba compiles nothing (NUMBA_DISABLE_JIT)."""
+    """For interpreted kernels (NUMBA_DISABLE_JIT)."""
     return _numbered[number](q, *directions)
 
 
@@ -249,11 +253,12 @@ _call = _call_plain if _is_interpreted else _call_compiled
 
 
 def quotient_number(quotient: Callable[..., float]) -> int:
-    """The number by which kernels know a model's own quotient, plain Python with `math`: where its compiled form is.
+    """The number that identifies a model's own quotient in kernels, plain Python with `math`: the address of its
+    compiled form.
 
-    Called by address and not from a chain of all models, so that what no scene uses is never compiled, and a further
-    model does not have every kernel that reflects compiled anew. The call takes 2 ns. Kept for ever: kernels do not
-    hold what they call.
+    It is called by address and not from a chain of all models, so that unused models are never compiled, and a further
+    model does not recompile every kernel that reflects. The call takes 2 ns. Compiled quotients are never freed:
+    kernels do not own what they call.
     """
     if _is_interpreted:
         _numbered[id(quotient)] = quotient
@@ -267,8 +272,8 @@ def quotient_number(quotient: Callable[..., float]) -> int:
 
 
 def colours_number(quotients: Callable[..., None]) -> int:
-    """As `quotient_number`, of what fills in the quotients of each colour for many directions (see `call_colours`); 0
-    where numba compiles nothing."""
+    """As `quotient_number`, for a function that fills in the quotients of each colour for many directions (see
+    `call_colours`); 0 if kernels are interpreted."""
     if _is_interpreted:
         return 0
     doubles, singles = types.CPointer(types.float64), types.CPointer(types.float32)
@@ -282,7 +287,7 @@ def colours_number(quotients: Callable[..., None]) -> int:
 
 @intrinsic
 def call_colours(typingctx, address, q, n, x, y, z, ox, oy, oz, out):  # type: ignore[no-untyped-def]
-    """Fill out (n, 3) with rho_q cos_i of each colour for the first n of x, y, z by the address of what does it."""
+    """Fill out (n, 3) with rho_q cos_i of each colour for the first n of x, y, z, by the function at this address."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         def data(place):  # type: ignore[no-untyped-def]
@@ -303,8 +308,8 @@ def call_colours(typingctx, address, q, n, x, y, z, ox, oy, oz, out):  # type: i
 def quotient_cosine(
     model_kind: int, q: Float64Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float
 ) -> float:
-    """rho_q(wi, wo) cos_i of a layer, finite everywhere: that of its model, of a second Fresnel term (q[RISES]) times
-    (1 - cos theta_d)^5 [BenArtzi07, eq. 3.12].
+    """rho_q(wi, wo) cos_i of a layer, finite everywhere: its model's, for a second Fresnel term (q[RISES]) times (1 -
+    cos theta_d)^5 [BenArtzi07, eq. 3.12].
 
     q (8,) are the layer's quotient parameters; model_kind is its model's number, see `model_quotient_cosine`.
     """
@@ -320,28 +325,35 @@ def model_quotient_cosine(
 ) -> float:
     """rho_q(wi, wo) cos_i of a model (engine.material.kinds) with its quotient parameters q (8,), finite everywhere.
 
-    model_kind: the model's number (`quotient_number` gives it for one that brings its own quotient).
-    0 where either direction is below the horizon or within 1e-12 of it.
+    model_kind: the model's number (`quotient_number` gives it for models with their own quotient). 0 if either
+    direction is below the horizon or within 1e-12 of it.
     """
     if iz <= GRAZING or oz <= GRAZING:
         return 0.0
+    # Lambert: cos_i / pi. Phong: the quotient is 1.
     if model_kind == LAMBERT:
         return iz * INVERSE_PI
     if model_kind == ROUGH_CONDUCTOR:
         return _smith(q, iz, oz)
     if model_kind == PHONG:
         return iz * 1.0
+    # Models that define their own quotient, by address.
     if model_kind > ASHIKHMIN_SHIRLEY_RATIO:
         return _call(model_kind, q, ix, iy, iz, ox, oy, oz)  # type: ignore[call-arg,no-any-return]
+    # Cook-Torrance: G / (cos_i cos_o) [BenArtzi07, eq. 3.2].
     if model_kind == COOK_TORRANCE:
         return _v_groove(ix, iy, iz, ox, oy, oz)
+    # Schlick's Fresnel term with a fixed facing reflectance [BenArtzi07, eq. 3.10].
     cos_d = _cosine_difference(ix, iy, iz, ox, oy, oz)
     fresnel = _schlick(q[FACING_REFLECTANCE], cos_d)
+    # Blinn-Phong: F G / (4 cos_i cos_o).
     if model_kind == BLINN_PHONG:
         return 0.25 * fresnel * _v_groove(ix, iy, iz, ox, oy, oz)
+    # Ashikhmin-Shirley: F / (8 pi (h.k) max(cos_i, cos_o)) [BenArtzi07, eq. 3.3].
     quotient = INVERSE_8PI * fresnel * iz / (max(cos_d, GRAZING) * max(iz, oz))
     if model_kind == ASHIKHMIN_SHIRLEY:
         return quotient
+    # Ratio of exponents: also cos(theta_h)^(n_u cos^2 phi_h), which the edited curve does not contain.
     sx, sy, sz = ix + ox, iy + oy, iz + oz
     exponent = q[RATIO_EXPONENT] * _share_of_u(sx, sy)
     return quotient * math.exp(max(exponent * _log_cosine_half(sx, sy, sz), -80.0))

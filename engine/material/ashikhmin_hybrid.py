@@ -1,4 +1,4 @@
-"""A highlight drawn by hand over the half vector's angle and azimuth, as on satin or velvet [Ashikhmin00]."""
+"""A highlight that the user draws over the half vector's angle and azimuth, as on satin or velvet [Ashikhmin00]."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from engine.material.parameters import FACING, TINT, Parameter
 class AshikhminHybrid(Model):
     """rho = scale p(h) F / (4 cos theta_d max(cos_i, cos_o)),  p(h) = f_A(theta_h) f_B(phi_h).
 
-    The hybrid of [BenArtzi07, 3.4]: a formula for all but the half vector, whose table is the two curves. Parameters
-    give them something to start from: f_A = D cos theta_h with D of GGX, so that p integrates to 1, and
-    f_B = 1 + b cos 2 phi_h. [Ashikhmin00] divides by shadowing that is an integral over p; we use the denominator of
-    Ashikhmin and Shirley, with which the albedo is at most the integral of p whatever is drawn:
-    d omega_i = 4 cos theta_d d omega_h, and cos_i / max(cos_i, cos_o) is at most 1.
+    The hybrid of [BenArtzi07, 3.4]: a formula for everything except the half vector, whose table is the two curves.
+    Parameters give initial curves: f_A = D cos theta_h with D of GGX, so that p integrates to 1, and f_B = 1 + b cos 2
+    phi_h. [Ashikhmin00] divides by a shadowing term that is an integral over p; we use the denominator of Ashikhmin and
+    Shirley, with which the albedo is at most the integral of p for any curves: d omega_i = 4 cos theta_d d omega_h, and
+    cos_i / max(cos_i, cos_o) is at most 1.
 
     f_q = 2 pi scale, because the quotient is that of `ashikhmin_shirley`, F / (8 pi cos theta_d max(cos_i, cos_o)).
     """

@@ -1,4 +1,5 @@
-"""The anisotropic Phong model of Ashikhmin and Shirley with an exponent along and one across [BenArtzi07, 3.2]."""
+"""The anisotropic Phong model of Ashikhmin and Shirley with one exponent along the tangent and one across [BenArtzi07,
+3.2]."""
 
 from __future__ import annotations
 
@@ -16,13 +17,13 @@ from engine.material.parameters import FACING, TINT, Parameter
 class AshikhminShirley(Model):
     """rho = scale N cos(theta_h)^(n_u cos^2 phi_h + n_v sin^2 phi_h) F / (8 pi (h.k) max(cos_i, cos_o)).
 
-    [BenArtzi07, eq. 3.3-3.8]: f_A = cos(gamma_alpha)^n_u, f_B = cos(gamma_beta)^n_v, f_q = scale N with
-    N = sqrt((n_u + 1)(n_v + 1)), and the rest is the quotient. Eq. 3.3 prints theta_d for h.k; we use
-    h.k = cos(theta_d), as Ashikhmin and Shirley do.
+    [BenArtzi07, eq. 3.3-3.8]: f_A = cos(gamma_alpha)^n_u, f_B = cos(gamma_beta)^n_v, f_q = scale N with N = sqrt((n_u +
+    1)(n_v + 1)), and the rest is the quotient. Eq. 3.3 prints theta_d for h.k; we use h.k = cos(theta_d), as Ashikhmin
+    and Shirley do.
 
     Fresnel is Schlick's with one grey facing reflectance, inside the quotient; colour is in `scale`. The two-term split
-    of eq. 3.12, with which a coloured Fresnel factor is edited in real time, is for layers of any model: see `Layer`.
-    The model's diffuse part is a `lambert` layer.
+    of eq. 3.12, by which a coloured Fresnel factor is edited in real time, is available for layers of any model: see
+    `Layer`. The model's diffuse part is a `lambert` layer.
     """
 
     name = "ashikhmin_shirley"

@@ -14,16 +14,17 @@ from engine.material.parameters import FACING, TINT, Parameter
 
 
 class AshikhminShirleyRatio(Model):
-    """`ashikhmin_shirley` with n_v = r n_u: the width along the tangent is fixed, its ratio to that across is edited.
+    """`ashikhmin_shirley` with n_v = r n_u: the width along the tangent is fixed, its ratio to the width across is
+    edited.
 
-    [BenArtzi07, eq. 3.13-3.15], which leave out the squares of cos(phi_h) and sin(phi_h) that eq. 3.5 and 3.6 have, and
-    take the base of the power itself for gamma_r; we use squares, and an angle as in eq. 3.7:
+    [BenArtzi07, eq. 3.13-3.15], which omit the squares of cos(phi_h) and sin(phi_h) that eq. 3.5 and 3.6 have, and take
+    the base of the power itself for gamma_r; we use squares, and an angle as in eq. 3.7:
 
         gamma_r = arccos(cos(theta_h)^(n_u sin^2 phi_h)),  f_A = cos(gamma_r)^r,
         rho_q = cos(theta_h)^(n_u cos^2 phi_h) F / (8 pi (h.k) max(cos_i, cos_o)),  f_q = scale sqrt((n_u+1)(r n_u+1)).
 
-    r is at least 1: below, the highlight's tail would crowd into the last band, where cos(gamma_r)^r falls from almost
-    1 to 0 within less than any band. The wider side lies along the tangent.
+    r is at least 1: below, the highlight's tail would be compressed into the last band, where cos(gamma_r)^r falls from
+    almost 1 to 0 within less than any band. The wider side is along the tangent.
     """
 
     name = "ashikhmin_shirley_ratio"

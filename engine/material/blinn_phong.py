@@ -1,4 +1,4 @@
-"""Blinn's microfacets: a cosine power over the half angle with V-groove masking, as in PBRT."""
+"""Blinn's microfacets: a cosine power of the half angle with V-groove masking, as in PBRT."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from engine.material.phong import EXPONENT
 class BlinnPhong(Model):
     """rho = scale (n + 2) / (2 pi) cos(theta_h)^n G F / (4 cos_i cos_o).
 
-    f_A = cos^n, f_q = scale (n + 2) / (2 pi), so that f_q f_A is a distribution of microfacets; the quotient holds
-    the V-groove G and a fixed Fresnel term by Schlick's approximation, which is 1 for reflectance 1.
+    f_A = cos^n, f_q = scale (n + 2) / (2 pi), so that f_q f_A is a distribution of microfacets; the quotient contains
+    the V-groove G and a fixed Fresnel term in Schlick's approximation, which is 1 for reflectance 1.
     """
 
     name = "blinn_phong"

@@ -1,13 +1,13 @@
-"""What turns an object's shading normal from point to point: a normal map, or heights (a bump map).
+"""Perturbation of an object's shading normal: a normal map, or heights (a bump map).
 
-Both lie on the whole object, under all of its layers, and both become slopes (p, q): of a normal map's texel
-(x, y, z) = 2 c − 1 they are (−x / z, −y / z) along the directions t and b in which u and v grow (glTF 2.0, 3.9.3: +X to
-the right, +Y up), of heights their derivatives, in metres a metre. The normal is then [Mikkelsen20, eq. 4]
+Both cover the whole object, under all of its layers, and both become slopes (p, q): of a normal map's texel (x, y, z) =
+2 c − 1 they are (−x / z, −y / z) along the directions t and b in which u and v grow ([glTF20, 3.9.3]: +X to the right,
++Y up), of heights their derivatives, in metres a metre. The normal is then [Mikkelsen20, eq. 4]
 
     n' = normalize(n − strength · (p t + q b)).
 
-It turns the frame in which a material reflects, and nothing else: what a point sees and where its shadows fall is for
-its place and its face to say. So transport depends on it, and visibility does not.
+It rotates the frame in which a material reflects, and nothing else: position and face determine what a point sees and
+its shadows. So transport depends on it, and visibility does not.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ DEFAULT_HEIGHT = 0.01
 
 @dataclass(frozen=True)
 class Bumps:
-    """Of one object. Names are files, as those of textures (`engine.material.layer_maps.LayerMaps`); one of the two at
-    most.
+    """Bumps of one object. Names are files, like those of textures (`engine.material.layer_maps.LayerMaps`); at most
+    one of the two.
 
-    bump_strength: 0 is as without them. bump_height: metres between a bump map's black and its white; negative ones are
+    bump_strength: 0 has no effect. bump_height: metres between a bump map's black and its white; negative ones are
     pressed in. bump_repeats: how often the image repeats along u and v; bump_offset and bump_wrap: see
     `engine.material.layer_maps.TextureTransform`.
     """
@@ -46,7 +46,7 @@ class Bumps:
 
     @property
     def transform(self) -> TextureTransform:
-        """Where on the image coordinates are looked up."""
+        """The mapping of texture coordinates to the image."""
         return TextureTransform(0.0, self.bump_offset, self.bump_wrap)
 
     @property
@@ -61,12 +61,12 @@ class Bumps:
 
     @property
     def is_flat(self) -> bool:
-        """Whether they turn nothing, whatever is in the image."""
+        """Whether they have no effect, whatever the image contains."""
         return not self.file or self.bump_strength == 0.0 or (bool(self.bump_map) and self.bump_height == 0.0)
 
     @property
     def slope_scale(self) -> float:
-        """What the image's slopes are multiplied by."""
+        """The factor of the image's slopes."""
         return self.bump_strength * (self.bump_height if self.bump_map else 1.0)
 
 
@@ -77,14 +77,14 @@ BUMP_KINDS = ("normal_map", "bump_map")
 
 
 def bump_fields() -> tuple[str, ...]:
-    """The names by which scripts and paths call the parts of `Bumps`."""
+    """The names of `Bumps`' parts in scripts and paths."""
     return tuple(field.name for field in dataclasses.fields(Bumps))
 
 
 def set_bump_field(bumps: Bumps, name: str, value: object) -> Bumps:
-    """The bumps with one part set; an image of one kind takes the place of one of the other.
+    """Set one part; an image of one kind replaces one of the other.
 
-    Raises ParameterError for a value that the part does not take.
+    Raises ParameterError for a value that the part does not accept.
     """
     if name not in _ACCEPTED:
         raise ParameterError(name, value, "one of " + ", ".join(_ACCEPTED))
@@ -95,8 +95,8 @@ def set_bump_field(bumps: Bumps, name: str, value: object) -> Bumps:
 
 
 def bumps_from(tables: Mapping[str, object]) -> Bumps:
-    """Bumps as files have them: `normal_map` = {file, scale, repeats, offset, wrap} or `bump_map`, with a height, too,
-    scale being the strength. Raises ParameterError."""
+    """Bumps from their form in files: `normal_map` = {file, scale, repeats, offset, wrap}, where scale is the strength,
+    or `bump_map` with a height. Raises ParameterError."""
     named = [name for name in tables if name in BUMP_KINDS]
     if len(named) != 1 or len(tables) != 1:
         raise ParameterError(" and ".join(tables), dict(tables), "one of normal_map and bump_map")
@@ -112,7 +112,7 @@ def bumps_from(tables: Mapping[str, object]) -> Bumps:
 
 
 def bump_values(bumps: Bumps) -> dict[str, Any]:
-    """The same back; nothing of bumps without an image."""
+    """The inverse; empty for bumps without an image."""
     if not bumps.file:
         return {}
     table: dict[str, Any] = {"file": bumps.file}
@@ -130,12 +130,12 @@ def bump_values(bumps: Bumps) -> dict[str, Any]:
 
 
 def bump_parts(bumps: Bumps) -> dict[str, Any]:
-    """All parts that differ from the default, by field: what sessions say."""
+    """All parts that differ from the default, by field, for sessions."""
     return {name: getattr(bumps, name) for name in bump_fields() if getattr(bumps, name) != getattr(NO_BUMPS, name)}
 
 
 def bumps_of_parts(parts: Mapping[str, object]) -> Bumps:
-    """The same back. Raises ParameterError."""
+    """The inverse. Raises ParameterError."""
     bumps = NO_BUMPS
     for name, value in parts.items():
         bumps = set_bump_field(bumps, name, value)

@@ -18,7 +18,7 @@ class CookTorrance(Model):
 
     f_A = D, f_B = F, f_q = s / pi, and the quotient is the V-groove G over cos_i cos_o. With pi in the denominator D
     has no 1/pi of its own. Cook and Torrance's D = exp(-tan^2/sigma^2) / (sigma^2 cos^4) then reflects four times the
-    light there is; we use D / 4, so that s = 1 is the microfacet model D F G / (4 cos_i cos_o) of [Walter07].
+    incident light; we use D / 4, so that s = 1 is the microfacet model D F G / (4 cos_i cos_o) of [Walter07].
     """
 
     name = "cook_torrance"

@@ -11,12 +11,12 @@ Array = NDArray[Any]
 
 
 def conductor_fresnel(cosine: Array, eta: Array, k: Array) -> Array:
-    """Exact unpolarised reflectance of an interface with complex index eta + i k, in [0, 1].
+    """Exact unpolarized reflectance of an interface with complex index eta + i k, in [0, 1].
 
-    cosine, eta and k broadcast; cosine in [0, 1] is of the angle between light and the (micro)facet. k = 0 gives
-    dielectrics: eta < 1 reflects totally beyond the critical angle, eta = 1 reflects nothing. At cosine = 0 the
-    value is 1, except 0 for eta = 1, k = 0, the limit from smaller angles.
-    [Walter07, eq. 22] for dielectrics; the general form as in any optics text, with
+    cosine, eta and k broadcast; cosine in [0, 1] is of the angle between light and the (micro)facet. k = 0 is a
+    dielectric: eta < 1 reflects totally beyond the critical angle, eta = 1 reflects nothing. At cosine = 0 the value is
+    1, except 0 for eta = 1, k = 0, the limit from smaller angles. [Walter07, eq. 22] for dielectrics; the general form
+    as in any optics text, with
 
         2 a^2 = sqrt(t^2 + 4 eta^2 k^2) + t,  2 b^2 = sqrt(t^2 + 4 eta^2 k^2) - t,  t = eta^2 - k^2 - sin^2,
         R_s = ((a - cos)^2 + b^2) / ((a + cos)^2 + b^2),
@@ -45,7 +45,7 @@ def rise(wi: Array, wo: Array) -> Array:
 
 
 def _ratio(numerator: Array, denominator: Array) -> Array:
-    """0 where there is nothing to divide by, which is seldom: to ask at each number takes twice as long."""
+    """0 where the denominator is 0, which is rare: a test at each number takes twice as long."""
     is_there = denominator > 0.0
     if is_there.all():
         return np.asarray(numerator / denominator)

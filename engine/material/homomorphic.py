@@ -29,9 +29,9 @@ P = Factor("theta_i", THETA_I.gamma, "P, slant θᵢ", "Brightness by the slant 
 class Homomorphic(Model):
     """rho = scale P(theta_i) Q(theta_h) P(theta_o) / pi  [BenArtzi07, eq. 3.16].
 
-    P for light and view is one curve: edited once, both follow, and light and eye may be exchanged. It stands here as
-    f_B and f_o, and Q as f_A; the quotient is 1 / pi. Parameters give curves like those of velvet to start from,
-    P = a + (1 - a)(1 - cos)^m and Q = b + (1 - b) cos^n: neither exceeds 1, so neither does the albedo.
+    P for light and view is one curve: an edit applies to both, and reciprocity holds. P is f_B and f_o here, and Q is
+    f_A; the quotient is 1 / pi. Parameters give initial curves like those of velvet, P = a + (1 - a)(1 - cos)^m and Q =
+    b + (1 - b) cos^n: neither exceeds 1, so neither does the albedo.
     """
 
     name = "homomorphic"

@@ -1,4 +1,4 @@
-"""Diffuse reflection with curves over the light's and the view's angle, "LV" in [BenArtzi07]."""
+"""Diffuse reflection with curves over the angles of wi and wo, "LV" in [BenArtzi07]."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from engine.material.parameters import Parameter
 
 
 class Lambert(Model):
-    """rho = albedo / pi, times f_A(theta_i) f_o(theta_o), both 1 until a person edits them."""
+    """rho = albedo / pi, times f_A(theta_i) f_o(theta_o), both 1 until the user edits them."""
 
     name = "lambert"
     label = "Diffuse"

@@ -1,7 +1,7 @@
-"""A layer of a material: a model, its parameters, and the operators a person put on top of the generated curves.
+"""A layer of a material: a model, its parameters, and the user's operators on the generated curves.
 
-Edits sit on the generated curve and not in it, so moving a parameter afterwards keeps them [docs/guides/materials.md].
-A layer is a value: every edit returns a new one, and undo is keeping the old.
+Edits are applied to the generated curve and not stored in it, so a parameter that changes afterwards preserves them
+[docs/guides/materials.md]. A layer is a value: every edit returns a new one, and undo restores the old one.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ Float64Array = NDArray[np.float64]
 
 
 def object_of(key: str) -> str:
-    """The name of the object that a layer belongs to: "teapot" of the key "teapot.1"."""
+    """The name of the object that a layer belongs to: "teapot" for the key "teapot.1"."""
     return key.rpartition(".")[0]
 
 
 def place_of(key: str) -> int:
-    """Which of its object's layers it is: 1 of the key "teapot.1"."""
+    """The layer's index in its object: 1 for the key "teapot.1"."""
     return int(key.rpartition(".")[2])
 
 
@@ -49,7 +49,7 @@ class GeneratedCurve:
 
 @dataclass(frozen=True)
 class FinalCurve:
-    """The curve the picture is made with: edited, and never below 0, because light is not taken away."""
+    """The curve that pictures use: edited, and clamped to at least 0, because reflection cannot be negative."""
 
     edited: Callable[[Float64Array], Float64Array]
 
@@ -64,15 +64,15 @@ class FinalCurve:
 
 @dataclass(frozen=True)
 class Layer:
-    """One term of a material. `parameters` holds every parameter of the model, in the order of its table.
+    """One term of a material. `parameters` contains every parameter of the model, in the order of its table.
 
-    `edits`: for each edited curve its name and operators, lowest first; curves without operators are left out.
-    `frozen`: the layer's curves are not offered for editing. `follows`: the name of a layer of the same object that it
-    shares its curves with. `maps`: the images that multiply it, pixel by pixel; a formula knows nothing of them.
+    `edits`: for each edited curve its name and operators, lowest first; curves without operators are omitted. `frozen`:
+    the layer's curves cannot be edited. `follows`: the name of a layer of the same object with which it shares its
+    curves. `maps`: the images that multiply it, pixel by pixel; the model's formula does not depend on them.
 
-    Any layer may be given Schlick's Fresnel factor R + (1 - R)(1 - cos theta_d)^5 per channel, by being made two of
-    all curves alike [BenArtzi07, eq. 3.12]: itself times R, and a second one, which `rises`, times
-    (1 - R)(1 - cos theta_d)^5. Both then have the further parameter `FRESNEL`, R, and no transport depends on it.
+    Any layer can have Schlick's Fresnel factor R + (1 - R)(1 - cos theta_d)^5 per channel: it is split into two layers
+    with the same curves [BenArtzi07, eq. 3.12], itself times R, and a second one, which `rises`, times (1 - R)(1 - cos
+    theta_d)^5. Both then have the further parameter `FRESNEL`, R, and no transport depends on it.
     """
 
     model: Model
@@ -87,7 +87,7 @@ class Layer:
 
     @property
     def title(self) -> str:
-        """What a person reads: the name that somebody gave it; without one, what the layer is."""
+        """The name that the user sees: the layer's own; if it has none, its model's."""
         known = {"": self.model.label, self.model.name: self.model.label, "fresnel": "Fresnel term"}
         name, _, number = self.name.rpartition(" ")
         if number.isdecimal() and name in known:  # the second of its kind
@@ -96,7 +96,7 @@ class Layer:
 
     @property
     def parameter_table(self) -> tuple[Parameter, ...]:
-        """What a person may set: the parameters of the model, and R where it has one."""
+        """The parameters that the user can set: the model's, and R if it has one."""
         return self.model.parameters if self.fresnel is None else (*self.model.parameters, FRESNEL)
 
     @property
@@ -111,7 +111,7 @@ class Layer:
         return dict(self.parameters)
 
     def operators(self, factor: str) -> tuple[Edit, ...]:
-        """The operators on a curve, lowest first. Raises ParameterError for a curve the model does not have."""
+        """The operators on a curve, lowest first. Raises ParameterError for a curve that the model does not have."""
         return dict(self.edits).get(self.model.leader(factor), ())
 
     def generated_curve(self, factor: str) -> GeneratedCurve:
@@ -119,7 +119,7 @@ class Layer:
         return GeneratedCurve(self.model, self.model.leader(factor), self.parameters)
 
     def curve(self, factor: str) -> FinalCurve:
-        """The curve with its operators on top, at least 0: a callable, angles (N,) to values (N, 3)."""
+        """The curve with its operators, at least 0: a callable, angles (N,) to values (N, 3)."""
         return FinalCurve(apply_operators(self.operators(factor), self.generated_curve(factor)))
 
     def coefficients(self, factor: str, n_bands: int) -> Float64Array:
@@ -132,18 +132,18 @@ class Layer:
         return self.model.scale(self.values) * self._share()
 
     def quotient_parameters(self) -> Float64Array:
-        """What the quotient's kernel needs, (8,)."""
+        """The parameters of the quotient's kernel, (8,)."""
         q = self.model.quotient_parameters(self.values)
         q[kinds.FRESNEL_TERM] = float(self.rises)
         return q
 
     def brdf(self, wi: Float64Array, wo: Float64Array) -> Float64Array:
-        """The whole formula without operators, 1/sr, (N, 3), of unit directions (N, 3) in the local frame."""
+        """The whole formula without operators, 1/sr, (N, 3), for unit directions (N, 3) in the local frame."""
         value = self.model.brdf(self.values, wi, wo) * self._share()
         return value * rise(wi, wo)[:, None] if self.rises else value
 
     def _share(self) -> Float64Array:
-        """What of the model's strength belongs to this layer, (3,)."""
+        """The share of the model's strength that belongs to this layer, (3,)."""
         fresnel = self.fresnel
         if fresnel is None:
             return np.ones(3)
@@ -154,12 +154,12 @@ class Layer:
         return dataclasses.replace(self, **changes)
 
     def with_parameter(self, name: str, value: object) -> Layer:
-        """The layer with one parameter set. Raises ParameterError for an unknown one or a refused value."""
+        """The layer with one parameter set. Raises ParameterError for an unknown one or an invalid value."""
         accepted = find_parameter(self.model.name, self.parameter_table, name).accept(value)
         return self.replace(parameters=tuple((key, accepted if key == name else old) for key, old in self.parameters))
 
     def with_operators(self, factor: str, operators: Sequence[Edit]) -> Layer:
-        """The layer with the operators of one curve replaced; none: the curve is as generated."""
+        """The layer with the operators of one curve replaced; without any, the curve is as generated."""
         edits = {**dict(self.edits), self.model.leader(factor): tuple(operators)}
         return self.replace(edits=tuple((name, edits[name]) for name in sorted(edits) if edits[name]))
 
@@ -169,8 +169,9 @@ class Layer:
         return self.replace(parameters=own if value is None else (*own, (FRESNEL.name, FRESNEL.accept(value))))
 
     def with_curves_of(self, other: Layer) -> Layer:
-        """This layer with another's curves: the operators of those that both models have, and the parameters that drive
-        curves in both tables alike; where it is the second term of the other, all. Itself where nothing differs."""
+        """This layer with another's curves: the operators of curves that both models have, and the parameters that
+        drive curves in both tables alike; everything if it is the second term of the other. Returns itself if nothing
+        differs."""
         if self.rises or other.rises:
             shared = self.replace(model=other.model, parameters=other.parameters, edits=other.edits, maps=other.maps)
             return self if shared == self else shared
@@ -184,9 +185,9 @@ class Layer:
 
 
 def make_layer(model: Model, parameters: Mapping[str, object] | None = None, name: str = "") -> Layer:
-    """A layer of the model with the given parameters over the defaults; named after the model unless named.
+    """A layer of the model with the given parameters over the defaults; named after the model if no name is given.
 
-    Raises ParameterError for an unknown parameter or a refused value.
+    Raises ParameterError for an unknown parameter or an invalid value.
     """
     layer = Layer(model, name or model.name, tuple(model.defaults().items()))
     for key, value in (parameters or {}).items():

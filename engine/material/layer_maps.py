@@ -1,14 +1,15 @@
-"""What of a layer lies in images: a texture that multiplies it, and a weight map that blends it with others.
+"""The images of a layer: a texture that multiplies it, and a weight map that blends it with others.
 
 Both multiply the layer's radiance pixel by pixel, as f_q and f_o do, by
 
-    factor(u, v) = (1 - s + s t(s_u u, s_v v)) w(u, v),     w = 1 - map where it is inverted,
+    factor(u, v) = (1 - s + s t(s_u u, s_v v)) w(u, v),     w = 1 - map if it is inverted,
 
-with t the texture's linear RGB, s its strength and (s_u, s_v) its repeats, after which it may be turned and moved and,
-beyond its edges, repeat, be mirrored, or go on as its edge [docs/guides/materials.md]. The map is an image, or even,
-and on it are the strokes that a person painted (`engine.material.strokes`). No transport depends on it:
-the images are sampled once for each pixel and only the few numbers here follow the hand. For further bounces the
-factor's mean over the surface multiplies the layer's albedo, and its mean over a cell that of the cell.
+where t is the texture's linear RGB, s its strength and (s_u, s_v) its repeats, after which it may be rotated and moved
+and, beyond its edges, repeat, be mirrored, or continue its edge [docs/guides/materials.md]. The map is an image or
+uniform, with the strokes that the user painted on it (`engine.material.strokes`). No transport depends on it: the
+images are sampled once for each pixel, and only the few numbers here change during a drag. For further bounces the
+factor's mean over the surface multiplies the layer's albedo, and its mean over a part of the surface that of the
+irradiance cache record.
 """
 
 from __future__ import annotations
@@ -34,14 +35,14 @@ MAX_NAME = 4096
 
 
 def split_image_name(name: str) -> tuple[str, str | None]:
-    """The file of an image, and what says which one it is of a GLB file: ("a.glb", "2") of "a.glb#2"."""
+    """The file of an image, and its number in a GLB file: ("a.glb", "2") for "a.glb#2"."""
     file, mark, number = name.rpartition("#")
     return (file, number) if mark and file.lower().endswith(".glb") else (name, None)
 
 
 class TextureTransform(NamedTuple):
-    """Where on an image coordinates are looked up once they are multiplied by repeats: rotation, degrees, counter-
-    clockwise about (0, 0); offset along u and v, images; wrap: what lies beyond the edges, along u and v."""
+    """The mapping of coordinates to an image, after the multiplication by repeats: rotation, degrees, counter-clockwise
+    about (0, 0); offset along u and v, in images; wrap: the continuation beyond the edges, along u and v."""
 
     rotation: float = 0.0
     offset: tuple[float, float] = (0.0, 0.0)
@@ -49,7 +50,7 @@ class TextureTransform(NamedTuple):
 
     @property
     def turn(self) -> tuple[float, float]:
-        """The cosine and the sine of the rotation, exact at quarters."""
+        """Cosine and sine of the rotation, exact for multiples of 90°."""
         quarters = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
         angle = math.radians(self.rotation)
         return quarters.get(self.rotation % 360.0) or (math.cos(angle), math.sin(angle))
@@ -60,13 +61,13 @@ IDENTITY_TRANSFORM = TextureTransform()
 
 @dataclass(frozen=True)
 class LayerMaps:
-    """The images of one layer. Names are files: relative to the scene's folder, or full paths that a person chose.
+    """The images of one layer. Names are files: relative to the scene's folder, or full paths that the user chose.
 
-    texture: empty for none. texture_space: how its numbers are meant; empty: sRGB where they have 8 bits, else linear.
-    texture_scale: how often it repeats along u and v; texture_strength: 0 is as without it. weight: a grey image, the
-    share of the layer, always linear; empty for none. weight_invert: one minus that share. weight_start: the share
-    where there is no such image. strokes: painted on either, and inverted with it: inverting needs no new samples.
-    texture_offset, texture_rotation, texture_wrap: see `TextureTransform`.
+    texture: empty for none. texture_space: its colour space; empty: sRGB for 8 bits, else linear. texture_scale: how
+    often it repeats along u and v; texture_strength: 0 has no effect. weight: a grey image, the share of the layer,
+    always linear; empty for none. weight_invert: one minus that share. weight_start: the share if there is no such
+    image. strokes: painted on either, and inverted with it, so that inversion needs no new samples. texture_offset,
+    texture_rotation, texture_wrap: see `TextureTransform`.
     """
 
     texture: str = ""
@@ -88,22 +89,22 @@ class LayerMaps:
 
     @property
     def has_weight(self) -> bool:
-        """Whether there is a weight map: an image, strokes, or an even share other than all."""
+        """Whether there is a weight map: an image, strokes, or a uniform share other than 1."""
         return bool(self.weight or self.strokes or self.weight_start != 1.0)
 
     @property
     def is_of_files(self) -> bool:
-        """Whether there is an image, which wants texture coordinates."""
+        """Whether there is an image, which needs texture coordinates."""
         return bool(self.texture or self.weight)
 
     @property
     def inverts(self) -> bool:
-        """Whether one minus the weight counts; there is nothing to invert without a map."""
+        """Whether one minus the weight counts; without a map there is nothing to invert."""
         return self.weight_invert and self.has_weight
 
     @property
     def images(self) -> Images:
-        """What has to be sampled for it: two of equal images differ in numbers alone."""
+        """The part that determines samples: maps with equal images differ in numbers alone."""
         start = 1.0 if self.weight else self.weight_start
         plain = Images(weight=self.weight, weight_start=start, strokes=self.strokes)
         if not self.texture:
@@ -113,7 +114,7 @@ class LayerMaps:
         return dataclasses.replace(plain, texture_transform=transform, **own)
 
     def factor(self, texture: NDArray[np.floating], weight: NDArray[np.floating]) -> NDArray[np.floating]:
-        """The factor (N, 3) of texels (N, 3) and weights (N,)."""
+        """The factor (N, 3) for texels (N, 3) and weights (N,)."""
         tinted = 1.0 + self.texture_strength * (texture - 1.0)
         return np.asarray(tinted * (1.0 - weight if self.inverts else weight)[..., None])
 
@@ -132,7 +133,7 @@ class Images:
 
     @property
     def is_of_files(self) -> bool:
-        """Whether there is an image, which wants texture coordinates."""
+        """Whether there is an image, which needs texture coordinates."""
         return bool(self.texture or self.weight)
 
     @property
@@ -142,7 +143,7 @@ class Images:
 
     @property
     def without_strokes(self) -> Images:
-        """What the strokes are on."""
+        """The images below the strokes."""
         return dataclasses.replace(self, strokes=Strokes())
 
 
@@ -162,19 +163,19 @@ class MapMeans:
 def factor_of_means(
     maps: LayerMaps, texture: NDArray[np.floating], weight: NDArray[np.floating], both: NDArray[np.floating]
 ) -> NDArray[np.float64]:
-    """The mean of the factor (..., 3) by means of the texture (..., 3), the weight map (...) and their product."""
+    """The mean of the factor (..., 3) from means of the texture (..., 3), the weight map (...) and their product."""
     if maps.inverts:
         weight, both = 1.0 - weight, texture - both
     return np.asarray((1.0 - maps.texture_strength) * weight[..., None] + maps.texture_strength * both, np.float64)
 
 
 def map_fields() -> tuple[str, ...]:
-    """The names by which scenes, sessions and paths call the parts of `LayerMaps`."""
+    """The names of `LayerMaps`' parts in scenes, sessions and paths."""
     return tuple(field.name for field in dataclasses.fields(LayerMaps))
 
 
 def set_map_field(maps: LayerMaps, name: str, value: object) -> LayerMaps:
-    """The maps with one part set. Raises ParameterError for a value that the part does not take."""
+    """Set one part. Raises ParameterError for a value that the part does not accept."""
     if name not in _ACCEPTED:
         raise ParameterError(name, value, "one of " + ", ".join(_ACCEPTED))
     changes: dict[str, Any] = {name: _ACCEPTED[name](name, value)}
@@ -182,7 +183,7 @@ def set_map_field(maps: LayerMaps, name: str, value: object) -> LayerMaps:
 
 
 def maps_from(values: Mapping[str, object]) -> LayerMaps:
-    """The maps of parts by name, the rest as by default. Raises ParameterError."""
+    """Maps from parts by name, the others at their defaults. Raises ParameterError."""
     maps = LayerMaps()
     for name, value in values.items():
         maps = set_map_field(maps, name, value)
@@ -190,7 +191,7 @@ def maps_from(values: Mapping[str, object]) -> LayerMaps:
 
 
 def map_values(maps: LayerMaps) -> dict[str, Any]:
-    """The parts that differ from the default, by name: what files say of it."""
+    """The parts that differ from the default, by name, for files."""
     plain = LayerMaps()
     found = {name: getattr(maps, name) for name in map_fields() if getattr(maps, name) != getattr(plain, name)}
     return found | {"strokes": stroke_values(maps.strokes)} if maps.strokes else found

@@ -7,7 +7,7 @@ from engine.material.model import THETA_D, THETA_H
 
 
 class Measured(MeasuredModel):
-    """rho_s = s q_s G(theta_d) H(theta_h): what of the measurement lies above its diffuse part."""
+    """rho_s = s q_s G(theta_d) H(theta_h): the part of the measurement above its diffuse part."""
 
     name = "measured"
     label = "Measured, highlight"

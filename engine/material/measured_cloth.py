@@ -1,4 +1,4 @@
-"""A whole measurement as cloth, P(theta_i) Q(theta_h) P(theta_o) times what that leaves [McCool01; BenArtzi07, 3.5]."""
+"""A whole measurement as cloth, P(theta_i) Q(theta_h) P(theta_o) times the quotient [McCool01; BenArtzi07, 3.5]."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from engine.material.model import THETA_O
 
 
 class MeasuredCloth(MeasuredModel):
-    """rho = w q P(theta_i) Q(theta_h) P(theta_o): one layer of homomorphic factors, all of the measurement in it.
+    """rho = w q P(theta_i) Q(theta_h) P(theta_o): one layer of homomorphic factors that contains the whole measurement.
 
-    P is one curve for light and view, as in `homomorphic`.
+    P is one curve for wi and wo, as in `homomorphic`.
     """
 
     name = "measured_cloth"

@@ -1,4 +1,4 @@
-"""The diffuse part of a measured surface, with curves over the light's and the view's angle [BenArtzi07, 3.5]."""
+"""The diffuse part of a measured surface, with curves over the angles of wi and wo [BenArtzi07, 3.5]."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from engine.material.model import THETA_I, THETA_O
 
 
 class MeasuredDiffuse(MeasuredModel):
-    """rho_d = d q_d G(theta_i) H(theta_o): what of the measurement lies under the product of the factors d G H."""
+    """rho_d = d q_d G(theta_i) H(theta_o): the part of the measurement below the product of the factors d G H."""
 
     name = "measured_diffuse"
     label = "Measured, diffuse part"

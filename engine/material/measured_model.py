@@ -1,4 +1,4 @@
-"""What the measured models share: parameters, binding to the table in memory, and the formula for brute force."""
+"""Common to the measured models: parameters, binding to the table in memory, and the formula for brute force."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ PARTS: dict[Part, int] = {"diffuse": kinds.DIFFUSE, "specular": kinds.SPECULAR, 
 
 
 class MeasuredModel(Model):
-    """One part of a measurement; see `engine.measured`. Without a file it reflects evenly, rho = scale / pi.
+    """One part of a measurement; see `engine.measured`. Without a file it is diffuse, rho = scale / pi.
 
-    Shaders know it as Phong, whose quotient is 1, and multiply by the measured one once its table is on the GPU
-    (shaders/brdf/measured.glsl); until then lobes and lit spheres show the product of the factors.
+    Shaders treat it as Phong, whose quotient is 1, and multiply by the measured quotient once its table is on the GPU
+    (shaders/brdf/measured.glsl); until then lobes and material previews show the product of the factors.
     """
 
     kind = kinds.PHONG
     is_coloured = True
     needs_file = True
     part: ClassVar[Part]
-    # The measurement's curve by a factor's name, where they differ.
+    # The measurement's curve by a factor's name, if they differ.
     curve_of: ClassVar[Mapping[str, str]] = {}
 
     @property
@@ -95,7 +95,7 @@ def measurement_of(params: Parameters) -> Measurement:
 
 
 def parameters(*curves: str) -> tuple[Parameter, ...]:
-    """The table of a measured model whose curves are these: "A", "B", "o"."""
+    """The parameter table of a measured model with these curves: "A", "B", "o"."""
     return (
         Parameter(
             "file",

@@ -1,7 +1,7 @@
-"""Distributions of microfacets and their masking, as functions of plain angles.
+"""Distributions of microfacets and their masking, as functions of angles.
 
-All are written with both cosine and squared sine, so that neither is obtained from the other where that cancels: at
-roughness 1e-4 the textbook (cos^2 (alpha^2 - 1) + 1) of GGX is infinite in single precision.
+All take both cosine and squared sine, so that neither is computed from the other with cancellation: at roughness 1e-4
+the textbook (cos^2 (alpha^2 - 1) + 1) of GGX is infinite in single precision.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from engine.material.kinds import GRAZING
 
 Array = NDArray[Any]
 
-# Least roughness that is told apart from a mirror.
+# Least roughness that differs from a mirror.
 SMALLEST_ALPHA = 1e-4
 
 
@@ -44,7 +44,7 @@ def smith_ggx(cosine: Array, sin2: Array, alpha: float) -> Array:
 
 
 def smith_beckmann(cosine: Array, sin2: Array, alpha: float) -> Array:
-    """Smith's G1 of Beckmann by the rational approximation of [Walter07, eq. 27], a = cos / (alpha sin)."""
+    """Smith's G1 of Beckmann in the rational approximation of [Walter07, eq. 27], a = cos / (alpha sin)."""
     a = cosine / np.maximum(alpha * np.sqrt(sin2), 1e-300)
     a = np.minimum(a, 1.6)
     return np.where(a < 1.6, (3.535 * a + 2.181 * a * a) / (1.0 + 2.276 * a + 2.577 * a * a), 1.0)
@@ -59,15 +59,14 @@ def cosine_power(cosine: Array, sin2: Array, exponent: Array | float) -> Array:
 
 
 def v_groove(cosine_h: Array, cosine_i: Array, cosine_o: Array, cosine_d: Array) -> Array:
-    """Geometric attenuation of Torrance and Sparrow's grooves: min(1, 2 (n.h)(n.o)/(o.h), 2 (n.h)(n.i)/(o.h))."""
+    """Geometric attenuation of Torrance and Sparrow's V-grooves: min(1, 2 (n.h)(n.o)/(o.h), 2 (n.h)(n.i)/(o.h))."""
     return np.minimum(1.0, 2.0 * cosine_h * np.minimum(cosine_i, cosine_o) / cosine_d)
 
 
 @dataclass(frozen=True, eq=False)
 class Directions:
-    """Unit directions (N, 3) in the local frame (z = normal) and the angles (N,) that reflection models are written in;
-    half: between both, the normal where wi = -wo; length2: of their sum, squared. What few models ask for is found when
-    one does."""
+    """Unit directions (N, 3) in the local frame (z = normal) and the angles (N,) of reflection models; half: the half
+    vector, the normal if wi = -wo; length2: squared length of their sum. Rarely used values are computed on request."""
 
     wi: Array
     wo: Array
@@ -104,7 +103,7 @@ class Directions:
 
     @property
     def cos_r(self) -> Array:
-        """Between the mirrored wi and wo."""
+        """Cosine between the mirror direction of wi and wo."""
         return np.clip(np.einsum("ij,ij->i", self._mirrored, self.wo), -1.0, 1.0)
 
     @property
@@ -114,7 +113,7 @@ class Directions:
 
     @property
     def cos2_phi_h(self) -> Array:
-        """Of the half vector's azimuth; 0.5 where it has none."""
+        """Squared cosine of the half vector's azimuth; 0.5 if undefined."""
         sin2_h = self.sin2_h
         return np.where(sin2_h > 0.0, self.half[:, 0] ** 2 / np.where(sin2_h > 0.0, sin2_h, 1.0), 0.5)
 
@@ -129,7 +128,7 @@ class Directions:
 
 
 def directions(wi: Array, wo: Array) -> Directions:
-    """From unit directions wi, wo (N, 3)."""
+    """Make it of unit directions wi, wo (N, 3)."""
     total = wi + wo
     length2 = np.einsum("ij,ij->i", total, total)
     opposite = length2 < 1e-24

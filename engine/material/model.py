@@ -1,12 +1,12 @@
-"""What a reflection model is: parameters that generate curves, and a fixed quotient, [BenArtzi07, eq. 3.1]
+"""A reflection model: parameters that generate curves, and a fixed quotient, [BenArtzi07, eq. 3.1]
 
     rho(wi, wo) = f_q  rho_q(wi, wo)  f_o(theta_o)  f_A(gamma_A)  f_B(gamma_B).
 
-A `Model` knows its parameter table, which angles its curves run over, how parameters generate the curves and the scale
-f_q, and which numbers its quotient needs. rho_q itself is compiled: from `quotient`, a plain function of `math` in the
-model's file, or it stands in `_kernels.quotient_cosine` where pictures want it fast. `brdf` states the whole formula
-once more, directly, as the oracle of tests and of the brute-force integrator. Each model stands in its own file, which
-ends in `MODEL = ...`, and is found in `engine.material.MODELS`.
+A `Model` has a parameter table, the angles of its curves, functions that generate the curves and the scale f_q from
+parameters, and the quotient's parameters. rho_q itself is compiled: from `quotient`, a plain function of `math` in the
+model's file, or it is in `_kernels.quotient_cosine` if pictures need it to be fast. `brdf` states the whole formula
+once more, directly, as the oracle of tests and of the brute-force integrator. Each model is in its own file, which ends
+in `MODEL = ...`, and is found in `engine.material.MODELS`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Parameters = Mapping[str, Value]
 
 @dataclass(frozen=True)
 class Factor:
-    """One editable curve: `gamma` is the compiled angle it runs over (engine.material.kinds)."""
+    """One editable curve: `gamma` is the compiled angle over which it runs (engine.material.kinds)."""
 
     name: str
     gamma: int
@@ -38,7 +38,7 @@ class Factor:
 
     @property
     def word(self) -> str:
-        """Its label without the symbol: "half" of "half θₕ"."""
+        """Its label without the symbol: "half" for "half θₕ"."""
         return self.label.rpartition(" ")[0]
 
 
@@ -59,11 +59,12 @@ class Model(ABC):
     """A reflection model. One instance each, compared by identity; pickled by name.
 
     quotient: rho_q cos_i as f(q, ix, iy, iz, ox, oy, oz) of the quotient parameters and two local directions above the
-    horizon, finite and at least 0; a static method of assignments and conditions that calls nothing but `math`, because
-    it is compiled, and translated to GLSL; None where `kind` names one that is compiled already. is_diffuse: sends
-    light on about evenly. highlight_in_quotient: a part of its distribution over the half vector stands there and in no
-    curve. shared: by name, the curve that a curve always equals. is_coloured: the quotient differs by colour, and
-    q[CHANNEL] says which is wanted, MEAN for one number. needs_file: it is made by importing a file, and not chosen.
+    horizon, finite and at least 0; a static method of assignments and conditions that calls only `math`, because it is
+    compiled, and translated to GLSL; None if `kind` names one that is compiled already. is_diffuse: reflects about
+    equally in all directions. highlight_in_quotient: a part of its distribution over the half vector is in the quotient
+    and in no curve. shared: by name, the curve that a curve always equals. is_coloured: the quotient differs by colour,
+    and q[CHANNEL] selects one, or MEAN for one number. needs_file: it is made by importing a file, and cannot be
+    chosen.
     """
 
     name: ClassVar[str]
@@ -90,23 +91,24 @@ class Model(ABC):
 
     @abstractmethod
     def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
-        """The whole formula, 1/sr, (N, 3), of unit directions (N, 3) in the local frame; 0 below the horizon."""
+        """The whole formula, 1/sr, (N, 3), for unit directions (N, 3) in the local frame; 0 below the horizon."""
 
     def quotient_parameters(self, params: Parameters) -> Float64Array:
-        """What the compiled rho_q and angles of this model need, (8,)."""
+        """The parameters of this model's compiled rho_q and angles, (8,)."""
         return np.zeros(kinds.N_QUOTIENT_PARAMETERS)
 
     def samples(self, factor_name: str, params: Parameters) -> tuple[Float64Array, Float64Array] | None:
-        """What a curve was fitted to, where it is worth seeing beside it: angles (N,) and values (N, 3)."""
+        """The samples that a curve was fitted to, if they should be displayed: angles (N,) and values (N, 3)."""
         return None
 
     def bind_parameters(self, q: Float64Array) -> Float64Array:
-        """Quotient parameters as kernels of this process take them: addresses in place of what names a table."""
+        """Quotient parameters for the kernels of this process: addresses replace table numbers."""
         return q
 
     @property
     def number(self) -> int:
-        """What kernels know the quotient by; for a model's own its address, compiled here the first time."""
+        """The number that identifies the quotient in kernels; for a model's own its address, compiled here on first
+        use."""
         if self.quotient is None:
             return self.kind
         from engine.material._kernels import quotient_number
@@ -115,12 +117,12 @@ class Model(ABC):
 
     @property
     def colours_number(self) -> int:
-        """Where kernels find the quotients of each colour, where these differ; else 0."""
+        """The number that identifies the quotients of each colour in kernels, if these differ; else 0."""
         return 0
 
     @property
     def curve_names(self) -> frozenset[str]:
-        """Of all curves, the view's as well; shared ones once."""
+        """Names of all curves, the view factor included; shared ones once."""
         there = self.factors + ((self.view_factor,) if self.view_factor else ())
         return frozenset(factor.name for factor in there if factor.name not in self.shared)
 
@@ -130,11 +132,11 @@ class Model(ABC):
         return frozenset(parameter for parameter in self.parameters if {"A", "B", "o"}.intersection(parameter.drives))
 
     def leader(self, name: str) -> str:
-        """The curve that a curve's operators are kept by: itself, unless it is shared. Raises ParameterError."""
+        """The curve that stores a curve's operators: itself, unless it is shared. Raises ParameterError."""
         return self.shared.get(name, self.factor(name).name)
 
     def factor(self, name: str) -> Factor:
-        """The factor (or view factor) of that name. Raises ParameterError naming those there are."""
+        """The factor (or view factor) of that name. Raises ParameterError naming the existing ones."""
         there = self.factors + ((self.view_factor,) if self.view_factor else ())
         for factor in there:
             if factor.name == name:
@@ -159,7 +161,7 @@ def _model_named(name: str) -> Model:
 
 
 def find_parameter(model_name: str, table: tuple[Parameter, ...], name: str) -> Parameter:
-    """The parameter of that name in a table. Raises ParameterError naming those there are."""
+    """The parameter of that name in a table. Raises ParameterError naming the existing ones."""
     for parameter in table:
         if parameter.name == name:
             return parameter
@@ -169,7 +171,7 @@ def find_parameter(model_name: str, table: tuple[Parameter, ...], name: str) -> 
 def validate_parameters(model: Model, mapping: Mapping[str, object], where: str) -> dict[str, Value]:
     """All parameters of the model, from `mapping` and the defaults, in the order of the table.
 
-    Raises LoadError for `where`, naming the key and what was expected, for an unknown key or a refused value.
+    Raises LoadError for `where`, naming the key and what was expected, for an unknown key or an invalid value.
     """
     known = [parameter.name for parameter in model.parameters]
     for key, value in mapping.items():

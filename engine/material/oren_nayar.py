@@ -1,4 +1,4 @@
-"""Rough diffuse surfaces, plaster or clay, that stay bright towards the light [OrenNayar94]."""
+"""Rough diffuse surfaces, such as plaster or clay, which stay bright towards the light [OrenNayar94]."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from engine.material.parameters import Parameter
 class OrenNayar(Model):
     """rho = albedo (A + B max(0, cos(phi_i - phi_o)) sin(alpha) tan(beta)) / (pi N),
 
-    alpha the larger and beta the smaller of theta_i and theta_o, A = 1 - 0.5 s^2 / (s^2 + 0.33) and
-    B = 0.45 s^2 / (s^2 + 0.09) [OrenNayar94], s the spread of the facets' slopes. f_A(theta_i) and f_o(theta_o) are 1
-    until a person edits them, f_q = albedo; the static terms are the quotient [BenArtzi07, 3.4]. They are two,
-    A and B cos sin tan, with the same curves; one quotient holds their sum, which s drives.
+    where alpha is the larger and beta the smaller of theta_i and theta_o, A = 1 - 0.5 s^2 / (s^2 + 0.33) and B = 0.45
+    s^2 / (s^2 + 0.09) [OrenNayar94], and s the standard deviation of the facets' slopes. f_A(theta_i) and f_o(theta_o)
+    are 1 until the user edits them, f_q = albedo; the static terms are the quotient [BenArtzi07, 3.4]. There are two
+    terms, A and B cos sin tan, with the same curves; one quotient contains their sum, which s drives.
 
-    As printed a white surface reflects up to 1.4 % more than it receives, for small s at grazing angles, where the
-    albedo is A + B / 2; we divide by N, that number where it is above 1.
+    As printed, a white surface reflects up to 1.4 % more than it receives, for small s at grazing angles, where the
+    albedo is A + B / 2; we divide by N, which is that number if it is above 1.
     """
 
     name = "oren_nayar"

@@ -1,6 +1,6 @@
-"""Parameters of models: one table from which sliders are drawn, files are checked and the command line is read.
+"""Parameters of models: one table defines sliders, the validation of files and the command line.
 
-A range is both what a slider spans and what a file may hold.
+A range is both that of a slider and that of files.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Drive = Literal["A", "B", "o", "scale", "quotient"]
 
 
 class ParameterError(InsituError, ValueError):
-    """A value that a parameter does not take; `expected` says what it would have taken."""
+    """A value that a parameter does not accept; `expected` says what it accepts."""
 
     def __init__(self, what: str, value: object, expected: str) -> None:
         self.what, self.value, self.expected = what, value, expected
@@ -32,8 +32,8 @@ class ParameterError(InsituError, ValueError):
 class Parameter:
     """A user-controlled variable. `drives` names the parts of eq. 3.1 that change with it.
 
-    A parameter that drives "quotient" takes effect on the curve at once and on the transport when the hand rests.
-    What is seen of it, such as the width of a highlight, goes with its `power`: -1/2 of an exponent.
+    A parameter that drives "quotient" changes the curve at once and the transport when the user is idle. `power` is the
+    exponent with which a visible size, such as the width of a highlight, depends on it: -1/2 for an exponent.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Parameter:
 
     @property
     def expected(self) -> str:
-        """What the parameter takes, in words."""
+        """What the parameter accepts, in words."""
         if self.kind == "file":
             return "the name of a file with a measured BRDF"
         if self.kind == "choice":
@@ -60,8 +60,8 @@ class Parameter:
         return f"{numbers} from {self.minimum:g} to {self.maximum:g}"
 
     def accept(self, value: object) -> Value:
-        """The value in its plain form: float, triple of floats (one number stands for three), choice or measurement
-        (of a name: one that has not been read).
+        """The value in its plain form: float, triple of floats (one number is used for three), choice or measurement
+        (from a name: one that has not been read).
 
         Raises ParameterError for anything else, anything out of range, and anything not finite.
         """
@@ -82,7 +82,7 @@ class Parameter:
     def _in_range(self, number: object) -> bool:
         if not isinstance(number, (int, float, np.integer, np.floating)) or isinstance(number, bool):
             return False
-        return bool(self.minimum <= number <= self.maximum)  # also refuses what is not finite
+        return bool(self.minimum <= number <= self.maximum)  # false for NaN too
 
 
 ETA = Parameter(

@@ -1,4 +1,4 @@
-"""Phong's lobe around the mirrored direction, normalised so that it never reflects more than it receives."""
+"""Phong's lobe around the mirror direction, normalized so that it never reflects more than it receives."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ EXPONENT = Parameter(
 class Phong(Model):
     """rho = scale (n + 2) / (2 pi) cos(theta_r)^n; f_A = cos^n, the quotient is 1.
 
-    [BenArtzi07, ch. 3] has sqrt(n) for f_q, which keeps the eye content but reflects up to twice the light received;
-    we use (n + 2) / (2 pi), with which the albedo head-on is `scale` for every n. n = 0: the curve is constant 1.
+    [BenArtzi07, ch. 3] has sqrt(n) for f_q, which looks right but reflects up to twice the light received; we use (n +
+    2) / (2 pi), with which the albedo at normal incidence is `scale` for every n. n = 0: the curve is constant 1.
     """
 
     name = "phong"

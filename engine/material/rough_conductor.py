@@ -1,4 +1,4 @@
-"""Metal with a rough surface: microfacets of GGX or Beckmann, Smith's masking, exact Fresnel [Walter07]."""
+"""Metal with a rough surface: GGX or Beckmann microfacets, Smith's masking, exact Fresnel [Walter07]."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from engine.material.parameters import ETA, EXTINCTION, SCALE, Parameter
 class RoughConductor(Model):
     """rho = scale D(theta_h) F(theta_d) G1(wi) G1(wo) / (4 cos_i cos_o).
 
-    f_A = D, f_B = F, f_q = scale; the quotient is Smith's G at the layer's alpha over 4 cos_i cos_o.
-    The same as Mitsuba 3's `roughconductor` with isotropic `alpha`.
+    f_A = D, f_B = F, f_q = scale; the quotient is Smith's G at the layer's alpha over 4 cos_i cos_o. The same as
+    Mitsuba 3's `roughconductor` with isotropic `alpha`.
     """
 
     name = "rough_conductor"
@@ -72,9 +72,9 @@ class RoughConductor(Model):
         visible = masking(cos_i, d.sin2_i, alpha) * masking(cos_o, d.sin2_o, alpha)
         grey_part = density(d.cos_h, d.sin2_h, alpha) * visible / (4.0 * cos_i * cos_o)
         eta, k = channels(params, "eta"), channels(params, "k")
-        if np.ptp(eta) == np.ptp(k) == 0.0:  # one for all three channels
+        if np.ptp(eta) == np.ptp(k) == 0.0:  # equal for all three channels
             eta, k = eta[:1], k[:1]
-        # Channel by channel: NumPy takes twice as long over rows of three.
+        # Channel by channel: NumPy takes twice as long for rows of three.
         fresnel = conductor_fresnel(d.cos_d, eta[:, None], k[:, None])
         value = channels(params, "scale")[:, None] * fresnel * np.where(d.above, grey_part, 0.0)
         return np.ascontiguousarray(value.T)

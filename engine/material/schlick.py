@@ -1,4 +1,4 @@
-"""Schlick's rational model, between matt and mirror, round and brushed, with cheap terms [Schlick94]."""
+"""Schlick's rational model, from diffuse to mirror, isotropic or brushed, with cheap terms [Schlick94]."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Schlick(Model):
     the distribution of GGX with alpha^2 = r, f_B = S [BenArtzi07, 3.4], f_q = scale; the rest is the quotient.
 
     Schlick takes k = r, with which the model reflects 2.5 times the light at grazing angles for r = 0.01; we use his
-    own k = sqrt(2 r / pi) of the approximation of Smith's G, with r the squared slope, and the albedo is at most 1.
-    Of his two terms this is the first; light that is reflected several times is a `lambert` layer.
+    own k = sqrt(2 r / pi) of the approximation of Smith's G, with r the squared slope, and the albedo is at most 1. Of
+    his two terms this is the first; light that is reflected several times is a `lambert` layer.
     """
 
     name = "schlick"

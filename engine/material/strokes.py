@@ -1,19 +1,20 @@
-"""What a brush did to a layer's weight map: strokes, in the order in which they were painted.
+"""Brush strokes on a layer's weight map, in the order in which they were painted.
 
-A stroke is a row of dabs. Each is a ball about a point of the surface, with the surface's outward normal there, so that
-it reaches neither over a seam of the texture coordinates nor through to the other side, and meshes without texture
-coordinates are painted as well as others. Where a stroke covers a point by the share c it moves the weight w there to
+A stroke is a sequence of dabs. Each is a ball about a point of the surface, with the surface's outward normal there, so
+that it extends neither over a seam of the texture coordinates nor through to the other side, and meshes without texture
+coordinates can be painted as well as others. Where a stroke covers a point by the share c, it moves the weight w there
+to
 
     w + strength c (value - w),     c = 1 up to hardness r from a dab, falling smoothly to 0 at its radius r,
 
-c being the most of its dabs: a stroke does not build up on itself. Rejected: an image in texture space, in which the
-six sides of a cube are one, and whose texels show where the eye comes near; strokes are evaluated where they are looked
-at. Points are the world's and not the object's own: objects stand still, and a radius in metres is one in all
-directions.
+where c is the maximum over its dabs: a stroke does not accumulate on itself. Rejected: an image in texture space, in
+which the six sides of a cube coincide, and whose texels become visible when the camera is close; strokes are evaluated
+at the look-ups. Points are in world space and not in the object's: objects do not move, and a radius in metres is the
+same in all directions.
 
-Dabs are kept packed: documents with thousands of them are compared, hashed and sent in every frame of a drag. In single
-precision they are exact about a place nearby alone, so that each stroke says of which place; what is painted stands
-about `Scene.origin`, which moves with the scene's meshes, and has its strokes by `Strokes.about`.
+Dabs are stored packed: documents with thousands of them are compared, hashed and sent in every frame of a drag. Single
+precision is accurate only near an origin, so each stroke has its own; painting uses `Scene.origin`, which moves with
+the scene's meshes, and `Strokes.about` converts strokes to it.
 """
 
 from __future__ import annotations
@@ -47,8 +48,8 @@ Place = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Stroke:
-    """One stroke. radius in metres; value, strength and hardness in [0, 1]; dabs: six float32 each, a point of the
-    world less `origin` and the unit normal there, on the side that the surface's winding faces."""
+    """One stroke. radius in metres; value, strength and hardness in [0, 1]; dabs: six float32 each, a world position
+    minus `origin` and the unit normal there, on the side that the surface's winding faces."""
 
     radius: float
     value: float = 1.0
@@ -67,7 +68,7 @@ class Stroke:
         return len(self.dabs) // _BYTES
 
     def about(self, origin: Place) -> Stroke:
-        """The same stroke, its dabs about another origin."""
+        """The same stroke with its dabs relative to another origin."""
         if origin == self.origin:
             return self
         moved = self.array.astype(np.float64)
@@ -75,11 +76,11 @@ class Stroke:
         return dataclasses.replace(self, dabs=moved.astype(_DAB).tobytes(), origin=origin)
 
     def extended(self, dabs: bytes) -> Stroke:
-        """The stroke, gone on by dabs about its own origin."""
+        """The stroke, continued by dabs relative to its own origin."""
         return dataclasses.replace(self, dabs=self.dabs + dabs)
 
     def continues(self, other: Stroke) -> bool:
-        """Whether it is the other one, gone on or as it was."""
+        """Whether it is the other one, continued or unchanged."""
         same = dataclasses.replace(other, dabs=b"") == dataclasses.replace(self, dabs=b"")
         return same and self.dabs.startswith(other.dabs)
 
@@ -98,30 +99,30 @@ class Strokes:
         return sum(stroke.n_dabs for stroke in self.strokes)
 
     def about(self, origin: NDArray[np.float64]) -> Strokes:
-        """The same strokes, all dabs about one origin (3,)."""
+        """The same strokes, all dabs relative to one origin (3,)."""
         x, y, z = origin.tolist()
         if all(stroke.origin == (x, y, z) for stroke in self.strokes):
             return self
         return Strokes(tuple(stroke.about((x, y, z)) for stroke in self.strokes))
 
     def with_stroke(self, stroke: Stroke) -> Strokes:
-        """With one more on top."""
+        """Add one stroke on top."""
         return Strokes((*self.strokes, stroke))
 
     def with_dabs(self, more: Stroke) -> Strokes:
-        """With the newest gone on by another's dabs."""
+        """Continue the newest stroke by another's dabs."""
         newest = self.strokes[-1]
         return Strokes((*self.strokes[:-1], newest.extended(more.about(newest.origin).dabs)))
 
     def extends(self, other: Strokes) -> bool:
-        """Whether they are the others, of which the newest has gone on or others have followed."""
+        """Whether they are the others, of which the newest was continued or followed by more."""
         n = len(other.strokes)
         if n == 0 or len(self.strokes) < n:
             return n == 0
         return self.strokes[: n - 1] == other.strokes[:-1] and self.strokes[n - 1].continues(other.strokes[-1])
 
     def extends_last_stroke(self, other: Strokes) -> bool:
-        """Whether they are the others with the newest stroke further along: the same drag."""
+        """Whether they are the others with the newest stroke continued: the same drag."""
         return bool(other) and len(self.strokes) == len(other.strokes) and self != other and self.extends(other)
 
     def __reduce__(self) -> tuple[Callable[..., Strokes], tuple[Any, ...]]:
@@ -137,7 +138,7 @@ def pack_dabs(places: ArrayLike, normals: ArrayLike) -> bytes:
 
 
 def stroke_values(strokes: Strokes) -> list[dict[str, Any]]:
-    """What files say of strokes: numbers, and the dabs in base 64."""
+    """Strokes in the form of files: numbers, and the dabs in base 64."""
     found = []
     for stroke in strokes.strokes:
         origin = {"origin": list(stroke.origin)} if any(stroke.origin) else {}
@@ -158,7 +159,7 @@ def strokes_from(values: object) -> Strokes:
 
 
 def make_stroke(radius: object, value: object, strength: object, hardness: object, dabs: bytes) -> Stroke:
-    """A stroke of checked numbers. Raises ParameterError."""
+    """A stroke of validated numbers. Raises ParameterError."""
     return Stroke(
         _number("radius", radius, 1e-12, MAX_RADIUS), _number("value", value, 0.0, 1.0),
         _number("strength", strength, 0.0, 1.0), _number("hardness", hardness, 0.0, 1.0), dabs,
@@ -170,7 +171,7 @@ def _brush(stroke: Stroke) -> dict[str, float]:
 
 
 def _unpack(brushes: Iterable[tuple[float, float, float, float, Place, int]], dabs: NDArray[np.uint8]) -> Strokes:
-    """What `Strokes.__reduce__` took apart."""
+    """The inverse of `Strokes.__reduce__`."""
     strokes, begin = [], 0
     for radius, value, strength, hardness, origin, n_bytes in brushes:
         own = dabs[begin : begin + n_bytes].tobytes()
@@ -197,7 +198,7 @@ def _place(value: object) -> Place:
 
 
 def _dabs(text: object) -> bytes:
-    """The packed dabs of a file, each finite and with a normal that is one."""
+    """The packed dabs of a file, each finite and with a unit normal."""
     expected = f"base 64 of at most {MAX_DABS} times six finite numbers"
     if not isinstance(text, str) or len(text) > 2 * _BYTES * MAX_DABS:
         raise ParameterError("dabs", type(text).__name__, expected)

@@ -1,4 +1,4 @@
-"""Scattered measurements of Cornell's Program of Computer Graphics, `.brdf`: text, spectral, a sample a line or more.
+"""Scattered measurements of Cornell's Program of Computer Graphics, `.brdf`: text, spectral, one sample a line or more.
 
 After comments (#) the number of wavelengths, the wavelengths in nm, then for each sample theta_i, phi_i, theta_o and
 phi_o in radians and a value in 1/sr for every wavelength.
@@ -29,7 +29,7 @@ Float64Array = NDArray[np.float64]
 class ScatteredSamples:
     """Samples: directions wi, wo (N, 3) in the local frame, reflection (N, 3), 1/sr, linear Rec. 709, at least 0.
 
-    n_below: how many more lay below the horizon, or were negative, and are left out.
+    n_below: number of omitted samples, which were below the horizon or negative.
     """
 
     wi: Float64Array
@@ -44,7 +44,7 @@ def read_cornell(path: Path) -> bytes:
 
 
 def scattered_samples(data: bytes, path: Path) -> ScatteredSamples:
-    """What is in a file. Raises LoadError."""
+    """Parse the samples of a file. Raises LoadError."""
     numbers = _numbers(data, path)
     n = int(numbers[0]) if len(numbers) and numbers[0] == int(numbers[0]) else 0
     if not 3 <= n <= MAX_WAVELENGTHS or len(numbers) < 1 + n:
@@ -66,7 +66,7 @@ def scattered_samples(data: bytes, path: Path) -> ScatteredSamples:
 
 
 def _numbers(data: bytes, path: Path) -> Float64Array:
-    """All numbers that are no comments. Raises LoadError that names the line of what is none."""
+    """All numbers outside comments. Raises LoadError that names the line of anything else."""
     found: list[float] = []
     for number, line in enumerate(data.decode("ascii", "replace").splitlines(), 1):
         words = line.partition("#")[0].split()

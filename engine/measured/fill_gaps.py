@@ -1,8 +1,8 @@
-"""What a measurement does not say: samples below the horizon, and gaps.
+"""Fills what a measurement does not contain: gaps, and samples below the horizon.
 
-Gaps are filled around phi_d, where reflection changes slowest, by a straight line between the nearest samples there
-are; rows without any, and what lies below the horizon, take the last sample before them as theta_d grows, which is the
-one just above the horizon. Below it nothing is ever seen, but interpolation beside it looks there.
+Gaps are interpolated linearly in phi_d, in which reflection changes slowest, between the nearest existing samples;
+empty rows, and samples below the horizon, take the last sample before them in theta_d, the one just above the horizon.
+Samples below are never visible, but interpolation near the horizon reads them.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from engine.measured.coordinates import above_horizon
 
 @dataclass(frozen=True, eq=False)
 class FilledTable:
-    """A table (90, 90, 180, 3) float32 without gaps, where it was `measured` (90, 90, 180), and how many samples of it
-    were filled: missing above the horizon, and below it."""
+    """A table (90, 90, 180, 3) float32 without gaps; measured (90, 90, 180): which samples are original; and the number
+    of filled samples, above the horizon and below it."""
 
     table: NDArray[np.float32]
     measured: NDArray[np.bool_]
@@ -27,7 +27,7 @@ class FilledTable:
 
 
 def fill_samples(samples: NDArray[np.float32]) -> FilledTable | None:
-    """The samples with all that are negative in any channel filled; None where there is no other."""
+    """Fill all samples that are negative in any channel; None if there is no other."""
     measured: NDArray[np.bool_] = np.asarray((samples >= 0.0).all(axis=-1))
     if not measured.any():
         return None
@@ -46,7 +46,7 @@ def fill_samples(samples: NDArray[np.float32]) -> FilledTable | None:
 def _extrapolate(
     table: NDArray[np.float32], known: NDArray[np.bool_], axis: int
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """What is not known takes the last known sample along an axis, or the first where there is none before."""
+    """Replace unknown samples by the last known one along an axis, or by the first if there is none before."""
     n = table.shape[axis]
     places = np.arange(n).reshape([-1 if a == axis else 1 for a in range(3)])
     before = np.maximum.accumulate(np.where(known, places, -1), axis=axis)
@@ -57,7 +57,7 @@ def _extrapolate(
 
 
 def _fill_around(table: NDArray[np.float32], known: NDArray[np.bool_], above: NDArray[np.bool_]) -> None:
-    """Fill rows over phi_d that have gaps above the horizon and samples beside them."""
+    """Fill gaps above the horizon in rows over phi_d that have samples."""
     gaps = above & ~known
     n = table.shape[2]
     for i, j in np.argwhere(gaps.any(axis=2) & known.any(axis=2)):

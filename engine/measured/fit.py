@@ -1,17 +1,18 @@
-"""Factors of a measurement: diffuse apart from specular, each a product of two curves per colour [BenArtzi07, 3.5].
+"""Fits factors to a measurement: diffuse and specular separately, each a product of two curves per colour [BenArtzi07,
+3.5].
 
     rho ~ d G_d(theta_i) H_d(theta_o)  +  s G_s(theta_d) H_s(theta_h),     everything at least 0
 
-in the spirit of SACLS [Lawrence06]: alternating least squares under constraints. In each step all curves but one stand
-still, and the best value of each node of that one follows in closed form and is kept non-negative.
+in the spirit of SACLS [Lawrence06]: constrained alternating least squares. In each step all curves except one are
+fixed, and the best value of each node of that one follows in closed form and is clamped to be non-negative.
 
-Diffuse: what a view sees of a light at the same slants whatever stands between them in azimuth. Of all samples of one
-(theta_i, theta_o), away from the highlight, a low quantile is taken; a product g(theta_i) g(theta_o) is fitted to
-those, one curve for both because light and eye may be exchanged. Specular: alternating sums over what lies above it.
+Diffuse: the part that does not depend on azimuth. For each (theta_i, theta_o), a low quantile of all samples away from
+the highlight is taken; a product g(theta_i) g(theta_o) is fitted to these, with one curve for both because of
+reciprocity. Specular: alternating sums over the remainder.
 
-Errors are taken relative to the fit of the step before (iteratively reweighted): reflection spans five decades, ratios
-are what a person sees, and what remains for the quotient is then a number near 1. Plain least squares, as printed,
-follows the peak alone. Logarithms would do as well, but for the zeros that a remainder is full of.
+Errors are relative to the fit of the previous step (iteratively reweighted): reflection spans five decades, ratios are
+what the user sees, and the remaining quotient is then a number near 1. Plain least squares, as printed, fits the peak
+alone. Logarithms would work as well, except for the many zeros of a remainder.
 """
 
 from __future__ import annotations
@@ -27,16 +28,16 @@ from engine.measured.coordinates import HALF_PI, N_NODES, grid_directions
 Float64Array = NDArray[np.float64]
 
 METHOD = "alternating constrained least squares of relative errors, diffuse from the low quantile away from highlights"
-# Samples of phi_d that take part: every fourth.
+# Every fourth sample in phi_d takes part.
 EVERY = 4
 # 1/sr below which differences do not count: dark samples are mostly noise.
 DARK = 1e-3
-# Of the largest value of a curve: what it is kept above, so that a quotient is finite.
+# Least value of a curve relative to its maximum, so that a quotient is finite.
 LEAST = 1e-5
 LEAST_STRENGTH = 1e-6
 _SLANTS = 30  # rings of theta_i and theta_o
 _QUANTILE = 0.1
-_AWAY = np.radians(25.0)  # of theta_h, outside of which no highlight is expected
+_AWAY = np.radians(25.0)  # theta_h beyond which no highlight is expected
 _STEPS = 20
 _GRAZING = np.cos(np.radians(85.0))
 N_NODES_LESS = N_NODES - 1
@@ -63,7 +64,7 @@ class Factors:
 
 
 def fit_factors(table: NDArray[np.float32], measured: NDArray[np.bool_]) -> Iterator[float | Factors]:
-    """Fit to a filled table (90, 90, 180, 3), by the samples that were `measured`; yields the share done, then the
+    """Fit to a filled table (90, 90, 180, 3), using the samples that were `measured`; yields the share done, then the
     factors."""
     wi, wo = grid_directions(EVERY)
     cosines = wi[..., 2], wo[..., 2]
@@ -83,7 +84,7 @@ def fit_factors(table: NDArray[np.float32], measured: NDArray[np.bool_]) -> Iter
 
 
 def factors_of(channels: Sequence[tuple[Float64Array | float, ...]]) -> Factors:
-    """The factors of three colours, d, g, s, G, H and w, P, Q each, as one; their errors are not known."""
+    """Combine the factors of three colours, d, g, s, G, H and w, P, Q each; their errors are unknown."""
     diffuse, slant, specular, over_d, over_h, whole, p, q = (
         np.stack(parts, axis=-1) for parts in zip(*channels, strict=True)
     )
@@ -106,8 +107,8 @@ def _fit_channel(
 def _fit_cloth(
     samples: Float64Array, weights: Float64Array, slants: list[Float64Array]
 ) -> tuple[float, Float64Array, Float64Array]:
-    """w, P and Q of the product w P(theta_i) Q(theta_h) P(theta_o): alternating means of logarithms, which are their
-    least squares, for every sample stands at one node of each curve."""
+    """w, P and Q of the product w P(theta_i) Q(theta_h) P(theta_o): alternating means of logarithms, which is their
+    least squares solution, because every sample is at one node of each curve."""
     log = np.log(samples + DARK)
     nodes = [np.minimum((slant * (_SLANTS / HALF_PI)).astype(int), _SLANTS - 1) for slant in slants]
     p, q = np.zeros(_SLANTS), np.zeros(samples.shape[0])
@@ -124,18 +125,18 @@ def _fit_cloth(
 
 
 def _sums(rings: NDArray[np.integer], values: Float64Array) -> Float64Array:
-    """Sums over the rings of light and of view."""
+    """Sums over the rings of wi and of wo."""
     return np.bincount(rings, np.tile(values.ravel(), 2), _SLANTS).astype(float)
 
 
 def _normalize_curve(curve: Float64Array) -> Float64Array:
-    """With a maximum of 1, and nowhere 0."""
+    """Scale to a maximum of 1, and raise to a positive minimum."""
     peak = curve.max()
     return np.maximum(curve / peak, LEAST) if peak > 0.0 else np.ones_like(curve)
 
 
 def _diffuse(samples: Float64Array, weights: Float64Array, slants: list[Float64Array]) -> tuple[float, Float64Array]:
-    """d and g (91,) with maximum 1 of the product d g(theta_i) g(theta_o) under the samples."""
+    """d and g (91,) with maximum 1 of the product d g(theta_i) g(theta_o) below the samples."""
     theta_h = HALF_PI * (np.arange(samples.shape[0]) / N_NODES_LESS) ** 2
     there = (weights > 0.0) & (theta_h >= _AWAY)[:, None, None]
     if not there.any():
@@ -147,7 +148,7 @@ def _diffuse(samples: Float64Array, weights: Float64Array, slants: list[Float64A
     log = np.log(np.maximum(np.where(known, envelope, 1.0), 1e-9))
     curve = np.zeros(_SLANTS)
     seen = known.any(axis=1)
-    for _ in range(100):  # log e_ij = u_i + u_j, damped for it stands on both sides
+    for _ in range(100):  # log e_ij = u_i + u_j, damped because u is on both sides
         curve[seen] += 0.5 * ((log - curve[:, None] - curve) * known).sum(axis=1)[seen] / known.sum(axis=1)[seen]
     if not seen.any():
         return 0.0, np.ones(N_NODES)
@@ -160,7 +161,7 @@ def _diffuse(samples: Float64Array, weights: Float64Array, slants: list[Float64A
 def _specular(
     above: Float64Array, diffuse_part: Float64Array, weights: Float64Array
 ) -> tuple[Float64Array, Float64Array]:
-    """H (90,) over theta_h and G (90,) over theta_d of the product that lies on the matt part."""
+    """H (90,) over theta_h and G (90,) over theta_d of the product on top of the diffuse part."""
     over_d = np.ones(above.shape[1])
     total = weights.sum(axis=(1, 2))
     over_h = np.divide((above * weights).sum(axis=(1, 2)), total, out=np.zeros_like(total), where=total > 0.0)
@@ -177,7 +178,7 @@ def _specular(
 
 
 def _solve_nodes(products: Float64Array, squares: Float64Array) -> Float64Array:
-    """The least squares value of each node; of nodes that no sample has, that of the nearest one."""
+    """The least squares value of each node; nodes without samples take that of the nearest one."""
     known = squares > 1e-12 * squares.max(initial=0.0)
     if not known.any():
         return np.zeros_like(products)
@@ -186,7 +187,7 @@ def _solve_nodes(products: Float64Array, squares: Float64Array) -> Float64Array:
 
 
 def _quantiles(values: Float64Array, group: NDArray[np.integer]) -> Float64Array:
-    """The low quantile of each group (n^2,), NaN for those without values."""
+    """The low quantile of each group (n^2,), NaN for empty ones."""
     order = np.lexsort((values, group))
     counts = np.bincount(group, minlength=_SLANTS * _SLANTS)
     first = np.cumsum(counts) - counts

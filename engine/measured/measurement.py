@@ -1,7 +1,7 @@
-"""A measurement as a layer carries it: the file, a number that names its table, and the factors fitted to it.
+"""A measurement as part of a layer: the file, a number that identifies its table, and the factors fitted to it.
 
 Small, frozen and hashable, so that layers stay values; the table itself stays in the process that computes
-(`engine.measured.tables`). Until a file has been read only its name is there, and the layer reflects evenly.
+(`engine.measured.tables`). Until a file has been read it has only its name, and the layer is diffuse.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ Float64Array = NDArray[np.float64]
 Part = Literal["diffuse", "specular", "whole"]
 RGB = tuple[float, float, float]
 
-# The factors of both parts: of light and view, then of difference and half angle; and of the whole, P and Q.
+# The factors of both parts: of wi and wo, then of difference and half angle; and of the whole, P and Q.
 CURVES = ("theta_i", "theta_o", "theta_d", "theta_h", "p", "q")
 HALF_ANGLE_CURVES = ("theta_h", "q")
-# Of files that can be read: MERL's grids and Cornell's scattered samples.
+# Readable files: MERL's grids and Cornell's scattered samples.
 ENDINGS = (".binary", ".brdf")
-# Nodes over which a smoothing of 1 averages, to either side.
+# Standard width, in nodes to either side, for a smoothing of 1.
 _WIDEST = 8.0
 UNIT_RGB: RGB = (1.0 / np.pi, 1.0 / np.pi, 1.0 / np.pi)
 
 
 @dataclass(frozen=True)
 class FitReport:
-    """What was found in a file: samples filled, missing above the horizon and below it; what the factors alone are off,
-    natural logarithm, RMS over all samples and colours, of both parts and of the whole; how they were found."""
+    """Report on a file: number of filled samples above the horizon and below it; error of the factors alone, natural
+    logarithm, RMS over all samples and colours, for both parts and for the whole; and how they were found."""
 
     n_missing: int
     n_below: int
@@ -43,9 +43,9 @@ class FitReport:
 
 @dataclass(frozen=True)
 class Measurement:
-    """file: its name; number: names the table, 0 while nothing was read; strengths (1/sr per channel) and curves of the
-    factors [BenArtzi07, 3.5]: rho_d = diffuse G(theta_i) H(theta_o), rho_s = specular G(theta_d) H(theta_h), or of all
-    of it whole P(theta_i) Q(theta_h) P(theta_o). Each curve is float32 (91, 3) as bytes, in the order of `CURVES`,
+    """file: its name; number: identifies the table, 0 if nothing was read; strengths (1/sr per channel) and curves of
+    the factors [BenArtzi07, 3.5]: rho_d = diffuse G(theta_i) H(theta_o), rho_s = specular G(theta_d) H(theta_h), or of
+    everything whole P(theta_i) Q(theta_h) P(theta_o). Each curve is float32 (91, 3) as bytes, in the order of `CURVES`,
     positive, with a maximum of 1."""
 
     file: str
@@ -61,7 +61,7 @@ class Measurement:
         return self.number != 0
 
     def nodes(self, name: str, smoothing: float = 0.0) -> Float64Array:
-        """A factor at its nodes (91, 3), smoothed where that is above 0, at most 1."""
+        """A factor at its nodes (91, 3), smoothed if smoothing is above 0; at most 1."""
         if not self.curves:
             return np.ones((N_NODES, 3))
         return smooth_curve(self.curves[CURVES.index(name)], smoothing)
@@ -79,7 +79,7 @@ NO_MEASUREMENT = Measurement("")
 
 @lru_cache(maxsize=64)
 def smooth_curve(curve: bytes, smoothing: float) -> Float64Array:
-    """The nodes of a curve (91, 3), of smoothing > 0 their geometric mean under a bell: ratios are what noise has."""
+    """Geometric mean of a curve's nodes (91, 3) under a bell, for smoothing > 0: noise acts on ratios."""
     values = np.frombuffer(curve, np.float32).reshape(N_NODES, 3).astype(float)
     if smoothing > 0.0:
         apart = np.subtract.outer(np.arange(N_NODES), np.arange(N_NODES)) / (_WIDEST * smoothing)

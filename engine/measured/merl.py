@@ -1,8 +1,8 @@
 """MERL `.binary` files [Matusik03]: three 32-bit sizes, then a plane of float64 for red, green and blue.
 
-Values are 1/sr divided by a scale of each colour. Sizes and length are fixed, and are all that tells such a file from
-any other: both are checked before a value is looked at, since a reader that trusts them reads short in silence.
-Negative values mark what could not be measured, and what lies below the horizon.
+Values are 1/sr divided by a scale for each colour. Sizes and length are fixed, and the only sign of the format: both
+are checked before a value is read, since a reader that trusts them reads too little without an error. Negative values
+mark samples that could not be measured, and those below the horizon.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ SUFFIX = ".binary"
 N_BYTES = 34_992_012
 SCALE = np.array([1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0])
 MISSING = -1.0
-# Brighter than any mirror that could be measured; single precision holds it with room to spare.
+# Brighter than any mirror that could be measured; well within single precision.
 LARGEST = 1e9
 _HEADER = 12
 _COLOURS = ("red", "green", "blue")
@@ -39,9 +39,9 @@ def read_merl(path: Path) -> bytes:
 
 
 def merl_samples(data: bytes, path: Path) -> NDArray[np.float32]:
-    """Reflection (90, 90, 180, 3), 1/sr, of what `read_merl` read; negative where nothing was measured.
+    """Reflection (90, 90, 180, 3), 1/sr, of the bytes from `read_merl`; negative where nothing was measured.
 
-    Raises LoadError for values that are not numbers, naming the first.
+    Raises LoadError for values that are not finite, naming the first.
     """
     planes = np.frombuffer(data, "<f8", offset=_HEADER).reshape(3, -1)
     samples = np.empty((planes.shape[1], 3), np.float32)
@@ -54,7 +54,7 @@ def merl_samples(data: bytes, path: Path) -> NDArray[np.float32]:
 
 
 def merl_bytes(samples: NDArray[np.floating]) -> bytes:
-    """The file of a table (90, 90, 180, 3) in 1/sr; negative values are written as the mark of what is missing."""
+    """The file of a table (90, 90, 180, 3) in 1/sr; negative values are written as missing."""
     planes = np.moveaxis(np.asarray(samples, np.float64), -1, 0).reshape(3, -1) / SCALE[:, None]
     planes = np.where(planes < 0.0, MISSING, planes)
     return np.array(SHAPE, "<i4").tobytes() + planes.astype("<f8").tobytes()

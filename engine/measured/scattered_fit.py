@@ -1,9 +1,9 @@
-"""Factors and a table from scattered samples, some thousand where a grid has a million.
+"""Fits factors and a table to scattered samples, some thousand where a grid has a million.
 
-The same model as in `fit`, its curves piecewise linear over few nodes, fitted by damped least squares of logarithms.
-Curves are exponentials, so none is negative, and bend as little as the samples allow, so that nodes without samples
-follow their neighbours; the alternating steps of `fit` were tried first and starve such nodes. The table is the product
-of the factors times what the samples near by have beyond it, in the mean; far from all samples, the product alone.
+The same model as in `fit`, with piecewise linear curves over few nodes, fitted by damped least squares of logarithms.
+Curves are exponentials, so none is negative, and their curvature is penalized, so that nodes without samples follow
+their neighbours; the alternating steps of `fit` were tried first and give such nodes no values. The table is the
+product of the factors times the mean ratio of nearby samples to it; far from all samples, the product alone.
 """
 
 from __future__ import annotations
@@ -31,18 +31,19 @@ Float64Array = NDArray[np.float64]
 METHOD = "damped least squares of logarithms on scattered samples, smooth positive curves of 46 and 10 nodes"
 _STEPS = 20
 _SMOOTH, _SMOOTH_FINE, _DAMPING = 3.0, 1.0, 0.1  # weights of curvature and of a step, in samples
-# A highlight's middle, where no sample lies, is as high as what is around it: its first nodes are held level.
+# At the centre of a highlight, where there are no samples, the curve is as high as around it: its first nodes are held
+# level.
 _LEVEL, _N_LEVEL = 3.0, 4
 _QUANTILE = 0.2
-_EVERY = 6  # degrees of phi_d between places where samples near by are asked
+_EVERY = 6  # degrees of phi_d between the places where nearby samples are averaged
 _N_FINE, _N_COARSE = 46, 10
 _NEIGHBOURS = 6
-_REACH = 0.06  # how far a sample tells of others, in shares of the angles
+_REACH = 0.06  # distance, in shares of the angles, over which a sample counts
 _AWAY = np.radians(25.0)
 
 
 def fit_scattered(samples: ScatteredSamples) -> Iterator[float | tuple[FilledTable, Factors]]:
-    """A table and its factors; yields the share done, then both."""
+    """Fit a table and its factors; yields the share done, then both."""
     angles = _Angles(samples.wi, samples.wo)
     found = []
     for channel in range(3):
@@ -63,7 +64,7 @@ class _Angles:
         self.half, self.difference, self.azimuth = half_and_difference(wi, wo)
 
     def hats(self, which: str) -> Float64Array:
-        """Shares (N, n) of the nodes of a curve over one of the angles."""
+        """Weights (N, n) of the nodes of a curve over one of the angles."""
         values, is_half = getattr(self, which), which == "half"
         n = _N_FINE if is_half else _N_COARSE
         position = node_position(values, is_half) * ((n - 1) / (N_NODES - 1))
@@ -93,7 +94,7 @@ def _fit_channel(values: Float64Array, angles: _Angles) -> tuple[Float64Array | 
 
 
 def _solve(first: Float64Array, values: Float64Array, slants: Float64Array, highlight: Float64Array) -> Float64Array:
-    """Logarithms of the nodes of g, G and H, from a first guess: Gauss and Newton's steps, damped."""
+    """Logarithms of the nodes of g, G and H, from an initial guess by damped Gauss-Newton steps."""
     logs, n = first, len(first)
     coarse, fine = _bending(_N_COARSE), _bending(_N_FINE)
     smooth = np.zeros((2 * len(coarse) + len(fine), n))
@@ -104,7 +105,7 @@ def _solve(first: Float64Array, values: Float64Array, slants: Float64Array, high
         diffuse_part, shine = np.exp(slants @ logs[:_N_COARSE]), np.exp(highlight @ logs[_N_COARSE:])
         fit = diffuse_part + shine + DARK
         rows = np.concatenate([slants * (diffuse_part / fit)[:, None], highlight * (shine / fit)[:, None]], axis=1)
-        # Not by @: the threads of its library take ten times as long where the processors are busy.
+        # Not by @: the threads of its library take ten times as long on busy processors.
         square = np.einsum("ni,nj->ij", rows, rows) + smooth.T @ smooth + _DAMPING * np.eye(n)
         step = np.linalg.solve(square, rows.T @ (target - np.log(fit)) - smooth.T @ (smooth @ logs))
         logs = logs + np.clip(step, -1.0, 1.0)
@@ -112,7 +113,7 @@ def _solve(first: Float64Array, values: Float64Array, slants: Float64Array, high
 
 
 def _bending(n: int) -> Float64Array:
-    """What tells how much a curve of n nodes bends, and of one over theta_h how level its middle is."""
+    """A matrix that measures the curvature of a curve of n nodes and, of one over theta_h, the slope at its centre."""
     if n == _N_COARSE:
         return np.asarray(_SMOOTH * np.diff(np.eye(n), n=2, axis=0))
     level = _LEVEL * np.diff(np.eye(n), axis=0)[:_N_LEVEL]
@@ -132,14 +133,14 @@ def _fit_cloth(values: Float64Array, angles: _Angles) -> tuple[float, Float64Arr
 
 
 def _first_guess(hats: Float64Array, values: Float64Array) -> Float64Array:
-    """The mean logarithm at each node; between others where there is no sample."""
+    """The mean logarithm at each node; interpolated for nodes without samples."""
     total, at = hats.sum(axis=0), np.arange(hats.shape[1])
     known = total > 1e-3
     return np.asarray(np.interp(at, at[known], (hats.T @ np.log(values))[known] / total[known]))
 
 
 def _nodes(logs: Float64Array) -> Float64Array:
-    """A curve at the 91 nodes of a measurement's, from its logarithms at fewer of the same spacing."""
+    """A curve at the 91 nodes of a measurement, from its logarithms at fewer nodes of the same spacing."""
     return np.asarray(np.exp(np.interp(np.linspace(0.0, len(logs) - 1.0, N_NODES), np.arange(len(logs)), logs)))
 
 
@@ -170,7 +171,7 @@ def _log_rms(values: Float64Array, fit: Float64Array) -> float:
 
 
 def _table(samples: ScatteredSamples, factors: Factors, angles: _Angles) -> FilledTable:
-    """The product of the factors on the grid, times what samples near by have beyond it."""
+    """The product of the factors on the grid, times the mean ratio of nearby samples to it."""
     from scipy.spatial import cKDTree
 
     beyond = np.log((samples.values + DARK) / (_product(factors, angles) + DARK))
@@ -194,7 +195,8 @@ def _table(samples: ScatteredSamples, factors: Factors, angles: _Angles) -> Fill
 
 
 def _places(angles: _Angles, mirrored: bool = False) -> Float64Array:
-    """Where pairs lie, so that near is alike: phi_d says nothing at the poles of theta_h and theta_d."""
+    """Coordinates of pairs of directions in which distance means difference: phi_d has no effect at theta_h = 0 and
+    theta_d = 0."""
     turn = 2.0 * (np.pi - angles.azimuth if mirrored else angles.azimuth)
     reach = 0.2 * np.sin(angles.difference) * np.minimum(angles.half / np.radians(30.0), 1.0)
     half = np.sqrt(angles.half / HALF_PI)
@@ -202,7 +204,7 @@ def _places(angles: _Angles, mirrored: bool = False) -> Float64Array:
 
 
 def _between(coarse: Float64Array) -> Float64Array:
-    """All of phi_d from one in six, by straight lines that wrap round."""
+    """Interpolate all phi_d linearly from every sixth, with wrap-around."""
     following = np.roll(coarse, -1, axis=2)
     steps = [coarse + (k / _EVERY) * (following - coarse) for k in range(_EVERY)]
     return np.stack(steps, axis=3).reshape(*SHAPE, 3)

@@ -1,7 +1,7 @@
-"""From spectra to linear Rec. 709: reflectance under D65, as the CIE's observer of 1931 sees it.
+"""From spectra to linear Rec. 709: reflectance under D65 for the CIE 1931 observer.
 
-A spectrum that reflects evenly has equal channels: what the ends of a measured range leave out of the white point is
-divided out. Saturated paints may lie outside of what three primaries can show; their negative channel becomes 0.
+A uniform spectrum has equal channels: the error of the white point that a limited range of wavelengths causes is
+divided out. Saturated paints may be outside of the gamut; their negative channel becomes 0.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _REC_709 = np.array([
 
 
 def rgb_weights(wavelengths: Float64Array) -> Float64Array:
-    """Weights (n, 3) by which reflectances at ascending wavelengths (n,), nm, sum up to linear Rec. 709."""
+    """Weights (n, 3) with which reflectances at ascending wavelengths (n,), nm, sum to linear Rec. 709."""
     light = np.interp(wavelengths, _TABULATED, _D65, 0.0, 0.0)
     seen = np.stack([np.interp(wavelengths, _TABULATED, axis, 0.0, 0.0) for axis in _OBSERVER.T], axis=1)
     weights = (seen * (light * np.gradient(wavelengths))[:, None]) @ _REC_709.T

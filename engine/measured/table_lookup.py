@@ -1,4 +1,4 @@
-"""A measurement looked up directly, array by array: what tests and brute force hold the kernels against."""
+"""Direct look-up of a measurement on arrays: the reference for kernels in tests and brute force."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ Float64Array = NDArray[np.float64]
 
 
 def evaluate_table(table: NDArray[np.float32], wi: Float64Array, wo: Float64Array) -> Float64Array:
-    """Reflection (N, 3), 1/sr, of a table (90, 90, 180, 3) between its samples, for unit directions (N, 3).
+    """Reflection (N, 3), 1/sr, of a table (90, 90, 180, 3), interpolated, for unit directions (N, 3).
 
-    Linear in the square root of theta_h, as the grid is spaced, in theta_d and in phi_d, which wraps round.
+    Linear in the square root of theta_h, as the grid is spaced, in theta_d and in phi_d, which wraps around.
     """
     theta_h, theta_d, phi_d = half_and_difference(wi, wo)
     a = np.minimum(node_position(theta_h, True), SHAPE[0] - 1.0)
@@ -38,8 +38,8 @@ def evaluate_part(
     wi: Float64Array,
     wo: Float64Array,
 ) -> Float64Array:
-    """The diffuse or the specular part of a measurement (N, 3), which sum up to it, exactly; or the whole. 0 below the
-    horizon."""
+    """The diffuse or the specular part of a measurement (N, 3), whose sum is exactly the measurement; or the whole. 0
+    below the horizon."""
     above = (wi[:, 2] > 0.0) & (wo[:, 2] > 0.0)
     whole = evaluate_table(table, wi, wo)
     theta_i, theta_o = (np.arccos(np.clip(v[:, 2], 0.0, 1.0)) for v in (wi, wo))

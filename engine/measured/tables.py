@@ -1,8 +1,8 @@
-"""The tables of measurements in the process that computes: read once, kept as long as it lives.
+"""The tables of measurements in the process that computes: read once, never freed.
 
-Kernels know a table by its address, which a number in their quotient parameters holds exactly; nothing that is looked
-up by address may ever be freed, so nothing here is. Elsewhere a table has a number, the first 48 bits of a hash of its
-file and of how factors are fitted. What was read is kept in a store, under that hash.
+Kernels identify a table by its address, which a number in their quotient parameters represents exactly; memory that is
+read by address must never be freed, so nothing here is. Elsewhere a table has a number, the first 48 bits of a hash of
+its file and of the version of the fit. A store caches what was read, under that hash.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from engine.measured.scattered_fit import METHOD as SCATTERED_METHOD
 from engine.measured.scattered_fit import fit_scattered
 
 Made = TypeVar("Made")
-# Raised when anything changes what is made of a file.
+# Increased when the results for a file change.
 FIT_VERSION = 3
 
 Steps = Generator[tuple[float, str], None, Measurement]
 
 
 class ArrayStore(Protocol):
-    """Arrays kept on disk by key, such as `app.worker.cache.ArrayCache`."""
+    """Arrays on disk by key, such as `app.worker.cache.ArrayCache`."""
 
     def get(self, key: str, read: Callable[[Arrays], Made]) -> Made | None: ...
 
@@ -54,7 +54,7 @@ class Table:
     bound: dict[float, NDArray[np.float32]] = field(default_factory=dict)
 
     def curves(self, smoothing: float) -> NDArray[np.float32]:
-        """What kernels take of the factors."""
+        """The factors in the kernels' form."""
         if smoothing not in self.bound:
             there = self.measurement
             strengths = np.array([there.diffuse, there.specular, there.whole], np.float32)
@@ -68,7 +68,7 @@ _tables: dict[int, Table] = {}
 
 
 def table_of(number: int) -> Table:
-    """The table of that number. Raises InsituError where this process has not read it."""
+    """The table of that number. Raises InsituError if this process has not read it."""
     if number not in _tables:
         raise InsituError(f"the measurement {number:012x} has not been read; open its scene again")
     return _tables[number]
@@ -80,12 +80,12 @@ def is_table_loaded(number: int) -> bool:
 
 
 def add_table(samples: NDArray[np.float32], measurement: Measurement) -> None:
-    """Keep a table under its measurement's number."""
+    """Store a table under its measurement's number."""
     _tables.setdefault(measurement.number, Table(np.ascontiguousarray(samples, np.float32), measurement))
 
 
 def read_measurement(path: Path, store: ArrayStore | None = None) -> Steps:
-    """Read a file, fill and fit it, or take what was made of it before; yields (share done, what is at work).
+    """Read, fill and fit a file, or take the cached result; yields (share done, current step).
 
     Raises LoadError.
     """
@@ -150,7 +150,7 @@ def _arrays(table: NDArray[np.float32], factors: Factors, report: FitReport) -> 
 
 
 def _from_arrays(file: str, number: int, arrays: Arrays) -> tuple[NDArray[np.float32], Measurement]:
-    """The samples and what was fitted to them. Raises UnsoundArrays."""
+    """The samples and their fit from cached arrays. Raises UnsoundArrays."""
     reader = ArrayReader(arrays)
     samples = reader.take("samples", np.float32, *SHAPE, 3)
     diffuse, specular, whole = (_rgb(row) for row in reader.take("strengths", np.float64, 3, 3))

@@ -1,9 +1,9 @@
-"""Image textures and weight maps: read, filtered, sampled where the eye looks.
+"""Image textures and weight maps: reading, filtering and sampling.
 
-    file ─► images.read_texture ─► Pyramid (means at halved sizes) ─► render.surface_maps: one factor a pixel, filtered
-    over what the pixel sees of the image; one mean over the whole surface, for further bounces; plain look-ups for
-    traced paths ─► render.canvas: what strokes of a brush make of a weight map, at the same points
+    file ─► texture_files.read_texture ─► Pyramid (means at halved sizes) ─► render.map_sampler: one factor a pixel,
+    filtered over its footprint; one mean over the whole surface, for further bounces; plain look-ups for traced paths
+    ─► render.map_canvas: brush strokes on a weight map, at the same points
 
-`store.TextureStore` keeps a scene's images; `engine.material.layer_maps` says which a layer has. Worker and stills
-only.
+`texture_store.TextureStore` caches a scene's images; `engine.material.layer_maps` describes those of a layer. Worker
+and stills only.
 """

@@ -1,4 +1,5 @@
-"""Compiled: look-ups in a pyramid of images, between texels and levels, over pixels of any shape."""
+"""Compiled look-ups in image pyramids: interpolated between texels and levels, and filtered over pixels of any
+shape."""
 
 from __future__ import annotations
 
@@ -16,15 +17,15 @@ Float64Array = NDArray[np.float64]
 Texels = NDArray[np.float32]
 Int64Array = NDArray[np.int64]
 
-_LONGEST = 1e6  # texels: beyond, a footprint is the whole image anyway
+_LONGEST = 1e6  # texels: beyond, a footprint covers the whole image anyway
 _AT_ONCE = 64  # pixels
 _ROOT_OF_2 = math.sqrt(2.0)
 
 
 class Levels(NamedTuple):
-    """Texels (N C + 3,) of all levels, of up to three channels, row by row, see `lanes`; sizes (L, 2) height and width,
-    and where each level begins (L,). Coordinates are turned, cosine and sine, and moved before they are looked up;
-    wrap_u, wrap_v: 0 repeats, 1 mirrors, 2 goes on as the edge."""
+    """Texels (N C + 3,) of all levels, of up to three channels, row by row, see `lanes`; sizes (L, 2), height and
+    width, and the first texel of each level (L,). Coordinates are rotated, by cosine and sine, and offset before they
+    are looked up; wrap_u, wrap_v: 0 repeats, 1 mirrors, 2 extends the edge."""
 
     texels: Texels
     sizes: Int64Array
@@ -39,7 +40,7 @@ class Levels(NamedTuple):
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _within(coordinate: float, wrap: int) -> float:
-    """Where in [0, 1] a coordinate is looked up."""
+    """Map a coordinate to [0, 1]."""
     if wrap == 2:
         return min(max(coordinate, 0.0), 1.0)
     if wrap == 1:
@@ -50,7 +51,7 @@ def _within(coordinate: float, wrap: int) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _around(i: int, n: int, wrap: int) -> int:
-    """A texel's index, from −1 to n, of n."""
+    """The index of a texel, from −1 to n, of n."""
     if wrap > 0:
         return min(max(i, 0), n - 1)
     return i + n if i < 0 else (i - n if i >= n else i)
@@ -63,7 +64,7 @@ def _finite(coordinate: float) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _bounded(texels: float) -> float:
-    """At the horizon of a plane a pixel sees no end of it."""
+    """Clamp: at the horizon of a plane a footprint is infinite."""
     if math.isnan(texels):
         return _LONGEST
     return min(max(texels, -_LONGEST), _LONGEST)
@@ -71,7 +72,7 @@ def _bounded(texels: float) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _turned(levels: Levels, u: float, v: float):  # type: ignore[no-untyped-def]
-    """A step or a place on the image, counter-clockwise about (0, 0)."""
+    """Rotate a step or a position on the image counter-clockwise about (0, 0)."""
     if levels.sine == 0.0 and levels.cosine == 1.0:
         return u, v
     return levels.cosine * u - levels.sine * v, levels.sine * u + levels.cosine * v
@@ -79,7 +80,7 @@ def _turned(levels: Levels, u: float, v: float):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _texel(levels: Levels, i: int, n: int, u: float, v: float):  # type: ignore[no-untyped-def]
-    """Level i at a place, in n channels, as lanes: bilinear; texels are where their middles are."""
+    """Level i at a position, in n channels, as lanes: bilinear between texels' centres."""
     t, height, width, first = levels.texels, levels.sizes[i, 0], levels.sizes[i, 1], levels.first[i]
     x, y = _within(u, levels.wrap_u) * width + 0.5, (1.0 - _within(v, levels.wrap_v)) * height + 0.5
     x1, y1 = int(x), int(y)  # rounded down, as neither is negative
@@ -95,7 +96,7 @@ def _texel(levels: Levels, i: int, n: int, u: float, v: float):  # type: ignore[
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _at_depth(levels: Levels, n: int, depth: float, u: float, v: float):  # type: ignore[no-untyped-def]
-    """What lies between the two levels around a depth."""
+    """Interpolate between the two levels around a depth."""
     last = len(levels.sizes) - 1
     depth = min(max(depth, 0.0), float(last))
     lower = min(int(depth), max(last - 1, 0))
@@ -109,7 +110,7 @@ def _at_depth(levels: Levels, n: int, depth: float, u: float, v: float):  # type
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def fill_at(levels: Levels, uv: Float64Array, depths: Float64Array, out: Texels) -> None:
-    """Fill out (N, C): values at coordinates (N, 2), at depths (N,) into the levels."""
+    """Fill out (N, C) with values at coordinates (N, 2) and depths (N,) in the levels."""
     four = np.empty(4, np.float32)
     for j in range(len(uv)):
         u, v = _turned(levels, uv[j, 0], uv[j, 1])
@@ -126,37 +127,41 @@ def _find_footprints(
     repeats: tuple[float, float],
     most_probes: int, out: Float64Array,
 ) -> None:  # fmt: skip
-    """Fill the first `count` columns of out (6, M), of pixels from `start` on, see `fill_over`: u and v of their
-    middles; along u and v the longer axis of the ellipse that each covers; the shorter one, in texels, or what of the
-    longer one falls to a look-up; and how much longer the longer one is. Without branches: several at once."""
+    """Fill the first `count` columns of out (6, M) with the footprints of pixels from `start` on, see `fill_over`: u
+    and v of the centre; the major axis of the footprint's ellipse along u and v; the width of a probe in texels, which
+    is the minor axis or more; and the number of probes, major axis over minor axis. Without branches, so that it
+    vectorizes."""
     height, width = levels.sizes[0, 0], levels.sizes[0, 1]
     cosine, sine, (times_u, times_v) = levels.cosine, levels.sine, repeats
     for k in range(count):
         j = start + k
+        # The pixel's sides in texels of the finest level.
         right_u, right_v, down_u, down_v = across[j, 0], across[j, 1], down[j, 0], down[j, 1]
         right_u, right_v, down_u, down_v = right_u * times_u, right_v * times_v, down_u * times_u, down_v * times_v
         ax, ay = (cosine * right_u - sine * right_v) * width, (sine * right_u + cosine * right_v) * height
         bx, by = (cosine * down_u - sine * down_v) * width, (sine * down_u + cosine * down_v) * height
         ax, ay, bx, by = _bounded(ax), _bounded(ay), _bounded(bx), _bounded(by)
-        # Of the ellipse with these conjugate diameters, the longer diameter and the lengths of both.
+        # The ellipse with these conjugate diameters: its major axis, and the lengths of both.
         xx, yy, xy = ax * ax + bx * bx, ay * ay + by * by, ax * ay + bx * by
         half = 0.5 * (xx - yy)
         spread = math.sqrt(half * half + xy * xy)
         longer = math.sqrt(max(0.5 * (xx + yy) + spread, 0.0))
         shorter = abs(ax * by - ay * bx) / max(longer, 1e-30)
-        twice = half / spread if spread > 0.0 else 1.0  # the cosine of twice the longer one's angle
+        twice = half / spread if spread > 0.0 else 1.0  # the cosine of twice the major axis' angle
+        # Rotate and offset the centre; half-angle formulas give the major axis' direction.
         u, v = uv[j, 0] * times_u, uv[j, 1] * times_v
         out[0, k] = cosine * u - sine * v + levels.offset_u
         out[1, k] = sine * u + cosine * v + levels.offset_v
         out[2, k] = longer * math.sqrt(max(0.5 + 0.5 * twice, 0.0)) / width
         out[3, k] = math.copysign(longer * math.sqrt(max(0.5 - 0.5 * twice, 0.0)), xy) / height
+        # As in Feline [McCormack99]: probes as wide as the minor axis, wider if there would be too many.
         out[4, k] = max(shorter, longer / most_probes)
         out[5, k] = longer / max(shorter, 1.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _nearest_level(wide: float, n_levels: int) -> int:
-    """That whose texels are as wide as so many of the first, on a scale of powers."""
+    """The level whose texels are closest to this width in texels of the finest, on a logarithmic scale."""
     level, limit = 0, _ROOT_OF_2
     while wide >= limit and level < n_levels - 1:
         level += 1
@@ -170,14 +175,15 @@ def fill_over(
     repeats: tuple[float, float],
     most_probes: int, is_quick: bool, out: Texels,
 ) -> None:  # fmt: skip
-    """Fill out[start:stop] of (N, C): means over pixels at (N, 2) whose sides are across and down (N, 2), all of them
-    times repeats; is_quick: of one level, and not of what lies between two."""
+    """Fill out[start:stop] of (N, C) with means over pixels at (N, 2) whose sides are across and down (N, 2), all
+    multiplied by repeats; is_quick: from one level, without interpolation between two."""
     four, found = np.empty(4, np.float32), np.empty((6, _AT_ONCE))
     for begin in range(start, stop, _AT_ONCE):
         count = min(_AT_ONCE, stop - begin)
         _find_footprints(begin, count, levels, uv, across, down, repeats, most_probes, found)
         for k in range(count):
             u, v, du, dv, wide = _finite(found[0, k]), _finite(found[1, k]), found[2, k], found[3, k], found[4, k]
+            # Number of probes along the major axis, equally weighted [McCormack99].
             n = min(max(int(math.ceil(found[5, k] - 1e-3)), 1), most_probes)
             step = 1.0 / n
             share, total = lanes.even(np.float32(step)), lanes.zeros()
@@ -188,6 +194,7 @@ def fill_over(
                     texel = _texel(levels, level, out.shape[1], u + place * du, v + place * dv)
                     total = lanes.plus_product(total, share, texel)
             else:
+                # The level whose texels have the width of a probe.
                 depth = math.log2(wide) if wide > 1.0 else 0.0
                 for i in range(n):
                     place = (i + 0.5) * step - 0.5

@@ -8,13 +8,16 @@ import numpy as np
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def cover(points, low, high, block, dabs, radius, inner, coverage):
-    """Raise coverage (N,) to the most of what dabs (D, 6) cover of points (N, 6), places and normals.
+    """Raise coverage (N,) to the maximum over dabs (D, 6) of how they cover points (N, 6), each a position and a
+    normal.
 
-    Points stand in blocks, whose bounds are low, high (B, 3). Covered is all within inner, nothing beyond radius, nor
-    what faces away from a dab by 120 degrees; what faces it within 90 counts in full, so that edges are painted around.
+    Points come in blocks with bounds low, high (B, 3). Coverage is 1 within inner and 0 beyond radius, and 0 for
+    normals more than 120 degrees away from the dab's; up to 90 degrees they count in full, so that edges are painted
+    around.
     """
     for d in range(dabs.shape[0]):
         x, y, z = dabs[d, 0], dabs[d, 1], dabs[d, 2]
+        # Skip blocks that the dab's ball does not touch.
         for b in range(low.shape[0]):
             if _beside(x, low[b, 0], high[b, 0], radius) or _beside(y, low[b, 1], high[b, 1], radius):
                 continue
@@ -25,8 +28,10 @@ def cover(points, low, high, block, dabs, radius, inner, coverage):
                 squared = dx * dx + dy * dy + dz * dz
                 if squared >= radius * radius:
                     continue
+                # Falloff by the normals: smooth step from cosine −1/2 to 0.
                 facing = points[p, 3] * dabs[d, 3] + points[p, 4] * dabs[d, 4] + points[p, 5] * dabs[d, 5]
                 share = _smooth(2.0 * facing + 1.0)
+                # Falloff by distance, between the inner radius and the radius.
                 if squared > inner * inner:
                     share *= _smooth((radius - math.sqrt(squared)) / (radius - inner))
                 if share > coverage[p]:
@@ -40,6 +45,6 @@ def _beside(x, low, high, radius):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _smooth(x):
-    """From 0 to 1 without a corner."""
+    """Smooth step from 0 to 1."""
     x = min(max(x, 0.0), 1.0)
     return x * x * (3.0 - 2.0 * x)

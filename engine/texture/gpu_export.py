@@ -1,4 +1,4 @@
-"""Images and strokes as shaders look them up: words of two buffers, and where in them those of a layer begin
+"""Images and strokes in the form of shaders: words of two buffers, and the place of each layer's in them
 (`shaders/common/maps.glsl`)."""
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ _STROKE_WORDS = 8
 
 @dataclass(frozen=True)
 class ExportedMaps:
-    """What multiplies a layer, see `LayerMaps`: where its images begin among the words of all, −1 for none, and of its
-    strokes the first and the last, excluded."""
+    """The factors of a layer, see `LayerMaps`: where its images begin among all words, −1 for none; first and last
+    (excluded) of its strokes."""
 
     texture: int
     scale: tuple[float, float]
@@ -40,10 +40,10 @@ class ExportedMaps:
 
 
 class ImageExporter:
-    """Images and strokes, one behind another in the order in which they are asked for."""
+    """Collects images and strokes, in the order of the requests."""
 
     def __init__(self, store: TextureStore, origin: NDArray[np.float64]) -> None:
-        """origin (3,): of the scene that they are told of, see `engine.scene.scene_loader.Scene`."""
+        """origin (3,): of the scene that is exported, see `engine.scene.scene_loader.Scene`."""
         self._store, self._origin = store, origin
         self._begins: dict[Pyramid, int] = {}
         self._n_words = self._n_strokes = 0
@@ -64,7 +64,7 @@ class ImageExporter:
         )  # fmt: skip
 
     def image(self, image: Pyramid | None) -> int:
-        """Where it begins, −1 for none."""
+        """The first word of an image, −1 for none."""
         if image is None:
             return -1
         if image not in self._begins:
@@ -74,7 +74,7 @@ class ImageExporter:
 
 
 def image_words(images: tuple[Pyramid, ...]) -> Words:
-    """How many levels, of each height, width and first texel; how coordinates are turned, moved and wrapped; and the
+    """Words of images: the number of levels; height, width and first texel of each; rotation, offset and wrap; and the
     texels: up to three half floats in two words."""
     words = []
     for image in images:
@@ -94,7 +94,7 @@ def image_words(images: tuple[Pyramid, ...]) -> Words:
 
 
 def stroke_words(strokes: tuple[Strokes, ...]) -> Words:
-    """Of each stroke 8 words: first and last dab, radius, inner radius, strength, value, 0, 0; and all dabs behind."""
+    """Words of strokes: 8 each: first and last dab, radius, inner radius, strength, value, 0, 0; then all dabs."""
     every = [stroke for each in strokes for stroke in each.strokes]
     ends = np.cumsum([0, *(stroke.n_dabs for stroke in every)])
     head = np.zeros((len(every), _STROKE_WORDS), np.float32)

@@ -1,10 +1,10 @@
-"""An image at halved sizes, and look-ups in it that are filtered over any footprint.
+"""An image pyramid, and look-ups that are filtered over any footprint.
 
-Each level is the level below seen at half its size, every texel the mean of what it covers; of an odd number of texels
-the weights run over three [Guthe05], so that the mean of an image is the mean of all its levels. Beyond its edges it
-repeats, is mirrored or goes on as its edge; v grows upwards, rows downwards. What a pixel sees of an image is about an
-ellipse: it is covered by look-ups along its longer axis, each as wide as the shorter one (after Feline,
-[McCormack99]), so that a table seen at a slant is neither blurred nor does it shimmer.
+Each level has half the size of the level below, every texel the mean of the area that it covers; for an odd number of
+texels the weights extend over three [Guthe05], so that the mean of an image is the mean of all its levels. Beyond its
+edges an image repeats, is mirrored or extends its edge; v grows upwards, rows downwards. A pixel's footprint on an
+image is approximately an ellipse: probes along its major axis cover it, each as wide as the minor axis (after Feline,
+[McCormack99]), so that a table seen at a grazing angle is neither blurred nor shimmers.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ MOST_PROBES = 16
 class Pyramid:
     """texels (N, C) float32: those of all levels, row by row, the first as in the file, the last of one texel; shapes:
     (height, width) of each level. flat: all texels' numbers and `lanes.N_BEHIND` more, as the kernels take them.
-    transform: where coordinates are looked up on it."""
+    transform: the mapping of coordinates."""
 
     flat: NDArray[np.float32]
     n_channels: int
@@ -37,11 +37,11 @@ class Pyramid:
 
     @property
     def texels(self) -> NDArray[np.float32]:
-        """See above."""
+        """See the class."""
         return self.flat[: -lanes.N_BEHIND].reshape(-1, self.n_channels)
 
     def with_transform(self, transform: TextureTransform) -> Pyramid:
-        """The same image, and the same object each time, under another transform."""
+        """The same image under another transform; equal transforms return the same object."""
         if transform == self.transform:
             return self
         return self._others.setdefault(transform, replace(self, transform=transform))
@@ -64,7 +64,7 @@ class Pyramid:
 
     @property
     def mean(self) -> Float64Array:
-        """Of all texels, (C,)."""
+        """Mean of all texels, (C,)."""
         return np.asarray(self.texels[-1], np.float64)
 
     @property
@@ -75,7 +75,7 @@ class Pyramid:
         """Values (N, C) at coordinates (N, 2), linear between texels and between levels (N,)."""
         out = np.empty((len(uv), self.n_channels), np.float32)
         depth = np.ascontiguousarray(np.broadcast_to(level, len(uv)), np.float64)
-        depth.flags.writeable = False  # as those that are not copied: the kernel is compiled once
+        depth.flags.writeable = False  # as if it had been copied: the kernel is compiled for one type
         kernels.fill_at(self._packed, np.ascontiguousarray(uv, np.float64), depth, out)
         return out
 
@@ -83,8 +83,8 @@ class Pyramid:
         self, uv: NDArray[np.floating], across: NDArray[np.floating], down: NDArray[np.floating],
         most_probes: int = MOST_PROBES, repeats: tuple[float, float] = (1.0, 1.0), is_quick: bool = False,
     ) -> NDArray[np.float32]:  # fmt: skip
-        """Means (N, C) over pixels at (N, 2) whose sides are across and down (N, 2), in texture coordinates before they
-        are multiplied by repeats. is_quick: by the nearest level, which shows where that changes."""
+        """Means (N, C) over pixels at (N, 2) whose sides are across and down (N, 2), in texture coordinates before the
+        multiplication by repeats. is_quick: from the nearest level, with visible transitions."""
         out, levels = np.empty((len(uv), self.n_channels), np.float32), self._packed
         middle, right, below = (np.ascontiguousarray(each, np.float64) for each in (uv, across, down))
         times = float(repeats[0]), float(repeats[1])
@@ -96,13 +96,13 @@ class Pyramid:
         return out
 
     def level_of(self, share: Float64Array) -> Float64Array:
-        """The level whose texels are as large as a share (N,) of the image's area."""
+        """The level whose texels have this share (N,) of the image's area."""
         width, height = self.size
         return np.asarray(0.5 * np.log2(np.maximum(share * width * height, 1.0)))
 
     @property
     def _packed(self) -> kernels.Levels:
-        """As the kernels take it."""
+        """The pyramid in the kernels' form."""
         sizes = np.array(self.shapes, np.int64)
         (cosine, sine), (along_u, along_v) = self.transform.turn, self.transform.offset
         wraps = [WRAPS.index(wrap) for wrap in self.transform.wrap]
@@ -111,7 +111,7 @@ class Pyramid:
 
 
 def make_pyramid(image: NDArray[np.floating]) -> Pyramid:
-    """The pyramid of an image (H, W, C)."""
+    """Make the pyramid of an image (H, W, C)."""
     levels = [np.ascontiguousarray(image, np.float32)]
     while max(levels[-1].shape[:2]) > 1:
         levels.append(_halve_axis(_halve_axis(levels[-1], 0), 1))
@@ -120,7 +120,7 @@ def make_pyramid(image: NDArray[np.floating]) -> Pyramid:
 
 
 def _halve_axis(image: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
-    """Half as many texels along an axis, each the mean of what it covers."""
+    """Halve the number of texels along an axis, each the mean of the area that it covers."""
     n = image.shape[axis]
     if n == 1:
         return image
@@ -129,7 +129,7 @@ def _halve_axis(image: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
     if n % 2 == 0:
         found = 0.5 * (rows[0::2] + rows[1::2])
     else:
-        # Texel i of m covers [i n/m, (i+1) n/m]: of its three texels the shares (m - i), m and (i + 1), of n in all.
+        # Texel i of m covers [i n/m, (i+1) n/m]: its three texels have the weights (m - i), m and (i + 1), out of n.
         i = np.arange(m, dtype=np.float32).reshape(-1, *[1] * (rows.ndim - 1))
         found = ((m - i) * rows[0:-1:2] + m * rows[1::2] + (i + 1) * rows[2::2]) / np.float32(n)
     return np.moveaxis(np.asarray(found, np.float32), 0, axis)

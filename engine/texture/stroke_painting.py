@@ -1,7 +1,7 @@
-"""Weights at points of a surface under the strokes of a brush [engine.material.strokes], dab after dab.
+"""Evaluates brush strokes on weights at points of a surface [engine.material.strokes], dab after dab.
 
-A stroke that goes on costs what its last dabs cover: points stand in blocks, by where they are in space, and of most
-blocks the bounds say that a dab does not reach them.
+A stroke that continues costs only its new dabs: points are in spatial blocks, and the bounds of most blocks exclude a
+dab.
 """
 
 from __future__ import annotations
@@ -13,15 +13,14 @@ from engine.material.strokes import HARDEST, Stroke, Strokes
 from engine.texture._stroke_kernels import cover
 
 BLOCK = 64
-MOST_BACK = 16  # strokes, under which the weights are kept: painting on after an undo begins there
-_CELLS = 64  # along each axis, by which points are sorted
+MOST_BACK = 16  # strokes for which the weights below are cached, so that painting can continue after an undo
+_CELLS = 64  # grid cells along each axis, by which points are sorted
 
 Float32Array = NDArray[np.float32]
 
 
 class PaintedPoints:
-    """Points that are painted. What was done to them is kept, so that strokes of the call before are not painted
-    again."""
+    """Points with painted weights. Caches the result, so that strokes of the previous call are not painted again."""
 
     def __init__(self, base: Float32Array, positions: Float32Array, normals: Float32Array) -> None:
         """base (N,): the weights without strokes; positions (N, 3) in the scene's frame; normals (N, 3), unit, on the
@@ -55,7 +54,8 @@ class PaintedPoints:
         return out
 
     def _go_back(self, n: int) -> int:
-        """To the first n strokes, or to none where what was under the next is forgotten; how many it is."""
+        """Go back to the first n strokes, or to none if the weights below the next are not cached; return the
+        number."""
         below = self._below[n]
         if below is None:
             n, below = 0, self._base
@@ -63,7 +63,7 @@ class PaintedPoints:
         return n
 
     def _paint(self, stroke: Stroke, goes_on: bool) -> None:
-        """Go on with the newest stroke where this is it, else begin another."""
+        """Continue the newest stroke, or begin another."""
         n_done = 0
         if goes_on:
             n_done, self._painted = self._painted[-1].n_dabs, self._painted[:-1]
@@ -84,7 +84,7 @@ class PaintedPoints:
 
 
 def _by_place(positions: Float32Array) -> NDArray[np.int64]:
-    """The order (N,) in which neighbours in space are neighbours in the list."""
+    """An order (N,) in which points that are close in space are close in the list."""
     if not len(positions):
         return np.zeros(0, np.int64)
     low = positions.min(axis=0)

@@ -1,11 +1,11 @@
-"""Reading textures and weight maps: PNG, JPEG and OpenEXR, from files that may be hostile or broken.
+"""Reads textures and weight maps: PNG, JPEG and OpenEXR, from files that may be hostile or broken.
 
-Told by content, not by name. The header is read, and the size it claims judged, before a pixel is decoded: a file of
-600 kB can hold a square of 13,000. An image of more than `MAX_PIXELS` is shown at a half or a quarter of its size,
-texels the means of what they cover, in linear numbers: a JPEG is not even decoded beyond that size, others are
-converted a band at a time, very large OpenEXR images read so (`engine.light.radiance_files`). Numbers leave linear:
-8-bit images are decoded by sRGB (IEC 61966-2-1) unless told otherwise, 16-bit and OpenEXR images are linear unless told
-otherwise.
+The content determines the format, not the name. The header is read and its size checked before a pixel is decoded: a
+file of 600 kB can contain a square of 13,000. An image of more than `MAX_PIXELS` is reduced to a half or a quarter of
+its size, texels the means of the area that they cover, in linear values: a JPEG is not even decoded beyond that size,
+others are converted in bands, very large OpenEXR images read in bands (`engine.light.radiance_files`). Values are
+returned linear: 8-bit images are decoded by sRGB (IEC 61966-2-1) unless stated otherwise, 16-bit and OpenEXR images are
+linear unless stated otherwise.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from engine.material.layer_maps import Space
 
 MAX_IMAGE_BYTES = 1 << 30
 MAX_SIDE = 16_384
-# What an image costs goes by its pixels, not by its file: so many take about 1 s of processor time and 200 MB, also
-# where they are blank and come in 60 kB. A camera's pictures have as many; of more than that only means are kept.
+# An image's cost depends on its pixels, not on its file: this many take about 1 s of processor time and 200 MB, even if
+# they are blank and come in 60 kB. A camera's pictures have as many; of larger images only means are stored.
 MAX_PIXELS = 1 << 24
 # 16,384 squared: decoded, a byte or four for each.
 MOST_READ = 1 << 28
@@ -47,7 +47,7 @@ Values = NDArray[np.generic]
 
 
 def ignore_note(note: str) -> None:
-    """For callers who have nobody to tell that an image is shown smaller."""
+    """For callers who do not report that an image is reduced."""
 
 
 def read_texture(data: bytes, file: Path | str, space: Space = "", tell: ReportNote = ignore_note) -> Image:
@@ -66,18 +66,18 @@ def read_weight(data: bytes, file: Path | str, tell: ReportNote = ignore_note) -
 
 
 def grey_shares(values: Values) -> Image:
-    """Numbers of a file as grey shares of the largest, linear, (H, W, 1); of colours their luminance."""
+    """Values of a file as grey shares of the largest, linear, (H, W, 1); of colours their luminance."""
     shares = _shares(values, as_srgb=False)
     return shares if shares.shape[2] == 1 else (shares @ _LUMINANCE)[..., None]
 
 
 def reduction(width: int, height: int) -> int:
-    """By how much the sides of an image are divided, so that at most `MAX_PIXELS` are left."""
+    """The divisor of an image's sides that leaves at most `MAX_PIXELS`."""
     return resampling.reduction(width, height, MAX_PIXELS)
 
 
 def image_size(data: bytes, file: Path | str) -> tuple[int, int] | None:
-    """(width, height) by the header of a PNG or a JPEG, nothing decoded; None for bytes that begin as neither."""
+    """(width, height) from the header of a PNG or a JPEG, without decoding; None for other formats."""
     kind = _kind(data)
     if kind not in ("PNG", "JPEG"):
         return None
@@ -87,7 +87,7 @@ def image_size(data: bytes, file: Path | str) -> tuple[int, int] | None:
 
 
 def _shares(values: NDArray[np.generic], as_srgb: bool) -> Image:
-    """Numbers of a file, integers as shares of the largest, decoded where they are sRGB."""
+    """Values of a file, integers as shares of the largest, decoded if they are sRGB."""
     if values.dtype == np.uint8:
         codes = np.arange(256, dtype=np.float32) / np.float32(255.0)
         return (decode_srgb(codes) if as_srgb else codes)[values]
@@ -102,9 +102,9 @@ def read_image(
     tell: ReportNote = ignore_note,
     is_colour: bool = False,
 ) -> Image:
-    """What `decode` makes of the file's numbers (h, W, 1 or 3), uint8, uint16 or float32, row by row: the image, or
-    means of it where it has too many pixels, which `tell` learns. is_colour: whether primaries that a file names are
-    converted to Rec. 709, and what that cannot show is cut off at 0."""
+    """Return what `decode` makes of the file's values (h, W, 1 or 3), uint8, uint16 or float32, row by row: the image,
+    or a reduced one if it has too many pixels, which is reported to `tell`. is_colour: whether primaries that a file
+    names are converted to Rec. 709, and values outside of its gamut are clipped at 0."""
     kind = _kind(data)
     if not kind:
         raise LoadError(file, "first bytes", data[:8], "a PNG, JPEG or OpenEXR image")
@@ -119,7 +119,7 @@ def read_image(
             k = reduction(width, height)
             if k > 1 and kind == "JPEG":
                 picture.draft(picture.mode, (-(-width // k), -(-height // k)))
-            left = reduction(*picture.size)  # to divide by, once it is decoded
+            left = reduction(*picture.size)  # divisor that remains after decoding
             pixels = _means(_bands(picture, max(_BAND_PIXELS // width // left, 1) * left), decode, left)
     if k > 1:
         tell(f"{file}: {width} x {height} pixels, shown at {pixels.shape[1]} x {pixels.shape[0]}")
@@ -127,7 +127,7 @@ def read_image(
 
 
 def _bands(picture: Any, rows: int) -> Iterator[Values]:
-    """The numbers of so many rows at a time."""
+    """Yield the values of so many rows at a time."""
     width, height = picture.size
     if rows >= height:
         yield _integers(picture)
@@ -137,24 +137,24 @@ def _bands(picture: Any, rows: int) -> Iterator[Values]:
 
 
 def _means(bands: Iterable[Values], decode: Callable[[Values], Image], k: int) -> Image:
-    """Decoded numbers, of each k x k of them the mean."""
+    """Mean of each k x k decoded values."""
     found = [block_means(values, k, decode) for values in bands]
     return np.ascontiguousarray(found[0] if len(found) == 1 else np.concatenate(found), np.float32)
 
 
 def _kind(data: bytes) -> str:
-    """PNG, JPEG or EXR, as the bytes begin; "" for others."""
+    """PNG, JPEG or EXR, by the first bytes; "" for others."""
     return next((name for magic, name in _MAGIC.items() if data.startswith(magic)), "")
 
 
 @contextmanager
 def _open_image(data: bytes, file: Path | str, kind: str) -> Iterator[Any]:
-    """A picture of a size that may be read; what the library says of it becomes a LoadError."""
+    """A picture of an allowed size; the library's errors become LoadErrors."""
     from PIL.JpegImagePlugin import JpegImageFile
     from PIL.PngImagePlugin import PngImageFile
 
     try:
-        # Without the library's own limit, which is lower and counts for the whole process.
+        # Without the library's own limit, which is lower and applies to the whole process.
         with (JpegImageFile if kind == "JPEG" else PngImageFile)(io.BytesIO(data)) as opened:
             _check_size(*opened.size, file)
             yield opened
@@ -165,7 +165,7 @@ def _open_image(data: bytes, file: Path | str, kind: str) -> Iterator[Any]:
 
 
 def _integers(opened: Any) -> Values:
-    """(H, W, 1 or 3) uint8, of a grey image of 16 bits uint16; transparency is left out."""
+    """(H, W, 1 or 3) uint8, for a grey image of 16 bits uint16; alpha is dropped."""
     if opened.mode.startswith("I"):
         return np.asarray(opened).astype(np.uint16)[..., None]
     if opened.mode in ("1", "L", "LA"):
@@ -174,7 +174,7 @@ def _integers(opened: Any) -> Values:
 
 
 def _read_exr(data: bytes, file: Path | str, tell: ReportNote, is_colour: bool) -> Image:
-    """By the reader of environments, which takes files: the bytes in one of their own."""
+    """By the reader of environments, which takes files: the bytes go to a temporary one."""
     with tempfile.NamedTemporaryFile(suffix=".exr") as copy:
         copy.write(data)
         copy.flush()
@@ -198,8 +198,8 @@ def _check_size(width: int, height: int, file: Path | str) -> None:
 
 
 def _usable(pixels: Image, tell: Callable[[str], None]) -> Image:
-    """Numbers (H, W, 3) as factors from 0 to `BRIGHTEST`: what is beyond, or infinite, is the end that it is beyond,
-    infinite light the file's brightest; what is no number is the mean of the others of its channel."""
+    """Values (H, W, 3) as factors from 0 to `BRIGHTEST`: others are clamped, infinite ones to the file's brightest; NaN
+    becomes the mean of the others of its channel."""
     is_usable = (pixels >= 0.0) & (pixels <= BRIGHTEST)  # false for NaN too
     if is_usable.all():
         return pixels

@@ -1,7 +1,7 @@
 """The images of one scene, each read once.
 
-A name in a scene file is relative to the scene's folder and may not leave it; a full path is what a person chose. A
-picture inside a GLB file is named `FILE.glb#N`, the Nth of its images.
+A name in a scene file is relative to the scene's folder and may not leave it; a full path is one that the user chose.
+An image inside a GLB file is named `FILE.glb#N`, the Nth of its images.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ Stamp = tuple[int, int] | None
 
 
 class TextureStore:
-    """Pyramids by name, the ones used last up to a gibibyte; a file that has been written since is read again. Safe to
-    use from several threads."""
+    """Pyramids by name, the most recently used ones up to a gibibyte; a file that has been written since is read again.
+    Safe to use from several threads."""
 
     def __init__(self, scene_file: Path) -> None:
         """scene_file: errors name it, and names are relative to its folder."""
@@ -36,29 +36,30 @@ class TextureStore:
         self._kept: OrderedDict[tuple[str, str, Space], tuple[Stamp, Pyramid]] = OrderedDict()
         self._lock = Lock()
         self._notes: list[str] = []
-        self._files: dict[Path, Callable[[int], bytes]] | None = None  # of several images, while they are loaded
+        # Readers of files with several images, during loading.
+        self._files: dict[Path, Callable[[int], bytes]] | None = None
 
     def texture(self, images: Images) -> Pyramid | None:
-        """Linear RGB of the texture; None where there is none. Raises LoadError."""
+        """Linear RGB of the texture; None if there is none. Raises LoadError."""
         if not images.texture:
             return None
         return self._pyramid("texture", images.texture, images.texture_space).with_transform(images.texture_transform)
 
     def weight(self, images: Images) -> Pyramid | None:
-        """Shares of the weight map; None where there is none. Raises LoadError."""
+        """Shares of the weight map; None if there is none. Raises LoadError."""
         return self._pyramid("weight", images.weight, "") if images.weight else None
 
     def slopes(self, bumps: Bumps) -> Pyramid | None:
-        """Slopes along u and v of a normal or a bump map; None where there is none. Raises LoadError."""
+        """Slopes along u and v of a normal or a bump map; None if there is none. Raises LoadError."""
         return self._pyramid(bumps.kind, bumps.file, "").with_transform(bumps.transform) if bumps.file else None
 
     def stamps(self, images: Images) -> tuple[Stamp, ...]:
-        """What changes when the files of images are written, None of one that is not there. Raises LoadError."""
+        """Stamps that change when the files of images are written, None for a missing file. Raises LoadError."""
         named = (("texture", images.texture), ("weight", images.weight))
         return tuple(_stamp(self._place(what, name)[0]) for what, name in named if name)
 
     def load(self, wanted: Iterable[Images], bumps: Iterable[Bumps] = ()) -> None:
-        """Read what is named and not there yet, a file of several images once. Raises LoadError."""
+        """Read named images that are not loaded yet, a file of several images once. Raises LoadError."""
         self._files = {}
         try:
             for images in wanted:
@@ -70,7 +71,7 @@ class TextureStore:
             self._files = None
 
     def take_notes(self) -> tuple[str, ...]:
-        """What is to be said of images that were read since the last time: which are shown smaller than they are."""
+        """Notes on images that were read since the last call: which are shown at reduced size."""
         with self._lock:
             notes, self._notes[:] = tuple(self._notes), []
         return notes
@@ -97,7 +98,7 @@ class TextureStore:
             self._kept.popitem(last=False)
 
     def _read(self, path: Path, number: int | None) -> tuple[bytes, str]:
-        """The bytes of an image, and what errors call it."""
+        """The bytes of an image, and its name in errors."""
         if number is None:
             return read_regular_file(path, MAX_IMAGE_BYTES), str(path)
         from engine.scene.loaders.gltf_images import image_reader
@@ -108,7 +109,7 @@ class TextureStore:
         return reader(number), f"{path}#{number}"
 
     def _place(self, what: str, name: str) -> tuple[Path, int | None]:
-        """Where an image is, and its number where that is a GLB file."""
+        """The path of an image, and its number in a GLB file."""
         file, number = split_image_name(name)
         if number is not None and not (number.isascii() and number.isdecimal() and len(number) < 6):
             raise LoadError(self._scene_file, what, name, "FILE.glb#N with the number of an image")
@@ -126,7 +127,7 @@ _READ: dict[str, Callable[..., Image]] = {
 def sample_images(
     images: Images, store: TextureStore, n: int, sample: Callable[[Pyramid, tuple[float, float]], NDArray[np.float32]]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Texture (N, 3) and weight (N,) without strokes; sample: n values of an image that repeats so often."""
+    """Texture (N, 3) and weight (N,) without strokes; sample: returns n values of an image with these repeats."""
     texture, weight = store.texture(images), store.weight(images)
     colours, shares = np.ones((n, 3), np.float32), np.full(n, images.weight_start, np.float32)
     if texture is not None:
@@ -137,7 +138,7 @@ def sample_images(
 
 
 def _stamp(path: Path) -> Stamp:
-    """What changes when a file is written; None where there is none, which reading it will say."""
+    """Changes when a file is written; None for a missing file, which reading it will report."""
     try:
         status = local_path(path).stat()
     except (OSError, ValueError):
