@@ -39,7 +39,7 @@ def on_threads(work: Callable[..., Result], *items: Iterable[Any]) -> list[Resul
     time. A thread with another priority has threads of its own (`use_own_threads`).
     """
     calls = list(zip(*items, strict=True))
-    # a shared thread that waits for shared threads would deadlock
+    # A shared thread that waits for shared threads would deadlock.
     if len(calls) == 1 or getattr(_OWN, "is_shared", False):
         return [work(*call) for call in calls]
     futures = [_shared(n_threads(), has_own_threads()).submit(work, *call) for call in calls]

@@ -208,7 +208,7 @@ def _nodes_to_split(
 ) -> list[NDArray[np.bool_]]:
     """Which triangles of each level above the finest are split: the most important ones with a total cost of
     `n_splits`."""
-    # stable: ties prefer coarser triangles
+    # The sort is stable, so that ties prefer coarser triangles.
     ranked = np.argsort(-np.concatenate([*importance, np.empty(0)]), kind="stable")
     cost = np.cumsum(np.concatenate([*costs, np.empty(0)])[ranked[: _MOST_TIMES * n_splits]])
     chosen = np.zeros(len(ranked), bool)

@@ -86,7 +86,7 @@ class Cut(NamedTuple):
 def make_cut(n_nodes, n_roots):
     """Working memory for cuts through a tree of n_nodes nodes; empty without roots."""
     room = n_roots + _ROOM if n_roots > 0 else 0
-    # same type as the sky's: another type would compile everything twice
+    # The same type as the sky's: another one would compile everything twice.
     corners = np.arange(3 * room).astype(np.int32)
     return Cut(
         np.empty(n_nodes, np.float32), np.empty((_DEPTH, 3, 3), np.float32), np.empty(_DEPTH, np.int64),
@@ -128,8 +128,7 @@ def cut_emitters(words, near, emitters, place, frame, optics, ox, oy, oz, cut, x
             if high <= np.float32(0.0):
                 top -= 1
                 continue
-            # The error is of second order in the size for a fully visible node, of first order for a partly visible
-            # one.
+            # The error is of second order in the size for a fully visible node, else of first order.
             partly = (child >= 0 and share < np.float32(1.0)) or low < np.float32(0.0)
             error = light * size * (max(size, PARTIAL_SHARE) if partly else size)
             blurred = child >= 0 and share < np.float32(1.0) and _is_blurred(unit, frame, size, optics, ox, oy, oz)
@@ -157,8 +156,7 @@ def cut_emitters(words, near, emitters, place, frame, optics, ox, oy, oz, cut, x
             cx[n], cy[n], cz[n] = sx * inverse, sy * inverse, sz * inverse
             for channel in range(3):
                 colours[n, channel] = emitters.radiance[node, channel] * omega
-            # The mean of different unit vectors is shorter than 1: the cosine at the centre is too large by this
-            # factor.
+            # The mean of different unit vectors is shorter than 1: so much is the cosine at the centre too large.
             weights[n], sizes[n] = share * (np.float32(1.0) - np.float32(0.5) * spread2), size
             n, left, top = n + 1, left - 1, top - 1
     return n

@@ -188,7 +188,7 @@ def near_rays(rows, nodes, position, lifted, normal, corners, depth, origins, di
             # Distance to the plane of the node.
             along = mx * dx + my * dy + mz * dz
             distance = np.float32(0.9999) * height / along if along < _ZERO else _ZERO
-            # the point lies in the node's plane, for example on the lamp itself, up to rounding
+            # Up to rounding the point lies in the node's plane, for example on the emitter itself.
             if not distance > _ZERO:
                 distance, weights[at] = _SHORTEST, _ZERO
             distances[at] = distance

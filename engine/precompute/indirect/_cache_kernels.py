@@ -125,7 +125,7 @@ def find_keys(mesh, low, inverse_size, hits, there, directions, mirrored, keys, 
         face = mesh.face_normals[triangle]
         side = np.uint8(face[0] * dx + face[1] * dy + face[2] * dz > ZERO)
         nx, ny, nz = _shading_normal(mesh, triangle, hits.u[r], hits.v[r])
-        # flip towards the visible side of the face
+        # Flip the normal towards the visible side of the face.
         if (nx * face[0] + ny * face[1] + nz * face[2] > ZERO) == (side == 1):
             side |= np.uint8(2)
             nx, ny, nz = -nx, -ny, -nz

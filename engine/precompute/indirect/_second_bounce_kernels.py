@@ -355,7 +355,7 @@ def expected_photons(lamps, m, lobe_axis, per_area, x, y, z, ox, oy, oz):
     to (ox, oy, oz), both local, up to the geometry of the receiving point; per_area: photons emitted per square metre.
     """
     towards = direction_pdf(ZERO, ONE, lobe_axis, ox, oy, oz, x, y, z)
-    # how much likelier the light is as one of a ray's candidates than as a photon's only one
+    # How much likelier a light is among a ray's candidates than as a photon's only one.
     likelier = np.float32(N_BY_POWER)
     if m < lamps.density.shape[0]:
         back = direction_pdf(ZERO, ONE, lobe_axis, x, y, z, ox, oy, oz)

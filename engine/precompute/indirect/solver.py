@@ -284,8 +284,7 @@ class Solver:
                     cells.maps.reflectance(layers, len(self._lobe_axes)),
                 )
                 bright, _ = radiosity(light, albedos, self._n_bounces, mapped)
-                # The ray budget follows from the noise of the first pass. If it calls for more rays, the pass is traced
-                # anew.
+                # The noise of the first pass determines the ray budget. If it requires more rays, trace it anew.
                 if self._needs_ray_budget:
                     halves = self._halves_of_samples(self._points(gathered, photons), layers, cells, light)
                     if self._is_noisy(
