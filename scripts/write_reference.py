@@ -36,24 +36,26 @@ from engine.scene.description import (
     SceneDescription,
 )
 
+Tables = list[tuple[str, type[BaseModel]]]
+
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "reference"
 # Tables of each format: where they stand in the file, and the model that reads them.
-SCENE = [
+SCENE: Tables = [
     ("Top of the file", SceneDescription), ("[camera]", CameraDescription), ("[environment]", EnvironmentDescription),
     ("[[object]]", ObjectDescription), ("object.layer", LayerDescription),
     ("object.deform.membrane", surface_kinds.Membrane), ("object.deform.subsurface", surface_kinds.Subsurface),
     ("object.deform.patch", surface_kinds.Detail), ("object.deform.wrinkles", surface_kinds.Wrinkles),
 ]  # fmt: skip
-SESSION = [
+SESSION: Tables = [
     ("Top of the file", SessionRecord), ("[light]", LightRecord), ("[view]", ViewRecord), ("[[object]]", ObjectRecord),
     ("[[object.layer]]", LayerRecord), ("[[object.layer.curve]]", CurveRecord), ("its operator", OperatorRecord),
     ("[[object.deformer]]", DeformerRecord), ("[[bookmark]]", BookmarkRecord),
 ]  # fmt: skip
-SCRIPT = [
+SCRIPT: Tables = [
     ("Top of the file", ScriptRecord), ("[[step]]", StepRecord), ("drag", DragRecord), ("deform", DeformRecord),
     ("paint", PaintRecord), ("measured", ImportRecord),
 ]  # fmt: skip
-SHOWN = {(ObjectDescription, "bumps"): "`normal_map` or `bump_map`"}
+SHOWN: dict[tuple[type[BaseModel], str], str] = {(ObjectDescription, "bumps"): "`normal_map` or `bump_map`"}
 PLAIN = {bool: "true or false", int: "an integer", float: "a number", str: "text", tuple: "2 values", Any: "a value"}
 NAMED = {LayerMaps: "a table of images", Bumps: "a table of one image", surface_kinds.DeformSurface: "a table"}
 MISSING = "This key has no description: write one in docs/reference/keys.toml"
@@ -85,7 +87,7 @@ def _command_line() -> str:
     return _joined(blocks)
 
 
-def _format(title: str, tables: Sequence[tuple[str, type[BaseModel]]], meanings: Mapping[str, Any]) -> str:
+def _format(title: str, tables: Tables, meanings: Mapping[str, Any]) -> str:
     modules = dict.fromkeys(f"{model.__module__.replace('.', '/')}.py" for _, model in tables)
     blocks = [_head(title, *modules), meanings[title]]
     for place, model in tables:
@@ -164,7 +166,7 @@ def _plural(kind: str) -> str:
 
 
 def _range(metadata: Sequence[Any]) -> str:
-    bounds = {}
+    bounds: dict[str, float] = {}
     for each in metadata:
         for part in each.metadata if isinstance(each, FieldInfo) else [each]:
             bounds |= {key: getattr(part, key) for key in ("ge", "gt", "le", "lt") if hasattr(part, key)}
