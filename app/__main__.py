@@ -1,7 +1,7 @@
 """`insitu` and `python -m app`: the composition root, the one place that knows both the program and its window.
 
 `insitu` and `insitu SCENE` go straight to the window: importing the command line's library would cost a tenth of the
-second and a half in which the window should be there. Nothing of ours is imported with this module, so that Ctrl-C is
+second and a half in which the window should be there. This module imports nothing of the program, so that Ctrl-C is
 quiet from the first moment on.
 """
 
@@ -24,7 +24,7 @@ class Desktop:
     """The window's side; each part of it is imported when it is used."""
 
     def open_window(self, source: str) -> int:
-        # First of all the worker, which imports its libraries while this process imports the window's.
+        # First of all start the worker, which imports its libraries while this process imports the window's.
         started = _started_worker()
         from app.worker.client import Client
 
@@ -62,11 +62,11 @@ def _started_worker() -> StartedWorker | None:
     try:
         return start_worker()
     except OSError:
-        return None  # the client tries it once more and says why it cannot be
+        return None  # the client tries once more and reports why it fails
 
 
 def main() -> int:
-    """Run the program on its command line; the exit status: 0, 1 (the work failed), 2 (usage), 130 (Ctrl-C)."""
+    """Run the program on its command line; returns the exit status: 0, 1 (the work failed), 2 (usage), 130 (Ctrl-C)."""
     try:
         from app.cli.console import escape_unprintable, run_guarded
         from app.system.kernel_cache import use_kernel_cache

@@ -1,6 +1,6 @@
-"""What the terminal gets to see: one line on standard error, an exit status, never a traceback.
+"""Output to the terminal: one line on standard error, an exit status, never a traceback.
 
-Light to import: the editor starts through it without the command line's own library.
+It imports little: the editor starts through it without the command line's own library.
 """
 
 from __future__ import annotations
@@ -32,24 +32,25 @@ def run_guarded(work: Callable[[], int]) -> int:
     except InsituError as error:
         print_error(str(error))
     except BrokenPipeError:
-        _forget_output()  # whoever read our output has seen enough
+        _forget_output()  # the reader of the output has closed it
     except MemoryError:
         print_error("there is not enough memory for this; try a smaller --resolution or fewer --lights")
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         print_error(f"{where}{error.strerror or error}")
-    except Exception as error:  # a defect of ours: the person gets a line, we get the details
+    except Exception as error:  # a defect: the user gets a line, the log the details
         print_error(f"this failed: a bug in Insitu (for a report: {_write_traceback(error)})")
     return FAILED
 
 
 def print_line(line: str) -> None:
-    """One line on standard output, whatever names and values of somebody's files are in it: all that commands print."""
+    """One line on standard output, made printable whatever names and values of files are in it: all commands print by
+    this."""
     print(plain_line(line, keep_spaces=True), flush=True)
 
 
 def escape_unprintable() -> None:
-    """Have what a terminal has no characters for, such as in names of files, printed by its number: a line that cannot
+    """Print characters that the terminal does not have, such as in names of files, by their number: a line that cannot
     be printed would end the work when all of it is done."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -62,7 +63,7 @@ def print_error(line: str) -> None:
 
 
 def _write_traceback(error: Exception) -> str:
-    """Write the details of a defect to a file: its name, or what went wrong where there can be none."""
+    """Write the details of a defect to a file; returns its name, or the reason where none can be written."""
     try:
         file = state_directory() / ERROR_FILE
         write_atomically(file, "".join(traceback.format_exception(error)).encode(errors="replace"), private=True)
@@ -72,7 +73,7 @@ def _write_traceback(error: Exception) -> str:
 
 
 def _forget_output() -> None:
-    """Point standard output to nowhere, so that Python's own flush at exit does not complain again."""
+    """Redirect standard output to nowhere, so that Python's own flush at exit does not fail again."""
     descriptor = os.open(os.devnull, os.O_WRONLY)
     os.dup2(descriptor, sys.stdout.fileno())
     os.close(descriptor)

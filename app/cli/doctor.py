@@ -1,7 +1,7 @@
-"""What works on this machine and how to mend the rest: `insitu doctor`.
+"""What works on this machine and how to fix the rest: `insitu doctor`.
 
-Each check finds something or fails with a line; none stops the others. Rays are tried in a process of their own,
-because a library built for another processor ends its process without a word.
+Each check finds something or fails with a line; none stops the others. Rays are tested in a separate process, because a
+library built for another processor ends its process without a message.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _RAY_PROGRAM = f"from {qualified('app.cli.doctor')} import trace_test_ray; trace
 
 @dataclass(frozen=True)
 class Finding:
-    """One check: what was found, and how to mend it where that is not as it should be.
+    """One check: what was found, and how to fix it where it is not right.
 
     state: "ok"; "without": something does not work that the rest can do without; "broken".
     """
@@ -114,7 +114,7 @@ def _memory() -> Finding:
 
 
 def _folder(name: str, find: Callable[[], Path], variable: str) -> Finding:
-    """Whether a folder of ours takes a file and has room."""
+    """Whether one of Insitu's folders can be written and has room."""
     mend = f"free some room or set {variable} to a folder that can be written"
     try:
         folder = find()

@@ -1,4 +1,4 @@
-"""The commands that take files of other programs, and write for them."""
+"""The commands that import files of other programs, and export for them."""
 
 from __future__ import annotations
 

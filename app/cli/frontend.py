@@ -1,4 +1,4 @@
-"""What commands need of the window's side, handed in by the composition root: `app` itself never imports `ui`."""
+"""What commands need of the window, passed in by the composition root: `app` itself never imports `ui`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class Frontend(Protocol):
     """The window, with a display and without one."""
 
     def open_window(self, source: str) -> int:
-        """Open the editor and stay until it is closed; the exit status."""
+        """Open the editor and run until it is closed; returns the exit status."""
 
     def take_screenshot(
         self, source: str, output: Path, steps: Sequence[Step], size: tuple[int, int], scale: float,

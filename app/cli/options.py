@@ -1,4 +1,4 @@
-"""What more than one command takes."""
+"""Options that more than one command has."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from engine.scene.description import MAX_RESOLUTION
 
 
 def picture_size(value: tuple[int, int] | None) -> tuple[int, int] | None:
-    """Raises BadParameter for one that no picture can have."""
+    """Check a picture's resolution. Raises BadParameter for one that no picture can have."""
     if value is not None and not all(1 <= side <= MAX_RESOLUTION for side in value):
         raise typer.BadParameter(f"{value[0]} x {value[1]}, expected 1 to {MAX_RESOLUTION} pixels per side")
     return value
 
 
 def window_size(value: tuple[int, int]) -> tuple[int, int]:
-    """Raises BadParameter for one that no window can have."""
+    """Check a window's size. Raises BadParameter for one that no window can have."""
     if not (320 <= value[0] <= 8192 and 240 <= value[1] <= 8192):
         raise typer.BadParameter(f"{value[0]} x {value[1]}, expected 320 x 240 to 8192 x 8192")
     return value
@@ -79,14 +79,14 @@ Samples = Annotated[
 
 
 def lines(overrides: list[str] | None) -> dict[str, Any]:
-    """What a person sets lines of the plan to."""
+    """The overrides of the plan, by line."""
     return dict(parse_assignment(text) for text in overrides or ())
 
 
 def assignments(
     values: list[str] | None, rotation: float | None = None, time: float | None = None
 ) -> list[tuple[str, Any]]:
-    """Path and value of each."""
+    """Path and value of each assignment."""
     given = [parse_assignment(text) for text in values or ()]
     own = {"light.rotation": rotation, "time": time}
     return [*given, *((path, value) for path, value in own.items() if value is not None)]

@@ -1,4 +1,4 @@
-"""What a person reads of a command's work."""
+"""What commands print of their work."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ Report = Callable[[float, str], None]
 
 
 def print_project_notes(project: Project) -> None:
-    """What was odd about the scene and the light that it is in, and what was done about it."""
+    """Print warnings about the scene and its light, and what was done about them."""
     environment = project.sky.environment
     print_notes((*project.scene.notes, *(() if environment is None else environment.notes)))
 
 
 def print_notes(notes: Iterable[str]) -> None:
-    """Notes, a line each; of very many the first."""
+    """Print notes, a line each; of very many only the first."""
     for note in plain_notes(notes):
         print_line(f"note: {note}")
 
@@ -50,9 +50,9 @@ def describe_plan(plan: Plan) -> Iterator[str]:
 
 
 def memory_note(plan: Plan, free: int) -> str:
-    """What is to be said where a plan asks for more main memory than so many bytes, else "".
+    """A warning where a plan needs more main memory than so many bytes, else "".
 
-    An editor holds besides what precomputing leaves on the disk.
+    An editor also holds what precomputation leaves on the disk.
     """
     if plan.cost is None:
         return ""
@@ -65,7 +65,7 @@ def memory_note(plan: Plan, free: int) -> str:
 
 
 def describe_check(plan: Plan, was: Carried) -> str:
-    """What a plan cost when it was carried out, as one line."""
+    """The actual cost of a plan that was carried out, as one line."""
     cost = plan.cost
     if cost is None:
         raise ValueError("expected a plan with its cost")
@@ -80,7 +80,7 @@ def describe_check(plan: Plan, was: Carried) -> str:
 
 @contextmanager
 def progress() -> Iterator[Report]:
-    """A bar on standard error where a person looks at it; nothing otherwise."""
+    """A progress bar on standard error where that is a terminal; nothing otherwise."""
     if not sys.stderr.isatty():
         yield lambda fraction, text: None
         return

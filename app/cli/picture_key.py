@@ -1,8 +1,7 @@
-"""A key of all that a project's picture depends on: another project that may look otherwise has another one.
+"""A key of all that a project's picture depends on: a project whose picture may differ has another key.
 
-It is made of every field of the project, whatever those become, so that none can be forgotten; a value of a kind that
-this does not know is an error and not left out. What files say that are read again while a picture is drawn counts by
-their contents.
+It is made of every field of the project, whatever fields are added, so that none can be forgotten; a value of an
+unknown kind is an error and not left out. Files that are read again while a picture is drawn count by their contents.
 """
 
 from __future__ import annotations
@@ -24,13 +23,13 @@ from engine.texture.texture_store import TextureStore
 
 
 def picture_key(project: Project, *settings: object) -> str:
-    """Of a project, and of how it is drawn."""
+    """The key of a project, and of the settings of its drawing."""
     files = project.scene.files | files_of_document(project.document)
     return content_key(parts_of(project), parts_of(settings), tuple(_contents(file) for file in sorted(files)))
 
 
 def parts_of(value: object) -> KeyPart:
-    """A value as a cache key takes it, field by field. Raises TypeError for one of a kind that is not known here."""
+    """A value as a part of a cache key, field by field. Raises TypeError for one of an unknown kind."""
     match value:
         case None | str() | bool() | int() | float() | bytes() | np.ndarray():
             return value
@@ -41,9 +40,9 @@ def parts_of(value: object) -> KeyPart:
         case Enum():
             return type(value).__name__, value.name
         case Model():
-            return value.name  # one instance each
+            return value.name  # there is one instance of each
         case TextureStore():
-            return None  # what has been read by now; its files count by their contents
+            return None  # what was read already; its files count by their contents
         case BaseModel():
             return _named(value, type(value).model_fields)
         case tuple() | list():
@@ -62,7 +61,7 @@ def _named(value: object, names: Iterable[str]) -> KeyPart:
 
 
 def _contents(file: Path) -> KeyPart:
-    """What is in a file, by its name; None where it cannot be read, which who needs it will say."""
+    """The content of a file, by its name; None where it cannot be read, which its reader reports."""
     try:
         with file.open("rb") as opened:
             return str(file), hashlib.file_digest(opened, "blake2b").digest()

@@ -1,4 +1,4 @@
-"""The commands that write pictures: of a scene, of all around it, and of the window."""
+"""The commands that write pictures: of a scene, of a turn around it, and of the window."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
 
 class StillMode(Enum):
-    """Whose engine draws a still."""
+    """The mode whose engine draws a still."""
 
     PLACEMENT = "placement"
     ORBIT = "orbit"
@@ -138,7 +138,7 @@ def render(
         raise InsituError(f"--view {view}: {output} holds light itself, expected a name that ends in .png")
     started = time.monotonic()
     project = ProjectSpec(scene, resolution, tuple(values), camera, edges, tuple(planned.items())).open()
-    require_place(output)  # now that it is known what was read
+    require_place(output)  # now the files that were read are known
     noise: float | None = None
     with progress() as report:
 
@@ -168,7 +168,7 @@ def render(
 
 
 def _knobs(accuracy: float | None, mode: StillMode, reference: bool, lights: int, patches: int) -> dict[str, int]:
-    """The knobs of the mode by name, where they are set by one number."""
+    """The settings of the mode by name, where they are set by one number."""
     if accuracy is None:
         return {}
     if reference or (lights, patches) != (N_LIGHTS, N_PATCHES):
@@ -180,7 +180,7 @@ def _knobs(accuracy: float | None, mode: StillMode, reference: bool, lights: int
 
 
 def _check_lines(planned: Mapping[str, Any], mode: StillMode, reference: bool) -> None:
-    """Refuses lines of the plan that the picture does not go by."""
+    """Refuse lines of the plan that the picture does not depend on."""
     if planned and reference:
         raise InsituError(f"--override {next(iter(planned))} --reference: expected one of them")
     for line in planned:
@@ -199,7 +199,7 @@ def _mode_of(line: str) -> str:
 def _check_frames(
     turntable: int | None, frames: int | None, mode: StillMode, reference: bool, time_: float | None
 ) -> None:
-    """Refuses what does not go with many frames."""
+    """Refuse options that do not go with many frames."""
     asked, other = (f"--turntable {turntable}", "orbit") if frames is None else (f"--frames {frames}", "deform")
     if turntable is not None and frames is not None:
         raise InsituError(f"--turntable {turntable} {asked}: expected one of them")
@@ -212,7 +212,7 @@ def _check_frames(
 
 
 def _frames(words: ProjectSpec, output: Path, frames: Frames, view: str | None, scheduler: str | None) -> int:
-    """Frames all around a scene or through its animation; those that are there already are kept."""
+    """Draw frames around a scene or through its animation; existing ones are reused."""
     from app.cli.turntable import FrameFiles, draw_frames
     from app.cluster.cluster_project import open_on_cluster
     from app.stills.frame_sequence import draw_here
@@ -254,7 +254,7 @@ def screenshot(
         if isinstance(step, CaptureWindow):
             check_output(step.path, (".png",))
     if problem := state_problem():
-        print_error(problem)  # own materials are not there; the picture is
+        print_error(problem)  # the user's own materials are missing; the picture is made
     if view is not None:
         steps = (ChooseView(find_view(view)), *steps)
     frontend: Frontend = context.obj

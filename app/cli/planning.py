@@ -24,9 +24,9 @@ def plan_project(
     n_lights: int = N_LIGHTS,
     opening_seconds: float = 0.0,
 ) -> Plan:
-    """What the project requires and what that will cost; opening_seconds: what it took the processors to open it.
+    """What the project requires and what that will cost; opening_seconds: the processor time of opening it.
 
-    Raises InsituError for what cannot be overruled.
+    Raises InsituError for what cannot be overridden.
     """
     started = time.process_time()
     layers, sky = project.layers, project.sky
@@ -42,5 +42,5 @@ def plan_project(
     reason = "; ".join(filter(None, (said, bounces.warning)))
     plan = replace(plan, bounces=bounces.n_bounces, reasons={**plan.reasons, "bounces": reason})
     plan = run_to_end(with_light_budget(placement, planned_layers, sky, plan))
-    spent = opening_seconds + time.process_time() - started  # who carries it out tries all that as well
+    spent = opening_seconds + time.process_time() - started  # carrying it out runs the same trials
     return run_to_end(estimate_cost(placement, planned_layers, sky, plan, spent_seconds=spent), report)

@@ -1,7 +1,7 @@
-"""Filling the cache: the worker's own computation in this process, for the transport that the editor will ask for.
+"""Fills the cache: runs the worker's own computation in this process, for the transport that the editor will request.
 
-The talk is the editor's (`app.modes.placement.transport_controller`), so that what is computed is what the editor looks
-up. Stopped half-way, it goes on from the last complete tile.
+The requests are the editor's (`app.modes.placement.transport_controller`), so that what is computed is what the editor
+looks up. Stopped half-way, it resumes after the last complete tile.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ Answer = TypeVar("Answer", bound=Response)
 
 @dataclass(frozen=True)
 class CacheContents:
-    """What is in the cache: bytes of transport and indirect light, and how far off the picture is that they make."""
+    """What is in the cache: bytes of transport and indirect light, and the error of the picture that they make."""
 
     n_bytes: int
     error: ErrorEstimate
@@ -65,8 +65,7 @@ def precompute(
     """Compute all transport of a project into the cache, and its indirect light.
 
     n_lights: None for as many as the editor would take; store: None for the editor's; cluster: who does the long work,
-    None for this process. Raises InsituError when it cannot
-    be computed, or not be kept.
+    None for this process. Raises InsituError when it cannot be computed, or not be stored.
     """
     filled = fill(project, report, n_lights, store or ArrayCache(), cluster)
     report(Progress(WHAT, 0.0))
@@ -77,7 +76,7 @@ def precompute(
 def fill(
     project: Project, report: Report, n_lights: int | None, store: ArrayCache, cluster: ClusterProject | None = None
 ) -> FilledCache:
-    """The same as far as something is kept: the error is not estimated."""
+    """The same without an estimate of the error, as far as something can be stored."""
     decided = project.render_settings
     store.require()
     document, seen = project.document, project.scene
@@ -104,7 +103,7 @@ def fill(
 
 
 def _poll_until(client: InProcessClient, kind: type[Answer], report: Report) -> Answer:
-    """Work until there is such an answer, and no further: answers that came with it are kept by nobody."""
+    """Work until there is such a response, and no further: other responses are dropped."""
     while client.wait(0.0):
         for response in client.poll(budget_s=0.0):
             if isinstance(response, RequestFailed):

@@ -1,4 +1,4 @@
-"""`insitu` and its commands: what is carried out is imported by the command that needs it, never before."""
+"""`insitu` and its commands; each imports what it needs when it runs, never before."""
 
 from __future__ import annotations
 
@@ -143,7 +143,8 @@ cli.command()(doctor)
 
 
 def run(arguments: Sequence[str], frontend: Frontend) -> int:
-    """Carry out a command line; the exit status. Errors of the work itself are raised, see `console.run_guarded`."""
+    """Carry out a command line; returns the exit status. Errors of the work itself are raised, see
+    `console.run_guarded`."""
     arguments = upgrade_arguments(arguments)
     command = typer.main.get_command(cli)
     first = next((word for word in arguments if not word.startswith("-")), None)
@@ -154,7 +155,7 @@ def run(arguments: Sequence[str], frontend: Frontend) -> int:
     except typer.Abort:
         return INTERRUPTED
     except Exception as error:
-        if not hasattr(error, "format_message"):  # not the library's word for a wrong command line
+        if not hasattr(error, "format_message"):  # if it is not the library's error for a wrong command line
             raise
         print_error(f"{error.format_message()} (see insitu --help)")
         return USAGE

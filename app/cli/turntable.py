@@ -1,9 +1,10 @@
 """Pictures from all around a scene, or all through its animation, a file each: what `insitu render --turntable` and
 `--frames` do.
 
-A frame that is there and whole is kept, so that work that was stopped goes on where it was. A file beside the frames
-has the key of all that they depend on, and what was written; under another key that is taken away, be it more frames
-than are wanted now, and all are drawn anew. What was not written here, or was changed since, is not touched.
+A complete frame that exists is reused, so that interrupted work continues where it was. A file beside the frames has
+the key of all that they depend on, and lists the files that were written; under another key those are removed, even if
+they are more than wanted now, and all are drawn anew. Files that were not written here, or were changed since, are not
+touched.
 """
 
 from __future__ import annotations
@@ -40,7 +41,8 @@ class FrameFiles:
 
     @classmethod
     def of(cls, output: Path, count: int) -> FrameFiles:
-        """As a person names them: a folder, or in it a file's name, whose stem and ending theirs then have."""
+        """The files as the user names them: a folder, or in it a file's name, whose stem and suffix theirs then
+        have."""
         if output.suffix.lower() in ENDINGS:
             return cls(output.parent, count, f"{output.stem}-", output.suffix.lower())
         if output.suffix and not output.is_dir():
@@ -54,13 +56,13 @@ class FrameFiles:
 
     @property
     def record(self) -> Path:
-        """The file that has the key, and what was written."""
+        """The file that has the key, and the list of written files."""
         return self.folder / f"{RECORD}-{self.stem}{self.ending[1:]}"
 
     def missing(self, key: str, resolution: tuple[int, int]) -> list[int]:
-        """Which of them are to be drawn; the key is noted for the next time, and frames under another one are removed.
-        Raises InsituError, also where there are files of such names that no turn has written: they are somebody's own.
-        """
+        """Which of them are to be drawn; the key is stored for the next time, and frames under another one are removed.
+        Raises InsituError, also where there are files of such names that no turn has written: they are the user's
+        own."""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             known, written = self._read_record()
@@ -80,13 +82,13 @@ class FrameFiles:
         return [i for i in range(self.count) if not _is_whole(self.path(i), resolution)]
 
     def write(self, i: int, picture: NDArray[np.float32], view: ToneMapping) -> None:
-        """Put a frame into its file, which is noted before. Raises InsituError."""
+        """Write a frame to its file, which is listed before. Raises InsituError."""
         content, (key, written) = picture_bytes(self.path(i), picture, view), self._read_record()
         self._write_record(key, {**written, self.path(i).name: _digest(content)})
         save_file(self.path(i), content)
 
     def _read_record(self) -> tuple[str, dict[str, str]]:
-        """The key of the frames that are there, "" where there are none, and what was written, by name."""
+        """The key of the present frames, "" where there are none, and the digests of the written files, by name."""
         if not self.record.exists():
             return "", {}
         key, *lines = self.record.read_text().splitlines() or [""]
@@ -100,10 +102,10 @@ def draw_frames(
     project: Project, frames: Frames, files: FrameFiles, report: Report, view: ToneMapping = "filmic",
     draw: Draw = draw_here,
 ) -> tuple[int, str]:  # fmt: skip
-    """Draw what is missing of the frames, here or where `draw` does; how many that were, and of those in Deform's way
-    how far the middle one of them is off, as one line, else "". Raises InsituError."""
+    """Draw the missing frames, here or where `draw` does; returns how many they were, and in Deform the error of the
+    middle one of them, as one line, else "". Raises InsituError."""
     if frames.animated:
-        poses_of(project, frames.count)  # where there is no animation no file is touched
+        poses_of(project, frames.count)  # without an animation no file is touched
     make_folder_of(files.record)
     require_place(*map(files.path, range(files.count)), files.record)
     missing = files.missing(picture_key(project, frames, view), project.scene.resolution)

@@ -1,14 +1,14 @@
 """Work on a Dask cluster: frames of `insitu render`, and the transport of `insitu precompute`.
 
     this process                      scheduler                   workers (Insitu is installed on all)
-    opened.py   open, note files
-    parcel.py   what they hold ─────► shelf.py: pieces ─────────► shelf.py: whole files, under the same names
-    dask.py     tasks ──────────────► who is free ──────────────► errands.py: open the same project, draw or compute
+    cluster_project.py  open, note files
+    scene_bundle.py  their digests ─► file_cache.py: pieces ────► file_cache.py: whole files, under the same names
+    dask.py     tasks ──────────────► assigns them ─────────────► cluster_jobs.py: open the same project, compute
     dask.py     ◄──────────────────── results ◄───────────────── arrays
-    frames, Store                                                 their own caches save time alone
+    frames, cache                                                 their own caches only save time
 
-A task is a function of what it is sent, so that a worker that is lost costs time alone: Dask gives its tasks to another
-one. What comes out is the same to the last bit as without a cluster, since it is the same code that makes it. Dask is
-an extra, and imported in `dask.py` and by workers alone. Rejected: to pickle what was loaded, which ties the wire to
-every class of the engine; and a folder that all machines share, which a laptop and a rented cluster do not have.
+A task is a function of what it is sent, so that a lost worker only costs time: Dask gives its tasks to another one. The
+result is the same to the last bit as without a cluster, because the same code computes it. Dask is an extra, imported
+only in `dask.py` and by workers. Rejected: to pickle what was loaded, which ties the protocol to every class of the
+engine; and a folder that all machines share, which a laptop and a rented cluster do not have.
 """

@@ -4,7 +4,8 @@
     worker B        └──────► project_tiles ...
     here       visibility    tiles, into their file   indirect light: into the cache as if they were made here
 
-The light stays where it was made and goes from worker to worker; where one is lost that had it, it is made again.
+The light stays where it was made and is sent from worker to worker; if the worker that had it is lost, it is computed
+again.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ StepValue = TypeVar("StepValue")
 
 
 class ClusterExecutor:
-    """The labour of a cluster on the view of an errand."""
+    """Does the long work on the view of a job on a cluster."""
 
     def __init__(self, cluster: Cluster, job: ViewJob) -> None:
         self._cluster, self._job = cluster, job
@@ -73,7 +74,7 @@ class ClusterExecutor:
 
 
 def _tile_ranges(n_tiles: int, skip: frozenset[int]) -> Iterator[tuple[int, int]]:
-    """First and last (excluded) of tiles that follow each other, so many as a task has, without those to skip."""
+    """First and last (excluded) of consecutive tiles, as many as a task has, without those to skip."""
     begin = 0
     while begin < n_tiles:
         end = begin

@@ -1,7 +1,7 @@
-"""What workers of a cluster do: open the project that an errand names, from the files that came with it, and work.
+"""The jobs of a cluster's workers: open the project that a job names, from the files that came with it, and compute.
 
-A worker keeps what it has opened last, so that the tasks of one scene open it once. It does one task at a time, which
-takes all the cores that its process may run on.
+A worker stores what it has opened last, so that the tasks of one scene open it once. It runs one task at a time, on all
+the cores that its process may use.
 """
 
 from __future__ import annotations
@@ -42,8 +42,7 @@ Opened = TypeVar("Opened")
 
 @dataclass(frozen=True)
 class Job:
-    """What every task of one command has: a name that no other command has, the files of its scene, and which Insitu it
-    is of."""
+    """What all tasks of one command share: a unique name, the files of its scene, and the digest of its Insitu."""
 
     name: str
     bundle: SceneBundle
@@ -83,14 +82,14 @@ def compute_light(job: ViewJob, quality: Quality) -> VisibleLight:
 
 
 def project_tiles(job: ViewJob, light: VisibleLight, layer: LayerShape, rows: np.ndarray, begin: int) -> list[BandTile]:
-    """The tiles of some points of a layer that follow each other; `begin`: which of the layer's the first is."""
+    """The tiles of consecutive points of a layer; `begin`: which of the layer's the first is."""
     with _exclusive_task(job):
         hits = _open_once(job, lambda: _worker_context(job)).open_placement.hits
         return [replace(tile, begin=begin + tile.begin) for tile in project_layer(hits, rows, light, layer)]
 
 
 def find_indirect(job: ViewJob, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> Arrays:
-    """The fine indirect light of a view, as it is kept on disk."""
+    """The fine indirect light of a view, as it is cached on disk."""
     from app.worker.indirect_tasks import IndirectTasks
     from engine.precompute.indirect.stored_light import arrays_of
 
@@ -105,7 +104,7 @@ def find_indirect(job: ViewJob, layers: Sequence[LayerState], lit_by: str, n_bou
 
 @contextlib.contextmanager
 def _exclusive_task(job: Job) -> Iterator[None]:
-    """One task at a time, with the files of its errand and no others."""
+    """Run one task at a time, with the files of its job and no others."""
     if job.program != program_digest():
         raise InsituError(describe_mismatch(f"a worker on {platform.node()}"))
     with _one_task_at_a_time:
@@ -114,7 +113,7 @@ def _exclusive_task(job: Job) -> Iterator[None]:
 
 
 def _local_files(job: Job) -> dict[str, Path]:
-    """Where this worker has the errand's files; looked for once."""
+    """Where this worker has the job's files; looked up once."""
     if job.name not in _places_of:
         try:
             found = FileCache().places(job.bundle, fetch_piece)
@@ -126,7 +125,7 @@ def _local_files(job: Job) -> dict[str, Path]:
 
 
 def _open_once(job: Job, make: Callable[[], Opened]) -> Opened:
-    """What the newest errand has opened; that of another one is let go first."""
+    """What the newest job has opened; what another job had opened is released first."""
     if job.name not in _opened_by_job:
         _opened_by_job.clear()
         _opened_by_job[job.name] = make()
@@ -142,7 +141,7 @@ def _drawer(job: FrameJob) -> Drawer:
 
 
 def _worker_context(job: ViewJob) -> WorkerContext:
-    """A worker's bench with the view open on it, and the tables of its measured layers read."""
+    """A worker context with the open view, and the tables of its measured layers read."""
     from app.worker.dispatcher import RequestDispatcher
     from app.worker.measured_tasks import ensure_tables
 

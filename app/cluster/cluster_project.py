@@ -1,4 +1,4 @@
-"""A project of the command line and, where there is a scheduler, what draws and computes on its cluster."""
+"""A project of the command line and, where there is a scheduler, the cluster that draws and computes it."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class ClusterProject:
                 yield found
 
     def executor(self, scene: OpenScene, view: SetCamera, document: Document) -> ClusterExecutor:
-        """Who does the long work on this view of a document's scene; requests without a number yet."""
+        """The executor of the long work on this view of a document's scene; its requests have no numbers yet."""
         from app.cluster.cluster_executor import ClusterExecutor
         from app.cluster.cluster_jobs import ViewJob
 
@@ -79,7 +79,7 @@ def open_on_cluster(words: ProjectSpec, scheduler: str | None) -> Iterator[tuple
 
 
 def _read_inputs(project: Project) -> None:
-    """Read what else a picture may need, so that it is noted."""
+    """Read the other files that a picture may need, so that they are noted."""
     document = project.document
     images = [layer.maps.images for _, layer in document.layers()]
     images += [Images(weight=name) for _, surface in document.new_surfaces for _, name in surface.files]

@@ -1,7 +1,7 @@
-"""A Dask cluster from this side: connecting, sending files, handing out tasks and waiting for what comes of them.
+"""A Dask cluster from this side: connecting, sending files, submitting tasks and waiting for their results.
 
-Waiting goes on in quarters of a second, so that Ctrl-C is heard; on leaving, tasks that nobody has begun are taken
-back, and what is begun ends without anybody hearing of it.
+Waiting goes in steps of a quarter of a second, so that Ctrl-C works; on leaving, tasks that have not begun are
+cancelled, and the results of others are dropped.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ _ADDRESS = re.compile(r"(tcp://|tls://)?([\w.-]+|\[[0-9a-fA-F:]+\]):(\d{1,5})")
 
 
 class Cluster:
-    """A scheduler that answers. Close it, or use `with`."""
+    """A connected scheduler. Close it, or use `with`."""
 
     def __init__(self, address: str) -> None:
-        """Raises InsituError where none answers there."""
+        """Connect. Raises InsituError where no scheduler answers."""
         _silence_libraries()
         self.address = address
         try:
@@ -52,7 +52,7 @@ class Cluster:
             self._client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
         except InsituError:
             raise
-        except Exception as error:  # whatever Dask makes of the words of another program
+        except Exception as error:  # Dask may raise anything for another program's answer
             raise InsituError(
                 f"--scheduler {address}: no Dask scheduler answers there, expected its HOST:PORT"
             ) from error
@@ -66,23 +66,23 @@ class Cluster:
         return len(self._workers())
 
     def require_same_program(self) -> None:
-        """Raises InsituError where a worker that was not asked before has another Insitu: what it is sent would be more
-        than it understands, and it would end without a word of why."""
+        """Raise InsituError where a worker that was not checked before has another Insitu: it would fail on what it is
+        sent, without an error message."""
         workers = self._workers() - self._checked_workers
         if not workers:
             return
         with self._connected():
-            # `eval` is known everywhere, and text alone goes either way.
+            # `eval` exists everywhere, and text can be sent either way.
             answers = self._client.run(eval, QUESTION, workers=sorted(workers), on_error="return")
         for where, answer in answers.items():
-            if isinstance(answer, OSError):  # it has gone meanwhile
+            if isinstance(answer, OSError):  # the worker has gone meanwhile
                 continue
             if answer != program_digest():
                 raise InsituError(f"--scheduler {self.address}: {describe_mismatch(f'the worker at {where}')}")
             self._checked_workers.add(where)
 
     def send(self, paths: Iterable[Path]) -> SceneBundle:
-        """Have the scheduler keep what it lacks of these files. Raises InsituError."""
+        """Send the scheduler what it lacks of these files. Raises InsituError."""
         self.require_same_program()
         there = {portable_name(path): path for path in paths}
         try:
@@ -126,8 +126,8 @@ class Cluster:
             yield number, self._result(self._tasks.pop(number))
 
     def close(self) -> None:
-        """Take back what is not done, and leave."""
-        with contextlib.suppress(*LOST):  # there is nobody left to take it back from
+        """Cancel what is not done, and disconnect."""
+        with contextlib.suppress(*LOST):  # nothing can be cancelled there any more
             if self._tasks and self._client.status == "running":
                 self._client.cancel(list(self._tasks.values()), force=True)
         self._tasks = {}
@@ -144,7 +144,7 @@ class Cluster:
         while True:
             try:
                 return task.result(timeout=STEP_SECONDS)
-            except TimeoutError:  # the worker that had it is lost, and another one makes it again
+            except TimeoutError:  # the worker that had it is lost, and another one computes it again
                 self._check()
             except KilledWorker as error:
                 raise InsituError(
@@ -159,7 +159,7 @@ class Cluster:
                 raise
 
     def _check(self) -> None:
-        """Raises InsituError where nobody will do the work any more."""
+        """Raise InsituError where no worker will do the work any more."""
         if self._client.status in ("closing", "closed", "newly-created") or self._client.scheduler is None:
             raise self._lost()
         if self._client.status != "running":
@@ -176,10 +176,11 @@ class Cluster:
             )
 
     def _workers(self) -> set[str]:
-        """Their addresses. Raises InsituError where the scheduler has gone.
+        """The workers' addresses. Raises InsituError where the scheduler has gone.
 
-        The scheduler itself is asked. `Client.scheduler_info` reads a field which Dask's timer overwrites every two
-        seconds with an answer that lists no workers."""
+        The scheduler itself is asked: Dask's `Client.scheduler_info` reads a field which a timer overwrites every two
+        seconds with an answer that lists no workers.
+        """
         if self._client.scheduler is None:
             raise self._lost()
         with self._connected():
@@ -188,7 +189,7 @@ class Cluster:
 
     @contextlib.contextmanager
     def _connected(self) -> Iterator[None]:
-        """What Dask raises where the scheduler cannot be spoken to any more, as InsituError."""
+        """Raises as InsituError what Dask raises where the scheduler is lost."""
         try:
             yield
         except LOST as error:
@@ -201,16 +202,16 @@ class Cluster:
 
 
 def _silence_libraries() -> None:
-    """What they have to say is said in one line, by us: Dask gives some of its loggers levels of their own, and writes
-    whole tracebacks when a scheduler goes."""
+    """Silence the libraries' loggers, because errors are reported in one line: Dask gives some of its loggers levels of
+    their own, and writes whole tracebacks when a scheduler goes."""
     for name in ("asyncio", "distributed", "tornado", *logging.root.manager.loggerDict):
         if name.partition(".")[0] in ("asyncio", "distributed", "tornado"):
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
 
 
 def _require_greeting(address: str) -> None:
-    """A scheduler greets whoever connects; of anything else Dask's client would wait for half a minute, and complain
-    when it is let go. Raises OSError, InsituError for what is no address."""
+    """Check that a scheduler greets the connection; of anything else Dask's client would wait for half a minute, and
+    log errors when it is released. Raises OSError, InsituError for what is no address."""
     parts = _ADDRESS.fullmatch(address)
     if parts is None or int(parts[3]) > 0xFFFF:
         raise InsituError(f"--scheduler {address}: expected HOST:PORT of a Dask scheduler")

@@ -1,7 +1,7 @@
-"""Where a machine of a cluster keeps what it was sent, by what it holds: in Insitu's cache, at most 16 GiB.
+"""A cluster machine's cache of the files it was sent, by their content: in Insitu's cache, at most 16 GiB.
 
-The scheduler keeps pieces and hands them out; a worker keeps whole files. Nothing is taken from either that is not what
-its name says.
+The scheduler stores pieces and hands them out; a worker stores whole files. Content that does not match its digest is
+never used.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class FileCache:
         self._folder, self._bound = folder or cache_folder() / "sent", bound
 
     def piece(self, digest: str) -> bytes | None:
-        """The piece of that digest, None where it is not there, or no longer what it was."""
+        """The piece of that digest, None where it is missing, or no longer what it was."""
         path = self._path(digest, ".piece")
         try:
             content = path.read_bytes()
@@ -38,11 +38,11 @@ class FileCache:
         return content
 
     def put(self, content: bytes) -> None:
-        """Keep a piece. Raises OSError."""
+        """Store a piece. Raises OSError."""
         self._write(self._path(digest_of(content), ".piece"), iter([content]))
 
     def file(self, sent: BundledFile, fetch: Callable[[str], bytes]) -> Path:
-        """The file, whole, with its own ending; `fetch` brings the pieces of one that is not there. Raises OSError."""
+        """The file, whole, with its own suffix; `fetch` gets the pieces of one that is missing. Raises OSError."""
         path = self._path(sent.digest, "".join(Path(sent.name).suffixes[-1:]))
         if path.is_file() and tuple(map(digest_of, pieces_of(path))) == sent.pieces:
             _touch(path)
@@ -51,7 +51,7 @@ class FileCache:
         return path
 
     def places(self, bundle: SceneBundle, fetch: Callable[[str], bytes]) -> dict[str, Path]:
-        """Where the files of a parcel are here, by the names that they have everywhere. Raises OSError."""
+        """The local paths of a bundle's files, by the names that they have everywhere. Raises OSError."""
         return {sent.name: self.file(sent, fetch) for sent in bundle.files}
 
     def _write(self, path: Path, pieces: Iterator[bytes]) -> None:
@@ -62,7 +62,7 @@ class FileCache:
         self._shrink(path)
 
     def _shrink(self, keep: Path) -> None:
-        """The least recently used go until the bound is kept."""
+        """Delete the least recently used entries until the limit is met."""
         with contextlib.suppress(OSError):
             there = [(entry.stat(), Path(entry.path)) for entry in os.scandir(self._folder) if entry.is_file()]
             total = sum(status.st_size for status, _ in there)
@@ -78,18 +78,18 @@ class FileCache:
 
 
 def missing_pieces(digests: Sequence[str]) -> list[str]:
-    """On the scheduler: which of these pieces it does not have."""
+    """On the scheduler: which of these pieces are missing."""
     cache = FileCache()
     return [digest for digest in digests if cache.piece(digest) is None]
 
 
 def store_piece(content: bytes) -> None:
-    """On the scheduler: keep a piece. Raises OSError."""
+    """On the scheduler: store a piece. Raises OSError."""
     FileCache().put(content)
 
 
 def read_piece(digest: str) -> bytes | None:
-    """On the scheduler: a piece that it keeps."""
+    """On the scheduler: a stored piece."""
     return FileCache().piece(digest)
 
 

@@ -1,7 +1,7 @@
-"""Which Insitu a process is of.
+"""Identifies the Insitu of a process.
 
-Nothing of the engine is imported here, and nothing but text goes over the wire: an older or newer one on the other side
-is to be told from ours before it is given anything that it may not understand.
+This module imports nothing of the engine, and only text is sent: an older or newer Insitu on the other side has to be
+recognized before it gets anything that it may not understand.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from app.system.kernel_cache import use_kernel_cache
 
 _ROOT = Path(__file__).resolve().parents[2]
 LIBRARIES = ("numpy", "scipy", "numba", "embreex")
-# What a worker evaluates before its first task; an Insitu that does not have this yet says that it has no such module.
+# What a worker evaluates before its first task; an Insitu without this module answers that it has none.
 QUESTION = f"__import__('{__name__}', fromlist=['program']).prepare_worker()"
 
 
 def prepare_worker() -> str:
-    """Have a worker find compiled kernels where they are kept, while nothing of the engine is imported yet; its
-    program's digest. No plugin of ours does it: the scheduler would hand that to workers of another version, too, which
-    end where they cannot read it."""
+    """Make a worker find compiled kernels where they are cached, while nothing of the engine is imported yet; returns
+    its program's digest. A Dask plugin was rejected: the scheduler would also send it to workers of another version,
+    which end where they cannot read it."""
     use_kernel_cache()
     return program_digest()
 
 
 @functools.cache
 def program_digest() -> str:
-    """A hash of all that numbers depend on beside what they are computed of: Insitu's sources, libraries, the kind of
-    machine. Processors of one kind may still round differently."""
+    """A hash of all that results depend on besides their inputs: Insitu's sources, libraries, the kind of machine.
+    Processors of one kind may still round differently."""
     digest = hashlib.blake2b(digest_size=10)
     for source in sorted(each for part in ("app", "engine") for each in (_ROOT / part).rglob("*.py")):
         digest.update(source.relative_to(_ROOT).as_posix().encode() + b"\0" + source.read_bytes())
@@ -41,6 +41,6 @@ def program_digest() -> str:
 
 
 def describe_mismatch(where: str) -> str:
-    """What a person is told of a machine with another one."""
+    """The message about a machine with another Insitu."""
     libraries = ", ".join(LIBRARIES)
     return f"{where} has another Insitu, or other versions of {libraries}, than this computer; install the same on all"

@@ -1,4 +1,4 @@
-"""The files that a scene consists of, by what they hold: what is sent to a cluster, once."""
+"""The files of a scene, by their content: what is sent to a cluster, once."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class BundledFile:
 
     @property
     def digest(self) -> str:
-        """Of what it holds."""
+        """The digest of its content."""
         return digest_of("".join(self.pieces).encode())
 
 
@@ -33,7 +33,7 @@ class SceneBundle:
 
     @property
     def digest(self) -> str:
-        """Of all their names and what they hold."""
+        """The digest of all names and contents."""
         return digest_of(repr([(file.name, file.digest) for file in self.files]).encode())
 
     @property
@@ -43,7 +43,7 @@ class SceneBundle:
 
 
 def bundle_files(paths: Iterable[Path]) -> SceneBundle:
-    """The parcel of these files. Raises OSError where one cannot be read."""
+    """The bundle of these files. Raises OSError where one cannot be read."""
     named = {portable_name(path): path for path in paths}
     return SceneBundle(
         tuple(BundledFile(name, tuple(map(digest_of, pieces_of(named[name])))) for name in sorted(named))
@@ -51,7 +51,7 @@ def bundle_files(paths: Iterable[Path]) -> SceneBundle:
 
 
 def pieces_of(path: Path) -> Iterator[bytes]:
-    """What a file holds, in pieces of 16 MiB; of an empty one there are none."""
+    """The content of a file in pieces of 16 MiB; of an empty one there are none."""
     with open(path, "rb") as file:
         while piece := file.read(PIECE):
             yield piece

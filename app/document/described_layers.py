@@ -3,7 +3,7 @@
     { model = "phong", name = "coat", exponent = 80 }
     { model = "fresnel", follows = "coat", fresnel = [0.95, 0.64, 0.54] }
 
-A layer of the "model" `fresnel` is the second term of the one it follows; R stands there and belongs to both.
+A layer of the "model" `fresnel` is the second term of the one it follows; it has R, which belongs to both.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from engine.scene.description import LayerDescription
 
 
 def layers_from_descriptions(file: str, name: str, described: Sequence[LayerDescription]) -> Layers:
-    """The layers of an object, unedited. LoadError names the file, the layer and what is wrong with it."""
+    """The layers of an object, unedited. LoadError names the file, the layer and the error."""
     keys = [f"{name}.{index}" for index in range(len(described))]
     found: list[Layer | None] = [
         None if each.model == FRESNEL_NAME else _plain(file, key, each)

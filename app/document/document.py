@@ -1,12 +1,12 @@
-"""What a person edits: the materials, the light and the poses of one scene, as one immutable value.
+"""What the user edits: the materials, the light and the poses of one scene, as one immutable value.
 
-A document is a tree of frozen dataclasses. An edit makes a new document that shares all it did not touch with the
-old one, so undo, A/B comparison, autosave from a second thread and the worker's requests need no copies and no locks,
-and undo restores bit by bit. Geometry and camera are not here: they are the scene's and the view's.
-Rejected: a mutable model with change signals, which undo, the journal and the worker would each have to guard.
+A document is a tree of frozen dataclasses. An edit makes a new document that shares all it did not touch with the old
+one, so undo, A/B comparison, autosave from a second thread and the worker's requests need no copies and no locks, and
+undo restores bit by bit. Geometry and camera are not here: they are the scene's and the view's. Rejected: a mutable
+model with change signals, which undo, the journal and the worker would each have to guard.
 
-Names: a layer's *key* is ``"object.index"``; a *path* names anything a person can reach, written with the layer's
-index or its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.alpha"``, ``"teapot.bend"``,
+Names: a layer's *key* is ``"object.index"``; a *path* names anything that can be set, written with the layer's index or
+its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.alpha"``, ``"teapot.bend"``,
 ``"bat.time"``, ``"bat.membrane.translucency"``, ``"lamp.emission"``, ``"light.rotation"``.
 """
 
@@ -44,12 +44,12 @@ CONSTANT_ENVIRONMENT = "constant"
 
 @dataclass(frozen=True)
 class LightState:
-    """The environment and how it stands.
+    """The environment, its rotation and intensity.
 
-    ``environment`` is ``"scene"`` (what the scene file says, its ``scale`` included), ``"constant"`` (``radiance``
-    from everywhere), a built-in environment's name or a file's path, read as ``mapping`` says. ``rotation`` in
-    degrees turns it counter-clockwise about +Y seen from above. ``intensity`` multiplies all light, emitters
-    included: it is applied to the finished picture, so it costs nothing and transport does not depend on it.
+    ``environment`` is ``"scene"`` (that of the scene file, with its ``scale``), ``"constant"`` (``radiance`` from
+    everywhere), a built-in environment's name or a file's path, read with ``mapping``. ``rotation`` in degrees rotates
+    it counter-clockwise about +Y seen from above. ``intensity`` multiplies all light, emitters included: it is applied
+    to the finished picture, so it costs nothing and transport does not depend on it.
     """
 
     environment: str = SCENE_ENVIRONMENT
@@ -60,19 +60,18 @@ class LightState:
 
     @property
     def is_file(self) -> bool:
-        """Whether the environment is a file that was opened: built-in ones have names without an ending."""
+        """Whether the environment is a file that was opened: built-in ones have names without a suffix."""
         return is_file_name(self.environment)
 
 
 @dataclass(frozen=True)
 class ObjectState:
-    """One object of the scene: its layers and what a person may do with them.
+    """One object of the scene: its layers, and what of it can be edited.
 
-    ``frozen`` objects and layers refuse edits of their material until they thaw. ``editable`` False marks an object
-    that the scene declares fixed. It goes through its ``deformations`` one after another, from where its file's
-    animation has taken it at a ``moment``; None: from where the file has it. ``animations`` are those of its file.
-    ``new_bumps`` take the place of the ``own_bumps`` that the scene's file gives it, ``new_surface`` that of
-    ``own_surface``, which Deform alone knows.
+    ``frozen`` objects and layers refuse edits of their material until they are unfrozen. ``editable`` False marks an
+    object that the scene declares fixed. Its ``deformations`` apply one after another, to its pose by its file's
+    animation at a ``moment``; None: to its rest pose. ``animations`` are those of its file. ``new_bumps`` replace the
+    ``own_bumps`` of the scene's file, ``new_surface`` replaces ``own_surface``, which only Deform draws.
     """
 
     name: str
@@ -91,32 +90,32 @@ class ObjectState:
 
     @property
     def motion_stack(self) -> Motion:
-        """All that it goes through."""
+        """Its animation and all its deformers."""
         return self.deformations if self.moment is None else (self.moment, *self.deformations)
 
     @property
     def bumps(self) -> Bumps:
-        """What turns its normals."""
+        """What perturbs its normals."""
         return self.own_bumps if self.new_bumps is None else self.new_bumps
 
     @property
     def surface(self) -> DeformSurface:
-        """What Deform knows of its surface beyond its material."""
+        """Its surface settings for Deform, besides its material."""
         return self.own_surface if self.new_surface is None else self.new_surface
 
     @property
     def emits(self) -> bool:
-        """Whether the scene has it shine, be that black for now; with layers it reflects as well."""
+        """Whether the scene makes it an emitter, even if it is black now; with layers it also reflects."""
         return self.emission is not None
 
     @property
     def is_lamp(self) -> bool:
-        """Whether it is seen by its emission alone."""
+        """Whether it only emits."""
         return self.emits and not self.layers
 
 
 class Selection(NamedTuple):
-    """The layer (and curve, when one is chosen) that panels show; of a lamp, which has none, layer 0."""
+    """The layer (and curve, when one is selected) that panels show; of a lamp, which has none, layer 0."""
 
     object: str
     layer: int
@@ -135,8 +134,8 @@ class Selection(NamedTuple):
 class Document:
     """A scene's materials, light and poses. ``source`` is a built-in scene's name or the path of a scene file.
 
-    ``first_bands``: J of the sharpest curves at the first bounce from the eye; None as many as are planned.
-    ``overrides``: the lines of the plan that a person has set, by name, and what to.
+    ``first_bands``: J of the sharpest curves at the first bounce from the camera; None as many as are planned.
+    ``overrides``: the lines of the plan that the user has set, by name, and their values.
     """
 
     source: str
@@ -146,7 +145,7 @@ class Document:
     overrides: tuple[tuple[str, LineValue], ...] = ()
 
     def object(self, name: str) -> ObjectState:
-        """The object called ``name``; InsituError with the names there are when it is not there."""
+        """The object called ``name``; InsituError with the existing names when there is none."""
         for state in self.objects:
             if state.name == name:
                 return state
@@ -182,7 +181,7 @@ class Document:
 
     @property
     def poses(self) -> Poses:
-        """What all objects go through that are not as the scene's file has them, by name."""
+        """The poses of all objects that are not as the scene's file has them, by name."""
         return without_identity([(state.name, state.motion_stack) for state in self.objects])
 
     @property
@@ -238,9 +237,9 @@ def split_key(document: Document, key: str) -> tuple[str, int]:
 
 
 def resolve(document: Document, path: str) -> Target:
-    """What a path names in this document.
+    """The target of a path in this document.
 
-    Raises InsituError that says which part is unknown and what there is in its place.
+    Raises InsituError that says which part is unknown and what exists in its place.
     """
     head, _, rest = path.partition(".")
     if head == "light" and rest in LIGHT_FIELDS:
@@ -262,7 +261,7 @@ def resolve(document: Document, path: str) -> Target:
 
 
 def _kind_of(name: str) -> Kind | None:
-    """What an object has by this name besides its layers."""
+    """What kind of value of an object this name is, besides its layers."""
     if name in (*SWITCHES, MATERIAL, EMISSION):
         return "switch"
     if name in KINDS:
@@ -288,7 +287,7 @@ def _resolve_in_layer(state: ObjectState, index: int, name: str) -> Target:
 
 
 def all_factors(model: Model) -> tuple[Factor, ...]:
-    """The curves of a model that a person can edit: those of its transport, then the view's; shared ones once."""
+    """The editable curves of a model: those of its transport, then the view's; shared ones once."""
     there = model.factors if model.view_factor is None else (*model.factors, model.view_factor)
     return tuple(factor for factor in there if factor.name not in model.shared)
 

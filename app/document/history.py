@@ -1,8 +1,8 @@
-"""Undo and redo over values: the document, and from where it is seen, each with a history of its own.
+"""Undo and redo over values: the document and the viewpoint each have a history of their own.
 
-A step holds the whole value before it; documents share what an edit did not touch, so a step costs little more than
-the edit. Undo therefore restores bit by bit. One drag is one step, however many commands it took, and a drag
-that ends where it began is no step at all. Rejected: inverse commands, which restore only up to rounding.
+A step holds the whole value before it; documents share what an edit did not touch, so a step costs little more than the
+edit. Undo therefore restores bit by bit. One drag is one step, however many commands it took, and a drag that ends
+where it began is no step at all. Rejected: inverse commands, which restore only up to rounding.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Command(Protocol[Value]):
 
 @dataclass(frozen=True)
 class HistoryStep(Generic[Value]):
-    """The value to go back (or forward) to, and what the person calls the edit between."""
+    """The value to go back (or forward) to, and the label of the edit between."""
 
     document: Value
     label: str
@@ -48,7 +48,7 @@ class History(Generic[Value]):
 
     @property
     def undo_label(self) -> str | None:
-        """What undo would take back; None when there is nothing."""
+        """The label of what undo would take back; None when there is nothing."""
         return self.undo_steps[-1].label if self.undo_steps else None
 
     @property
@@ -56,10 +56,10 @@ class History(Generic[Value]):
         return self.redo_steps[-1].label if self.redo_steps else None
 
     def do(self, command: Command[Value], merge_key: str | None = None) -> bool:
-        """Apply a command; whether the document changed.
+        """Apply a command; returns whether the document changed.
 
-        Within a drag, and among consecutive commands with the same ``merge_key``, only the first makes a step.
-        Raises what ``command.apply`` raises; nothing changes then.
+        Within a drag, and among consecutive commands with the same ``merge_key``, only the first makes a step. Raises
+        what ``command.apply`` raises; nothing changes then.
         """
         changed = command.apply(self.document)
         if changed == self.document:
@@ -77,7 +77,7 @@ class History(Generic[Value]):
         self.document, self._merge_key = command.apply(self.document), None
 
     def begin_drag(self, label: str | None = None) -> None:
-        """All commands until ``end_drag`` become one step. A drag that is already open goes on."""
+        """Make one step of all commands until ``end_drag``. A drag that is already open continues."""
         if self._drag is None:
             self._drag = Drag(self.document, label)
 
@@ -94,15 +94,15 @@ class History(Generic[Value]):
         self._drag = self._merge_key = None
 
     def undo(self) -> str | None:
-        """Go one step back; the label of what was taken back, or None."""
+        """Go one step back; returns the label of what was taken back, or None."""
         return self._move(self.undo_steps, self.redo_steps)
 
     def redo(self) -> str | None:
-        """Go one step forward again; its label, or None."""
+        """Go one step forward again; returns its label, or None."""
         return self._move(self.redo_steps, self.undo_steps)
 
     def retract(self, is_harmless: Callable[[Value], bool]) -> bool:
-        """Make the last step as if it had never been, where the document before it is one to go back to."""
+        """Remove the last step from the history, where the document before it is one to go back to."""
         if self._drag is not None or not self.undo_steps or not is_harmless(self.undo_steps[-1].document):
             return False
         self.document, self._merge_key = self.undo_steps.pop().document, None

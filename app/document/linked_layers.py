@@ -1,12 +1,12 @@
 """Layers of one object that share their curves: the terms of a sum, edited once [BenArtzi07, 3.3.1].
 
 A layer may follow another by its name. What makes the curves that both models have, operators and parameters alike, is
-then the same in all layers of that group, whichever of them is edited; what scales a layer or stands in its quotient
-stays its own. A second Fresnel term (`Layer.rises`) shares everything with the layer it follows, R included. Each layer
-has its own transport, and pictures of layers are summed as ever.
+then the same in all layers of that group, whichever of them is edited; what scales a layer or is in its quotient stays
+its own. A second Fresnel term (`Layer.rises`) shares everything with the layer it follows, R included. Each layer has
+its own transport, and pictures of layers are summed as always.
 
 Layers with several terms inside were rejected: every part of the program that knows a layer by its key would have had
-to learn of terms, to no other effect.
+to handle terms, to no other effect.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ FRESNEL_NAME = "fresnel"
 
 
 def linked_indices(layers: Sequence[Layer], index: int) -> tuple[int, ...]:
-    """Indices of the layers that share curves with this one, itself included; the one that leads stands first."""
+    """Indices of the layers that share curves with this one, itself included; the leader comes first."""
     lead = layers[index].follows or layers[index].name
     followers = [i for i, layer in enumerate(layers) if layer.follows == lead]
     leaders = [i for i, layer in enumerate(layers) if layer.name == lead and not layer.follows]
@@ -34,9 +34,9 @@ def linked_indices(layers: Sequence[Layer], index: int) -> tuple[int, ...]:
 
 
 def with_layer(layers: Layers, index: int, changed: Layer) -> Layers:
-    """The layers with one replaced, and its curves in all that share them; who follows it follows its new name.
+    """The layers with one replaced, and its curves in all that share them; followers follow its new name.
 
-    One that is of another model now begins with the curves of the others.
+    A follower that gets another model starts with the curves of the others.
     """
     found = [*layers]
     found[index] = changed
@@ -65,7 +65,8 @@ def synchronize_layers(layers: Layers) -> Layers:
 
 
 def with_fresnel(layers: Layers, index: int) -> Layers:
-    """The layers with a Fresnel term for one of them, at the end; head-on it reflects as before, its colour being R."""
+    """The layers with a Fresnel term for one of them, at the end; at normal incidence it reflects as before: its colour
+    becomes R."""
     layer = layers[index]
     if layer.fresnel is not None:
         return layers
@@ -85,7 +86,7 @@ def with_fresnel(layers: Layers, index: int) -> Layers:
 
 
 def without_fresnel(layers: Layers, index: int) -> Layers:
-    """The layers without the Fresnel term of one of them (or that is the one): R goes back into its colour."""
+    """The layers without the Fresnel term of one of them (or that is the one): R becomes its colour again."""
     lead = linked_indices(layers, index)[0]
     layer = layers[lead]
     if layer.fresnel is None:
@@ -100,12 +101,12 @@ def without_fresnel(layers: Layers, index: int) -> Layers:
 
 
 def _strength(layer: Layer) -> Parameter | None:
-    """The parameter that is the layer's strength or colour and nothing else."""
+    """The parameter that is only the layer's strength or colour."""
     return next((p for p in layer.model.parameters if p.drives == ("scale",) and p.kind != "choice"), None)
 
 
 def _fitting(parameter: Parameter, value: np.ndarray) -> object:
-    """A strength (3,) as the parameter takes it."""
+    """A strength (3,) as a value of the parameter."""
     inside = np.clip(value, parameter.minimum, parameter.maximum)
     return tuple(inside.tolist()) if parameter.kind == "rgb" else float(inside.mean())
 

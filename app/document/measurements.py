@@ -1,6 +1,6 @@
-"""Measured layers of a document: which files they name, and what was read of them put in.
+"""Measured layers of a document: the files that they name, and the measurements read from them.
 
-A layer that a scene, a session or a material describes knows a file's name alone. The worker reads the file and answers
+A layer that a scene, a session or a material describes has only a file's name. The worker reads the file and answers
 with a `Measurement`, small enough to be the layer's parameter; its table stays there.
 """
 
@@ -20,13 +20,13 @@ FILE = "file"
 
 
 def measurement_in(layer: Layer) -> Measurement | None:
-    """What a layer was measured as, read or not; None for one that is not measured."""
+    """The measurement of a layer, read or not; None for one that is not measured."""
     value = layer.values.get(FILE)
     return value if isinstance(value, Measurement) and value.file else None
 
 
 def unread_files(layers: Iterable[Layer]) -> tuple[str, ...]:
-    """The files that layers name and nobody has read for them, each once."""
+    """The files that layers name and that have not been read for them, each once."""
     found = (measurement_in(layer) for layer in layers)
     return tuple(dict.fromkeys(each.file for each in found if each is not None and not each.is_read))
 
@@ -43,12 +43,12 @@ def measured_files(layers: Iterable[Layer]) -> tuple[tuple[str, int], ...]:
 
 
 def with_measurements(layers: Layers, found: Mapping[str, Measurement]) -> Layers:
-    """The layers with what was read of their files."""
+    """The layers with the measurements read from their files."""
     return tuple(_with_measurement(layer, found) for layer in layers)
 
 
 def document_with_measurements(document: Document, found: Mapping[str, Measurement]) -> Document:
-    """The document with what was read of its layers' files."""
+    """The document with the measurements read from its layers' files."""
     if not found:
         return document
     return replace(
@@ -57,7 +57,7 @@ def document_with_measurements(document: Document, found: Mapping[str, Measureme
 
 
 def with_full_paths(layers: Layers, folder: Path) -> Layers:
-    """The layers with files named from `folder` under their absolute names."""
+    """The layers with absolute names for files that are named from `folder`."""
     names = unread_files(layers)
     return with_measurements(layers, {name: Measurement(full_path(name, folder)) for name in names})
 

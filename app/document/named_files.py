@@ -1,4 +1,4 @@
-"""The files that a document names: what its picture is made of beside the scene's own file and meshes."""
+"""The files that a document names: its picture depends on them besides the scene's own file and meshes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from engine.scene.builtin import builtin_environments, scene_path
 
 
 def files_of_document(document: Document, known: Document | None = None) -> set[Path]:
-    """All of them, whether they are there or not; of what `known` has as well it is not asked again."""
+    """All of these files, whether they exist or not; without what `known` has as well."""
     before = None if known is None or known.source != document.source else known
     found: set[Path] = set() if before is not None else {scene_path(document.source)}
     light = document.light
@@ -28,7 +28,7 @@ def files_of_document(document: Document, known: Document | None = None) -> set[
 
 
 def _names(state: ObjectState) -> Iterator[str]:
-    """Files of one object, in full or from the scene's folder."""
+    """Files of one object, absolute or relative to the scene's folder."""
     images = [state.own_bumps.file, state.bumps.file]
     images += [name for surface in (state.own_surface, state.surface) for _, name in surface.files]
     for layer in state.layers:

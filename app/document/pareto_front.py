@@ -1,7 +1,7 @@
-"""From speed to accuracy along what was measured: the settings of each mode's knobs that nothing beats in both.
+"""The accuracy front from speed to accuracy, measured: the settings of each mode that no others beat in both.
 
-The table `front.toml` is written by `app.measure.front` and says where its numbers are from. A mode's knobs are
-fields of the view: where they stand says where the slider does, and nothing else is kept.
+The table `front.toml` is written by `app.measure.front` and tells the source of its numbers. A mode's settings are
+fields of the view: they determine the place of the slider, and nothing else is stored.
 """
 
 from __future__ import annotations
@@ -14,51 +14,51 @@ from pathlib import Path
 from app.document.view_state import SetView, ViewState
 from engine.scene.toml_text import parse_toml
 
-# Knobs of what is made ready at points, which takes as long for a picture of any size.
+# Settings of precomputation at points, which takes as long for a picture of any size.
 POINT_SETTINGS = frozenset({"n_points", "n_rays"})
 FRONT_FILE = Path(__file__).with_name("front.toml")
 
 
 @dataclass(frozen=True)
 class FrontPoint:
-    """A setting of a mode's knobs, fields of the view by name, with the error it was measured to have, relative RMS,
-    and the seconds that a picture takes."""
+    """A mode's settings, fields of the view by name, with their measured error, relative RMS, and the seconds that a
+    picture takes."""
 
     knobs: tuple[tuple[str, int], ...]
     error: float
     seconds: float
 
     def is_set(self, view: ViewState) -> bool:
-        """Whether the view's knobs stand like this."""
+        """Whether the view has these settings."""
         return all(getattr(view, name) == value for name, value in self.knobs)
 
     @property
     def command(self) -> SetView:
-        """What sets them so."""
+        """The command that sets them."""
         return SetView(self.knobs)
 
 
 @dataclass(frozen=True)
 class ParetoFront:
-    """The stops of every mode, from the quickest to the truest, of pictures of so many pixels; origin: who measured
-    them, and of what."""
+    """The stops of every mode, from the fastest to the most accurate, for pictures of so many pixels; origin: who
+    measured them, and with what."""
 
     origin: str
     n_pixels: int
     points: Mapping[str, tuple[FrontPoint, ...]]
 
     def position(self, mode: str, view: ViewState) -> float | None:
-        """Where the view's knobs stand, 0 (quickest) to 1 (truest); None where that is not on the front."""
+        """The place of the view's settings, 0 (fastest) to 1 (most accurate); None where they are off the front."""
         stops = self.points[mode]
         return next((i / (len(stops) - 1) for i, stop in enumerate(stops) if stop.is_set(view)), None)
 
     def nearest_point(self, mode: str, accuracy: float) -> FrontPoint:
-        """The stop next to a place between 0 and 1."""
+        """The stop nearest to a place between 0 and 1."""
         stops = self.points[mode]
         return stops[round(min(max(accuracy, 0.0), 1.0) * (len(stops) - 1))]
 
     def seconds(self, stop: FrontPoint, n_pixels: int) -> float:
-        """That a picture of so many pixels takes at a stop."""
+        """The seconds that a picture of so many pixels takes at a stop."""
         if POINT_SETTINGS.intersection(name for name, _ in stop.knobs):
             return stop.seconds
         return stop.seconds * max(n_pixels, 1) / self.n_pixels
@@ -66,7 +66,7 @@ class ParetoFront:
 
 @cache
 def load_front() -> ParetoFront:
-    """The table as it is kept beside this file."""
+    """The table stored beside this file."""
     return parse_front(FRONT_FILE.read_text(encoding="utf-8"))
 
 

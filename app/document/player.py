@@ -1,4 +1,4 @@
-"""Playing a scene's animation: the view's own time runs, and where it stops the document goes on from there."""
+"""Plays a scene's animation: the view's own time runs, and when it stops the document takes that time over."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ class PlayerHost(Protocol):
 
 
 class Player:
-    """Plays and stops what `stage` has. Its times are `now` of `advance`, a steady clock in seconds."""
+    """Plays and stops the animation of `stage`. Its times are `now` of `advance`, a steady clock in seconds."""
 
     def __init__(self, stage: PlayerHost) -> None:
         self._host = stage
         self._advanced_at: float | None = None
 
     def play(self) -> None:
-        """Let the animation go on from where it stands, or from its start where it stands at its end."""
+        """Continue the animation from its time, or from its start where it is at its end."""
         stage = self._host
         line = timeline(stage.document, stage.view)
         if line is not None and stage.view.playing is None:
@@ -41,7 +41,7 @@ class Player:
             stage.view = replace(stage.view, playing=0.0 if starts_anew else line.time)
 
     def pause(self) -> None:
-        """Stop it; the document stays at the time that is seen, which is no step of the history."""
+        """Stop it; the document takes the shown time over, which is no step of the history."""
         stage = self._host
         time, stage.view = stage.view.playing, replace(stage.view, playing=None)
         if time is not None and timeline(stage.document, stage.view) is not None:
@@ -50,7 +50,7 @@ class Player:
             stage.playback_stopped(before)
 
     def advance(self, now: float) -> None:
-        """Once a frame: the time that is seen, where it plays."""
+        """Advance the shown time while playing; once a frame."""
         stage = self._host
         before, self._advanced_at = self._advanced_at, now
         if stage.view.playing is None:

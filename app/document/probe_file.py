@@ -1,7 +1,7 @@
-"""What a light probe's header tells before anything is loaded: its size, and by that its likely mapping.
+"""A light probe's header, read before anything is loaded: its size, and by that its likely mapping.
 
-Debevec's angular maps are square, lat-long maps are twice as wide as high; a person who drops a probe on the window
-should not have to know. Where the guess is wrong, they say so (`app.document.commands.light.SetMapping`).
+Debevec's angular maps are square, lat-long maps are twice as wide as high; a user who drops a probe on the window
+should not have to know. Where the guess is wrong, they can set it (`app.document.commands.light.SetMapping`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ HEADER_BYTES = 8192
 
 
 def probe_size(file: Path) -> tuple[int, int] | None:
-    """(width, height) of an OpenEXR or Radiance HDR image, by its header alone; None where that cannot be told."""
+    """(width, height) of an OpenEXR or Radiance HDR image, by its header alone; None where that cannot be read."""
     if not os.path.isfile(file):
         return None
     try:

@@ -1,7 +1,7 @@
-"""What requests carry of a document, whatever mode asks: its light and its layers, in one form.
+"""What requests of all modes contain of a document: its light and its layers, in one form.
 
-It is made quickly, of values that the document has anyway; curves, quotients and what images do on average follow from
-it on either side. It has no pixels and no camera: those are the view's that the worker has open.
+It is made quickly, of values that the document has anyway; curves, quotients and means of images follow from it on
+either side. It has no pixels and no camera: those are of the view that the worker has open.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ Float64Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LayerState:
-    """A layer that reflects: its key, the layer itself, images and all, and how many bands each curve of its transport
-    has, in the order of its model's `factors`; none where nobody wants transport.
+    """A layer that reflects: its key, the layer itself with its images, and how many bands each curve of its transport
+    has, in the order of its model's `factors`; none where no transport is needed.
 
-    visible: whether it takes part in the picture. fixed: nobody means to edit its object, so that its picture under
-    these curves will do. means: those of its images over the surface, None while they are not known.
+    visible: whether it takes part in the picture. fixed: its object is not edited, so that its picture under these
+    curves is enough. means: those of its images over the surface, None while unknown.
     """
 
     key: str
@@ -48,7 +48,7 @@ class LayerState:
 
     @cached_property
     def quotient_parameters(self) -> tuple[float, ...]:
-        """What its quotient's kernel needs, eight numbers."""
+        """The eight numbers that its quotient's kernel needs."""
         return tuple(self.layer.quotient_parameters().tolist())
 
     @property
@@ -68,7 +68,7 @@ class LayerState:
 
     @property
     def mean_factor(self) -> Float64Array:
-        """What its images multiply it by on average, (3,); 1 while that is not known."""
+        """The mean factor of its images, (3,); 1 while unknown."""
         return np.ones(3) if self.means is None else self.means.factor(self.layer.maps)
 
 
@@ -93,7 +93,7 @@ def layer_state(document: Document, key: str, bands: tuple[int, ...] = (), means
 
 
 def scene_state(document: Document, layer: Callable[[Document, str], LayerState] = layer_state) -> SceneState:
-    """What the worker is told of a document. layer: what it is told of one of the layers, by key."""
+    """What the worker gets of a document. layer: what it gets of one of the layers, by key."""
     emission = {state.name: state.emission for state in document.objects if state.emission is not None}
     layers = tuple(layer(document, key) for key, _ in document.layers())
     return SceneState(replace(document.light, intensity=1.0), layers, tuple(emission.items()))

@@ -11,8 +11,8 @@ Operators = tuple[CurveEdit, ...]
 
 
 def selection_of(document: Document, path: str | Selection) -> Selection:
-    """Of an object its topmost layer, of a layer its first curve, a lamp as it is. InsituError where there is no
-    such thing."""
+    """The selection of a path: of an object its topmost layer, of a layer its first curve, of a lamp the lamp.
+    InsituError where the path names nothing."""
     if isinstance(path, Selection) and document.object(path.object).is_lamp:
         return Selection(path.object, 0)
     target = resolve(document, path.path if isinstance(path, Selection) else path)
@@ -31,7 +31,7 @@ def selection_of(document: Document, path: str | Selection) -> Selection:
 
 
 def layer_shown(document: Document, selected: Selection | None) -> Selection | None:
-    """The selection, where it is of a layer: a lamp is seen by its emission."""
+    """The selection, where it is of a layer: a lamp only emits."""
     return None if selected is None or document.object(selected.object).is_lamp else selected
 
 
@@ -43,7 +43,7 @@ def initial_selection(document: Document) -> str | None:
 
 
 def selection_after_edit(document: Document, selected: Selection) -> str | Selection:
-    """What is selected in the place of a layer or a curve that an edit took away; else what was."""
+    """The selection that replaces a layer or a curve that an edit removed; else the present one."""
     state = document.object(selected.object)
     layers = state.layers
     if state.is_lamp:
@@ -55,9 +55,9 @@ def selection_after_edit(document: Document, selected: Selection) -> str | Selec
 
 
 def operator_after_edit(before: Document, after: Document, selected: Selection | None, index: int | None) -> int | None:
-    """Where the selected operator of the selected curve stands after an edit, an undo or a redo; None where it is gone.
+    """The index of the selected operator of the selected curve after an edit, an undo or a redo; None where it is gone.
 
-    Where none is selected, one that came (deleted before, or taken back) is.
+    Where none is selected, a new one (a restored one, for example) is.
     """
     old, new = _operators(before, selected), _operators(after, selected)
     if old == new:
@@ -74,7 +74,8 @@ def operator_after_edit(before: Document, after: Document, selected: Selection |
 
 
 def _follow_index(old: Operators, new: Operators, same: int, tail: int, index: int) -> int | None:
-    """Of lists that agree in their first `same` and last `tail` places; what lies between was moved or changed."""
+    """The new index, of lists that agree in their first `same` and last `tail` places; the rest was moved or
+    changed."""
     if index < same:
         return index
     if index >= len(old) - tail:

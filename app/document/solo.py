@@ -1,6 +1,6 @@
-"""Seeing one layer of an object by itself: a way to look, neither an edit nor part of a session.
+"""Showing one layer of an object by itself: a way to view it, neither an edit nor part of a session.
 
-Other objects stay as they are, and so does all indirect light: what the hidden layers throw on others is still there.
+Other objects stay as they are, and so does all indirect light, including what the hidden layers reflect onto others.
 """
 
 from __future__ import annotations
@@ -10,17 +10,17 @@ from app.document.view_state import SetView, ViewState
 
 
 def toggle_solo(view: ViewState, key: str) -> SetView:
-    """See this layer alone, or all of its object again where it was alone."""
+    """Show this layer alone, or all of its object again where it was alone."""
     return SetView.of(solo=None if view.solo == key else key)
 
 
 def solo_layer(document: Document, view: ViewState) -> str | None:
-    """The layer that is seen alone; None where there is none, or no such layer any more."""
+    """The layer that is shown alone; None where there is none, or no such layer any more."""
     return view.solo if any(key == view.solo for key, _ in document.layers()) else None
 
 
 def is_layer_visible(document: Document, view: ViewState, key: str) -> bool:
-    """Whether the picture shows a layer. A hidden layer that is seen alone is shown, its Fresnel term with it."""
+    """Whether the picture shows a layer. A hidden layer that is shown alone is visible, its Fresnel term with it."""
     solo = None if view.solo is None else solo_layer(document, view)
     if solo is None:
         return document.is_visible(key)

@@ -1,7 +1,7 @@
-"""What a person can name to be opened: by its ending, before anything of it is read.
+"""What the user can name to be opened: recognized by its suffix, before it is read.
 
-A scene is a built-in one's name, a scene file, or a mesh, which stands on a floor of its own
-(`engine.scene.mesh_scene`). A session names a scene. Light alone opens the built-in scene under it.
+A scene is a built-in one's name, a scene file, or a mesh, which gets a floor of its own (`engine.scene.mesh_scene`). A
+session names a scene. An environment alone opens the built-in scene lit by it.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ EXPECTED = (
 
 @dataclass(frozen=True)
 class Source:
-    """What is to be opened: a scene by name or full path, under a light of its own or under that of a file; or the
-    session of that path, which says what scene it belongs to."""
+    """What is to be opened: a scene by name or absolute path, under its own light or that of a file; or the session of
+    that path, which names its scene."""
 
     scene: str = DEFAULT_SCENE
     light: Path | None = None
@@ -38,8 +38,8 @@ class Source:
 
 
 def source_of(name: str) -> Source:
-    """What a person means by a name or path; whether it is there, reading it will tell. Raises InsituError: what it is,
-    and what to do."""
+    """The source of a name or path; whether it exists, its reader will tell. Raises InsituError that says what it is
+    instead, and what to do."""
     path, ending = Path(name), Path(name).suffix.lower()
     if name in builtin_scenes():
         return Source(name)
@@ -55,7 +55,7 @@ def source_of(name: str) -> Source:
 
 
 def find_source(name: str | None) -> str:
-    """The name of a built-in scene, or of a file that is there and can be opened. Raises InsituError."""
+    """The name of a built-in scene, or of an existing file that can be opened. Raises InsituError."""
     name = name or DEFAULT_SCENE
     if name not in builtin_scenes() and not exists(name):
         there = ", ".join(builtin_scenes())
@@ -65,7 +65,7 @@ def find_source(name: str | None) -> str:
 
 
 def _describe_ending(ending: str) -> str:
-    """What a file that cannot be opened is, and what to do with it."""
+    """What a file is that cannot be opened, and what to do with it."""
     if ending in MEASURED_ENDINGS:
         return "a measured BRDF, a material of its own; open a scene and import it onto an object there (File menu)"
     if ending in PICTURE_ENDINGS:

@@ -1,7 +1,7 @@
-"""The animations of a scene's files on one line of time, and where on it the document stands, or a person sees it play.
+"""The animations of a scene's files on one timeline, and the document's time on it, or that of the playing view.
 
 A time is a part of the document, so that undo, sessions and scripts have it. While it plays the view has one of its own
-instead: playing is no edit, and where it stops the document goes on from there without a step of the history.
+instead: playing is no edit, and when it stops the document takes the time over without a step of the history.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from engine.realtime.zonal_harmonics.pose import Poses
 
 @dataclass(frozen=True)
 class Timeline:
-    """The animation that is seen, its length and where it stands, seconds; None: as the file has it. clips: the names
-    of all there are."""
+    """The animation that is shown, its length and its time, seconds; None: as the file has it. clips: the names of all
+    animations."""
 
     clip: str
     duration: float
@@ -26,7 +26,7 @@ class Timeline:
 
 
 def timeline(document: Document, view: ViewState) -> Timeline | None:
-    """None where nothing is animated."""
+    """The timeline; None where nothing is animated."""
     animated = [state for state in document.objects if state.animations]
     if not animated:
         return None
@@ -45,12 +45,12 @@ def _clip_of(state: ObjectState) -> str:
 
 
 def visible_poses(document: Document, view: ViewState) -> Poses:
-    """The poses that are seen: the document's, or those that it plays through."""
+    """The poses that are shown: the document's, or those of the playing animation."""
     return document.poses if view.playing is None else SetTime(view.playing).apply(document).poses
 
 
 def advance_playback(line: Timeline, seconds: float, loops: bool) -> tuple[float, bool]:
-    """The time so many seconds later, and whether it goes on from there."""
+    """The time so many seconds later, and whether it continues from there."""
     time = (line.time or 0.0) + seconds
     if time < line.duration:
         return time, True

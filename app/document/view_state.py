@@ -1,6 +1,6 @@
-"""How a person looks at the document: selection, exposure, comparison, curve zoom. Not undone, saved with a session.
+"""The state of the view: selection, exposure, comparison, curve zoom. Not undone, saved with a session.
 
-A frozen value like the document, changed by commands alone, so panels stay functions of what they are given.
+A frozen value like the document, changed only by commands, so panels stay functions of their arguments.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ DEFAULT_PANELS = MappingProxyType(
 
 
 class Viewpoint(NamedTuple):
-    """From where a scene is seen, and its picture's (width, height) in pixels; None: as the scene's file has them."""
+    """The camera of a view, and its picture's (width, height) in pixels; None: as the scene's file has them."""
 
     camera: Camera | None = None
     resolution: tuple[int, int] | None = None
@@ -49,7 +49,7 @@ class Viewpoint(NamedTuple):
 
 @dataclass(frozen=True)
 class SetViewpoint:
-    """A command of the view's own history: see the scene from there."""
+    """A command of the view's own history: move the camera, set the resolution."""
 
     viewpoint: Viewpoint
     label: str
@@ -60,7 +60,7 @@ class SetViewpoint:
 
 @dataclass(frozen=True)
 class Bookmark:
-    """A view that is kept by a name, with a small picture of it as a JPEG file, empty while there is none."""
+    """A view stored under a name, with a thumbnail of it as a JPEG file, empty while there is none."""
 
     name: str
     viewpoint: Viewpoint
@@ -71,28 +71,26 @@ class Bookmark:
 class ViewState:
     """Selection and display. Angles in radians, exposure in stops, frame budget in milliseconds.
 
-    ``mode`` is the name of the mode that makes the picture.
-    ``n_lights`` cut the environment in the finished picture, ``n_patches`` what shines in the scene; ``n_bounces`` are
-    the reflections between light and eye (``AS_PLANNED`` until the worker has found how many the scene requires),
-    the second of at most ``second_bands`` bands a curve (1: by albedo; None: as many as it has), ``precision`` is that
-    of transport on the GPU; ``n_hemisphere_rays``, of `engine.plan_lines.HEMISPHERE_RAYS`, leave each gather point of
-    indirect light (0: as many as are needed); ``n_edge_rays`` of `engine.planner.EDGE_RAYS` go through a pixel at an
-    edge (None: as many as the scene requires). Orbit has ``n_points`` beside the meshes' own, and keeps
-    ``n_coefficients`` of light at each; Deform sends ``n_rays`` from each and keeps ``n_lobes``.
-    ``compare`` is the document that A/B shows left of ``compare_divider`` (0 the left edge, 1 the right).
-    Unless it is shown to ``fit``, the picture has ``zoom`` screen pixels for each of its own, and the point at the
-    shares ``centre`` (across, down) of it stands in the panel's middle.
-    ``camera`` and ``resolution``, (width, height) of the picture, stand in for the scene's own, None for those;
-    ``bookmarks`` are views that are kept by name. While an animation is ``playing`` that is the time which is seen,
-    seconds; where it ends it begins anew if it ``loops``. ``split``: where Deform's picture gives way, from left to
-    right, from what paths show to transfer that does not turn, and to its own (0 the left edge, 1 the right);
-    ``fit_error``: whether in its place is seen how far its lobes are off. ``shows_error``: whether over the picture is
-    seen where it is off.
+    ``mode`` is the name of the mode that makes the picture. ``n_lights`` is the number of lights that the environment
+    is divided into in the finished picture, ``n_patches`` that of the emitters' patches; ``n_bounces`` are the
+    reflections between light and camera (``AS_PLANNED`` until the worker has found how many the scene requires), the
+    second of at most ``second_bands`` bands a curve (1: by albedo; None: as many as it has), ``precision`` is that of
+    transport on the GPU; ``n_hemisphere_rays``, of `engine.plan_lines.HEMISPHERE_RAYS`, are traced from each gather
+    point of indirect light (0: as many as are needed); ``n_edge_rays`` of `engine.planner.EDGE_RAYS` are traced through
+    a pixel at an edge (None: as many as the scene requires). Orbit has ``n_points`` besides the meshes' own, and stores
+    ``n_coefficients`` of light at each; Deform traces ``n_rays`` from each and fits ``n_lobes``. ``compare`` is the
+    document that A/B shows left of ``compare_divider`` (0 the left edge, 1 the right). Unless it is shown to ``fit``,
+    the picture has ``zoom`` screen pixels for each of its own, and its point ``centre`` (fractions across, down) is in
+    the panel's middle. ``camera`` and ``resolution``, (width, height) of the picture, replace the scene's own, None for
+    those; ``bookmarks`` are views stored by name. While an animation is ``playing`` that is the time which is shown,
+    seconds; at its end it starts again if it ``loops``. ``split``: the borders in Deform's picture, from left to right,
+    between what paths show, transfer that does not rotate, and its own (0 the left edge, 1 the right); ``fit_error``:
+    whether the error of its lobes is shown instead. ``shows_error``: whether the error map is shown over the picture.
     ``regions`` are a ≤ b ≤ c ≤ d of the operator being shown or about to be made; ``operator`` is its index in the
     selected curve's list, None for one about to be made. ``curve_zoom`` is (γ low, γ high, y low, y high); None fits.
     The BRDF panel shows ``brdf_plot`` of the selected layer, or with ``brdf_whole`` of all layers of its object, in the
-    plane along the tangent or ``brdf_across`` it; its lobe answers light from ``lobe_angle``. ``solo`` is the key of a
-    layer that is seen without the others of its object. ``lobe_pixel`` (column, row) is where the picture carries the
+    plane along the tangent or ``brdf_across`` it; its lobe reflects light from ``lobe_angle``. ``solo`` is the key of a
+    layer that is shown without the others of its object. ``lobe_pixel`` (column, row) is where the picture shows the
     selected layer's lobe.
     """
 
@@ -153,7 +151,7 @@ class ViewState:
         return replace(self, panels=MappingProxyType({**self.panels, name: is_open}))
 
     def for_scene(self, description: SceneDescription) -> ViewState:
-        """A scene that was just opened, looked at in the same way: nothing in it is chosen yet."""
+        """The view of a scene that was just opened, with the same display settings: nothing in it is selected yet."""
         return replace(
             self, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None, solo=None,
             lobe_pixel=None, camera=None, resolution=None, bookmarks=(), playing=None,
@@ -161,7 +159,7 @@ class ViewState:
         )  # fmt: skip
 
     def from_viewpoint(self, look: Viewpoint) -> ViewState:
-        """From another camera or in other pixels: nothing is chosen in the picture yet."""
+        """The view from another camera or in another resolution: nothing is selected in the picture yet."""
         return replace(self, hovered=None, compare=None, lobe_pixel=None, **look._asdict())
 
     @property

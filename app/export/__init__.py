@@ -1,1 +1,1 @@
-"""Scenes for other programs: a folder that Mitsuba 3 renders the final frame from."""
+"""Scenes exported for other programs: a folder that Mitsuba 3 renders the final frame from."""

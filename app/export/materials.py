@@ -21,8 +21,9 @@ from engine.render.tabulate import is_anisotropic
 
 Float64Array = NDArray[np.float64]
 
-# Places of a table: phi_h (one where nothing changes when the surface turns), theta_h, theta_d, phi_d. Between them it
-# is 0.2 % and 1 % off (relative RMS of rho cos theta_i, over all directions); theta_d matters most, at grazing angles.
+# The grid of a table: phi_h (one where nothing changes when the surface is rotated), theta_h, theta_d, phi_d. The
+# interpolation error is 0.2 % and 1 % (relative RMS of rho cos theta_i, over all directions); theta_d matters most, at
+# grazing angles.
 ROUND_SHAPE, TURNED_SHAPE = (1, 160, 90, 64), (36, 40, 72, 32)
 LEAST_COSINE = 1e-3
 LEAST_ALPHA = 0.01
@@ -39,7 +40,7 @@ def write_material(
     shape: Element, layers: Sequence[Layer], folder: Path, stem: str, axes: Float64Array, factors: Float64Array
 ) -> WrittenMaterial:
     """Add the material of these visible layers to a shape. axes (2, 3): the object's own Y and X in the world; factors
-    (K, 3): the means of each layer's texture and weight map, which stand for them there."""
+    (K, 3): the means of each layer's texture and weight map, which replace them there."""
     lambert, metal = _exact(layers)
     if not layers:
         add_numbers(add(shape, "bsdf", type="diffuse"), "rgb", "reflectance", (0.0, 0.0, 0.0))
@@ -56,7 +57,8 @@ def write_material(
 
 
 def _exact(layers: Sequence[Layer]) -> tuple[Layer | None, Layer | None]:
-    """The Lambert and the rough metal that are all of a material Mitsuba has as it is; neither where it has not."""
+    """The Lambert and the rough metal that together are a material that Mitsuba has exactly; neither where it does
+    not."""
     models = [layer.model.name for layer in layers]
     alone = not any(layer.edits or layer.fresnel is not None or not layer.maps.is_plain for layer in layers)
     if not alone or sorted(models) not in (["lambert"], ["rough_conductor"], ["lambert", "rough_conductor"]):
@@ -71,7 +73,7 @@ def _exact(layers: Sequence[Layer]) -> tuple[Layer | None, Layer | None]:
 
 
 def _share(lambert: Layer, metal: Layer) -> float | None:
-    """w, so that neither albedo / (1 - w) nor scale / w exceeds 1, as Mitsuba asks; None where there is none."""
+    """w, so that neither albedo / (1 - w) nor scale / w exceeds 1, as Mitsuba requires; None where there is none."""
     albedo, scale = channels(lambert.values, "albedo").max(), channels(metal.values, "scale").max()
     if albedo + scale > 1.0 or scale <= 0.0:
         return None
@@ -105,8 +107,8 @@ def tabulated(layers: Sequence[Layer], factors: Float64Array | None = None) -> t
     """rho (phi_h, theta_h, theta_d, phi_d, 3) in 1/sr at the places of `grid`, and the GGX width that its highlight is
     best sampled with; factors (K, 3): what multiplies each layer.
 
-    Half vectors: theta_h = (i/(n-1))^2 90 degrees, phi_h = 360 l/n (one for all where nothing depends on it);
-    theta_d = 90 j/(n-1), phi_d = 360 k/n. Below the horizon stands what there is just above it, so that tables are
+    Half vectors: theta_h = (i/(n-1))^2 90 degrees, phi_h = 360 l/n (one for all where nothing depends on it); theta_d =
+    90 j/(n-1), phi_d = 360 k/n. Below the horizon the table repeats the values just above it, so that it can be
     interpolated up to there.
     """
     shape = TURNED_SHAPE if any(map(is_anisotropic, layers)) else ROUND_SHAPE

@@ -13,7 +13,7 @@ def ply_bytes(scene: Scene, index: int) -> bytes:
     first, last = scene.triangle_ranges[index]
     triangles: NDArray[np.integer] = scene.triangles[first:last]
     names = ["x", "y", "z", "nx", "ny", "nz"]
-    if scene.has_uvs[index] and scene.uvs is not None:  # corners of their own: coordinates differ between triangles
+    if scene.has_uvs[index] and scene.uvs is not None:  # vertices of their own: coordinates differ between triangles
         corners, triangles = triangles.ravel(), np.arange(triangles.size).reshape(-1, 3)
         columns = [scene.uvs[first:last].reshape(-1, 2)]
         names += ["u", "v"]

@@ -1,14 +1,14 @@
 """A scene as a folder for Mitsuba 3: scene.xml, meshes, the sky, materials, and render.py that renders it.
 
-    OUT/scene.xml       camera, lights, objects; what Mitsuba has no counterpart for is of the type "insitu"
-    OUT/render.py       `python render.py` renders scene.xml to render.exr; it brings that type along
+    OUT/scene.xml       camera, lights, objects; materials that Mitsuba has no counterpart for are of the type "insitu"
+    OUT/render.py       `python render.py` renders scene.xml to render.exr; it defines that type
     OUT/meshes/*.ply    in world coordinates, those of a far scene and its camera less the scene's centre
     OUT/materials/*.npz tables of the materials of that type
     OUT/sky.exr         lat-long
 
 The standard models are used where they are exact: `diffuse`, `roughconductor`, and the two of them together. Everything
-else, curves that were drawn above all, becomes a table over half and difference angles. Mitsuba's own `measured` was
-rejected for it: it is there for spectral rendering alone, while all our pictures are in linear Rec. 709.
+else, above all edited curves, becomes a table over half and difference angles. Mitsuba's own `measured` was rejected
+for it: it exists for spectral rendering only, while Insitu's pictures are in linear Rec. 709.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ Steps = Generator[tuple[float, str], None, list[str]]
 
 
 def export_steps(project: Project, folder: Path, n_bounces: int) -> Steps:
-    """Write the folder, whole or not at all; yields the share done and the object that is next, returns notes on what
-    is not the same there, a line each. Raises InsituError."""
+    """Write the folder, whole or not at all; yields the fraction done and the next object, returns notes on what is not
+    the same there, a line each. Raises InsituError."""
     require_folder(folder, written_names(project.object_names))
     with replacing_folder(folder) as unfinished:
         for part in ("meshes", "materials"):
@@ -48,7 +48,7 @@ def export_steps(project: Project, folder: Path, n_bounces: int) -> Steps:
 
 
 def export_scene(project: Project, folder: Path, n_bounces: int, report: Report) -> list[str]:
-    """All of `export_steps`, told to `report`; the notes."""
+    """All of `export_steps`, reported to `report`; returns the notes."""
     return run_to_end(export_steps(project, folder, n_bounces), lambda step: report(*step))
 
 
@@ -100,7 +100,7 @@ def _add_sky(root: ElementTree.Element, project: Project, folder: Path) -> list[
     write_atomically(folder / "sky.exr", exr_bytes(radiance))
     emitter = add(root, "emitter", type="envmap")
     add(emitter, "string", name="filename", value="sky.exr")
-    # Mitsuba's image is seen from the other side of the seam: its left edge looks along -Z, where ours has its middle.
+    # Mitsuba's image begins at the opposite side: its left edge is at -Z, which is the middle of Insitu's.
     add(add(emitter, "transform", name="to_world"), "rotate", y="1", angle=f"{sky.rotation + 180.0:.9g}")
     return list(sky.environment.notes)
 

@@ -1,4 +1,4 @@
-"""What the files of an exported scene are called, known before one of them is written."""
+"""The names of an exported scene's files, known before one of them is written."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 
 def written_names(objects: Sequence[str]) -> Iterator[str]:
-    """The files that may be written of a scene with objects of these names, by their place in its folder."""
+    """The files that may be written of a scene with objects of these names, by their path in its folder."""
     yield from ("scene.xml", "render.py", "sky.exr")
     for index, name in enumerate(objects):
         stem = stem_of(index, name)
@@ -15,5 +15,5 @@ def written_names(objects: Sequence[str]) -> Iterator[str]:
 
 
 def stem_of(index: int, name: str) -> str:
-    """What the files of an object are called, without their endings."""
+    """The name of an object's files, without their suffixes."""
     return f"{index:02d}_{re.sub(r'[^A-Za-z0-9]+', '_', name)}"

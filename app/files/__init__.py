@@ -1,1 +1,1 @@
-"""What a person keeps: sessions and their journal, materials and the library of them, bookmarks, preferences."""
+"""The user's files: sessions and their journal, materials and the library of them, bookmarks, preferences."""

@@ -1,7 +1,7 @@
-"""Views that a person keeps by name: part of how a scene is looked at, saved with a session.
+"""Bookmarks: views stored by name, a part of the view's state, saved with a session.
 
 Lists of them are values: each function returns another one. A thumbnail is a small JPEG, empty until there is a picture
-of the view; it is no part of what a person would miss.
+of the view; it does not count as unsaved.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ Bookmarks = tuple[Bookmark, ...]
 
 
 def is_name(name: str) -> bool:
-    """Whether a view can be called so."""
+    """Whether a view can have this name."""
     return 0 < len(name) <= MAX_NAME and name.isprintable() and name == name.strip()
 
 
 def find_bookmark(bookmarks: Bookmarks, name: str) -> Bookmark:
-    """The view of that name; InsituError lists those there are."""
+    """The view of that name; InsituError lists the existing ones."""
     found = next((each for each in bookmarks if each.name == name), None)
     if found is None:
         there = ", ".join(each.name for each in bookmarks) or "none yet"
@@ -35,7 +35,7 @@ def find_bookmark(bookmarks: Bookmarks, name: str) -> Bookmark:
 
 
 def add_bookmark(bookmarks: Bookmarks, look: Viewpoint, name: str | None = None) -> Bookmarks:
-    """With a view under a name, in the place of the one that has it; None: under a name of its own, at the end."""
+    """The list with a view under a name, replacing the one that has it; None: under a name of its own, at the end."""
     new = Bookmark(_free_name(bookmarks) if name is None else name, look)
     if not is_name(new.name):
         raise InsituError(f"view {name!r}: expected a name of 1 to {MAX_NAME} characters")
@@ -47,12 +47,12 @@ def add_bookmark(bookmarks: Bookmarks, look: Viewpoint, name: str | None = None)
 
 
 def remove_bookmark(bookmarks: Bookmarks, name: str) -> Bookmarks:
-    """Without the view of that name."""
+    """The list without the view of that name."""
     return tuple(each for each in bookmarks if each.name != name)
 
 
 def rename_bookmark(bookmarks: Bookmarks, old: str, new: str) -> Bookmarks:
-    """With another name for a view; InsituError where it is none, or another view's."""
+    """The list with a view renamed; InsituError where the name is invalid, or another view's."""
     if not is_name(new):
         raise InsituError(f"view {new!r}: expected a name of 1 to {MAX_NAME} characters")
     if new != old and any(each.name == new for each in bookmarks):
@@ -61,22 +61,22 @@ def rename_bookmark(bookmarks: Bookmarks, old: str, new: str) -> Bookmarks:
 
 
 def with_thumbnail(bookmarks: Bookmarks, name: str, thumbnail: bytes) -> Bookmarks:
-    """With a picture of a view."""
+    """The list with a thumbnail for a view."""
     return tuple(replace(each, thumbnail=thumbnail) if each.name == name else each for each in bookmarks)
 
 
 def without_thumbnails(bookmarks: Bookmarks) -> tuple[tuple[str, Viewpoint], ...]:
-    """What a person would miss."""
+    """What counts as unsaved."""
     return tuple((each.name, each.viewpoint) for each in bookmarks)
 
 
 def check_thumbnail(data: bytes) -> None:
-    """Raises ValueError where it is not a picture as we make them."""
+    """Raise ValueError where it is not a JPEG file of a thumbnail."""
     from PIL.JpegImagePlugin import JpegImageFile
 
     width, height = THUMBNAIL_SIZE
     try:
-        with JpegImageFile(io.BytesIO(data)) as picture:  # whatever size it claims, it is not decoded beyond ours
+        with JpegImageFile(io.BytesIO(data)) as picture:  # not decoded beyond the expected size
             is_small = picture.width <= width and picture.height <= height
             if is_small:
                 picture.load()

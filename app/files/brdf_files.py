@@ -1,4 +1,4 @@
-"""What `insitu import-brdf` and `insitu export-brdf` do: measured files to materials, materials to MERL files."""
+"""`insitu import-brdf` and `insitu export-brdf`: measured files to materials, materials to MERL files."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ def import_file(
     measurement = run_to_end(read_measurement(resolved(file), store), lambda step: report(*step))
     layers = with_measurements(measured_layers(file, cloth), {str(resolved(file)): measurement})
     smooth = tuple(layer.with_parameter("smoothing", smoothing) for layer in layers)
-    name = file.stem[:64].encode(errors="replace").decode()  # of a name that is no text "?" for what is not
+    name = file.stem[:64].encode(errors="replace").decode()  # "?" for invalid characters
     text = dump_material(Material(name, smooth, "Measured"), resolved(output).parent)
     save_file(output, text.encode())
     return measurement
 
 
 def import_lines(measurement: Measurement, cloth: bool) -> list[str]:
-    """What a person is told of an import."""
+    """The report on an import."""
     report = measurement.report
     assert report is not None
     parts = {"diffuse": measurement.diffuse, "highlight": measurement.specular}
@@ -57,7 +57,7 @@ def import_lines(measurement: Measurement, cloth: bool) -> list[str]:
 
 
 def export_steps(layers: Sequence[Layer], output: Path) -> Iterator[float]:
-    """Write what layers reflect as a MERL file; yields the share done. Raises InsituError."""
+    """Write the reflection of layers as a MERL file; yields the fraction done. Raises InsituError."""
     check_merl_name(output)
     require_place(output)
     for step in tabulate_layers(layers):
@@ -68,6 +68,6 @@ def export_steps(layers: Sequence[Layer], output: Path) -> Iterator[float]:
 
 
 def check_merl_name(path: Path) -> None:
-    """Raises InsituError for a name that no reader of such files would take."""
+    """Raise InsituError for a name that no reader of such files would accept."""
     if path.suffix.lower() != SUFFIX:
         raise InsituError(f"{path}: the name of a MERL file ends in {SUFFIX}")

@@ -1,9 +1,9 @@
 """The autosave journal: unsaved edits, on disk within a second, found again after any end of the program.
 
-Nothing here depends on the program ending well: a lost X server ends it inside Xlib, where no exit handler runs. Each
-editor has a journal file of its own, replaced as a whole (`app.system.atomic`) by a thread of its own, so that a slow
-disk never stops a frame. A lock held on a file beside it says that its editor lives; the kernel drops the lock with the
-process, so a journal that can be locked is one to recover. Rejected: process numbers, which are used again.
+Nothing here depends on the program ending normally: a lost X server ends it inside Xlib, where no exit handler runs.
+Each editor has a journal file of its own, replaced as a whole (`app.system.atomic`) by a thread of its own, so that a
+slow disk never stops a frame. A lock on a file beside it shows that its editor runs; the kernel releases the lock with
+the process, so a journal that can be locked is one to recover. Rejected: process numbers, which are used again.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Recovery:
     session_path: Path | None = None
 
     def load(self) -> Session:
-        """The session as it was; LoadError when the journal has gone meanwhile."""
+        """The session in it; LoadError when the journal has gone meanwhile."""
         return load_session(self.path)
 
     def discard(self) -> None:
@@ -60,7 +60,7 @@ class Recovery:
 
 @dataclass(frozen=True)
 class _Entry:
-    """What is to be on disk: a document with unsaved edits, or (None) no journal at all."""
+    """The desired content of the disk: a document with unsaved edits, or (None) no journal at all."""
 
     document: Document | None
     view: ViewState
@@ -88,8 +88,8 @@ class Journal:
     def note(
         self, now: float, document: Document, view: ViewState, unsaved: bool, session: KnownFile = NEVER_SAVED
     ) -> None:
-        """Once a frame: have the document written when it, or a kept view, has changed, twice a second at most. Returns
-        at once."""
+        """Request that the document is written when it, or a bookmark, has changed, twice a second at most; once a
+        frame. Returns at once."""
         wanted = (document, view.bookmarks) if unsaved else None
         since = now - self._queued_at
         again = _is_same(wanted, self._queued) and not (self.problem and since >= RETRY_SECONDS)
@@ -109,12 +109,12 @@ class Journal:
             Recovery(self.path, "", 0.0).discard()
 
     def _write_all(self) -> None:
-        """The thread: look for journals that are damaged, then write the newest entry each time there is one."""
+        """The thread: find damaged journals, then write the newest entry each time there is one."""
         try:
             self._take_lock()
         except OSError as error:
             self._failed(error)
-        with contextlib.suppress(Exception):  # whatever is wrong with others, this journal is to be written
+        with contextlib.suppress(Exception):  # whatever is wrong with others, this journal has to be written
             self.warning = set_damaged_aside(self.path.parent)
         while (entry := self._newest()) is not None:
             try:
@@ -122,14 +122,15 @@ class Journal:
                 self.written, self.problem = entry.document, ""
             except OSError as error:
                 self._failed(error)
-            except Exception as error:  # the thread goes on: the next document may be one that can be kept
+            except Exception as error:  # the thread continues: the next document may be one that can be written
                 self.problem = plain_line(f"autosave failed: {error}; the last good one stays")
 
     def _failed(self, error: OSError) -> None:
         self.problem = f"autosave failed: {self.path.parent}: {error.strerror or error}"
 
     def _take_lock(self) -> None:
-        """Without it another editor would take the journal for one that was left behind. Raises OSError."""
+        """Lock the journal: without it another editor would take the journal for one that was left behind. Raises
+        OSError."""
         if self._lock is None:
             make_private_folder(self.path.parent)
             lock = _lock_on(self.path)
@@ -160,12 +161,12 @@ class Journal:
 
 
 def _is_same(one: tuple[object, ...] | None, other: tuple[object, ...] | None) -> bool:
-    """Whether they hold the same values, not only equal ones: comparing whole documents would take too long."""
+    """Whether they hold the identical values, not only equal ones: comparing whole documents would take too long."""
     return all(map(operator.is_, one or (), other or ())) and (one is None) == (other is None)
 
 
 def recoverable_sessions(folder: Path | None = None) -> list[Recovery]:
-    """The journals of editors that no longer live, newest first; those that cannot be read are left out."""
+    """The journals of editors that no longer run, newest first, without unreadable ones."""
     folder = journal_directory() if folder is None else folder
     _sweep_locks(folder)
     found = [recovery for path in folder.glob(f"*{SUFFIX}") if (recovery := _recovery(path)) is not None]
@@ -173,9 +174,9 @@ def recoverable_sessions(folder: Path | None = None) -> list[Recovery]:
 
 
 def set_damaged_aside(folder: Path) -> str:
-    """Rename the journals of editors that no longer live which nobody can read: they are kept, and not met again.
+    """Rename unreadable journals of editors that no longer run: they are preserved, and not found again.
 
-    One line about the first of them, "" where there is none. Those of a newer version stay for that.
+    Returns one line about the first of them, "" where there is none. Those of a newer version stay for that.
     """
     lines = []
     for path in sorted(folder.glob(f"*{SUFFIX}")):
@@ -191,7 +192,7 @@ def set_damaged_aside(folder: Path) -> str:
 
 
 def _aside(path: Path) -> Path:
-    """Give a journal a name that is no journal's, if that can be."""
+    """Give a journal a name that is no journal's, if possible."""
     with contextlib.suppress(OSError):
         return path.rename(path.with_suffix(DAMAGED))
     return path
@@ -206,13 +207,13 @@ def _recovery(path: Path) -> Recovery | None:
         return None
     journal = session.journal or JournalRecord(written_at=path.stat().st_mtime)
     saved_as = None
-    with contextlib.suppress(InsituError):  # a link in a circle by now: the edits are what counts
+    with contextlib.suppress(InsituError):  # a circular link by now: the edits are what counts
         saved_as = None if journal.session_path is None else Path(full_path(journal.session_path))
     return Recovery(path, session.document.source, journal.written_at, saved_as)
 
 
 def _sweep_locks(folder: Path) -> None:
-    """Delete what editors that ended early, with nothing unsaved, left behind."""
+    """Delete the locks of editors that ended early with nothing unsaved."""
     for lock in folder.glob("*.lock"):
         with contextlib.suppress(OSError):
             is_old = time.time() - lock.stat().st_mtime > STALE_LOCK_SECONDS
@@ -225,14 +226,14 @@ def _lock_path(path: Path) -> Path:
 
 
 def _lock_on(path: Path) -> FileLock:
-    """The lock of a journal, which the system lifts when the process that took it ends; not taken yet."""
-    from filelock import FileLock  # late: it takes longer than all else that a start does here
+    """The lock of a journal, which the system releases when its process ends; not taken yet."""
+    from filelock import FileLock  # late: its import takes longer than all else here at a start
 
     return FileLock(_lock_path(path), mode=PRIVATE_FILE, thread_local=False)
 
 
 def _owner_lives(journal: Path) -> bool:
-    """Whether somebody holds the lock of a journal."""
+    """Whether a process has the lock of a journal."""
     if not _lock_path(journal).exists():
         return False
     from filelock import Timeout

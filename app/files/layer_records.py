@@ -62,7 +62,7 @@ class OperatorRecord(StrictModel):
         return self
 
     def edit(self) -> CurveEdit:
-        """The operator itself."""
+        """The operator."""
         if self.kind == "curve":
             return TabulatedCurve(self.gammas, self.values, self.muted)
         if self.axis is None or self.regions is None or self.magnitude is None:
@@ -91,7 +91,7 @@ class LayerRecord(StrictModel):
 
 
 def layers_of(file: str, name: str, records: Sequence[LayerRecord]) -> Layers:
-    """The layers of the object or material called `name`, edits and all. Raises LoadError for `file`."""
+    """The layers of the object or material called `name`, with all edits. Raises LoadError for `file`."""
     described = [
         LayerDescription(model=each.model, name=each.name, follows=each.follows, maps=each.maps, parameters=each.values)
         for each in records
@@ -151,12 +151,12 @@ def _named(layer: Layer) -> dict[str, str | None]:
 
 
 def _maps(layer: Layer) -> dict[str, Any]:
-    """What is said of its images; of a Fresnel term nothing: they are those of its layer."""
+    """The records of its images; empty for a Fresnel term, which has those of its layer."""
     return {} if layer.rises else map_values(layer.maps)
 
 
 def _written(layer: Layer, folder: Path | None) -> dict[str, Any]:
-    """The parameters that stand with a layer; a measurement by its file's name."""
+    """The parameters that are written with a layer; a measurement by its file's name."""
     return {name: _plain(value, folder) for name, value in layer.values.items() if _is_written(layer, name)}
 
 
@@ -167,7 +167,8 @@ def _plain(value: Value, folder: Path | None) -> float | str | tuple[float, ...]
 
 
 def _is_written(layer: Layer, parameter: str) -> bool:
-    """Of a layer and its Fresnel term R stands with the term, all else with the layer."""
+    """Whether a parameter is written with this layer: of a layer and its Fresnel term, R is written with the term, all
+    else with the layer."""
     return (parameter == FRESNEL.name) == layer.rises
 
 

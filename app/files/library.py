@@ -1,7 +1,7 @@
-"""The library: materials that come with the program, and a person's own, as files of `app.files.material_file`.
+"""The library: materials that come with the program, and the user's own, as files of `app.files.material_file`.
 
 Files are read one at a time, a few milliseconds each, between frames: the window opens before its library is there. A
-file that is wrong stays in the list with what is wrong with it, so that it can be found and mended.
+faulty file stays in the list with its error, so that it can be found and repaired.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class LibraryEntry:
         return OWN if self.is_own else self.material.category
 
     def matches(self, search: str) -> bool:
-        """Whether every word searched for is in its name, its category or the names of its layers and models."""
+        """Whether every word of the search is in its name, its category or the names of its layers and models."""
         layers = " ".join(f"{layer.name} {layer.model.label}" for layer in self.material.layers)
         text = f"{self.name} {self.category} {layers}".lower()
         return all(word in text for word in search.lower().split())
@@ -47,7 +47,7 @@ class LibraryEntry:
 
 @dataclass
 class Library:
-    """What there is, built-in materials first, then by category and name. `folder`: where a person's own are kept."""
+    """All materials, built-in ones first, then by category and name. `folder`: that of the user's own."""
 
     folder: Path | None = None
     _entries: tuple[LibraryEntry, ...] = ()
@@ -59,7 +59,7 @@ class Library:
         return self._entries
 
     def read_next(self) -> bool:
-        """Read one more file; whether there is another left. The first call lists the folders."""
+        """Read one more file; returns whether there is another left. The first call lists the folders."""
         if self._unread is None:
             self._unread = [*builtin_materials(), *_own_files(self._own_folder())]
         if self._unread:
@@ -82,7 +82,7 @@ class Library:
         return found
 
     def save(self, name: str, layers: Layers) -> LibraryEntry:
-        """Keep a material under a name among a person's own, in the place of one of the same name."""
+        """Store a material under a name among the user's own, replacing one of the same name."""
         name = name.strip()
         if not 0 < len(name) <= MAX_NAME or not name.isprintable():
             raise InsituError(f"{name!r} is no name for a material, expected 1 to {MAX_NAME} characters")
@@ -94,7 +94,7 @@ class Library:
         return entry
 
     def delete(self, path: Path) -> None:
-        """Delete one of a person's own materials."""
+        """Delete one of the user's own materials."""
         entry = next((entry for entry in self._entries if entry.path == path and entry.is_own), None)
         if entry is None:
             raise InsituError(f"{path}: only your own materials can be deleted")
@@ -110,7 +110,7 @@ class Library:
         return self.folder
 
     def _path_for(self, name: str) -> Path:
-        """The file of the own material of this name, or one that is free."""
+        """The file of the user's material of this name, or an unused one."""
         own = next((entry.path for entry in self._entries if entry.is_own and entry.name == name), None)
         if own is not None:
             return own

@@ -1,4 +1,4 @@
-"""Materials on their own: the layers of one object as TOML, for the library, the clipboard, and to hand on.
+"""Materials in files of their own: the layers of one object as TOML, for the library, the clipboard, and to share.
 
     version = 1
     name = "Gold leaf"
@@ -9,9 +9,9 @@
     factor = "theta_h"
     operator = [{ kind = "amplify", axis = "y", regions = [0.1, 0.2, 0.4, 0.6], magnitude = 0.5 }]
 
-`layer` is what a scene file has there, so it can be copied from one to the other by hand; a session's form was rejected
-for being long. `hidden` lists the layers that are not shown. `part` is only in what was copied: "layer" makes it one to
-put on top of others, a curve's name that curve of the first layer.
+`layer` is the same as in a scene file, so that it can be copied from one to the other in a text editor; a session's
+form was rejected for being long. `hidden` lists the layers that are not shown. `part` is only in what was copied:
+"layer" makes it one to add on top of others, a curve's name that curve of the first layer.
 """
 
 from __future__ import annotations
@@ -73,13 +73,13 @@ class MaterialRecord(StrictModel):
 
 
 def load_material(path: Path) -> Material:
-    """Read a material file; LoadError names the place of the first thing wrong."""
+    """Read a material file; LoadError names the place of the first error."""
     material = _material(load_toml(path, MAX_MATERIAL_BYTES), str(path))
     return replace(material, layers=with_full_paths(material.layers, resolved(path).parent))
 
 
 def parse_material(text: str, where: str) -> Material:
-    """The material in a text, called `where` in what LoadError says of it."""
+    """The material in a text, called `where` in the message of LoadError."""
     try:
         tree = parse_toml(text, where)
     except LoadError:

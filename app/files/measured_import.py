@@ -1,6 +1,6 @@
 """Materials that wait for a file: measured BRDFs are read by the worker before their layers are put on an object.
 
-The edit is carried out when the answer comes, as one step of the history; until then the document is as it was.
+The edit is carried out when the response comes, as one step of the history; until then the document does not change.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def import_measured(object_name: str, file: Path, cloth: bool = False) -> SetMat
 
 
 class PendingMeasurement:
-    """At most one edit that waits; a newer one takes its place. ``send`` hands a request over."""
+    """At most one edit that waits; a newer one replaces it. ``send`` sends a request."""
 
     def __init__(self, send: Callable[[Request], int]) -> None:
         self._send = send
@@ -45,8 +45,8 @@ class PendingMeasurement:
         return self._waiting is not None
 
     def defer_command(self, command: object, document: Document) -> bool:
-        """Whether a command has to wait; it is then asked for what it waits for. Raises InsituError where it would not
-        be carried out."""
+        """Whether a command has to wait; if so its files are requested. Raises InsituError where it would not be
+        carried out."""
         if not isinstance(command, SetMaterial | AddLayers):
             return False
         files = unread_files(command.layers)
@@ -56,26 +56,26 @@ class PendingMeasurement:
         return bool(files)
 
     def complete_edit(self, response: MeasurementsRead) -> SetMaterial | AddLayers | None:
-        """The edit that waited for this answer, complete."""
+        """The edit that waited for this response, complete."""
         if self._waiting is None or self._waiting[0] != response.id:
             return None
         (_, command), self._waiting = self._waiting, None
         return replace(command, layers=with_measurements(command.layers, response.found))
 
     def cancel(self, id: int | None = None) -> None:
-        """Give up what waits, or what waits for that request."""
+        """Give up the edit that waits, or only if it waits for that request."""
         if self._waiting is not None and id in (None, self._waiting[0]):
             self._waiting = None
 
 
 def describe_reading(layers: tuple[Layer, ...]) -> str:
-    """What was found in the files of layers just read, in one line."""
+    """One line on the files of layers that were just read."""
     there = dict.fromkeys(found for layer in layers if (found := measurement_in(layer)) is not None)
     return "; ".join(describe_measurement(each) for each in there)
 
 
 def describe_measurement(measurement: Measurement) -> str:
-    """A file, what was filled in it, and how far its factors alone are off."""
+    """A file, what was filled in it, and the error of its factors alone."""
     report, name = measurement.report, Path(measurement.file).name
     if report is None:
         return f"{name}: not read"

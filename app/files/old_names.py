@@ -13,7 +13,7 @@ from typing import Any
 _SESSION_KEYS = {"overrule": "overrides"}
 _VIEW_KEYS = {"n_fan_rays": "n_hemisphere_rays"}
 
-# Scripts have no version: an old key is read wherever it stands.
+# Scripts have no version: an old key is accepted in any script.
 _STEP_KEYS = {"overrule": "override", "keep": "save_view"}
 _AWAITED_PICTURES = {"judged": "error"}
 
@@ -53,5 +53,5 @@ def _upgrade_step(step: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _renamed(table: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
-    """The table with each old key under its new name; one that stands beside its new name stays, to be refused."""
+    """The table with each old key under its new name; one beside its new name stays, to be refused."""
     return {key if names.get(key, key) in table else names.get(key, key): value for key, value in table.items()}

@@ -1,4 +1,4 @@
-"""What pasting does: which edit a copied material, layer or curve becomes where it is pasted."""
+"""Copying and pasting: the edit that a copied material, layer or curve becomes where it is pasted."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from engine.core.errors import InsituError
 
 
 def copy_material(document: Document, name: str) -> Material:
-    """All of an object's material, called like the object."""
+    """All of an object's material, with the object's name."""
     return Material(name, document.object(name).layers)
 
 

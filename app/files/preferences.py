@@ -1,7 +1,7 @@
-"""What a person is used to: how mouse and trackpad move the camera. Of the person, not of a session.
+"""The user's preferences: how mouse and trackpad move the camera. They belong to the user, not to a session.
 
-Kept in a small TOML file of the state folder. It is a convenience: one that is missing or damaged costs a choice in a
-menu, and one that cannot be written is said once.
+Stored in a small TOML file of the state folder. It is a convenience: one that is missing or damaged costs a choice in a
+menu, and one that cannot be written is reported once.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ MAX_BYTES = 64 * 1024
 
 @dataclass(frozen=True)
 class Preferences:
-    """mouse: as which program's buttons move the camera; scroll: what the wheel, or two fingers on a trackpad, do."""
+    """mouse: the program whose mouse buttons move the camera; scroll: what the wheel, or two fingers on a trackpad,
+    do."""
 
     mouse: Mouse = "blender"
     scroll: Scroll = "dolly"
@@ -37,7 +38,7 @@ class _Record(BaseModel):
 
 
 class PreferenceFile:
-    """The preferences of one window; file None keeps them in memory alone."""
+    """The preferences of one window; file None stores them only in memory."""
 
     def __init__(self, file: Path | None = None) -> None:
         self._file = file

@@ -1,7 +1,7 @@
-"""The scenes and sessions that were opened or saved last, for the menu; kept in a file of the state folder.
+"""The scenes and sessions that were opened or saved last, for the menu; stored in a file of the state folder.
 
-One full path a line, the newest first. It is a convenience: a file that is missing, damaged or cannot be written costs
-nothing but the memory.
+One absolute path a line, the newest first. It is a convenience: a file that is missing, damaged or cannot be written
+costs only the memory.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from app.system.atomic import replacing
 
 MOST = 10
 MOST_BYTES = 64 * 1024
-# Whether files are there is asked again after so long: a folder on the network may be slow to answer.
+# The existence of files is checked again after this long: a folder on the network may be slow to answer.
 FRESH_SECONDS = 2.0
 
 
 @dataclass(frozen=True)
 class Recent:
-    """A file of the list; `exists`: whether it still is where it was."""
+    """A file of the list; `exists`: whether it still exists."""
 
     path: Path
     exists: bool
 
 
 class RecentFiles:
-    """The list of one window; several may share a `file`. None keeps it in memory alone."""
+    """The list of one window; several may share a `file`. None stores it only in memory."""
 
     def __init__(self, file: Path | None = None) -> None:
         self._file = file
@@ -47,7 +47,7 @@ class RecentFiles:
     def add(self, path: Path) -> None:
         """Put a file first, with what other windows have added meanwhile after it.
 
-        Not waited for until it is on the disk, for this runs between two frames.
+        It does not wait for the disk, because this runs between two frames.
         """
         known = [*self._read(), *self._paths] if self._file is not None else self._paths
         self._paths = list(dict.fromkeys([path, *known]))[:MOST]

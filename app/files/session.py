@@ -1,8 +1,8 @@
-"""Session files: a document and how it was looked at, as versioned TOML (``NAME.insitu``).
+"""Session files: a document and the state of its view, as versioned TOML (``NAME.insitu``).
 
 The scene's own file is referred to and never written. All values are checked by pydantic models and by the parameter
-tables before anything changes; a file that is wrong in one place is refused with that place. A document saved and
-opened is equal to the last bit (see `app.files.layer_records`).
+tables before anything changes; a faulty file is refused with the place of the error. A document saved and opened is
+equal to the last bit (see `app.files.layer_records`).
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ PathText = Annotated[str, Field(min_length=1, max_length=3 * 4096 + 5, strict=Tr
 
 
 class DeformerRecord(StrictModel):
-    """A deformer that an object goes through; amounts in degrees or shares, as its kind has it."""
+    """One of an object's deformers; amounts in degrees or fractions, as its kind defines."""
 
     kind: Text
     amount: Number
@@ -67,12 +67,12 @@ class DeformerRecord(StrictModel):
 
     @property
     def deformation(self) -> Deformation:
-        """The deformer itself."""
+        """The deformer."""
         return Deformation(self.kind, self.amount, self.axis)
 
 
 def _bumps(value: object) -> Bumps:
-    """What an object's normals are turned by, from its parts by name."""
+    """An object's bumps, from their parts by name."""
     if not isinstance(value, dict):
         raise ValueError("a table")
     try:
@@ -138,7 +138,7 @@ class ViewRecord(StrictModel):
 
 
 class BookmarkRecord(StrictModel):
-    """A view that is kept; camera and resolution None: the scene's own. thumbnail: a JPEG file in base 64."""
+    """A bookmark; camera and resolution None: the scene's own. thumbnail: a JPEG file in base 64."""
 
     name: Annotated[str, Field(strict=True)]
     camera: Camera | None = None
@@ -161,7 +161,7 @@ class BookmarkRecord(StrictModel):
 
     @property
     def bookmark(self) -> Bookmark:
-        """The view itself."""
+        """The bookmark."""
         return Bookmark(self.name, Viewpoint(self.camera, self.resolution), _decoded(self.thumbnail))
 
 
@@ -173,8 +173,8 @@ def _decoded(text: str) -> bytes:
 
 
 class JournalRecord(StrictModel):
-    """In a journal only: when it was written (seconds since 1970), as what the session was saved last, and what tells
-    that file from what another window may have saved there since."""
+    """In a journal only: when it was written (seconds since 1970), the session's last file, and what distinguishes that
+    file from one that another window may have saved there since."""
 
     written_at: Number
     session_path: PathText | None = None
@@ -182,11 +182,11 @@ class JournalRecord(StrictModel):
 
 
 class EndRecord(StrictModel):
-    """The last line: without it a file that was cut between two lines would be taken for a smaller one."""
+    """The last line: without it a file that was cut between two lines would be taken for a shorter one."""
 
 
 class SessionRecord(StrictModel):
-    """A whole session file; `ends`: its last line says so."""
+    """A whole session file; `ends`: it has its last line."""
 
     version: Annotated[int, Field(strict=True)]
     ends: Flag = False
@@ -210,7 +210,7 @@ class SessionRecord(StrictModel):
     @classmethod
     def _are_lines(cls, lines: dict[str, LineValue]) -> dict[str, LineValue]:
         try:
-            for line, value in lines.items():  # that of a curve may be of a layer that there is no more
+            for line, value in lines.items():  # that of a curve may be of a layer that no longer exists
                 checked_line(line, value) if line in PICTURE_LINES else checked_bands(line, value, 1)
         except InsituError as error:
             raise ValueError(str(error)) from None
@@ -230,8 +230,8 @@ class SessionRecord(StrictModel):
 
 @dataclass(frozen=True)
 class Session:
-    """What a session file holds. ``view`` has defaults where the file does not say; ``journal`` is a journal's;
-    ``digest`` tells what it was read from from what another window may have saved there since."""
+    """The content of a session file. ``view`` has defaults where the file has no value; ``journal`` is a journal's;
+    ``digest`` distinguishes it from what another window may have saved there since."""
 
     document: Document
     view: ViewState
@@ -248,7 +248,7 @@ class KnownFile:
 
     @property
     def has_changed(self) -> bool:
-        """Whether it has been written since, by another window or program. One that has gone is no loss."""
+        """Whether another window or program has written it since. A file that was deleted is no loss."""
         if self.path is None or not self.digest or not os.path.exists(self.path):
             return False
         try:
@@ -258,7 +258,7 @@ class KnownFile:
 
 
 def save_session(path: Path, document: Document, view: ViewState) -> Path:
-    """Write a session file, whole or not at all and whatever is there; the path, which ends in ``.insitu``.
+    """Write a session file, whole or not at all, replacing any other; returns the path, which ends in ``.insitu``.
 
     Raises InsituError that says why it cannot be written; the file that was there is then untouched.
     """
@@ -268,8 +268,8 @@ def save_session(path: Path, document: Document, view: ViewState) -> Path:
 
 
 def write_session(path: Path, document: Document, view: ViewState, last: KnownFile | None = None) -> KnownFile:
-    """The same; the file as it is now. last: as it was read or written here last: where it has changed since, it is
-    refused as well."""
+    """The same; returns the file as it is now. last: as it was read or written here last: where it has changed since,
+    it is refused as well."""
     path = path if path.suffix else path.with_suffix(SUFFIX)
     if path.suffix != SUFFIX:
         raise InsituError(f"{path}: a session's name ends in {SUFFIX}; the scene's own file is never overwritten")
@@ -284,9 +284,9 @@ def dump_checked(
     path: Path, document: Document, view: ViewState, folder: Path | None = None, journal: JournalRecord | None = None,
     known: Document | None = None,
 ) -> bytes:  # fmt: skip
-    """What the file at ``path`` is to hold. It is read back before it takes the place of another: raises InsituError
-    where opening it would refuse it, or find another document in it. known: one that was read back before, as were the
-    objects that it shares with this: of 500 objects reading takes a sixth of a second."""
+    """The new content of the file at ``path``. It is read back before it replaces another: raises InsituError where
+    opening it would refuse it, or give another document. known: one that was read back before, as were the objects that
+    it shares with this: of 500 objects reading takes a sixth of a second."""
     data = dump_session(document, view, folder, journal).encode()
     unread = _changed_objects(document, known)
     text = dump_session(unread, view, folder, journal)
@@ -303,7 +303,7 @@ def dump_checked(
 
 
 def _changed_objects(document: Document, known: Document | None) -> Document:
-    """The document with those objects alone that it does not share with another; one of them at least."""
+    """The document with only those objects that it does not share with another; one of them at least."""
     if known is None:
         return document
     shared = set(map(id, known.objects))
@@ -311,13 +311,13 @@ def _changed_objects(document: Document, known: Document | None) -> Document:
 
 
 def load_session(path: Path) -> Session:
-    """Read a session file; LoadError names the place of the first thing wrong."""
+    """Read a session file; LoadError names the place of the first error."""
     data = read_regular_file(path, MAX_SESSION_BYTES)
     return replace(parse_session(data, path, resolved(path).parent), digest=_digest(data))
 
 
 def parse_session(data: bytes, path: Path, folder: Path | None) -> Session:
-    """The session that a file at ``path`` with this data is; files are named from ``folder``. Raises LoadError."""
+    """The session of a file at ``path`` with this data; files are named from ``folder``. Raises LoadError."""
     if len(data) > MAX_SESSION_BYTES:
         raise LoadError(path, "size", f"{len(data)} bytes", f"at most {MAX_SESSION_BYTES} bytes")
     tree = upgrade_session(parse_toml_bytes(data, path))
@@ -335,7 +335,7 @@ def parse_session(data: bytes, path: Path, folder: Path | None) -> Session:
 
 
 def _digest(data: bytes) -> str:
-    """What tells two contents of a session file apart."""
+    """Distinguishes two contents of a session file."""
     return hashlib.blake2b(data, digest_size=20).hexdigest()
 
 
@@ -356,8 +356,7 @@ def fit_session(session: Session, scene: Document, file: str) -> Document:
 
 
 def _with_scene_emission(scene: ObjectState, saved: ObjectState) -> ObjectState:
-    """What is saved of an object; whether it shines, the scene alone says, and what it is made of where that is not
-    saved."""
+    """The saved state of an object; the scene determines whether it emits, and its material where none is saved."""
     emission = saved.emission or scene.emission if scene.emits else None
     new = saved.new_bumps if saved.new_bumps != scene.own_bumps and not scene.is_lamp else None
     surface = saved.new_surface if saved.new_surface != scene.own_surface and not scene.is_lamp else None
@@ -453,7 +452,7 @@ def _view(record: ViewRecord, document: Document) -> ViewState:
 
 
 def _selection(path: str | None, document: Document) -> Selection | None:
-    """The selection a path names; a selection that fits no more is no reason to refuse a session."""
+    """The selection that a path names; a selection that no longer fits is no reason to refuse a session."""
     for key, layer in document.layers():
         for factor in all_factors(layer.model):
             if path == f"{key}.{factor.name}":

@@ -1,4 +1,4 @@
-"""Which edits are safe on disk: the session's file, the journal of what is not saved, and what was recovered."""
+"""Tracks which edits are on disk: in the session's file, in the journal of unsaved edits, or recovered."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from engine.core.errors import InsituError
 
 
 class SessionStore:
-    """``journal`` None keeps no journal."""
+    """``journal`` None writes no journal."""
 
     def __init__(self, journal: Journal | None = None) -> None:
         self._journal = journal
@@ -26,16 +26,17 @@ class SessionStore:
 
     @property
     def path(self) -> Path | None:
-        """Where the session was saved last, or opened from; None before."""
+        """The file that the session was saved to last, or opened from; None before."""
         return self._file.path
 
     @property
     def file_has_changed(self) -> bool:
-        """Whether its file has been written elsewhere since it was opened or saved here."""
+        """Whether another program has written its file since it was opened or saved here."""
         return self._file.has_changed
 
     def leave_document(self, document: Document, view: ViewState) -> bool:
-        """Another scene takes the document's place: unsaved edits stay in a journal to recover; whether there were."""
+        """Leave the document for another scene: unsaved edits stay in a journal to recover; returns whether there were
+        any."""
         if self._journal is None or not document.objects or not self.unsaved(document, view):
             return False
         self._journal.note(math.inf, document, view, True, self._file)
@@ -49,27 +50,27 @@ class SessionStore:
         digest: str = "",
     ) -> None:  # fmt: skip
         """Another document was opened: a scene's, a session's (``path``, and the ``digest`` of what was read there), or
-        a recovered one, which no file has."""
+        a recovered one, which is in no file."""
         self._file, self._recovery = KnownFile(path, digest), recovery
         self._saved, self._saved_bookmarks = document if recovery is None else None, without_thumbnails(view.bookmarks)
 
     def unsaved(self, document: Document, view: ViewState) -> bool:
-        """Whether there are edits, or kept views, that no session file has."""
+        """Whether there are edits, or bookmarks, that are in no session file."""
         is_edited = document is not self._saved and document != self._saved
         return is_edited or without_thumbnails(view.bookmarks) != self._saved_bookmarks
 
     def rebase_saved(self, before: Document, after: Document) -> None:
-        """An animation went on from one document to another, which is no edit: what was saved counts as saved."""
+        """An animation moved from one document to another, which is no edit: what was saved counts as saved."""
         if before == self._saved:
             self._saved = after
 
     def give_up(self, document: Document, view: ViewState) -> None:
-        """The person does not want what is unsaved: no journal keeps it."""
+        """Discard unsaved edits: no journal stores them."""
         self._saved, self._saved_bookmarks = document, without_thumbnails(view.bookmarks)
 
     def save(self, path: Path | None, document: Document, view: ViewState) -> Path:
-        """Save to ``path``, whatever is there, or where it was saved last; the path. Raises InsituError that says why
-        not, of the latter also where another window has saved there since."""
+        """Save to ``path``, replacing any file, or where it was saved last; returns the path. Raises InsituError that
+        says why not, for the latter also where another window has saved there since."""
         last = self._file if path is None else None
         path = path or self.path
         if path is None:
@@ -80,9 +81,9 @@ class SessionStore:
         return self._file.path
 
     def autosave(self, now: float, document: Document, view: ViewState) -> str:
-        """Once a frame: have unsaved edits written to the journal; "", or once a line on what is wrong there.
+        """Write unsaved edits to the journal; once a frame. Returns "", or once a line on what is wrong there.
 
-        The journal they were recovered from goes once ours has them.
+        The journal they were recovered from is deleted once the new one has them.
         """
         if self._journal is None:
             return ""
@@ -94,7 +95,7 @@ class SessionStore:
         return news
 
     def close(self, document: Document, view: ViewState) -> None:
-        """Write what is unsaved a last time; it is offered at the next start. Without such edits the journal goes."""
+        """Write unsaved edits a last time; the next start offers them. Without any the journal is deleted."""
         if self._journal is not None:
             unsaved = bool(document.objects) and self.unsaved(document, view)
             self._journal.note(math.inf, document, view, unsaved, self._file)

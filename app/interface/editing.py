@@ -1,4 +1,4 @@
-"""The edits of a scene in Python: the editor's commands over one history, in which the camera has its steps, too."""
+"""The edits of a scene in Python: the editor's commands in one history, which includes moves of the camera."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from engine.scene.description import Camera
 
 @dataclass(frozen=True)
 class EditedScene:
-    """What undo goes back to: the document, and from where it is seen."""
+    """A state of the history: the document and the viewpoint."""
 
     document: Document
     viewpoint: Viewpoint
@@ -36,7 +36,7 @@ class _Edit:
 
 @dataclass(frozen=True)
 class _MoveCamera:
-    """See the scene from another camera."""
+    """Moves the camera."""
 
     camera: Camera
     label: str = "camera"
@@ -75,13 +75,13 @@ class Editing:
         self._history.do(_Edit(command))
 
     def look_from(self, camera: Camera) -> None:
-        """See the scene from this camera."""
+        """Move the camera."""
         self._history.do(_MoveCamera(camera))
 
     def undo(self) -> str | None:
-        """One step back; what it is called, None where there is none."""
+        """Undo one step; returns its label, None where there is none."""
         return self._history.undo()
 
     def redo(self) -> str | None:
-        """One step forward again."""
+        """Redo one step; returns its label, None where there is none."""
         return self._history.redo()

@@ -1,7 +1,7 @@
-"""What a scene is edited through: its objects, their layers and curves, the light and the camera.
+"""The nodes that a scene is edited through: its objects, their layers and curves, the light and the camera.
 
-A node holds a path into the document and nothing else: reading one of its attributes asks the document, setting one
-carries out the command that the same path has in scripts and on the command line (`app.project.set_path`).
+A node holds only a path into the document: reading one of its attributes reads the document, setting one carries out
+the command that the same path has in scripts and on the command line (`app.project.set_path`).
 """
 
 from __future__ import annotations
@@ -181,7 +181,7 @@ class Curve:
         self, *, y: float | None = None, x: float | None = None, region: Region = EVERYWHERE,
         channels: Channels = ALL_CHANNELS,
     ) -> None:  # fmt: skip
-        """Lift the curve by `y`, or move it by `x` radians to larger angles; both: first y, then x, as one edit.
+        """Raise the curve by `y`, or move it by `x` radians to larger angles; both: first y, then x, as one edit.
 
         channels: which of red, green and blue. Raises insitu.Error, as where the object is frozen.
         """
@@ -259,7 +259,7 @@ class CameraNode:
         return f"<camera: {', '.join(f'{name} {value}' for name, value in self._values.items())}>"
 
     def orbit(self, degrees: float, up: float = 0.0) -> None:
-        """Turn it about its target by so many degrees to the right, and up."""
+        """Orbit about the target by so many degrees to the right, and up."""
         camera = Camera(**self._values)
         self._editing.look_from(orbit_camera(camera, math.radians(degrees), math.radians(up)))
 
@@ -303,7 +303,7 @@ def value_at(document: Document, path: str) -> Any:
 
 
 def plain_value(value: object) -> object:
-    """The value as files have it: numbers and tuples of them for NumPy's, a string for a path."""
+    """The value as files store it: numbers and tuples of them for NumPy's, a string for a path."""
     if isinstance(value, (np.ndarray, np.generic)):
         value = value.tolist()
     return tuple(value) if isinstance(value, list) else os.fspath(value) if isinstance(value, os.PathLike) else value

@@ -1,4 +1,5 @@
-"""Pictures of all modes for the Python interface, kept between calls, and pictures by paths to compare them with."""
+"""Pictures of all modes for the Python interface, cached between calls, and path-traced pictures to compare them
+with."""
 
 from __future__ import annotations
 
@@ -33,7 +34,7 @@ MOST_BOUNCES = 16
 
 
 class Pictures:
-    """The pictures of one scene. What a mode needs is made when its first picture is asked for, and kept."""
+    """The pictures of one scene. What a mode needs is made with its first picture, and cached."""
 
     def __init__(self) -> None:
         self._placement = PlacementPictures()
@@ -58,7 +59,7 @@ class Pictures:
         return clamp_radiance(picture * np.float64(project.document.light.intensity), BRIGHTEST)
 
     def error(self, project: Project, mode: Mode, n_bounces: int | None) -> ErrorEstimate:
-        """How far off such a picture is, estimated by paths. Raises InsituError where that cannot be known."""
+        """The error of such a picture, estimated by path tracing. Raises InsituError where that is impossible."""
         if mode == "paths":
             raise InsituError("paths know no error of theirs: compare two pictures of other numbers of samples")
         if mode == "placement":
@@ -79,7 +80,7 @@ class Pictures:
         return judged.estimate
 
     def _in_orbit(self, project: Project, n_bounces: int | None) -> Picture:
-        """Orbit's picture as it is at rest, every sun exact; what the last one had is kept."""
+        """Orbit's picture at rest, with exact directional lights; what the last one computed is reused."""
         document, scene = project.document, project.scene
         if self._orbit is None or self._orbit[0] != document.poses:
             self._orbit = document.poses, prepared_orbit(project)
@@ -93,11 +94,11 @@ class Pictures:
         picture = orbit.draw(scene.description.camera, scene.resolution, "still")
         if orbit.is_done:
             return picture
-        finish_work(orbit)  # the camera sees the backs of some objects for the first time
+        finish_work(orbit)  # the camera sees the back faces of some objects for the first time
         return orbit.draw(scene.description.camera, scene.resolution, "still")
 
     def _in_deform(self, project: Project, n_bounces: int | None) -> Picture:
-        """Deform's picture as it is at rest; what bends casts coarse shadows on all else."""
+        """Deform's picture at rest; objects that deform cast coarse shadows on all others."""
         document, scene = project.document, project.scene
         posed = [name for name, _ in document.poses]
         if self._deform is None or self._deform[0] != document.new_bumps:
@@ -115,6 +116,6 @@ class Pictures:
 
 
 def finish_work(engine: Orbit | Deform) -> None:
-    """Do all that there is to do."""
+    """Do all the work that is left."""
     for _ in engine.work():
         pass

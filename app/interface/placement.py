@@ -1,6 +1,6 @@
-"""Placement's pictures for the Python interface: what an edit leaves valid is kept from one picture to the next.
+"""Placement's pictures for the Python interface: what an edit leaves valid is reused from one picture to the next.
 
-A picture is made of parts, and each says what it depends on:
+A picture is made of parts, each with its dependencies:
 
     primary hits, visibility of the sphere   geometry in its poses, bumps, camera, resolution
     light and its visibility                 the above, emission, environment, rotation
@@ -8,8 +8,8 @@ A picture is made of parts, and each says what it depends on:
     indirect light                           the above, the models of all layers, number of bounces
     radiance of a layer                      the above, its curves, scale and images
 
-An edit of a curve changes the last alone: increments over kept transport (`engine.render.layer_transport`). What is
-kept is the part itself beside what it was made of; where that is another, it is made anew.
+An edit of a curve changes only the last: increments over stored transport (`engine.render.layer_transport`). Each part
+is stored with what it was made of; where that has changed, it is made anew.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class _View:
 
 @dataclass(frozen=True, eq=False)
 class _Light:
-    """The light of a view; background (H, W, 3): what pixels show that reflects nothing."""
+    """The light of a view; background (H, W, 3): what pixels show that see no reflecting object."""
 
     key: Key
     sky: SkyState
@@ -70,7 +70,7 @@ class _Light:
 
 @dataclass(eq=False)
 class _KeptLayer:
-    """Transport of one layer, and its part of the picture (p, 3) as it was last."""
+    """Transport of one layer, and its last part of the picture (p, 3)."""
 
     shape: LayerShape
     transport: LayerTransport
@@ -82,7 +82,7 @@ class _KeptLayer:
 
 @dataclass(eq=False)
 class _KeptIndirect:
-    """Indirect light, what of its reflection no curve changes, and its part of the picture (P, 3) as it was last."""
+    """Indirect light, the part of its reflection that no curve changes, and its last part of the picture (P, 3)."""
 
     key: Key
     light: IndirectLight
@@ -105,7 +105,7 @@ class PlacementPictures:
 
     def picture(self, project: Project, n_bounces: int | None = None, draft: bool = False) -> Picture:
         """Linear radiance (H, W, 3). n_bounces: None for as many as the scene says or requires; draft: transport stays
-        where a quotient's parameters alone have changed."""
+        where only a quotient's parameters have changed."""
         radiance, _, _ = self._radiance(project, n_bounces, draft)
         view, light = self._made()
         hits, picture = view.placement.hits, light.background.copy()
@@ -114,7 +114,7 @@ class PlacementPictures:
         return clamp_radiance(picture if intensity == 1.0 else picture * np.float64(intensity), BRIGHTEST)
 
     def error(self, project: Project, n_bounces: int | None = None) -> ErrorEstimate:
-        """How far off that picture is, estimated by tracing some of its points."""
+        """The error of that picture, estimated by tracing some of its points."""
         radiance, layers, n = self._radiance(project, n_bounces)
         view, light = self._made()
         indirect = noise = None
@@ -133,7 +133,7 @@ class PlacementPictures:
     def _radiance(
         self, project: Project, n_bounces: int | None, draft: bool = False
     ) -> tuple[NDArray[np.float32], tuple[StillLayer, ...], int]:
-        """What the points reflect (P, 3), the layers and the number of bounces."""
+        """The reflected radiance of the points (P, 3), the layers and the number of bounces."""
         plan = self._plan(project, draft)
         view = self._viewed(project, plan.n_edge_rays)
         layers = self._still_layers(project, plan, view.placement)
@@ -171,7 +171,7 @@ class PlacementPictures:
         caster = before.placement.caster if before is not None and same[0] else None
         placement = Placement(scene, caster, n_edge_rays)
         if before is not None and all(same[:-1]):
-            placement.sphere = before.placement.sphere  # lamps alone shine otherwise: shadows are the same
+            placement.sphere = before.placement.sphere  # only lamps emit differently: shadows are the same
         else:
             self._seen.clear()
         self._view, self._light = _View(key, placement), None
@@ -204,7 +204,7 @@ class PlacementPictures:
         return tuple(made)
 
     def _layer(self, key: str, each: StillLayer, draft: bool) -> NDArray[np.floating]:
-        """A layer's part of what its object's points reflect, (p, 3)."""
+        """A layer's part of the radiance of its object's points, (p, 3)."""
         view, light = self._made()
         hits, shape, kept = view.placement.hits, shape_of(each), self._layers.get(key)
         stays = kept is not None and (
@@ -225,7 +225,7 @@ class PlacementPictures:
         return kept.radiance
 
     def _n_bounces(self, project: Project, wanted: int | None) -> int:
-        """As many as are wanted; None: as the scene required when it was seen so for the first time."""
+        """As many as are wanted; None: as the scene required when this view was first planned."""
         view, _ = self._made()
         if wanted is not None:
             return wanted
@@ -237,7 +237,7 @@ class PlacementPictures:
     def _reflected(
         self, project: Project, layers: Sequence[StillLayer], n_bounces: int, plan: Plan
     ) -> NDArray[np.float32]:
-        """What reaches the camera after two bounces and more, (P, 3)."""
+        """The radiance that reaches the camera after two bounces and more, (P, 3)."""
         view, light = self._made()
         models = tuple((key, layer.model.name) for key, layer in project.layers.items())
         key = (light.key, models, n_bounces, plan.n_rays)
@@ -257,7 +257,7 @@ class PlacementPictures:
 
 
 def _lines_of(project: Project, layers: dict[str, Layer]) -> dict[str, Any]:
-    """The lines of the plan that a person has set, of these layers and of the whole picture."""
+    """The overrides of the plan, for these layers and for the whole picture."""
     others = tuple(f"{key}." for key in project.layers if key not in layers)
     return {line: value for line, value in project.overrides.items() if not line.startswith(others)}
 

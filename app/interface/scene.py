@@ -1,4 +1,4 @@
-"""A scene in Python: opened, edited, looked at, saved."""
+"""A scene in Python: opened, edited, rendered, saved."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Scene:
         self._project, self._view, self._session = project, view, session
         self._pictures = Pictures()
 
-    # -------------------------------------------------------------------------------------------------------- its parts
+    # ------------------------------------------------------------------------------------------------------------ parts
 
     def __getitem__(self, name: str) -> ObjectNode:
         return ObjectNode(self._editing, self.document.object(name).name)
@@ -88,7 +88,7 @@ class Scene:
         return f"<scene {name}, {width} x {height}: {', '.join(self)}>"
 
     def _repr_png_(self) -> bytes:
-        """What a notebook shows: the picture, as the editor's viewport has it."""
+        """The picture for a notebook, as in the editor's viewport."""
         return png_bytes(self.image(), tone_mapping=self._project.view)
 
     @property
@@ -103,7 +103,7 @@ class Scene:
 
     @property
     def document(self) -> Document:
-        """What is edited, as an immutable value: two of them can be compared."""
+        """The document as an immutable value: two of them can be compared."""
         return self._editing.document
 
     @property
@@ -164,11 +164,11 @@ class Scene:
     # ------------------------------------------------------------------------------------------------------------ edits
 
     def undo(self) -> str | None:
-        """Take the last edit back; what it is called, None where there is none."""
+        """Undo the last edit; returns its label, None where there is none."""
         return self._editing.undo()
 
     def redo(self) -> str | None:
-        """Carry out again what was taken back; what it is called, None where there is nothing."""
+        """Redo the edit that was undone last; returns its label, None where there is none."""
         return self._editing.redo()
 
     def _seen_in(self, resolution: tuple[int, int] | None) -> Project:

@@ -1,0 +1,1 @@
+"""Messages that all modes share: requests and responses of the worker, picture events, and the status."""

@@ -1,4 +1,4 @@
-"""What the status bar and the panels say: always the truth about what is on screen."""
+"""The status that the status bar and the panels show: always the true state of what is on screen."""
 
 from __future__ import annotations
 
@@ -21,25 +21,23 @@ MEMORY_SECONDS = 1.0
 
 @dataclass(frozen=True)
 class Status:
-    """One moment's state; a mode may have more to say of its picture.
+    """The status at one moment; a mode may add its own.
 
     ``picture``: "waiting" (nothing shaded yet), "preview" (coarse, few lights, or not yet the present light or
-    roughness), "refining" (in final quality; some of it still to come), "finished" (nothing more comes, but chance is
-    left in it), "exact" (all sums are complete). ``estimate`` is how far off the picture is though nothing more
-    comes, once it is finished and that has been found out; only it can tell that nothing is left. ``error_colours``
-    (H, W, 4) are where, as far as that was asked for.
-    ``stage``, ``fraction`` (0 to 1), ``seconds_left`` and ``text`` tell how far the worker is; ``stage`` is empty when
-    it has nothing to do. ``image_error`` is what is left to the exact picture, relative RMS, None while unknown.
-    ``light_note``, ``material_note`` and ``emitter_note`` say what is shown for light, roughness, and what emitters
-    throw on the scene, empty when there is nothing to say; ``missing_note`` what a picture that is being refined lacks,
-    ``error_note`` what of its error is known by parts; ``no_estimate_reason`` why it will not be known at all.
-    ``precomputed_mb`` is what the worker keeps for the picture, ``gpu_mb`` what the picture takes there.
-    ``shown_by``: which mode's picture is seen, where a mode shows those of two; else empty.
-    ``is_away``: whether the view has moved on from the one that was traced last.
-    ``is_held``: whether the picture is still that of an earlier document, until one of the present is as good.
-    ``compared_exact``: whether side A of a comparison is. ``stopped``: whether a person stopped what is missing.
-    ``planned_edges`` are the rays through a pixel at an edge that the scene requires.
-    ``message`` is the last thing that happened, ``is_error`` whether it went wrong; ``message_number`` counts them.
+    roughness), "refining" (in final quality; some of it still to come), "finished" (nothing more comes, but it has
+    noise), "exact" (all sums are complete). ``estimate`` is the error of the finished picture, once it has been
+    estimated; only it can tell that nothing is left. ``error_colours`` (H, W, 4) is the error map, as far as requested.
+    ``stage``, ``fraction`` (0 to 1), ``seconds_left`` and ``text`` are the worker's progress; ``stage`` is empty when
+    it is idle. ``image_error`` is the difference to the exact picture, relative RMS, None while unknown.
+    ``light_note``, ``material_note`` and ``emitter_note`` tell which light, roughness and emission are shown, empty
+    when they are the present ones; ``missing_note`` what a picture that is being refined lacks, ``error_note`` the
+    known parts of its error; ``no_estimate_reason`` why its error will not be estimated. ``precomputed_mb`` is the
+    worker's memory for the picture, ``gpu_mb`` that of the picture on the GPU. ``shown_by``: which mode's picture is
+    shown, where a mode shows those of two; else empty. ``is_away``: whether the view has moved on from the one that was
+    traced last. ``is_held``: whether the picture is still that of an earlier document, until one of the present is as
+    good. ``compared_exact``: whether side A of a comparison is. ``stopped``: whether the user stopped what is missing.
+    ``planned_edges`` are the rays through a pixel at an edge that the scene requires. ``message`` is the last event,
+    ``is_error`` whether it is an error; ``message_number`` counts them.
     """
 
     worker_alive: bool = True
@@ -74,7 +72,7 @@ class Status:
 
     @property
     def follows_input(self) -> bool:
-        """Whether what is seen is of the view as it is, and not of the one that was traced last."""
+        """Whether the picture is of the present view, and not of the one that was traced last."""
         return False
 
     @property
@@ -84,19 +82,19 @@ class Status:
 
     @property
     def is_finished(self) -> bool:
-        """Whether nothing more comes: all that was asked for is in the picture."""
+        """Whether nothing more comes: all that was requested is in the picture."""
         return self.picture in ("finished", "exact")
 
     @property
     def is_whole(self) -> bool:
-        """Whether it is all that the mode itself shows, though another mode's picture may still follow."""
+        """Whether the mode's own picture is complete, though another mode's may still follow."""
         return self.is_finished or self.follows_input and self.picture == "refining"
 
 
 @dataclass
 class StatusMetrics:
-    """What of a ``Status`` is neither in the document nor the mode's to say. Messages and notes come in by `notify` and
-    `note`, which make them plain lines, whatever names and values of somebody's files are in them."""
+    """The part of a ``Status`` that is neither in the document nor a mode's. `notify` and `note` add messages and
+    notes, which become plain lines, whatever names and values of files are in them."""
 
     message: str = ""
     is_error: bool = False
@@ -109,21 +107,21 @@ class StatusMetrics:
     _memory_at: float = -math.inf
 
     def notify(self, text: str, is_error: bool) -> None:
-        """Something happened."""
+        """Note an event."""
         self.message, self.is_error, self.message_number = plain_line(text), is_error, self.message_number + 1
 
     def note(self, *lines: str) -> None:
-        """What is odd about the scene, besides what has been said."""
+        """Add warnings about the scene that are not among the notes yet."""
         self.notes = tuple(dict.fromkeys((*self.notes, *map(plain_line, lines))))
 
     def measure_memory(self, now: float, worker: int | None) -> None:
-        """Once a second: what the window and the worker hold."""
+        """Measure the memory of the window and the worker; once a second."""
         if now - self._memory_at >= MEMORY_SECONDS:
             self._memory_at = now
             self.memory_mb = resident_megabytes(os.getpid(), worker)
 
     def status(self, worker_alive: bool) -> Status:
-        """All gauges at this moment."""
+        """All metrics at this moment."""
         progress = self.progress or Progress("", 0.0)
         return Status(
             worker_alive=worker_alive,
@@ -142,7 +140,7 @@ class StatusMetrics:
 
 
 def duration(seconds: float) -> str:
-    """Seconds as a person says them: "0.4 s", "12 s", "3 min"."""
+    """Seconds in words: "0.4 s", "12 s", "3 min"."""
     if seconds < 9.95:
         return f"{seconds:.1f} s"
     return f"{seconds:.0f} s" if seconds < 119.5 else f"{seconds / 60.0:.0f} min"

@@ -1,6 +1,6 @@
-"""What the editor tells the renderer: picture events, in the order in which the worker's answers came.
+"""Picture events: what the editor sends the renderer, in the order of the worker's responses.
 
-Those of every mode stand here; what else a mode tells its renderer stands with the mode.
+Those of every mode are here; those of one mode are in its folder.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ from engine.scene.picture_frame import PictureFrame
 
 @dataclass(frozen=True, eq=False)
 class PictureEvent:
-    """Something that the picture is made of has come or changed.
+    """A part of the picture has come or changed.
 
-    with_next: not to be seen without the event that follows."""
+    with_next: it must not be shown without the event that follows.
+    """
 
     with_next: bool = field(default=False, kw_only=True)
 
@@ -27,7 +28,8 @@ class PictureEvent:
 class SceneFrame(PictureEvent):
     """A scene was opened, or is seen from another camera, that of its description: all pictures before it are void.
 
-    opening: the number of the request that opened it; the same where it is the same scene, seen otherwise."""
+    opening: the number of the request that opened it; the same where only the view of the scene changed.
+    """
 
     opening: int
     source: str
@@ -37,6 +39,6 @@ class SceneFrame(PictureEvent):
 
 @dataclass(frozen=True, eq=False)
 class SkyChanged(PictureEvent):
-    """Another environment stands behind the scene: radiance (H,W,3), lat-long, not rotated, intensity 1."""
+    """Another environment is behind the scene: radiance (H,W,3), lat-long, not rotated, intensity 1."""
 
     radiance: NDArray[np.floating]

@@ -1,12 +1,12 @@
-"""What the window asks of the worker, and what the worker answers: one frozen dataclass a message.
+"""The window's requests to the worker, and the worker's responses: one frozen dataclass per message.
 
-Every message carries `id`, the request it belongs to, and `revision`, the document it was made from. Both may be left
-out: the client numbers a request as it is sent, and the worker stamps an answer with the numbers of its request; an
-answer that belongs to another one, the scene's, says so by its own `id`.
+Every message has `id`, the request it belongs to, and `revision`, the document it was made from. Both may be left out:
+the client numbers a request as it is sent, and the worker sets the numbers of its request in a response; a response
+that belongs to another request, the scene's, has that one's `id`.
 
 Shapes: P pixels that see a reflecting object, p those of one layer, J bands, H × W the picture. Images have row 0 at
-the top. Arrays of 4 KiB and more cross in shared memory and arrive read-only (see `app.worker.shared_arrays`).
-Messages that hold arrays compare by identity, since arrays have no single truth value.
+the top. Arrays of 4 KiB and more cross in shared memory and arrive read-only (see `app.worker.shared_arrays`). Messages
+that hold arrays compare by identity, since arrays have no single truth value.
 """
 
 from __future__ import annotations
@@ -42,12 +42,11 @@ class Message:
 class Request(Message):
     """From the window to the worker; a newer request of one kind cancels the older, and what is built on that.
 
-    What the two processes need to know of a kind it says itself. `built_on`: kinds that it means nothing without.
-    `priority`: it is served between the steps of long ones, which none of it may be; the lower number goes first; None:
-    it is a long one. `answered_once`: answered once and for all, not again to a worker that is started anew.
-    `exclusive`: nothing is served before it is done, but what is served at `served_anytime`. `is_stopped_by_user`: a
-    person who stops the work means it as well. `is_foreground`: a person waits for the answer; of all others the
-    processors are left to whoever wants them.
+    Each class defines what the two processes need to know of its kind. `built_on`: kinds without which it is void.
+    `priority`: it is served between the steps of long ones, and must be short itself; the lower number goes first;
+    None: it is a long one. `answered_once`: answered once, not again to a worker that is restarted. `exclusive`:
+    nothing is served before it is done, except requests that are `served_anytime`. `is_stopped_by_user`: stopping the
+    work stops it as well. `is_foreground`: the user waits for the response; all others run at a lower priority.
     """
 
     built_on: ClassVar[tuple[type[Request], ...]] = ()
@@ -65,7 +64,7 @@ class Request(Message):
 
     @classmethod
     def depth(cls) -> int:
-        """How many kinds stand below it: those come first."""
+        """The number of kinds that it is built on: those come first."""
         return 1 + max(each.depth() for each in cls.built_on) if cls.built_on else 0
 
     def cancels(self, kind: type[Request]) -> bool:
@@ -75,10 +74,10 @@ class Request(Message):
 
 @dataclass(frozen=True)
 class OpenScene(Request):
-    """Load a scene; what was asked of the scene before is cancelled. It is open once it is seen: `SetCamera`.
+    """Load a scene; requests for the scene before are cancelled. It is open once its view is traced: `SetCamera`.
 
-    measured: files of measured BRDFs that are to be read besides those that the scene names; layers: those of a
-    session, whose curves are planned as well.
+    measured: files of measured BRDFs to read besides those that the scene names; layers: those of a session, whose
+    curves are planned as well.
     """
 
     exclusive = True
@@ -90,9 +89,9 @@ class OpenScene(Request):
 
 @dataclass(frozen=True)
 class SetCamera(Request):
-    """Trace what the scene of this number (that of its `OpenScene`) shows from a camera, in so many pixels (width,
-    height), None: as its file has them; with objects in these poses and under these bumps; so many rays go
-    through a pixel at an edge, None: as many as the scene requires. Answered by `ViewTraced`."""
+    """Trace what a camera sees of the scene of this number (that of its `OpenScene`), in a resolution (width, height),
+    None: as its file has them; with objects in these poses and under these bumps; with so many rays through a pixel at
+    an edge, None: as many as the scene requires. Answered by `ViewTraced`."""
 
     built_on = (OpenScene,)
     exclusive = True
@@ -109,8 +108,7 @@ class SetCamera(Request):
 class ReadMeasured(Request):
     """Read files of measured BRDFs, fill them and fit factors to them; answered by `MeasurementsRead`.
 
-    layers: those that wait for them; how many bands their curves need takes longer to say than the window may be
-    blocked.
+    layers: those that wait for them; planning the bands of their curves takes longer than the window may be blocked.
     """
 
     built_on = (OpenScene,)
@@ -123,8 +121,8 @@ class ReadMeasured(Request):
 
 @dataclass(frozen=True)
 class FetchTable(Request):
-    """Hand out the samples of a measured BRDF, read first where they are not there. number: what names them where
-    the file was read before, 0 for whatever it holds. Answered by `TableFetched`."""
+    """Hand out the samples of a measured BRDF, read first where they are not there. number: what names them where the
+    file was read before, 0 for any content. Answered by `TableFetched`."""
 
     priority = 5
     answered_once = True
@@ -136,8 +134,8 @@ class FetchTable(Request):
 
 @dataclass(frozen=True)
 class WriteFiles(Request):
-    """Write for other programs: what layers reflect as a MERL file; or, of a `document`, the scene that is open as a
-    folder for Mitsuba 3, by so many bounces. Answered by `FilesWritten`."""
+    """Export for other programs: the reflection of layers as a MERL file; or, with a `document`, the open scene as a
+    folder for Mitsuba 3, with so many bounces. Answered by `FilesWritten`."""
 
     built_on = (OpenScene,)
     priority = 7
@@ -176,11 +174,10 @@ class Response(Message):
 class SceneOpened(Response):
     """The scene as the window needs it; `description` is JSON.
 
-    `measurements`: what was read, by the names that asked for it. `planned`: what each of the scene's own layers needs,
-    and of a session's those that are others, with what was read for them: of each curve, by factor, how many bands;
-    planned here because it takes longer than the window may be blocked. `boxes` (M, 2, 3): the least and the largest
-    corner of each object in the world, not a number where it has no surface. `animations`: each object's. `files`: what
-    the scene was read from.
+    `measurements`: those read, by the names of the request. `planned`: for each of the scene's own layers, and those of
+    a session that differ, with their measurements, the number of bands of each curve, by factor; planned here because
+    it takes longer than the window may be blocked. `boxes` (M, 2, 3): the least and the largest corner of each object
+    in the world, NaN where it has no surface. `animations`: each object's. `files`: those the scene was read from.
     """
 
     description: str
@@ -194,7 +191,7 @@ class SceneOpened(Response):
 
 @dataclass(frozen=True, eq=False)
 class ViewTraced(Response):
-    """What the camera sees; flaws: what is wrong with images of bumps, which are flat then, a line each."""
+    """The primary hits of the camera; flaws: errors of bump images, which are flat then, a line each."""
 
     frame: PictureFrame
     flaws: tuple[str, ...] = ()
@@ -210,7 +207,7 @@ class MeasurementsRead(Response):
 
 @dataclass(frozen=True, eq=False)
 class TableFetched(Response):
-    """The samples (90, 90, 180, 3) of a `FetchTable`, 1/sr over theta_h, theta_d and phi_d, and what was fitted."""
+    """The samples (90, 90, 180, 3) of a `FetchTable`, 1/sr over theta_h, theta_d and phi_d, and the fitted factors."""
 
     measurement: Measurement
     samples: NDArray[np.float32]
@@ -218,7 +215,7 @@ class TableFetched(Response):
 
 @dataclass(frozen=True)
 class FilesWritten(Response):
-    """A file or a folder is there; `notes` say what it does not hold."""
+    """A file or a folder is written; `notes` say what it does not contain."""
 
     path: str
     notes: tuple[str, ...] = ()
@@ -228,7 +225,8 @@ class FilesWritten(Response):
 class SkyImage(Response):
     """The environment that lights the scene, for the background: radiance (H,W,3), black where there is none.
 
-    Told once, under the first light with it: it belongs to the view, as `StageFootprint` does."""
+    Sent once, under the first light with it: it belongs to the view, as `StageFootprint` does.
+    """
 
     radiance: NDArray[np.floating]
     notes: tuple[str, ...] = ()
@@ -246,28 +244,28 @@ class Progress(Response):
 
 @dataclass(frozen=True)
 class RequestFailed(Response):
-    """The request was given up; `line` is one sentence for the person."""
+    """The request was given up; `line` is one sentence for the user."""
 
     line: str
 
 
 @dataclass(frozen=True)
 class WorkerWarnings(Response):
-    """What a person should know though the answer does not suffer by it, a line each; nothing is said twice."""
+    """Warnings for the user that do not affect the response, a line each; none is repeated."""
 
     lines: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class WorkerRestarted(Response):
-    """The worker process died or hung and a new one is at work; standing requests were sent again."""
+    """The worker process died or hung and a new one is running; pending requests were sent again."""
 
     reason: str
 
 
 @dataclass(frozen=True)
 class Heartbeat(Response):
-    """The worker lives. `starting`: still importing; `busy`: at work on request `id`; `idle`: waiting."""
+    """The worker is alive. `starting`: still importing; `busy`: at work on request `id`; `idle`: waiting."""
 
     state: Literal["starting", "idle", "busy"]
 

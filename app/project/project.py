@@ -1,4 +1,4 @@
-"""Opening what the command line names: a scene (built-in or a file) or a session, with values set by path."""
+"""Opens what the command line names: a scene (built-in or a file) or a session, with values set by path."""
 
 from __future__ import annotations
 
@@ -38,8 +38,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Project:
-    """A loaded scene, the document that a person would edit, and the view that it is shown in; emitters shine as the
-    document says.
+    """A loaded scene, the document to edit, and its view; emitters have the document's emission.
 
     n_bounces: as many as its session has, None for as many as the scene says or requires; n_lights, n_patches: as its
     session has, None where there is none; n_edge_rays: None for as many as the scene requires, n_hemisphere_rays: 0 for
@@ -70,7 +69,7 @@ class Project:
 
     @property
     def layers(self) -> dict[str, Layer]:
-        """The layers that reflect, by key: all but those of emitters and of what is hidden."""
+        """The layers that reflect, by key: all but those of emitters and of hidden objects."""
         return dict(reflecting_layers(self.document))
 
     @property
@@ -81,25 +80,25 @@ class Project:
 
     @property
     def editable(self) -> frozenset[str]:
-        """Keys of the layers that a person may edit."""
+        """Keys of the layers that can be edited."""
         return frozenset(key for key in self.layers if self.document.object(object_of(key)).editable)
 
     @property
     def overrides(self) -> dict[str, LineValue]:
-        """Lines of the plan that its session, or a person, has set."""
+        """The overrides of the plan, by its session or the user."""
         edges: dict[str, LineValue] = {} if self.n_edge_rays is None else {"edges": self.n_edge_rays}
         rays: dict[str, LineValue] = {"rays": self.n_hemisphere_rays} if self.n_hemisphere_rays else {}
         return edges | rays | active_overrides(self.document)
 
     @property
     def chosen_bounces(self) -> int | None:
-        """As many as a person has overruled the plan with, or its session has; None: as the scene says or requires."""
+        """The user's override, or the session's number; None: as many as the scene says or requires."""
         chosen = self.overrides.get("bounces", self.n_bounces)
         return chosen if isinstance(chosen, int) else None
 
     @property
     def render_settings(self) -> ViewState:
-        """What its picture is made with in the editor."""
+        """The settings of its picture in the editor."""
         n_bounces = self.n_bounces or self.scene.description.bounces or AS_PLANNED
         view = ViewState(
             n_lights=self.n_lights or N_LIGHTS, n_patches=self.n_patches or N_PATCHES, n_bounces=n_bounces,
@@ -108,7 +107,7 @@ class Project:
         return effective_view(view, self.document)
 
     def edited(self, document: Document, look: Viewpoint) -> Project:
-        """The same scene under another document, seen from elsewhere; what neither changes is shared. look: its camera
+        """The same scene under another document, from another camera; what neither changes is shared. look: its camera
         and resolution are those of the scene as it is where they are None. Raises InsituError."""
         from engine.realtime.zonal_harmonics.posed_scene import pose_scene
 
@@ -134,7 +133,7 @@ class Project:
 
 @dataclass(frozen=True)
 class ProjectSpec:
-    """What opens a project, here or on another machine: a scene or session by name, and what a person says of it; see
+    """What opens a project, here or on another machine: a scene or session by name, and the user's options; see
     `open_project`, `with_edges` and `with_overrides`."""
 
     name: str | None
@@ -145,12 +144,12 @@ class ProjectSpec:
     overrides: tuple[tuple[str, Any], ...] = ()
 
     def open(self) -> Project:
-        """The project. Raises InsituError with one line for a person."""
+        """The project. Raises InsituError with one line for the user."""
         project = open_project(self.name, self.resolution, self.values, self.camera)
         return with_overrides(with_edges(project, self.n_edge_rays), dict(self.overrides))
 
     def with_absolute_paths(self) -> ProjectSpec:
-        """The same, wherever it is opened from."""
+        """The same with absolute paths, so that it can be opened from any folder."""
         return replace(self, name=full_path(self.name or DEFAULT_SCENE))
 
 
@@ -160,9 +159,9 @@ def open_project(
     values: Sequence[tuple[str, Any]] = (),
     camera: str | None = None,
 ) -> Project:
-    """Load what `name` stands for and set `values` by path; seen from the view that its session keeps as `camera`.
+    """Load what `name` names and set `values` by path; seen from the view that its session bookmarks as `camera`.
 
-    Raises InsituError with one line for a person.
+    Raises InsituError with one line for the user.
     """
     from engine.realtime.zonal_harmonics.posed_scene import pose_scene
     from engine.scene.scene_loader import load_scene
@@ -207,7 +206,8 @@ def open_project(
 
 
 def with_overrides(project: Project, lines: Mapping[str, Any]) -> Project:
-    """The project with these lines of its plan set. Raises InsituError for a line or a value that there is not."""
+    """The project with these lines of its plan overridden. Raises InsituError for an unknown line or an invalid
+    value."""
     document = project.document
     for line, value in lines.items():
         document = override_from_value(line, value).apply(document)
@@ -215,8 +215,8 @@ def with_overrides(project: Project, lines: Mapping[str, Any]) -> Project:
 
 
 def with_edges(project: Project, n_edge_rays: int | None) -> Project:
-    """The project with so many rays through pixels at edges, None: as it has them. Raises InsituError for a number that
-    there is not."""
+    """The project with so many rays through pixels at edges, None: as it has them. Raises InsituError for an invalid
+    number."""
     if n_edge_rays is None:
         return project
     if n_edge_rays not in EDGE_RAYS:
@@ -225,7 +225,7 @@ def with_edges(project: Project, n_edge_rays: int | None) -> Project:
 
 
 def _viewpoint_of(session: Session | None, camera: str | None) -> Viewpoint:
-    """From where a session sees its scene, or the view that it keeps by a name."""
+    """The viewpoint of a session, or its bookmark of a name."""
     if camera is not None:
         return find_bookmark(() if session is None else session.view.bookmarks, camera).viewpoint
     return Viewpoint() if session is None else session.view.viewpoint

@@ -1,4 +1,4 @@
-"""The edit that gives what a path names a value: how the command line and scripts say what a hand does."""
+"""The edit that sets the value of a path: how the command line and scripts make the user's edits."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 
 
 def set_path(document: Document, path: str, value: Any) -> EditCommand:
-    """The command that gives what ``path`` names the value ``value``: ``"teapot.1.alpha"``, ``"light.rotation"``…
+    """The command that sets ``path`` to ``value``: ``"teapot.1.alpha"``, ``"light.rotation"``…
 
     Raises InsituError for a path that names nothing with a value. The command line and scripts set by path.
     """

@@ -1,4 +1,4 @@
-"""The distant light that a document's light state stands for, in one place for the worker and for commands."""
+"""The distant light of a document's light state, in one place for the worker and for commands."""
 
 from __future__ import annotations
 

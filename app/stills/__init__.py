@@ -1,0 +1,1 @@
+"""Pictures in files, and sequences of them: what `insitu render` computes."""

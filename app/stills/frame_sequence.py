@@ -1,6 +1,6 @@
 """Many pictures of one scene: all around it, or all through its animation.
 
-The camera goes round its target once, in equal steps from where the scene has it; the animation goes on in equal steps
+The camera orbits its target once, in equal steps from where the scene has it; the animation advances in equal steps
 from its start, so that the first frame follows the last. Frames do not depend on one another: each is the same whatever
 others are drawn before it, and wherever it is drawn.
 """
@@ -37,8 +37,8 @@ Picture = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Frames:
-    """Of what so many frames are, and how they are drawn. animated: of the scene's animation, else all around it;
-    series: None for as many bounces as a still of the scene has."""
+    """A number of frames, and how they are drawn. animated: of the scene's animation, else all around it; series: None
+    for as many bounces as a still of the scene has."""
 
     count: int
     animated: bool = False
@@ -49,12 +49,12 @@ class Frames:
 
 
 class Drawer(Protocol):
-    """Draws frames by their number. ready_at: the share of the work that making ready is."""
+    """Draws frames by their number. ready_at: the fraction of the work that preparation is."""
 
     ready_at: float
 
     def prepare(self, report: Report) -> None:
-        """What is done once for all frames."""
+        """Do what is done once for all frames."""
 
     def draw(self, i: int) -> Picture:
         """Linear radiance (H, W, 3) of frame i."""
@@ -78,7 +78,7 @@ def draw_here(
 
 
 def drawer_of(project: Project, frames: Frames) -> Drawer:
-    """Who draws these frames. Raises InsituError where the scene has no animation."""
+    """The drawer of these frames. Raises InsituError where the scene has no animation."""
     if not frames.animated:
         seen = [project.scene.from_camera(camera) for camera in cameras(own_camera(project.scene), frames.count)]
         return (
@@ -91,24 +91,24 @@ def drawer_of(project: Project, frames: Frames) -> Drawer:
 
 
 def judge_frame(project: Project, frames: Frames, i: int, picture: Picture) -> str:
-    """How far frame i of an animation is off, as one line; "" where that cannot be known."""
+    """The error of frame i of an animation, as one line; "" where it cannot be estimated."""
     scene = _in_poses(project, poses_of(project, frames.count)[i])
     return judge_picture(replace(project, scene=scene), picture, frames.series)
 
 
 def own_camera(scene: Scene) -> Camera:
-    """From where the scene is seen, without what else its file says of the view."""
+    """The camera of the scene, without what else its file sets of the view."""
     described = scene.description.camera
     return Camera(**{name: getattr(described, name) for name in Camera.model_fields})
 
 
 def cameras(camera: Camera, count: int) -> list[Camera]:
-    """Once around the target, from the camera itself on."""
+    """The cameras once around the target, starting with the camera itself."""
     return [camera, *(orbit_camera(camera, 2.0 * math.pi * i / count, 0.0) for i in range(1, count))]
 
 
 def poses_of(project: Project, count: int) -> list[Poses]:
-    """Through the animation, from its start on. Raises InsituError where there is none."""
+    """The poses through the animation, from its start. Raises InsituError where there is none."""
     line = timeline(project.document, ViewState())
     if line is None:
         raise InsituError("--frames: the scene has no animation")
@@ -121,7 +121,7 @@ def _in_poses(project: Project, poses: Poses) -> Scene:
 
 
 class _PlacementFrames:
-    """Each frame as a still of its own; where only the camera moves, with the same rays."""
+    """Draws each frame as a still of its own; where only the camera moves, with the same rays."""
 
     ready_at = 0.0
 
@@ -131,7 +131,7 @@ class _PlacementFrames:
         self._caster = None if frames.animated else RayCaster(scene.vertices, scene.triangles)
 
     def prepare(self, report: Report) -> None:
-        """Nothing is done for all."""
+        """Does nothing: frames share no work."""
 
     def draw(self, i: int) -> Picture:
         own, frames = replace(self._project, scene=self._seen[i]), self._frames
@@ -142,7 +142,7 @@ class _PlacementFrames:
 
 
 class _OrbitFrames:
-    """Everything is made ready once; what only some cameras see, when one does."""
+    """Precomputes all once; what only some cameras see, when one does."""
 
     ready_at = 0.3
 
@@ -165,9 +165,9 @@ class _OrbitFrames:
 
 
 class _DeformFrames:
-    """Everything is made ready once; frames differ in their poses alone. What bends casts on all else the coarse shadow
-    that it has while it moves, see `engine.realtime.zonal_harmonics.blockers`, which `judge_frame` says the price of; a
-    still in one pose has transfer of its own for that, which takes as long as making ready."""
+    """Precomputes all once; frames differ only in their poses. Objects that deform cast on all others the coarse
+    shadows that they have while moving, see `engine.realtime.zonal_harmonics.blockers`, whose error `judge_frame`
+    estimates; a still in one pose has transfer of its own for that, which takes as long as the precomputation."""
 
     ready_at = 0.95
 

@@ -1,4 +1,5 @@
-"""Pictures in files: what `insitu render` does, from a project to an EXR or a PNG that is whole or not there."""
+"""Pictures in files: what `insitu render` does, from a project to an EXR or a PNG that is complete or does not
+exist."""
 
 from __future__ import annotations
 
@@ -62,7 +63,7 @@ Steps = Generator[StillProgress, None, NDArray[np.float32]]
 
 
 def check_output(path: Path, endings: tuple[str, ...] = ENDINGS) -> Path:
-    """The path itself when a picture can be put there; found out before the work rather than after it."""
+    """Check that a picture can be written to the path, and return it; done before the work rather than after it."""
     if path.suffix.lower() not in endings:
         raise InsituError(f"{path}: the name of a picture ends in {' or '.join(endings)}")
     if os.path.isdir(path):
@@ -74,8 +75,8 @@ def check_output(path: Path, endings: tuple[str, ...] = ENDINGS) -> Path:
 
 @dataclass(frozen=True, eq=False)
 class Still:
-    """Linear radiance (H, W, 3), and how far off it is by its own judgement, None where nobody asked. warning: what is
-    to be said of light that is left out, else ""."""
+    """Linear radiance (H, W, 3), and its estimated error, None where that was not requested. warning: about light that
+    is left out, else ""."""
 
     picture: NDArray[np.float32]
     error: ErrorEstimate | None = None
@@ -98,13 +99,13 @@ def render_project(
     series: BounceSeries | None = None, n_samples: int | None = None, estimates_error: bool = False,
     mode: Mode = "placement", caster: RayCaster | None = None, knobs: Mapping[str, int] = MappingProxyType({}),
 ) -> Still:  # fmt: skip
-    """A still of a project, with the editor's transport, in the way of the mode or by brute force.
+    """A still of a project, with the editor's transport, by the mode's engine or by brute force.
 
-    series: None for as many bounces as the scene says, or requires; of the first bounce the document may say how many
-    bands; by brute force bands do not matter. n_samples: paths a pixel, by brute force; without them direct light alone
-    is integrated over all directions, without noise. n_lights, n_patches: at most, see `light_pilot`. estimates_error:
-    whether its error is estimated; not by brute force, which knows its noise. caster: the rays of the scene's
-    triangles, where there are some already; knobs: of Orbit and Deform where they are others than usual, see
+    series: None for as many bounces as the scene says, or requires; the document may set the bands of the first bounce;
+    by brute force bands do not matter. n_samples: paths per pixel, by brute force; without them direct light alone is
+    integrated over all directions, without noise. n_lights, n_patches: at most, see `light_pilot`. estimates_error:
+    whether its error is estimated; not by brute force, which knows its noise. caster: the ray caster of the scene's
+    triangles, where there is one already; knobs: settings of Orbit and Deform that differ from the defaults, see
     `app.document.pareto_front`.
     """
     sky = project.sky
@@ -126,7 +127,7 @@ def render_project(
                 most_bytes=orbit_bytes(), most_slice_bytes=orbit_slice_bytes(), **knobs,
             )  # fmt: skip
         else:
-            # A still has one pose: transfer of the meshes as they stand in it has the shadows between objects, too.
+            # A still has one pose: transfer of the meshes in it includes the shadows between objects.
             deform = prepared_deform(project, project.scene, (), series, knobs)
             drawing = render_deform(deform, project.scene.resolution)
         picture, warning = run_to_end(drawing, report), bounces.warning
@@ -156,8 +157,8 @@ def render_project(
 
 
 def judge_picture(project: Project, picture: NDArray[np.float32], series: BounceSeries | None = None) -> str:
-    """How far a picture of a project that was drawn in another way is off, as one line, by the paths of some of its
-    points; "" where that cannot be known. series: as in `render_project`."""
+    """The error of a picture of a project that was drawn in another way, as one line, by path tracing some of its
+    points; "" where it cannot be estimated. series: as in `render_project`."""
     intensity = float(project.document.light.intensity)
     if _deform_only_objects(project) or not intensity:
         return ""
@@ -173,8 +174,8 @@ def judge_picture(project: Project, picture: NDArray[np.float32], series: Bounce
 
 
 def prepared_orbit(project: Project, n_patches: int = N_PATCHES, series: BounceSeries | None = None) -> Orbit:
-    """What pictures in Orbit's way are drawn of, from anywhere; all its work is to be done. series: None for as many
-    bounces as the session or the scene says, or Orbit takes."""
+    """Orbit's engine for pictures from any camera, with all its work still to be done. series: None for as many bounces
+    as the session or the scene says, or Orbit takes."""
     knobs: dict[str, Any] = {"n_patches": n_patches, **mode_knobs("orbit", project.overrides)}
     orbit = Orbit(project.scene, most_bytes=orbit_bytes(), most_slice_bytes=orbit_slice_bytes(), **knobs)
     orbit.set_light(project.sky)
@@ -185,7 +186,7 @@ def prepared_orbit(project: Project, n_patches: int = N_PATCHES, series: BounceS
 
 
 def _deform_only_objects(project: Project) -> tuple[str, ...]:
-    """The objects, by name, whose surfaces Deform alone knows, so that no paths tell how far off they are."""
+    """Names of the objects whose surfaces only Deform draws, so that paths cannot estimate their error."""
     return tuple(state.name for state in project.document.objects if state.surface.kind)
 
 
@@ -193,8 +194,8 @@ def prepared_deform(
     project: Project, scene: Scene, posed: Sequence[str], series: BounceSeries | None = None,
     knobs: Mapping[str, int] = MappingProxyType({}),
 ) -> Deform:  # fmt: skip
-    """What pictures in Deform's way are drawn of the project's scene, at rest or in a pose; posed: the objects, by
-    name, that are to bend out of that; all its work is to be done. knobs: as in `render_project`."""
+    """Deform's engine for pictures of the project's scene, at rest or in a pose, with all its work still to be done;
+    posed: names of the objects that are to deform further. knobs: as in `render_project`."""
     deform = Deform(scene, store=StoredLobes(ArrayCache()))
     usual = {"n_rays": DEFORM_RAYS, "n_lobes": N_LOBES}
     deform.set_effort(**{**usual, **mode_knobs("deform", project.overrides), **knobs})
@@ -222,7 +223,7 @@ def _at_most(layers: Sequence[StillLayer], most: int | None) -> tuple[StillLayer
 
 
 def plan_still(project: Project, n_lights: int = N_LIGHTS, n_patches: int = N_PATCHES) -> Plan:
-    """The plan of a still, with so many lights and patches where nobody has overruled them."""
+    """The plan of a still, with so many lights and patches where they are not overridden."""
     has_sky = project.sky.environment is not None
     return plan_scene(
         project.scene, project.layers, has_sky=has_sky, still=True, n_lights=n_lights, n_patches=n_patches,
@@ -231,17 +232,17 @@ def plan_still(project: Project, n_lights: int = N_LIGHTS, n_patches: int = N_PA
 
 
 def chosen_bounces(project: Project, plan: Plan) -> int | None:
-    """As many as a person has overruled the plan with, the session has, or the scene says; None: to be planned."""
+    """The user's override, the session's number, or the scene's; None: to be planned."""
     return project.chosen_bounces or plan.bounces
 
 
 def write_picture(path: Path, radiance: NDArray[np.float32], view: ToneMapping = "filmic", comment: str = "") -> None:
-    """Put a picture into a file, whole or not at all; see `picture_bytes`."""
+    """Write a picture to a file, whole or not at all; see `picture_bytes`."""
     save_file(path, picture_bytes(path, radiance, view, comment))
 
 
 def picture_bytes(path: Path, radiance: NDArray[np.float32], view: ToneMapping = "filmic", comment: str = "") -> bytes:
-    """What is in a picture's file: an .exr (linear, 32 bits, with a comment) or a .png (as the viewport shows it)."""
+    """The bytes of a picture's file: an .exr (linear, 32 bits, with a comment) or a .png (as the viewport shows it)."""
     is_png = path.suffix.lower() == ".png"
     return png_bytes(radiance, tone_mapping=view) if is_png else exr_bytes(radiance, comment)
 

@@ -1,1 +1,1 @@
-"""What the machine and its system give: files whole or not there, folders, memory, processes, compiled kernels."""
+"""The operating system and the machine: atomic files, folders, memory, processes, compiled kernels."""

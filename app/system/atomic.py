@@ -1,14 +1,14 @@
 """Files and folders that are either old or new, never half.
 
-The bytes go to a temporary name in the same folder, are flushed to the disk, and the name is then replaced in one
-step [POSIX, rename]. A process killed at any moment leaves the old file or the new one, and at most a stray temporary
-file, which the next write to the same name removes. Writing in place, even with a backup beside it, was rejected: a
-kill between truncation and the last write loses both the old text and the new.
+The bytes go to a temporary name in the same folder, are flushed to the disk, and the name is then replaced in one step
+[POSIX, rename]. A process killed at any moment leaves the old file or the new one, and at most a stray temporary file,
+which the next write to the same name removes. Writing in place, even with a backup beside it, was rejected: a kill
+between truncation and the last write loses both the old text and the new.
 
-What a person asked for goes through `save_file` and `replacing_folder`, whose one line names the path; neither replaces
-anything but a regular file, nor one that the open project was read from (`app.system.inputs`). `require_place` finds
-that out before the work rather than after it. What the program keeps for itself (`private`) is for the user's eyes
-alone.
+Files that the user asked for are written by `save_file` and `replacing_folder`, whose error names the path; neither
+replaces anything but a regular file, nor one that the open project was read from (`app.system.inputs`). `require_place`
+checks that before the work rather than after it. Files that the program stores for itself (`private`) can be read by
+the user alone.
 """
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ def save_file(path: str | os.PathLike[str], data: bytes, *, private: bool = Fals
 
 
 def require_place(*paths: Path) -> None:
-    """Raises InsituError where files could not be put at these paths, or would take the place of what has to stay.
+    """Raise InsituError where files could not be written to these paths, or would replace what has to stay.
 
-    A name in each of their folders is tried, so that a disk that cannot be written, is full, or takes no such name, is
-    met before the work.
+    A name in each of their folders is tried, so that a disk that is read-only, is full, or refuses such a name, is
+    found before the work.
     """
     tried = {path.parent: path for path in sorted(paths, key=lambda path: len(os.fspath(path)))}
     for path in paths:
@@ -65,7 +65,7 @@ def require_place(*paths: Path) -> None:
 
 
 def require_folder(folder: Path, names: Iterable[str] = ()) -> None:
-    """The same of files of these names in a folder, whether it is there or not: it is not made."""
+    """The same for files of these names in a folder, whether it exists or not: it is not made."""
     with _explaining(folder):
         _require_folder(folder)
         made = Path(os.path.realpath(folder)) / "a"  # the first name that will be new
@@ -77,7 +77,7 @@ def require_folder(folder: Path, names: Iterable[str] = ()) -> None:
 
 
 def make_folder_of(path: Path) -> None:
-    """Make the folder that a file is to be in; InsituError says why that cannot be."""
+    """Make the folder of a file; InsituError says why that is impossible."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
@@ -86,16 +86,16 @@ def make_folder_of(path: Path) -> None:
 
 @contextlib.contextmanager
 def replacing_folder(folder: Path) -> Iterator[Path]:
-    """An empty folder to fill; leaving the block without an error puts what it holds in the place of `folder`.
+    """An empty folder to fill; leaving the block without an error moves its content to `folder`.
 
-    Of a folder that is there already, files of the same names are replaced when all are written, and all others stay.
-    Raises InsituError that says why it cannot be written; what was there is then untouched.
+    In a folder that exists, files of the same names are replaced when all are written, and all others stay. Raises
+    InsituError that says why it cannot be written; what was there is then untouched.
     """
     with _explaining(folder):
         target = Path(os.path.realpath(folder))
         _require_folder(target)
         target.parent.mkdir(parents=True, exist_ok=True)
-        # Beside a folder that is there could be another disk, or no right to write.
+        # Beside an existing folder could be another disk, or no permission to write.
         temporary = _temporary(target / target.name if target.is_dir() else target)
         temporary.mkdir()
         try:
@@ -117,10 +117,10 @@ def write_atomically(path: str | os.PathLike[str], data: bytes, *, private: bool
 
 @contextlib.contextmanager
 def replacing(path: str | os.PathLike[str], *, durable: bool = True, private: bool = False) -> Iterator[BinaryIO]:
-    """A binary file to write; leaving the block without an error puts it in the place of `path`.
+    """A binary file to write; leaving the block without an error moves it to `path`.
 
-    `durable` waits until the bytes are on the disk, so that not even a power cut can leave half a file. Without it
-    only the death of the process is covered: enough for files that carry a checksum and can be computed again.
+    `durable` waits until the bytes are on the disk, so that not even a power cut can leave half a file. Without it only
+    the death of the process is covered: enough for files that have a checksum and can be computed again.
     """
     _require_file(path)
     target = Path(os.path.realpath(path))
@@ -143,18 +143,18 @@ def replacing(path: str | os.PathLike[str], *, durable: bool = True, private: bo
 
 
 def private_opener(path: str, flags: int) -> int:
-    """For `open`: a file that is made is the user's alone."""
+    """An opener for `open`: a new file is the user's alone."""
     return os.open(path, flags, PRIVATE_FILE)
 
 
 def make_private_folder(folder: Path) -> Path:
-    """The folder, made where it is not there, then the user's alone."""
+    """The folder, made where it does not exist, then the user's alone."""
     folder.mkdir(parents=True, exist_ok=True, mode=PRIVATE_FOLDER)
     return folder
 
 
 def sweep_temporaries(folder: Path, name: str | None = None) -> None:
-    """Remove temporary files and folders (of the file `name`, or all) whose writer no longer lives."""
+    """Remove temporary files and folders (of the file `name`, or all) whose writer no longer runs."""
     name = None if name is None else _stem(name)
     try:
         entries = os.listdir(folder)
@@ -171,7 +171,7 @@ def sweep_temporaries(folder: Path, name: str | None = None) -> None:
 
 @contextlib.contextmanager
 def _explaining(path: str | os.PathLike[str]) -> Iterator[None]:
-    """What the system refuses of a file or folder that a person named, as InsituError with one line."""
+    """Raises the system's refusal of a file or folder that the user named as InsituError with one line."""
     try:
         yield
     except (OSError, ValueError) as error:
@@ -179,16 +179,16 @@ def _explaining(path: str | os.PathLike[str]) -> Iterator[None]:
 
 
 def _reason(error: OSError | ValueError) -> str:
-    """What the system says of a path that it does not take, in words."""
+    """The system's reason for refusing a path, in words."""
     if isinstance(error, UnicodeError):
         return f"its name has characters that this system's ({sys.getfilesystemencoding()}) lack"
     return (error.strerror if isinstance(error, OSError) else None) or str(error)
 
 
 def _require_file(path: str | os.PathLike[str]) -> None:
-    """Raises OSError where something is at `path`, or where its links lead, that is no regular file.
+    """Raise OSError where something is at `path`, or where its links lead, that is no regular file.
 
-    To put one in the place of a device, or of a link that leads to itself, is never what was meant.
+    Replacing a device, or a link that leads to itself, is never intended.
     """
     try:
         mode = os.stat(path).st_mode
@@ -201,7 +201,7 @@ def _require_file(path: str | os.PathLike[str]) -> None:
 
 
 def _try_writing(target: Path) -> None:
-    """Raises OSError where the system takes no file of a few bytes beside the target, under a name as long."""
+    """Raise OSError where the system takes no file of a few bytes beside the target, under a name as long."""
     temporary = _temporary(target)
     try:
         with open(temporary, "xb") as file:
@@ -211,20 +211,21 @@ def _try_writing(target: Path) -> None:
 
 
 def _require_folder(folder: Path) -> None:
-    """Raises OSError where something is at a path that is no folder."""
+    """Raise OSError where something is at a path that is no folder."""
     with contextlib.suppress(FileNotFoundError):
         if not stat.S_ISDIR(os.stat(folder).st_mode):
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
 
 
 def _temporary(target: Path) -> Path:
-    """A name beside the target that nobody else uses; names of writers that were killed are swept."""
+    """An unused name beside the target; those of writers that were killed are removed."""
     sweep_temporaries(target.parent, target.name)
     return target.with_name(f".{_stem(target.name)}.{os.getpid()}-{next(_serial)}.tmp")
 
 
 def _stem(name: str) -> str:
-    """What temporary names repeat of a file's: of a long one a digest, as theirs may be no longer."""
+    """The part of a file's name that temporary names repeat: of a long one a digest, because theirs may be no
+    longer."""
     encoded = os.fsencode(name)
     return name if len(encoded) <= _LONGEST_STEM else hashlib.blake2b(encoded, digest_size=12).hexdigest()
 
@@ -255,7 +256,7 @@ def _keep_permissions(target: Path, temporary: Path) -> None:
 
 
 def _flush_folder(folder: Path) -> None:
-    """Put the new name itself on the disk; some file systems refuse this for folders, and then it is not needed."""
+    """Flush the new name itself to the disk; some file systems refuse this for folders, and then it is not needed."""
     with contextlib.suppress(OSError):
         descriptor = os.open(folder, os.O_RDONLY)
         try:

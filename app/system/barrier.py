@@ -1,9 +1,9 @@
-"""A barrier around the parts of a frame: what goes wrong in one of them ends neither the program nor the other parts.
+"""A barrier around the parts of a frame: an exception in one of them ends neither the program nor the other parts.
 
-A panel, an answer of the worker, an edit, the picture: each is run through the barrier. One that fails is left out
-until what it was made of is another, or a second has passed, so that a fault is not met sixty times a second. The
-person gets one line, once, and a file has the traceback. Commands and tests hold nothing back: there the same fault
-ends the work, with one line and exit status 1.
+A panel, a response of the worker, an edit, the picture: each is run through the barrier. A part that fails is left out
+until its inputs have changed, or a second has passed, so that a fault does not recur sixty times a second. The user
+gets one line, once, and the log has the traceback. Commands and tests let faults through: there the same fault ends the
+work, with one line and exit status 1.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class _Fault:
-    """What a part failed on, what it was made of then (None: an event), and until when that is not repeated."""
+    """What a part failed on, its inputs then (None: an event), and until when it is not repeated."""
 
     error: str
     made_of: tuple[object, ...] | None
     until: float
 
     def suppresses(self, error: str, now: float) -> bool:
-        """Whether that error need not be told, since it was just now."""
+        """Whether that error is not reported again, because it was reported just now."""
         return self.error == error and (self.made_of is not None or now < self.until)
 
 
 class Barrier:
-    """The barrier of one editor. holds: whether faults are held back; tell: what hears the line about each."""
+    """The barrier of one editor. holds: whether faults are caught; tell: is called with the line about each."""
 
     def __init__(self, holds: bool = False, clock: Callable[[], float] = time.monotonic) -> None:
         self.holds = holds
@@ -49,10 +49,10 @@ class Barrier:
     def run(
         self, part: str, work: Callable[[], Result], otherwise: Result, made_of: tuple[object, ...] | None = None
     ) -> Result:
-        """What `work` gives; `otherwise` where it fails.
+        """The result of `work`; `otherwise` where it fails.
 
-        made_of: values that the part is made of; as long as they are equal to those that it failed on, it is tried
-        again once a second. None: an event, which does not come twice and is always tried.
+        made_of: the inputs of the part; as long as they are equal to those that it failed on, it is tried again once a
+        second. None: an event, which does not come twice and is always tried.
         """
         if not self.holds:
             return work()
@@ -82,7 +82,7 @@ class Barrier:
 
 
 def _log_fault(part: str, error: Exception) -> str:
-    """Append the traceback to the log; words that say where it is."""
+    """Append the traceback to the log; returns words that say where it is."""
     try:
         path = log_directory() / "window.log"
         is_long = path.exists() and path.stat().st_size > _LARGEST_LOG
@@ -94,6 +94,6 @@ def _log_fault(part: str, error: Exception) -> str:
 
 
 def _display_path(path: Path) -> str:
-    """A path as a person writes it."""
+    """A path in the form that the user would write."""
     home = Path.home()
     return f"~/{path.relative_to(home)}" if path.is_relative_to(home) else str(path)

@@ -1,8 +1,8 @@
-"""The files that the project which is open in this process was read from: no output takes the place of one of them.
+"""The files that the project which is open in this process was read from: no output may replace one of them.
 
-Whoever opens a project says what it has read (`set_inputs`), whoever brings more into it says that as well
-(`add_inputs`); all that is written for a person asks here before (`app.system.atomic`). Files are told apart by what
-they are and not by their names: a link, or another spelling on a disk that does not mind capitals, is the same file.
+Code that opens a project sets them (`set_inputs`), code that reads more into it adds to them (`add_inputs`); all files
+written for the user are checked against them (`app.system.atomic`). Files are compared by identity and not by their
+names: a link, or another spelling on a disk that ignores case, is the same file.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ _inputs: set[Path] = set()
 
 
 def set_inputs(paths: Iterable[Path]) -> None:
-    """Another project is open, which was read from these files."""
+    """Set the files that the newly opened project was read from."""
     _inputs.clear()
     add_inputs(paths)
 
 
 def add_inputs(paths: Iterable[Path]) -> None:
-    """The project has read these files as well; also what an undone edit has read may be wanted again."""
+    """Add files that the project has read; those of an undone edit may be needed again."""
     _inputs.update(Path(os.path.abspath(path)) for path in paths)
 
 
 def require_no_input(path: str | os.PathLike[str], session: Path | None = None) -> None:
-    """Raises InsituError where an output at `path` would take the place of what the project was read from.
+    """Raise InsituError where an output at `path` would replace a file that the project was read from.
 
     session: that of the project, which may be saved where it was read from.
     """
@@ -41,7 +41,7 @@ def require_no_input(path: str | os.PathLike[str], session: Path | None = None) 
 
 
 def _identity(path: str | os.PathLike[str]) -> tuple[int, int] | None:
-    """The file behind a name, its links followed; None where there is none, which cannot be lost."""
+    """The identity of the file behind a name, its links followed; None where there is none, which cannot be lost."""
     try:
         status = os.stat(path)
     except (OSError, ValueError):

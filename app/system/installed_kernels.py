@@ -1,11 +1,11 @@
-"""Compiled kernels that lie beside the installed packages, for whoever uses the installation on this machine.
+"""Compiled kernels beside the installed packages, for all users of the installation on this machine.
 
-    make setup:                      compiles into the user's cache ─► keeps a copy with the installation
-    first start with an empty cache: takes that copy ─► nothing to compile, which else takes minutes
+    make setup:                      compiles into the user's cache ─► stores a copy with the installation
+    first start with an empty cache: takes that copy ─► nothing to compile, which otherwise takes minutes
 
-What was compiled for other sources is in folders of other names (`app.system.kernel_cache`), and numba's own index
-tells other processors and versions apart: a copy that does not suit is compiled anew. The caches stay those of each
-user, since an installation may not be writable, and what one user writes no other should run.
+Kernels of other sources are in folders of other names (`app.system.kernel_cache`), and numba's own index distinguishes
+processors and versions: a copy that does not fit is compiled anew. Each user has a cache of their own, because an
+installation may be read-only, and code that one user writes no other should run.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from app.system.kernel_cache import NUMBA_VARIABLE, default_folder, kernel_diges
 
 
 def installed_folder() -> Path:
-    """Where they are, or would be."""
+    """The folder that they are in, or would be."""
     return Path(sysconfig.get_path("purelib"), "insitu_kernels")
 
 
 def keep_installed() -> None:
-    """Put what this user's cache has in place of what the installation has; nothing where that cannot be written."""
+    """Copy what this user's cache has to the installation; does nothing where that cannot be written."""
     target = installed_folder()
     made = target.with_name(f"{target.name}.{os.getpid()}.tmp")
     try:
@@ -38,7 +38,8 @@ def keep_installed() -> None:
 
 
 def take_installed() -> None:
-    """Put into this user's cache what it lacks. Another folder that `NUMBA_CACHE_DIR` names stays as it is."""
+    """Copy what this user's cache lacks from the installation. Another folder that `NUMBA_CACHE_DIR` names does not
+    change."""
     cache = default_folder()
     if os.environ.get(NUMBA_VARIABLE) == str(cache):
         with contextlib.suppress(OSError):
@@ -47,8 +48,8 @@ def take_installed() -> None:
 
 
 def _copy_missing(source: Path, target: Path) -> None:
-    """The folders of these sources that `target` lacks, each whole or not at all. Then the marks that they are ready,
-    unless one was there: it may be of a compilation that was cut off."""
+    """Copy the folders of these sources that `target` lacks, each whole or not at all. Then the marks that they are
+    ready, unless one was there: it may be of a compilation that was interrupted."""
     there = [name for name in kernel_folders() if (source / name).is_dir()]
     missing = [name for name in there if not (target / name).exists()]
     for name in missing:

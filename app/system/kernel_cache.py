@@ -1,10 +1,11 @@
-"""Where compiled kernels are kept: for each file of them a folder named after all the sources that they are made of.
+"""The cache of compiled kernels: for each source file a folder named after all the sources that its kernels are made
+of.
 
-Numba looks at the file of a kernel to see whether its compiled form is out of date, but not at the kernels it has
-inlined from other files, so after an update it may run old code. A folder for each state of a file and of what it
-imports cannot be stale; an update compiles what it has changed alone, and two copies of the same sources share theirs.
-The folders lie in the user's cache, for the installed package may not be writable. One that cannot be written costs
-time alone, see `app.system.kernel_files`.
+Numba checks the file of a kernel to decide whether its compiled form is out of date, but not the kernels it has inlined
+from other files, so after an update it may run old code. A folder for each state of a file and of what it imports
+cannot be stale; an update compiles only what it has changed, and two copies of the same sources share theirs. The
+folders are in the user's cache, because the installed package may be read-only. A cache that cannot be written only
+costs time, see `app.system.kernel_files`.
 """
 
 from __future__ import annotations
@@ -51,23 +52,23 @@ def kernel_digest() -> str:
 
 
 def use_kernel_cache() -> None:
-    """Tell numba where to keep compiled kernels; call it before the engine is imported. A set variable is kept."""
+    """Set where numba caches compiled kernels; call it before the engine is imported. A variable that is set stays."""
     os.environ["NUMBA_CACHE_LOCATOR_CLASSES"] = qualified("app.system.kernel_files.KernelFiles")
     if NUMBA_VARIABLE not in os.environ:
         folder = default_folder()
         with contextlib.suppress(OSError):
-            make_private_folder(folder.parent)  # what is read from it is run
+            make_private_folder(folder.parent)  # what is read from it is executed
         os.environ[NUMBA_VARIABLE] = str(folder)
 
 
 def default_folder() -> Path:
-    """Where a user's compiled kernels are kept, unless the variable names another folder."""
+    """The folder of a user's compiled kernels, unless the variable names another."""
     return Path(platformdirs.user_cache_dir("insitu", appauthor=False), "kernels")
 
 
 @functools.cache
 def with_imported(path: Path) -> frozenset[Path]:
-    """The file and the engine's modules that it imports, and those that they do."""
+    """The file and the engine's modules that it imports, directly or indirectly."""
     found, waiting = {path}, [path]
     while waiting:
         new = set(_imported(waiting.pop())) - found

@@ -1,8 +1,8 @@
-"""What numba calls to find the files of compiled kernels: a folder that fails it costs time, never the work.
+"""Numba's hook for the files of compiled kernels: a folder that fails costs time, never the work.
 
-Of itself it ends the program where a kernel cannot be kept (a full disk) or a file of an earlier one is damaged (a
-power cut), and where no folder can be written it declines to compile. Named by an environment variable, so that it is
-read with the first kernel, in every process, and never before.
+By default numba ends the program where a kernel cannot be stored (a full disk) or a file of an earlier one is damaged
+(a power cut), and where no folder can be written it declines to compile. An environment variable names this module, so
+that it is read with the first kernel, in every process, and never before.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ class KernelFiles(caching.UserProvidedCacheLocator):  # type: ignore[misc]
         return cls(function, source)
 
     def get_source_stamp(self) -> str:
-        """The folder is of these very sources: a file's own age says nothing more."""
+        """A constant: the folder belongs to these very sources, so a file's own age tells nothing more."""
         return self._folder
 
 
 @contextlib.contextmanager
 def _whatever_happens(cache: caching.Cache) -> Iterator[None]:
-    """Around reading and writing a kernel's files: where that fails it is compiled, and its files are begun anew."""
+    """Wraps reading and writing a kernel's files: where that fails it is compiled, and its files are written anew."""
     try:
         yield
     except Exception as error:
@@ -48,9 +48,9 @@ def _whatever_happens(cache: caching.Cache) -> Iterator[None]:
             cache.flush()
 
 
-# Numba's own place for this, which it leaves empty outside of Windows.
+# Numba's own hook for this, which it leaves empty except on Windows.
 caching.Cache._guard_against_spurious_io_errors = _whatever_happens  # type: ignore[method-assign, assignment]
 
-# Kernels are called from Python and by one another. A wrapper for calls from C besides would be made of each, and only
-# `cfunc`, which asks for it, has a use for it.
+# Kernels are called from Python and by one another. Numba would also make a wrapper of each for calls from C, which
+# only `cfunc` uses, and requests itself.
 compiler.Flags.options["no_cfunc_wrapper"]._default = True

@@ -1,7 +1,7 @@
-"""Names of modules, for what is imported late, by one process alone, or run as a program of its own.
+"""Names of modules that are imported late, by one process alone, or run as a program of their own.
 
 In a checkout the packages are `app`, `engine` and `ui`; a wheel installs them inside one package, `insitu`, see
-`setup.py`. Names are written as in the checkout; `qualified` gives what the running program knows them by.
+`setup.py`. Names are written as in the checkout; `qualified` returns the name in the running program.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 _OUTER = __name__.removesuffix("app.system.lazy_import")
-# The folder that the import path must have.
+# The folder that has to be in the import path.
 IMPORT_FOLDER = Path(__file__).resolve().parents[2 + _OUTER.count(".")]
 
 

@@ -1,17 +1,17 @@
-"""How much memory there is, and refusing what would not fit before anything is computed."""
+"""The machine's memory, and refusing what would not fit before anything is computed."""
 
 from __future__ import annotations
 
 from app.system.system import resident_bytes
 from engine.core.errors import InsituError
 
-# Of one pixel: its visibility (5,120 bits and the finest lights'), its hit, its directions, the picture.
+# For one pixel: its visibility (5,120 bits and the finest lights'), its hit, its directions, the picture.
 BYTES_A_PIXEL = 1200
 
 
 def memory_bytes() -> tuple[int, int]:
     """Bytes that the system can still give without swapping, and in all."""
-    import psutil  # late: the window is not to wait for it
+    import psutil  # late: the window must not wait for it
 
     memory = psutil.virtual_memory()
     return memory.available, memory.total
@@ -23,14 +23,14 @@ def available_memory() -> int:
 
 
 def orbit_bytes() -> int:
-    """What the points of Orbit may keep: a third of all memory, and no less than the engine takes for granted."""
+    """Memory limit of Orbit's points: a third of all memory, and no less than the engine's default."""
     from engine.realtime.triple_product.orbit_engine import MOST_BYTES
 
     return max(MOST_BYTES, memory_bytes()[1] // 3)
 
 
 def orbit_slice_bytes() -> int:
-    """What the slices of Orbit's layers may: a 32nd of all memory, and no less than the engine takes for granted."""
+    """Memory limit of the slices of Orbit's layers: a 32nd of all memory, and no less than the engine's default."""
     from engine.realtime.triple_product.orbit_engine import MOST_SLICE_BYTES
 
     return max(MOST_SLICE_BYTES, memory_bytes()[1] // 32)
@@ -42,12 +42,13 @@ def resident_megabytes(*pids: int | None) -> float:
 
 
 def bytes_for(resolution: tuple[int, int]) -> int:
-    """About what a picture of (width, height) pixels needs of the memory."""
+    """About the memory that a picture of (width, height) pixels needs."""
     return resolution[0] * resolution[1] * BYTES_A_PIXEL
 
 
 def require_memory_for(resolution: tuple[int, int], mend: str = "give a smaller --resolution") -> None:
-    """InsituError when a picture of (width, height) pixels would need more memory than there is; mend: what to do."""
+    """Raise InsituError when a picture of (width, height) pixels would need more memory than there is; mend: what to
+    do."""
     needed, (free, _) = bytes_for(resolution), memory_bytes()
     if needed > free:
         size = f"{resolution[0]} x {resolution[1]} pixels"

@@ -1,8 +1,8 @@
-"""Where Insitu keeps what outlives a run: the autosave journals, a person's own materials and the interface's layout.
+"""The folders of what outlives a run: the autosave journals, the user's own materials and the window's layout.
 
 The folder comes from the environment variable ``INSITU_STATE`` where it is set (tests, kiosks), else from the
-platform's own convention (``platformdirs``). The transport cache has its own folder, see ``app.worker.cache``:
-deleting a cache must never cost a person unsaved work.
+platform's own convention (``platformdirs``). The transport cache has its own folder, see ``app.worker.cache``: deleting
+a cache must never cost the user unsaved work.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ _QUOTED = "file:"
 
 
 def state_directory() -> Path:
-    """The folder for journals and layout, made (private to the user) when it is not there.
+    """The folder for journals and layout, made (private to the user) when it does not exist.
 
-    Where it cannot be made it is named all the same: whoever reads finds nothing there, whoever writes says why not.
+    Where it cannot be made its name is returned all the same: readers find nothing there, writers report why not.
     """
     configured = os.environ.get(STATE_VARIABLE)
     return _make_folder(
@@ -34,7 +34,7 @@ def state_directory() -> Path:
 
 
 def state_problem() -> str:
-    """One line for a person where nothing can be kept, else ""."""
+    """One line for the user where nothing can be stored, else ""."""
     folder = state_directory()
     if folder.is_dir() and os.access(folder, os.W_OK):
         return ""
@@ -47,12 +47,12 @@ def journal_directory() -> Path:
 
 
 def material_directory() -> Path:
-    """The folder of a person's own materials."""
+    """The folder of the user's own materials."""
     return _make_folder(state_directory() / "materials")
 
 
 def log_directory() -> Path:
-    """The folder of what is logged."""
+    """The folder of the logs."""
     return _make_folder(state_directory() / "log")
 
 
@@ -63,7 +63,7 @@ def _make_folder(folder: Path) -> Path:
 
 
 def layout_file() -> Path:
-    """The file in which the window remembers its panels."""
+    """The file in which the window stores its layout."""
     return state_directory() / "layout.ini"
 
 
@@ -73,24 +73,25 @@ def recent_file() -> Path:
 
 
 def preference_file() -> Path:
-    """The file with what a person is used to."""
+    """The file with the user's preferences."""
     return state_directory() / "preferences.toml"
 
 
 def display_name(source: str) -> str:
-    """What a person calls a scene or a session: its file's name without the ending, of a scene.toml its folder's."""
+    """The name of a scene or a session for the user: its file's name without the suffix, of a scene.toml its
+    folder's."""
     path = Path(source)
     return path.parent.name if path.name == "scene.toml" else path.stem
 
 
 def is_file_name(source: str) -> bool:
-    """Whether a scene or an environment is a file: names of built-in ones have no ending."""
+    """Whether a scene or an environment is a file: names of built-in ones have no suffix."""
     return Path(source).suffix != ""
 
 
 def full_path(source: str, folder: Path | None = None) -> str:
-    """A file's absolute path, from ``folder`` or where we are; the name of a built-in one as it is. Names may be as
-    `written_path` has them."""
+    """A file's absolute path, from ``folder`` or the current one; the name of a built-in one as it is. Names may be
+    written as by `written_path`."""
     if source.startswith(_QUOTED):
         source = os.fsdecode(unquote_to_bytes(source.removeprefix(_QUOTED)))
     return str(resolved((folder or Path()) / source)) if is_file_name(source) else source
@@ -99,7 +100,7 @@ def full_path(source: str, folder: Path | None = None) -> str:
 def written_path(source: str, folder: Path | None) -> str:
     """A file's name as it is written to a file in ``folder``: relative to it where it is inside, else absolute.
 
-    A file can be called by bytes that are no text. Such a name is written as a URI [RFC 8089]: "file:caf%E9.toml".
+    A file's name may be bytes that are no text. Such a name is written as a URI [RFC 8089]: "file:caf%E9.toml".
     """
     if not is_file_name(source):
         return source

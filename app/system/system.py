@@ -1,7 +1,7 @@
-"""What Insitu asks of the operating system that not every system has: the one place for such calls.
+"""Calls of the operating system that not every system has: the one place for them.
 
-Each has an alternative for systems without it, which tests run too, on the system that they run on, where that is
-possible; what only Windows has is marked. Nothing of it brings NumPy or psutil, for it is imported first of all.
+Each has an alternative for systems without it, which tests also run on the present system where that is possible; what
+only Windows has is marked. This module imports neither NumPy nor psutil, because it is imported first of all.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 HAS_ANONYMOUS_FILES = sys.platform == "linux"
-# Descriptors, and with them blocks of memory, travel over sockets; elsewhere blocks have a name until they are read.
+# Descriptors, and with them blocks of memory, are sent over sockets; elsewhere blocks have a name until they are read.
 PASSES_DESCRIPTORS = hasattr(socket, "SCM_RIGHTS")
-# Elsewhere nice(2) is about all of a process.
+# Elsewhere nice(2) applies to the whole process.
 HAS_THREAD_PRIORITIES = sys.platform == "linux"
-# What processes hold stands in files; elsewhere a library asks for it.
+# The memory of processes is in files; elsewhere a library asks for it.
 HAS_PROC = sys.platform == "linux"
 _PR_SET_PDEATHSIG = 1
 _POLL_SECONDS = 0.02
@@ -37,16 +37,16 @@ _MOST_HEAPS = 2
 
 
 def use_batch_scheduling() -> None:
-    """Have this process, and the threads that it begins, never take a processor as soon as they have something to do:
-    sched(7), SCHED_BATCH. Nothing elsewhere."""
+    """Make this process, and the threads that it starts, never preempt a running one: sched(7), SCHED_BATCH. Does
+    nothing elsewhere."""
     if sys.platform == "linux":
         with contextlib.suppress(OSError):
             os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
 
 
 def lower_priority(niceness: int) -> None:
-    """Leave the processors to others; niceness: by how much, as nice(2) counts. On Linux this thread does, and those
-    that it begins."""
+    """Lower the priority; niceness: by how much, as nice(2) counts. On Linux only of this thread, and those that it
+    starts."""
     with contextlib.suppress(OSError):
         if sys.platform != "win32":
             os.nice(niceness)
@@ -57,10 +57,10 @@ def lower_priority(niceness: int) -> None:
 
 
 def keep_memory_compact() -> None:
-    """Have arrays that are freed go back to the system (glibc, mallopt(3)); elsewhere nothing.
+    """Return freed arrays to the system (glibc, mallopt(3)); does nothing elsewhere.
 
-    By default the size from which memory is mapped, and so goes back, grows to 32 MiB, and each thread has a heap of
-    its own: in a process that makes and frees arrays for hours, holes come to more than what is in use.
+    By default the size from which memory is mapped, and so returned, grows to 32 MiB, and each thread has a heap of its
+    own: in a process that makes and frees arrays for hours, holes add up to more than what is in use.
     """
     if sys.platform == "linux":
         import ctypes
@@ -72,8 +72,8 @@ def keep_memory_compact() -> None:
 
 
 def end_with_parent(parent: int) -> None:
-    """Have this process ended when the thread that started it ends, also by SIGKILL, where the system does that
-    (Linux, prctl(2)); it ends here and now if the parent has ended already."""
+    """End this process when the thread that started it ends, also by SIGKILL, where the system can do that (Linux,
+    prctl(2)); ends it at once if the parent has ended already."""
     if sys.platform == "linux":
         import ctypes
 
@@ -83,23 +83,23 @@ def end_with_parent(parent: int) -> None:
 
 
 def release_memory() -> None:
-    """Give memory that is not in use back to the system, where the system's C library keeps it (Linux, malloc_trim(3)):
-    freed arrays lie between others in its arenas, one for each thread. Takes some 10 ms."""
+    """Return unused memory to the system, where the system's C library holds it (Linux, malloc_trim(3)): freed arrays
+    are between others in its arenas, one for each thread. Takes some 10 ms."""
     gc.collect()
     if sys.platform == "linux":
         import ctypes
 
-        with contextlib.suppress(AttributeError):  # of glibc alone
+        with contextlib.suppress(AttributeError):  # only glibc has it
             ctypes.CDLL(None).malloc_trim(0)
 
 
 def process_lives(pid: int) -> bool:
-    """Whether a process of this number exists, ours or another user's.
+    """Whether a process of this number exists, of this user or another.
 
-    One that has ended and waits only to be collected, a zombie, lives no more: in a container whose first process
-    collects none they stay for good, and with them would all that is kept for the living.
+    One that has ended and is not collected yet, a zombie, does not count: in a container whose first process collects
+    none they stay forever, and with them would all that is stored for running ones.
     """
-    import psutil  # late: it takes longer than what asks this at a start
+    import psutil  # late: it takes longer to import than all else that asks this at a start
 
     try:
         return psutil.pid_exists(pid) and psutil.Process(pid).status() not in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD)
@@ -110,7 +110,7 @@ def process_lives(pid: int) -> bool:
 
 
 def resident_bytes(pid: int, has_proc: bool = HAS_PROC) -> int:
-    """Memory that a process holds in RAM; 0 where there is none of this number, or it is not ours to ask."""
+    """Memory that a process holds in RAM; 0 where there is none of this number, or access is denied."""
     if has_proc:
         with contextlib.suppress(OSError), open(f"/proc/{pid}/statm", encoding="ascii") as file:
             return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
@@ -123,8 +123,8 @@ def resident_bytes(pid: int, has_proc: bool = HAS_PROC) -> int:
 
 
 def kill_group(leader: int) -> None:
-    """Kill a process that was started in a session of its own, and all of that. Raises ProcessLookupError once there
-    are none; on Windows, which has no groups, with what it has started and not lost."""
+    """Kill a process that was started in a session of its own, and all of that session. Raises ProcessLookupError once
+    there are none; on Windows, which has no groups, with the processes that it has started and not lost."""
     if sys.platform != "win32":
         os.killpg(leader, signal.SIGKILL)
         return
@@ -142,13 +142,13 @@ def kill_group(leader: int) -> None:
 def start_with_socket(
     command: Sequence[str], theirs: socket.socket, environment: Mapping[str, str]
 ) -> subprocess.Popen[bytes]:
-    """Start a program that finds this end of a socket pair by `inherited_socket`; its command ends in a word for that.
+    """Start a program that gets this end of a socket pair by `inherited_socket`; its command ends with a word for that.
 
     Raises OSError when the system refuses.
     """
     if sys.platform != "win32":
         word, passed, source = str(theirs.fileno()), (theirs.fileno(),), subprocess.DEVNULL
-    else:  # a socket is shared with a process that is there already, which reads its description
+    else:  # a socket is shared with a running process, which reads its description
         word, passed, source = "-", (), subprocess.PIPE
     process = subprocess.Popen(
         [*command, word], pass_fds=passed, stdin=source, stdout=subprocess.DEVNULL, env=dict(environment)
@@ -161,7 +161,7 @@ def start_with_socket(
 
 
 def inherited_socket(word: str) -> socket.socket:
-    """The socket that the process which started this one handed over."""
+    """The socket that the parent process passed on."""
     if sys.platform != "win32":
         return socket.socket(fileno=int(word))
     return socket.fromshare(sys.stdin.buffer.read())
@@ -170,7 +170,7 @@ def inherited_socket(word: str) -> socket.socket:
 def has_hung_up(sock: socket.socket, timeout_s: float, polls: bool = hasattr(select, "poll")) -> bool:
     """Whether the other end of a socket is closed, known within `timeout_s`; nothing is read.
 
-    polls: by poll(2), which also sees it behind what is still to be read; else by a look at what would be read next.
+    polls: by poll(2), which also detects it behind unread data; else by peeking at what would be read next.
     """
     if polls and sys.platform != "win32":
         hangup = select.poll()
@@ -194,7 +194,7 @@ def has_hung_up(sock: socket.socket, timeout_s: float, polls: bool = hasattr(sel
 
 
 def memory_folder() -> Path:
-    """For files that are to be in memory: where the system has a folder of such, else that of temporary files."""
+    """The folder for files in memory: where the system has none, that for temporary files."""
     memory = Path("/dev/shm")
     return memory if os.access(memory, os.W_OK) else Path(tempfile.gettempdir())
 
@@ -210,9 +210,9 @@ SEAL_TRIES = 4  # in each the kernel waits some 0.2 seconds
 
 
 def seal(descriptor: int) -> None:
-    """Nobody changes or shortens an anonymous file any more, so that who maps it meets no SIGBUS; elsewhere nothing.
+    """Seal an anonymous file against changes, so that a process that maps it gets no SIGBUS; does nothing elsewhere.
 
-    Where pages stay busy it is its length alone: contents have a checksum.
+    Where pages stay busy only its length is sealed: contents have a checksum.
     """
     if sys.platform == "linux":
         import errno
@@ -226,12 +226,12 @@ def seal(descriptor: int) -> None:
             except OSError as error:
                 if error.errno in (errno.EPERM, errno.EINVAL):  # an ordinary file: no seals
                     return
-                if error.errno != errno.EBUSY:  # while the system itself has hold of a page, for it moves it
+                if error.errno != errno.EBUSY:  # while the system itself uses a page, because it moves it
                     raise
 
 
 def reserve(descriptor: int, n_bytes: int, allocates: bool = sys.platform == "linux") -> None:
-    """Give a new file this size, and the room for it where the system can promise it. Raises OSError."""
+    """Give a new file this size, and reserve the space where the system can promise it. Raises OSError."""
     if allocates and sys.platform == "linux":
         os.posix_fallocate(descriptor, 0, n_bytes)
     else:
@@ -239,7 +239,7 @@ def reserve(descriptor: int, n_bytes: int, allocates: bool = sys.platform == "li
 
 
 def write_at(descriptor: int, data: memoryview, offset: int, positional: bool = hasattr(os, "pwrite")) -> int:
-    """Write at a place of a file; how many bytes it took."""
+    """Write at a position of a file; returns how many bytes it took."""
     if positional and sys.platform != "win32":
         return os.pwrite(descriptor, data, offset)
     os.lseek(descriptor, offset, os.SEEK_SET)
@@ -247,7 +247,7 @@ def write_at(descriptor: int, data: memoryview, offset: int, positional: bool = 
 
 
 def read_at(descriptor: int, n_bytes: int, offset: int, positional: bool = hasattr(os, "pread")) -> bytes:
-    """What stands at a place of a file, at most so many bytes; elsewhere than where it is added to."""
+    """At most so many bytes at a position of a file; other than the one where it is appended to."""
     if positional and sys.platform != "win32":
         return os.pread(descriptor, n_bytes, offset)
     os.lseek(descriptor, offset, os.SEEK_SET)
@@ -255,7 +255,7 @@ def read_at(descriptor: int, n_bytes: int, offset: int, positional: bool = hasat
 
 
 def open_last(path: Path) -> int:
-    """Open a file to read it; its name is gone once it is open, or on Windows once it is closed."""
+    """Open a file to read it; its name is removed once it is open, or on Windows once it is closed."""
     if sys.platform == "win32":
         return os.open(path, os.O_RDONLY | os.O_BINARY | os.O_TEMPORARY)
     descriptor = os.open(path, os.O_RDONLY)
@@ -267,7 +267,8 @@ def open_last(path: Path) -> int:
 
 
 def send_with(sock: socket.socket, data: memoryview, descriptor: int | None) -> int:
-    """Send what the socket takes, a descriptor with the first byte; how many bytes that was. Raises as `send`."""
+    """Send what the socket takes, a descriptor with the first byte; returns how many bytes that was. Raises as
+    `send`."""
     if descriptor is None:
         return sock.send(data)
     if sys.platform != "win32":
@@ -276,7 +277,7 @@ def send_with(sock: socket.socket, data: memoryview, descriptor: int | None) -> 
 
 
 def receive_with(sock: socket.socket, n_bytes: int, n_descriptors: int) -> tuple[bytes, list[int], bool]:
-    """At most so many bytes, and the descriptors that came with them; whether some were lost. Raises as `recv`."""
+    """At most so many bytes, and the descriptors that came with them; and whether some were lost. Raises as `recv`."""
     if sys.platform != "win32":
         received = array.array("i")
         room = socket.CMSG_SPACE(n_descriptors * received.itemsize)

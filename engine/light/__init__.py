@@ -1,0 +1,1 @@
+"""Light: environments resampled to the directions of the sphere, and emitters as triangles."""

@@ -1,0 +1,1 @@
+"""Scenes: their description and loading, meshes, ray casting, cameras and primary hits."""

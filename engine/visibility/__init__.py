@@ -1,0 +1,1 @@
+"""Visibility of directions and lights from points, stored as bits."""

@@ -1,7 +1,7 @@
 """The edits: small frozen values that make a new document. Panels return them; they are the only writers.
 
 A command names what it changes by key or path (see ``app.document.document``) and raises InsituError, with nothing
-changed, when that is not there, is frozen, or the value is outside its range. A new one gets its place in
+changed, when that does not exist, is frozen, or the value is outside its range. A new command is added to
 `EditCommand`.
 """
 

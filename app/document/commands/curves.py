@@ -1,7 +1,7 @@
 """The edits of one curve's operators [BenArtzi07, ch. 9].
 
-Lists of operators stand in the order in which they apply: the first works on the generated curve, each next one on what
-the ones before it made.
+Lists of operators are in the order in which they apply: the first works on the generated curve, each next one on the
+result of those before it.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class SetOperators:
 
 @dataclass(frozen=True)
 class AddOperator:
-    """Put an operator on a curve: on top, or at ``index`` of the list."""
+    """Add an operator to a curve: on top, or at ``index`` of the list."""
 
     key: str
     factor: str
@@ -116,7 +116,7 @@ class MoveOperator:
 
 @dataclass(frozen=True)
 class MuteOperator:
-    """Switch one operator, of a diagonal edit both, off or on again, where it stands."""
+    """Mute one operator, of a diagonal edit both, or turn it on again, at its place."""
 
     key: str
     factor: str
@@ -136,7 +136,7 @@ class MuteOperator:
 
 @dataclass(frozen=True)
 class CollapseOperators:
-    """Evaluate the edited curve into a table that takes the place of its operators [BenArtzi07, sect. 9.2].
+    """Evaluate the edited curve into a table that replaces its operators [BenArtzi07, sect. 9.2].
 
     The table no longer follows the layer's parameters: what was generated below it is replaced.
     """
@@ -172,7 +172,7 @@ class ResetCurve:
 
 
 def operator_title(*edit: CurveEdit) -> str:
-    """What an edit is called in lists and in the undo menu: ``Translate Y``, ``Amplify XY``, ``Table``."""
+    """The name of an edit in lists and in the undo menu: ``Translate Y``, ``Amplify XY``, ``Table``."""
     first = edit[0]
     if isinstance(first, TabulatedCurve):
         return "Table"

@@ -15,7 +15,7 @@ from engine.measured.measurement import Measurement
 
 @dataclass(frozen=True)
 class SetParameter:
-    """Give a layer's parameter a value: a number, three numbers or a choice."""
+    """Set a layer's parameter: a number, three numbers or a choice."""
 
     key: str
     name: str
@@ -74,7 +74,7 @@ class SetVisible:
 
 @dataclass(frozen=True)
 class SetFrozen:
-    """Freeze an object or a layer, so that it refuses edits, or thaw it."""
+    """Freeze an object or a layer, so that it refuses edits, or unfreeze it."""
 
     path: str
     frozen: bool
@@ -89,7 +89,7 @@ class SetFrozen:
 
 @dataclass(frozen=True)
 class SetFresnelTerm:
-    """Give a layer a second term that rises towards grazing angles (`app.document.linked_layers`), or take it away."""
+    """Add a second term to a layer that rises towards grazing angles (`app.document.linked_layers`), or remove it."""
 
     key: str
     present: bool
@@ -122,7 +122,7 @@ class SetEditable:
 
 
 def editable_layer(document: Document, key: str) -> Layer:
-    """A layer that is to be edited. Raises InsituError where it is frozen."""
+    """A layer to edit. Raises InsituError where it is frozen."""
     layer = document.layer(key)
     if document.is_frozen(key):
         raise InsituError(f"{key} is frozen; thaw it to edit it")

@@ -27,7 +27,7 @@ EMISSION = Parameter(
 
 @dataclass(frozen=True)
 class SetRotation:
-    """Turn the environment to ``degrees`` counter-clockwise about +Y; brought into [0, 360)."""
+    """Rotate the environment to ``degrees`` counter-clockwise about +Y; wrapped to [0, 360)."""
 
     degrees: float
 
@@ -82,8 +82,8 @@ def set_environment_file(file: Path) -> SetEnvironment:
 class SetMapping:
     """Read the environment's file as a lat-long or as an angular map [Debevec98].
 
-    Refused for environments that are no file of the person's, and "angular" for a file that is not square: its header
-    is looked at here, so that a picture that cannot be is never asked for.
+    Refused for environments that are no file of the user's, and "angular" for a file that is not square: its header is
+    checked here, so that an impossible picture is never requested.
     """
 
     mapping: Mapping
@@ -109,7 +109,7 @@ class SetMapping:
 
 @dataclass(frozen=True)
 class SetEmission:
-    """Let an emitter shine with this radiance: three numbers, or one for all."""
+    """Set the radiance of an emitter: three numbers, or one for all."""
 
     object: str
     emission: Any
@@ -134,7 +134,7 @@ def emission_of(document: Document) -> tuple[tuple[str, RGB], ...]:
 
 
 def check_light(light: LightState, where: str) -> LightState:
-    """The light itself when all of it makes sense, else LoadError."""
+    """The light itself when all of it is valid, else LoadError."""
     if not light.environment:
         raise LoadError(where, "environment", light.environment, "a name or a path")
     if light.mapping not in ("latlong", "angular"):

@@ -1,5 +1,4 @@
-"""Edits of a layer's texture and weight map (`engine.material.layer_maps`), and the names that documents have for
-files."""
+"""Edits of a layer's texture and weight map (`engine.material.layer_maps`), and the names of files in documents."""
 
 from __future__ import annotations
 
@@ -20,7 +19,7 @@ IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".exr")
 
 @dataclass(frozen=True)
 class SetMap:
-    """Give a part of a layer's maps a value; an image's name of "" takes it away."""
+    """Set a part of a layer's maps; an image's name of "" removes it."""
 
     key: str
     name: str
@@ -36,20 +35,20 @@ class SetMap:
 
 
 def image_name(path: Path, source: str) -> str:
-    """What a document of the scene `source` calls a file: by its place in the scene's folder where it stands there, so
-    that the folder can move, else in full."""
+    """The name of a file in a document of the scene `source`: its path in the scene's folder where it is inside, so
+    that the folder can move, else the absolute path."""
     folder = scene_folder(source)
     full = resolved(path)
     return full.relative_to(folder).as_posix() if full.is_relative_to(folder) else str(full)
 
 
 def with_full_names(layers: Layers, source: str) -> Layers:
-    """The layers with their images named in full, to be taken to another scene or into the library."""
+    """The layers with absolute names of their images, for another scene or the library."""
     return _renamed(layers, lambda name: str(resolved(scene_folder(source) / name)))
 
 
 def with_scene_names(layers: Layers, source: str) -> Layers:
-    """The layers with their images named as documents of the scene `source` call them."""
+    """The layers with the names that documents of the scene `source` have for their images."""
     return _renamed(layers, lambda name: image_name(scene_folder(source) / name, source))
 
 

@@ -20,7 +20,7 @@ MAX_LAYERS = 64
 
 @dataclass(frozen=True)
 class SetMaterial:
-    """Give an object other layers, all at once; `name` is what the material is called."""
+    """Give an object other layers, all at once; `name` is the material's name."""
 
     object: str
     layers: Layers
@@ -40,7 +40,7 @@ class SetMaterial:
 
 @dataclass(frozen=True)
 class AddLayers:
-    """Put further layers on top of an object's; those with a name that is taken get another."""
+    """Add layers on top of an object's; those whose name is taken get another."""
 
     object: str
     layers: Layers
@@ -59,7 +59,7 @@ class AddLayers:
 
 @dataclass(frozen=True)
 class RemoveLayer:
-    """Take a layer away, with its Fresnel term; layers that followed it keep its curves as their own."""
+    """Remove a layer, with its Fresnel term; layers that followed it keep its curves as their own."""
 
     key: str
 
@@ -83,7 +83,7 @@ class RemoveLayer:
 
 
 def new_layer(model: str) -> Layer:
-    """A layer of a model at its defaults. InsituError for a model that is not there."""
+    """A layer of a model with default parameters. InsituError for an unknown model."""
     if model not in MODELS:
         raise InsituError(f"there is no model {model!r}; available: {', '.join(sorted(MODELS))}")
     return make_layer(MODELS[model])
@@ -92,8 +92,8 @@ def new_layer(model: str) -> Layer:
 def operators_of_copy(source: Layer, factor: str, onto: Layer, onto_factor: str) -> tuple[Edit, ...]:
     """The operators that make a curve of one layer equal to that of another.
 
-    Where both generated curves are the same they are the source's own, and stay editable; else a table of the curve as
-    it is, in the place of what is generated below it.
+    Where both generated curves are the same they are the source's own, and stay editable; else a table of the edited
+    curve, which replaces what is generated below it.
     """
     gamma = np.linspace(0.0, np.pi / 2, 91)
     there, here = source.generated_curve(factor)(gamma), onto.generated_curve(onto_factor)(gamma)
@@ -114,14 +114,14 @@ def _editable_object(document: Document, name: str) -> ObjectState:
 
 
 def _with_new_leader(layers: Layers, gone: str, followers: Sequence[Layer]) -> Layers:
-    """The layers that stay; of those that followed the one that is gone, the first leads the others from now on."""
+    """The remaining layers; of those that followed the removed one, the first leads the others from now on."""
     heirs = [layer.name for layer in followers if not layer.rises]
     follows = {name: "" if name == heirs[0] else heirs[0] for name in heirs}
     return tuple(each.replace(follows=follows[each.name]) if each.follows == gone else each for each in layers)
 
 
 def _renamed(layers: Layers, there: Sequence[Layer]) -> Layers:
-    """The layers under names that none of those `there` has; who follows, follows the new name."""
+    """The layers under names that none of those `there` has; followers follow the new name."""
     taken = {layer.name for layer in there}
     names: dict[str, str] = {}
     for layer in layers:

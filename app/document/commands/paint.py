@@ -1,8 +1,8 @@
-"""Painting on a layer's weight map: a stroke, what is blended by one map, and a clean slate.
+"""Painting on a layer's weight map: a stroke, blending layers by one map, and clearing it.
 
 Layers of one object with the same map, some of them with it inverted, are blended by it: they are painted together, or
-the first stroke would part them. A stroke's value is meant for the layer in hand; where that has the map inverted, one
-minus it goes into the map.
+the first stroke would separate them. A stroke's value is meant for the selected layer; where that has the map inverted,
+one minus it is painted.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from engine.material.strokes import MAX_DABS, MAX_STROKES, Stroke, Strokes
 
 @dataclass(frozen=True)
 class Paint:
-    """Begin a stroke on a layer's weight map, or (`begins` False) go on with the newest by the dabs of this one."""
+    """Begin a stroke on a layer's weight map, or (`begins` False) continue the newest with the dabs of this one."""
 
     key: str
     stroke: Stroke
@@ -68,7 +68,7 @@ class BlendByMap:
 
 @dataclass(frozen=True)
 class ClearMap:
-    """Take a layer's weight map away, image and strokes."""
+    """Remove a layer's weight map, image and strokes."""
 
     key: str
 
@@ -91,8 +91,8 @@ def blended_with(document: Document, key: str) -> tuple[str, ...]:
 
 
 def without_strokes(layers: Layers) -> Layers:
-    """The layers as another object may have them: strokes belong to the place where they were painted, and what is
-    painted on no image goes with them."""
+    """The layers for another object: strokes belong to the place where they were painted, and are removed, with the
+    maps that have no image."""
     return tuple(
         layer.replace(maps=replace(layer.maps, strokes=Strokes()) if layer.maps.weight else _without_weight(layer.maps))
         if layer.maps.strokes else layer

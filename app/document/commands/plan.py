@@ -1,4 +1,4 @@
-"""The edit of the plan: a line of it set by a person, or given back to it. What the lines mean: `engine.planner`."""
+"""The edit of the plan: a line overridden by the user, or set back. The meaning of the lines: `engine.planner`."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class OverrideLine:
 
 
 def override_from_value(line: str, value: object) -> OverrideLine:
-    """The command that a word of a script or a command line stands for: "auto" is as planned."""
+    """The command for a value of a script or a command line: "auto" is as planned."""
     if value == AS_PLANNED:
         return OverrideLine(line, None)
     if isinstance(value, bool) or not isinstance(value, int | str):
@@ -46,7 +46,7 @@ def override_from_value(line: str, value: object) -> OverrideLine:
 
 
 def active_overrides(document: Document) -> dict[str, LineValue]:
-    """The lines that are set and that there are: a layer may have come to be of another model since."""
+    """The overrides of lines that exist: a layer may have got another model since."""
     lines = dict(document.overrides)
     if not lines:
         return {}
@@ -62,7 +62,7 @@ def _curves(document: Document) -> Iterator[str]:
 
 
 def _curve(document: Document, path: str) -> tuple[str, int]:
-    """The line of a curve of transport, and how many its layer has."""
+    """The plan's line for a transport curve, and the number of curves of its layer."""
     there = ", ".join((*PICTURE_LINES, *_curves(document)))
     try:
         target = resolve(document, path)

@@ -1,5 +1,5 @@
-"""The edits of poses: the time of animations, and the row of deformers that each object goes through, as commands like
-those of `app.document.commands`."""
+"""The edits of poses: the time of animations, and the deformers of each object, as commands like those of
+`app.document.commands`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MAX_DEFORMERS = 16
 
 @dataclass(frozen=True)
 class SetPose:
-    """Let an object go through these deformers, one after another, and no others; none: as its file has it."""
+    """Set the deformers of an object, one after another; none: as its file has it."""
 
     object: str
     deformations: tuple[Deformation, ...] = ()
@@ -38,7 +38,7 @@ class SetPose:
 
 @dataclass(frozen=True)
 class AddDeformer:
-    """Put a deformer of a kind behind the others of an object."""
+    """Add a deformer of a kind after the others of an object."""
 
     object: str
     kind: str
@@ -56,7 +56,7 @@ class AddDeformer:
 
 @dataclass(frozen=True)
 class SetDeformer:
-    """Give one of an object's deformers another amount or another axis; None: the one it has."""
+    """Set the amount or the axis of one of an object's deformers; None: the present one."""
 
     object: str
     index: int
@@ -95,7 +95,7 @@ class MoveDeformer:
 
 @dataclass(frozen=True)
 class RemoveDeformer:
-    """Take one of an object's deformers away."""
+    """Remove one of an object's deformers."""
 
     object: str
     index: int
@@ -112,8 +112,9 @@ class RemoveDeformer:
 
 @dataclass(frozen=True)
 class SetTime:
-    """Show an object, None: all that are animated, as an animation has it at a time, seconds; None: as its file has it.
-    clip: its name; None: the one that is seen, or an object's first. Who has none of that name stays."""
+    """Pose an object, None: all animated ones, as an animation has it at a time, seconds; None: as its file has it.
+    clip: its name; None: the one that is shown, or an object's first. Objects without one of that name do not
+    change."""
 
     time: float | None
     clip: str | None = None
@@ -143,15 +144,15 @@ class SetTime:
 
 
 def with_time(value: Any, name: str | None = None) -> SetTime:
-    """The command that takes an object, None: all, to a time that a file or a command line says. Raises LoadError."""
+    """The command that moves an object, None: all, to a time from a file or a command line. Raises LoadError."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(value):
         raise LoadError(f"{name}.time" if name else "time", "value", value, "a finite number of seconds")
     return SetTime(float(value), object=name)
 
 
 def with_amounts(document: Document, name: str, amounts: Mapping[str, Any]) -> SetPose:
-    """The command that gives an object's deformers, by kind, these amounts: the first of a kind, and where there is
-    none a new one behind the others. Raises InsituError."""
+    """The command that sets the amounts of an object's deformers, by kind: of the first of a kind, and where there is
+    none of a new one after the others. Raises InsituError."""
     row = list(document.object(name).deformations)
     for kind, amount in amounts.items():
         there = next((i for i, each in enumerate(row) if each.kind == kind), len(row))

@@ -1,7 +1,7 @@
-"""The choice of bands and bounces by hand [BenArtzi07, sect. 5.2]: what is not chosen, the plan says.
+"""The user's choice of bands and bounces [BenArtzi07, sect. 5.2]; the plan gives what is not chosen.
 
-J of the first bounce decides what transport there is, so it is part of the document, and undone; how many bounces are
-shown and what is kept of the second belongs to the view.
+J of the first bounce determines the transport, so it is part of the document, and undone; the number of bounces that
+are shown and the bands of the second belong to the view.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SECOND_BANDS_CHOICES = (1, 8, 16)
 
 @dataclass(frozen=True)
 class SetFirstBands:
-    """Choose J, the bands of the sharpest curves at the first bounce from the eye; None: as many as are planned."""
+    """Choose J, the bands of the sharpest curves at the first bounce from the camera; None: as many as are planned."""
 
     bands: int | None
 

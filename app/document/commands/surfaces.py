@@ -1,5 +1,5 @@
-"""Edits of what lies under all of an object's layers: its normal or bump map (`engine.material.bumps`), and what Deform
-knows of its surface (`engine.scene.surface_kinds`)."""
+"""Edits of an object's surface below all of its layers: its normal or bump map (`engine.material.bumps`), and its
+settings for Deform (`engine.scene.surface_kinds`)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NONE = "none"
 
 @dataclass(frozen=True)
 class SetBumps:
-    """Give a part of what turns an object's normals a value; an image's name of "" takes it away."""
+    """Set a part of an object's bumps; an image's name of "" removes it."""
 
     object: str
     name: str
@@ -34,7 +34,7 @@ class SetBumps:
 
 @dataclass(frozen=True)
 class SetSurface:
-    """Make an object's surface one of a kind ("": of none), with these values of what that kind has."""
+    """Make an object's surface one of a kind ("": of none), with these values of that kind's parameters."""
 
     object: str
     kind: str
@@ -63,7 +63,7 @@ def surface_named(object_name: str, path: str, value: Any) -> SetSurface:
 
 
 def _reflecting(document: Document, name: str, what: str) -> ObjectState:
-    """An object that is to be edited. Raises InsituError where it is frozen or cannot have `what`."""
+    """An object to edit. Raises InsituError where it is frozen or cannot have `what`."""
     state = document.object(name)
     if state.frozen:
         raise InsituError(f"{name} is frozen; thaw it to edit it")

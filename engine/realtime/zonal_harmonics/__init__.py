@@ -1,0 +1,1 @@
+"""Deform: transfer fitted by zonal harmonics that rotate with a deforming surface [Sloan05]."""

@@ -82,7 +82,7 @@ def _transport(renderer: PlacementRenderer) -> Iterator[None]:
 
 
 def _frame(width: int, height: int) -> PictureFrame:
-    """A picture of one object, half of whose pixels show nothing."""
+    """A picture of one object, one of whose pixels is half covered."""
     seen = np.arange(width * height).reshape(height, width) < _N_SAMPLES
     return PictureFrame(
         pixel=np.arange(_N_SAMPLES, dtype=np.int32),
