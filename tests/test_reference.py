@@ -1,5 +1,9 @@
 """The pages of docs/reference say what the program takes now."""
 
+import pytest
+
+from app.cli.options import LIGHTS
+from engine.scene.description import CameraDescription
 from scripts import write_reference
 
 
@@ -8,18 +12,23 @@ def test_pages_are_current() -> None:
     assert not outdated, "run .venv/bin/python -m scripts.write_reference"
 
 
-def test_an_option_that_changes_makes_its_page_outdated(monkeypatch) -> None:
-    (info,) = [each for each in write_reference.cli.registered_commands if each.callback.__name__ == "doctor"]
-    monkeypatch.setattr(info, "help", "Say something else.")
-    assert list(write_reference.outdated()) == ["command-line.md"]
+@pytest.mark.parametrize(
+    ("changed", "name", "value", "page"),
+    [
+        (LIGHTS, "help", "Something else.", "command-line.md"),
+        (LIGHTS, "max", 7, "command-line.md"),
+        (CameraDescription.model_fields["fov_y"], "default", 50.0, "scene-file.md"),
+    ],
+)
+def test_what_changes_makes_its_page_outdated(
+    monkeypatch, changed: object, name: str, value: object, page: str
+) -> None:
+    monkeypatch.setattr(changed, name, value)
+    assert list(write_reference.outdated()) == [page]
 
 
-def test_a_key_without_a_description_is_refused(monkeypatch) -> None:
-    meanings = {"SceneDescription": {"version": "1."}}
-    assert write_reference._meaning(meanings, write_reference.SceneDescription, "version") == "1."
-    try:
-        write_reference._meaning(meanings, write_reference.SceneDescription, "name")
-    except SystemExit as error:
-        assert "SceneDescription.name" in str(error)
-    else:
-        raise AssertionError("a key without a description was written")
+def test_a_key_without_a_description_is_refused() -> None:
+    meanings = {"CameraDescription": {"up": "What is up."}}
+    assert write_reference._meaning(meanings, CameraDescription, "up") == "What is up."
+    with pytest.raises(SystemExit, match="CameraDescription.target"):
+        write_reference._meaning(meanings, CameraDescription, "target")
