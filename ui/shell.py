@@ -264,8 +264,8 @@ class Shell:
         while not (self.events.is_empty or outcome.quit or time.perf_counter() > end):
             imgui.end_frame()
             self._io.delta_time = NO_TIME
-            asked, later = self._pass(now)
-            actions, outcome = actions + asked, later.after(outcome)
+            requested, later = self._pass(now)
+            actions, outcome = actions + requested, later.after(outcome)
         self._is_behind = not self.events.is_empty  # a double click stays one, however long that takes
         return actions, outcome
 

@@ -122,9 +122,9 @@ def render(
 
         _check_frames(turntable, frames, mode, reference, time_)
         count, animated = (frames, True) if turntable is None else (turntable, False)
-        asked = Frames(count or 0, animated, mode.value, lights, patches, chosen)
+        requested = Frames(count or 0, animated, mode.value, lights, patches, chosen)
         words = ProjectSpec(scene, resolution, tuple(values), camera, edges, tuple(planned.items()))
-        return _frames(words, output, asked, view, scheduler)
+        return _frames(words, output, requested, view, scheduler)
     if scheduler is not None:
         raise InsituError(
             f"--scheduler {scheduler}: one picture is drawn here, expected --turntable or --frames as well"
@@ -200,15 +200,15 @@ def _check_frames(
     turntable: int | None, frames: int | None, mode: StillMode, reference: bool, time_: float | None
 ) -> None:
     """Refuse options that do not go with many frames."""
-    asked, other = (f"--turntable {turntable}", "orbit") if frames is None else (f"--frames {frames}", "deform")
+    requested, other = (f"--turntable {turntable}", "orbit") if frames is None else (f"--frames {frames}", "deform")
     if turntable is not None and frames is not None:
-        raise InsituError(f"--turntable {turntable} {asked}: expected one of them")
+        raise InsituError(f"--turntable {turntable} {requested}: expected one of them")
     if mode is not StillMode.PLACEMENT and mode.value != other:
-        raise InsituError(f"{asked} --mode {mode.value}: expected --mode placement or {other}")
+        raise InsituError(f"{requested} --mode {mode.value}: expected --mode placement or {other}")
     if reference:
-        raise InsituError(f"{asked} --reference: expected one of them")
+        raise InsituError(f"{requested} --reference: expected one of them")
     if frames is not None and time_ is not None:
-        raise InsituError(f"{asked} --time {time_:g}: expected one of them")
+        raise InsituError(f"{requested} --time {time_:g}: expected one of them")
 
 
 def _frames(words: ProjectSpec, output: Path, frames: Frames, view: str | None, scheduler: str | None) -> int:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from app.cli.picture_key import picture_key
 from app.project.project import Project
-from app.stills.frame_sequence import Draw, Frames, Report, draw_here, judge_frame, poses_of
+from app.stills.frame_sequence import Draw, Frames, Report, draw_here, estimate_frame_error, poses_of
 from app.stills.stills import ENDINGS, picture_bytes
 from app.system.atomic import make_folder_of, require_place, save_file
 from engine.core.colour import ToneMapping
@@ -109,11 +109,11 @@ def draw_frames(
     make_folder_of(files.record)
     require_place(*map(files.path, range(files.count)), files.record)
     missing = files.missing(picture_key(project, frames, view), project.scene.resolution)
-    drawn, error, judged = 0, "", missing[len(missing) // 2] if missing and frames.mode == "deform" else -1
+    drawn, error, estimated = 0, "", missing[len(missing) // 2] if missing and frames.mode == "deform" else -1
     for i, picture in draw(project, frames, missing, report):
         files.write(i, picture, view)
         drawn += 1
-        if i == judged and (said := judge_frame(project, frames, i, picture)):
+        if i == estimated and (said := estimate_frame_error(project, frames, i, picture)):
             error = f"frame {i}: {said}; what moves casts coarse shadows, a still by --time has finer ones"
     return drawn, error
 

@@ -233,10 +233,10 @@ class SceneController:
         """Note that a view cannot be traced: return to the one that the picture shows, unless the camera has moved on
         since."""
         host = self._host
-        asked = self.tracing.give_up()
-        if asked is None or not host.scene_is_open:
+        requested = self.tracing.give_up()
+        if requested is None or not host.scene_is_open:
             return
-        stays = opening is None and asked == host.view.viewpoint and not host.camera_history.history.dragging
+        stays = opening is None and requested == host.view.viewpoint and not host.camera_history.history.dragging
         if stays:  # else the camera has moved on and is traced from there
             host.camera_history.restore_viewpoint(self.tracing.traced)
         (host.controller.view_restored if opening is None else host.controller.scene_open_failed)()

@@ -76,8 +76,8 @@ class Pictures:
         wanted = n_bounces or chosen_bounces(project, plan)
         n_bounces = planned_bounces(placement, project.indexed_layers, wanted).n_bounces
         layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
-        (judged,) = run_to_end(estimate_drawn_errors(placement, layers, project.sky, n_bounces, [picture]))
-        return judged.estimate
+        (estimated,) = run_to_end(estimate_drawn_errors(placement, layers, project.sky, n_bounces, [picture]))
+        return estimated.estimate
 
     def _in_orbit(self, project: Project, n_bounces: int | None) -> Picture:
         """Orbit's picture at rest, with exact directional lights; what the last one computed is reused."""

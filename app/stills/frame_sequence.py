@@ -19,7 +19,14 @@ from app.document.commands import SetTime
 from app.document.timeline import timeline
 from app.document.view_state import ViewState
 from app.project.project import Project
-from app.stills.stills import Mode, StillProgress, judge_picture, prepared_deform, prepared_orbit, render_project
+from app.stills.stills import (
+    Mode,
+    StillProgress,
+    estimate_picture_error,
+    prepared_deform,
+    prepared_orbit,
+    render_project,
+)
 from engine.core.errors import InsituError
 from engine.planner import N_LIGHTS, N_PATCHES
 from engine.precompute.indirect.clamping import BRIGHTEST, clamp_radiance
@@ -90,10 +97,10 @@ def drawer_of(project: Project, frames: Frames) -> Drawer:
     return _PlacementFrames(project, frames, [_in_poses(project, each) for each in poses])
 
 
-def judge_frame(project: Project, frames: Frames, i: int, picture: Picture) -> str:
+def estimate_frame_error(project: Project, frames: Frames, i: int, picture: Picture) -> str:
     """The error of frame i of an animation, as one line; "" where it cannot be estimated."""
     scene = _in_poses(project, poses_of(project, frames.count)[i])
-    return judge_picture(replace(project, scene=scene), picture, frames.series)
+    return estimate_picture_error(replace(project, scene=scene), picture, frames.series)
 
 
 def own_camera(scene: Scene) -> Camera:
@@ -166,7 +173,7 @@ class _OrbitFrames:
 
 class _DeformFrames:
     """Precomputes all once; frames differ only in their poses. Objects that deform cast on all others the coarse
-    shadows that they have while moving, see `engine.realtime.zonal_harmonics.blockers`, whose error `judge_frame`
+    shadows that they have while moving, see `engine.realtime.zonal_harmonics.blockers`, whose error `estimate_frame_error`
     estimates; a still in one pose has transfer of its own for that, which takes as long as the precomputation."""
 
     ready_at = 0.95

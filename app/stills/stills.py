@@ -135,8 +135,10 @@ def render_project(
         if estimates_error and alone:
             warning = warning or f"no error estimate: path tracing does not support the surface of {', '.join(alone)}"
         elif estimates_error:
-            (judged,) = run_to_end(estimate_drawn_errors(placement, layers, sky, series.n_bounces, [picture]), report)
-            error = judged.estimate
+            (estimated,) = run_to_end(
+                estimate_drawn_errors(placement, layers, sky, series.n_bounces, [picture]), report
+            )
+            error = estimated.estimate
         return Still(clamp_radiance(picture * intensity, BRIGHTEST), error, warning)
     layers = _at_most(layers, series.first or project.document.first_bands)
     if series.n_bounces > 1:
@@ -156,7 +158,7 @@ def render_project(
     return Still(clamp_radiance(picture * intensity, BRIGHTEST), error, bounces.warning)
 
 
-def judge_picture(project: Project, picture: NDArray[np.float32], series: BounceSeries | None = None) -> str:
+def estimate_picture_error(project: Project, picture: NDArray[np.float32], series: BounceSeries | None = None) -> str:
     """The error of a picture of a project that was drawn in another way, as one line, by path tracing some of its
     points; "" where it cannot be estimated. series: as in `render_project`."""
     intensity = float(project.document.light.intensity)
@@ -167,10 +169,10 @@ def judge_picture(project: Project, picture: NDArray[np.float32], series: Bounce
     wanted = series.n_bounces if series else chosen_bounces(project, plan)
     n_bounces = planned_bounces(placement, project.indexed_layers, wanted).n_bounces
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
-    (judged,) = run_to_end(
+    (estimated,) = run_to_end(
         estimate_drawn_errors(placement, layers, project.sky, n_bounces, [picture / np.float32(intensity)])
     )
-    return "" if judged.estimate is None else judged.estimate.text
+    return "" if estimated.estimate is None else estimated.estimate.text
 
 
 def prepared_orbit(project: Project, n_patches: int = N_PATCHES, series: BounceSeries | None = None) -> Orbit:

@@ -176,8 +176,8 @@ class DeformWorker(ModeWorker):
         if self._deform is None:
             from engine.realtime.zonal_harmonics.deform_engine import N_POINTS, Deform
 
-            scene, shelf = self._context.rest_scene, StoredLobes(self._context.store)
-            self._deform = Deform(scene, self.n_points or N_POINTS, store=shelf)
+            scene, lobe_store = self._context.rest_scene, StoredLobes(self._context.store)
+            self._deform = Deform(scene, self.n_points or N_POINTS, store=lobe_store)
         return self._deform
 
 

@@ -65,11 +65,11 @@ def estimate_error(
         noise = yield from map_steps(noise_in(found, layers, request.second_bands), lambda step: None)
     sky = context.sky(first.lit_by.light)
     n_points = MAP_POINTS if request.has_map else N_POINTS
-    judging = estimate_point_errors(
+    estimating = estimate_point_errors(
         placement, layers, sky, quality, n_bounces, radiance, indirect, n_points=n_points, noise=noise
     )
-    judged = yield from map_steps(judging, lambda step: None)  # without progress: nobody waits for it
-    yield ErrorEstimated(judged.estimate, (yield from _colours(request.has_map, placement, judged)))
+    estimated = yield from map_steps(estimating, lambda step: None)  # without progress: nobody waits for it
+    yield ErrorEstimated(estimated.estimate, (yield from _colours(request.has_map, placement, estimated)))
 
 
 def estimate_drawn_error(
@@ -87,15 +87,17 @@ def estimate_drawn_error(
     layers = with_maps(placement, (_with_own_bands(state, placement) for state in scene.layers))
     yield None
     n_points = MAP_POINTS if request.has_map else N_POINTS
-    judging = estimate_drawn_errors(placement, layers, context.sky(scene.light), n_bounces, pictures, n_points=n_points)
-    at_rest, moving = yield from map_steps(judging, lambda step: None)
+    estimating = estimate_drawn_errors(
+        placement, layers, context.sky(scene.light), n_bounces, pictures, n_points=n_points
+    )
+    at_rest, moving = yield from map_steps(estimating, lambda step: None)
     colours = yield from _colours(request.has_map, placement, at_rest)
     yield DrawnErrorEstimated(at_rest.estimate, moving.estimate, colours)
 
 
-def _colours(is_wanted: bool, placement: Placement, judged: PointErrors) -> Generator[None, None, Colours | None]:
+def _colours(is_wanted: bool, placement: Placement, estimated: PointErrors) -> Generator[None, None, Colours | None]:
     """The error map of the picture."""
-    return (yield from error_colours(placement.hits, judged)) if is_wanted else None
+    return (yield from error_colours(placement.hits, estimated)) if is_wanted else None
 
 
 def _with_own_bands(state: LayerState, placement: Placement) -> StillLayer:

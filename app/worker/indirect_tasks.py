@@ -135,8 +135,8 @@ class IndirectTasks:
         models = tuple((each.key, each.model) for each in layers)
         found = self._found
         same_rays = found is not None and found.models == models and found.depth >= n_bounces
-        asked_so = found is not None and (found.settings, found.n_rays) == (fine, n_rays)
-        finest = found is not None and asked_so and found.light.points.glossy
+        requested_so = found is not None and (found.settings, found.n_rays) == (fine, n_rays)
+        finest = found is not None and requested_so and found.light.points.glossy
         if found is not None and same_rays and (finest or not is_last):
             if (found.lit_by, found.light.n_bounces) == (lit_by, n_bounces):
                 yield self._found_message(found)
@@ -155,30 +155,30 @@ class IndirectTasks:
         key = content_key(
             "indirect", STORED_VERSION, NAMES, self._scene_key, models, lit_by, n_bounces, repr(fine), n_rays
         )
-        as_asked = partial(_FoundLight, settings=fine, n_rays=n_rays, models=models, lit_by=lit_by, depth=n_bounces)
+        as_requested = partial(_FoundLight, settings=fine, n_rays=n_rays, models=models, lit_by=lit_by, depth=n_bounces)
         kept = None if self._store is None else self._store.get(key, lambda arrays: solver(fine).restored(arrays))
         if kept is not None:
-            yield from self._cache_light(as_asked(kept))
+            yield from self._cache_light(as_requested(kept))
             return
         reflecting = [self._reflecting(each) for each in layers]
         if not is_last:
             light = yield from _as_progress(solver(ROUGH).solve(reflecting))
-            yield from self._cache_light(replace(as_asked(light), settings=ROUGH))
+            yield from self._cache_light(replace(as_requested(light), settings=ROUGH))
             return
         finding = self._elsewhere(layers, lit_by, n_bounces, n_rays) if self._elsewhere else None
         if self._store is not None and finding is not None:
             arrays = yield from finding
             self._store.put(key, arrays)
-            yield from self._cache_light(as_asked(solver(fine).restored(arrays)))
+            yield from self._cache_light(as_requested(solver(fine).restored(arrays)))
             return
         other_light = None if n_rays else (yield from _drop_progress(direct_mean(self._placement, by_object, sky)))
         finder = solver(fine, other_light=other_light)
         if self._store is None:
-            yield from self._cache_light(as_asked((yield from _as_progress(finder.solve(reflecting)))))
+            yield from self._cache_light(as_requested((yield from _as_progress(finder.solve(reflecting)))))
             return
         with self._store.open_tiles(key, MOST_PARTS) as tiles:
             light = yield from _as_progress(finder.solve(reflecting, _Checkpoints(tiles)))
-            yield from self._cache_light(as_asked(light))
+            yield from self._cache_light(as_requested(light))
             if self._store.put(key, arrays_of(light)):
                 tiles.finish()
 

@@ -81,9 +81,9 @@ class LightBudgets:
             (each.key, each.model, each.bands, each.fixed, repr(layer.parameters))
             for each, layer in zip(request.scene.visible, self._unedited(request), strict=True)
         )
-        shining = tuple(name for name, emission in request.scene.emission if any(emission))
+        emitting = tuple(name for name, emission in request.scene.emission if any(emission))
         return content_key(
-            "light need, unedited", self._context.view_key, radiance, sky.scale, self._unturned(sky).rotation, shining,
+            "light need, unedited", self._context.view_key, radiance, sky.scale, self._unturned(sky).rotation, emitting,
             layers, settings.n_lights, settings.n_patches, settings.keeps_sphere,
             tuple(sorted(settings.overridden)),
         )  # fmt: skip

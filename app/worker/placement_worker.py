@@ -195,7 +195,7 @@ class PlacementWorker(ModeWorker):
                 placement, request, sky, replace(lit_by, planned_settings=need.limit_settings(settings))
             )
         yield from self._send_relit(request, sky, lit_by)
-        n_bounces, bounces_told, bounces_found = settings.n_bounces, settings.n_bounces == 1, False
+        n_bounces, bounces_reported, bounces_found = settings.n_bounces, settings.n_bounces == 1, False
         begun = time.process_time()
         for quality, exact in _stages(request)[-1 if self._context.fills else 0 :]:
             started = time.monotonic()
@@ -208,9 +208,9 @@ class PlacementWorker(ModeWorker):
                 lit_by, quality = _with_planned_light(lit_by, need.limit_settings(settings))
             if due:
                 yield from self._stage(placement, due, sky, lit_by, quality)
-            if not bounces_told and quality is not DRAG:
+            if not bounces_reported and quality is not DRAG:
                 planned = self._indirect_tasks().plan_bounces(scene.visible, n_bounces)
-                n_bounces, bounces_told = planned.n_bounces, True
+                n_bounces, bounces_reported = planned.n_bounces, True
                 yield planned
             # Coarsely as soon as it is compiled: until then the direct light goes first.
             is_rough = not (exact or bounces_found) and self._is_compiled(INDIRECT)
@@ -253,9 +253,9 @@ class PlacementWorker(ModeWorker):
             data = self._layers.get(work.key)
             if data is not None and data.is_picture_of(work, lit_by):
                 data, factor = self._hold(data.taken_over_by(work)), self._selected_factor(work.key)
-                is_told = work.key in request.held_layers
-                if not is_told or factor is not None and work.key not in request.held_curves:
-                    yield from self._answers(data, factor, self._precision, picture=not is_told)
+                is_reported = work.key in request.held_layers
+                if not is_reported or factor is not None and work.key not in request.held_curves:
+                    yield from self._answers(data, factor, self._precision, picture=not is_reported)
 
     def _send_cached(
         self, placement: Placement, request: ComputeTransport, sky: SkyState, lit_by: LightingState

@@ -103,8 +103,8 @@ def emitter_tree(
         raise ValueError("emitters hold values that are not finite, or negative radiance")
     if n_leaves < 1:
         raise ValueError(f"n_patches = {n_leaves}, expected at least 1")
-    shining = emitting_triangles(corners, emitted)
-    corners, emitted = corners[shining], emitted[shining]
+    emitting = emitting_triangles(corners, emitted)
+    corners, emitted = corners[emitting], emitted[emitting]
     nodes, root, child = _halve(corners, n_leaves, importance or (lambda halves, roots: _areas(halves)))
     first, split = _first_leaves(child, len(corners)), np.flatnonzero(child >= 0)
     parent = np.full(len(child), -1)

@@ -131,10 +131,10 @@ def _with_split_peaks(
     """Splits lights of the finest level, and their pieces, while they hold much of the total power."""
     bright = PEAK_SHARE * float(lights.power.astype(np.float64).sum())
     for level in range(finest, peak_level):
-        suns = (lights.level == level) & (lights.power.sum(axis=1) > bright)
-        if not suns.any():
+        peaks = (lights.level == level) & (lights.power.sum(axis=1) > bright)
+        if not peaks.any():
             break
-        lights = _with_pieces(lights, suns, environment, rotation)
+        lights = _with_pieces(lights, peaks, environment, rotation)
     return lights
 
 

@@ -168,13 +168,13 @@ def _measure_indirect(
 ) -> Generator[StillProgress, None, IndirectCost]:
     if (plan.bounces or 1) < 2 or not len(placement.hits.pixel):
         return NO_INDIRECT
-    by_hand, other_light = plan.n_rays, None
-    if not by_hand:
+    overridden, other_light = plan.n_rays, None
+    if not overridden:
         looking = StillProgress(0.5, "sampling: direct light")
         other_light = yield from map_steps(direct_mean(placement, by_object(layers), sky), lambda step: looking)
     trying = indirect_cost(
         placement, models_of(layers), sky, plan.bounces or 1, indirect_layers(layers),
-        FINE.with_rays(by_hand), other_light,
+        FINE.with_rays(overridden), other_light,
     )  # fmt: skip
     return (yield from map_steps(trying, lambda step: StillProgress(0.5 + 0.5 * step[0], f"sampling: {step[1]}")))
 

@@ -104,10 +104,10 @@ def estimate_error(
     seed: int = _SEED, noise: float | None = None,
 ) -> Generator[StillProgress, None, ErrorEstimate]:  # fmt: skip
     """The error alone; arguments: see `estimate_point_errors`."""
-    judging = estimate_point_errors(
+    estimating = estimate_point_errors(
         placement, layers, sky, quality, n_bounces, radiance, indirect, n_paths, seed, noise=noise
     )
-    return (yield from judging).estimate
+    return (yield from estimating).estimate
 
 
 def estimate_point_errors(

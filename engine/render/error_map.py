@@ -24,9 +24,9 @@ _PIXELS_AT_ONCE = 1 << 15
 Colours = NDArray[np.uint8]
 
 
-def error_colours(hits: PrimaryHits, judged: PointErrors) -> Generator[None, None, Colours]:
+def error_colours(hits: PrimaryHits, estimated: PointErrors) -> Generator[None, None, Colours]:
     """The picture's errors, relative to its mean, as colours (H, W, 4) with opacity; block by block."""
-    errors = yield from error_map(hits, judged)
+    errors = yield from error_map(hits, estimated)
     height, width = errors.shape
     image = np.zeros((height * width, 4), np.uint8)
     known = np.flatnonzero(np.isfinite(errors.ravel()))
@@ -39,22 +39,22 @@ def error_colours(hits: PrimaryHits, judged: PointErrors) -> Generator[None, Non
     return image.reshape(height, width, 4)
 
 
-def error_map(hits: PrimaryHits, judged: PointErrors) -> Generator[None, None, NDArray[np.float32]]:
+def error_map(hits: PrimaryHits, estimated: PointErrors) -> Generator[None, None, NDArray[np.float32]]:
     """The errors themselves (H, W); NaN where unknown."""
     width, height = hits.resolution
     objects = np.where(hits.row_image >= 0, hits.object_image, -1).ravel()  # emitters have no error
     errors = np.full(width * height, np.nan, np.float32)
-    of_point = objects[judged.pixel]
+    of_point = objects[estimated.pixel]
     for i in np.unique(of_point[of_point >= 0]):
         mine = np.flatnonzero(of_point == i)
-        places = np.stack(np.divmod(judged.pixel[mine], width), axis=1).astype(np.float64)
+        places = np.stack(np.divmod(estimated.pixel[mine], width), axis=1).astype(np.float64)
         tree, n = KDTree(places), min(NEIGHBOURS, len(mine))
         pixels = np.flatnonzero(objects == i)
         for j in range(0, len(pixels), _PIXELS_AT_ONCE):
             block = pixels[j : j + _PIXELS_AT_ONCE]
             distance, near = tree.query(np.stack(np.divmod(block, width), axis=1), k=np.arange(1, n + 1))
             weight = 1.0 / (1.0 + (distance / np.maximum(distance[:, -1:], 1.0)) ** 2)
-            squares = (weight * judged.squares[mine][near]).sum(axis=1) / weight.sum(axis=1)
+            squares = (weight * estimated.squares[mine][near]).sum(axis=1) / weight.sum(axis=1)
             errors[block] = np.sqrt(np.maximum(squares, 0.0))
             yield
     return errors.reshape(height, width)

@@ -99,7 +99,7 @@ class _Trial(Solver):
         """Number of sample sets in the first pass over the whole picture."""
         return len(self._whole_lattice().missing_rows())
 
-    def _forecast(self, cells: IrradianceCache, n_fans: int) -> None:
+    def _forecast(self, cells: IrradianceCache, n_sample_sets: int) -> None:
         """Does nothing: some blocks never have too many records."""
 
     def _cell_size(self) -> float:
@@ -169,14 +169,14 @@ def indirect_cost(
     by_cell = n_cells / n_tried_cells
     rest = seconds - sum(tried.values())
     # An abandoned try ends with its first pass, and most know by then how many rays are needed.
-    by_fan = tried["fans"] * found.ray_budget.n_rays / max(trial.n_rays_traced, 1)
+    by_sample_set = tried["fans"] * found.ray_budget.n_rays / max(trial.n_rays_traced, 1)
     reading = max(first - tried["size"] - tried["photons"], 0.0)
     total = (
         reading
         + tried["size"]
         + (1 + lost.n_tries) * (FEWER * tried["photons"] + by_cell * tried["rough"])
         + by_point * (tried["fans"] + rest)
-        + lost.sets * n_points * by_fan
+        + lost.sets * n_points * by_sample_set
         + by_cell * FEWER * tried["cells"]
     )
     arrays = arrays_of(found).items()
@@ -184,16 +184,16 @@ def indirect_cost(
     return IndirectCost(total, n_bytes, round(n_points), round(n_cells), found.ray_budget)
 
 
-def expected_waste(wanted: float, n_fans: float, n_first: int, power: float) -> WastedTries:
+def expected_waste(wanted: float, n_sample_sets: float, n_first: int, power: float) -> WastedTries:
     """The tries before cells are large enough. wanted: records of the first cell size after all sample sets, which the
     first pass, of n_first sets, detects; with cells s times larger their number is s^-power times that."""
     size, n_lost, tries = 1.0, 0.0, list[CellSizeTry]()
     while (n_cells := wanted * size**-power) > MAX_RECORDS and len(tries) < MOST_TRIES:
-        done = n_fans * (MAX_RECORDS / n_cells) ** (1.0 / RECORDS_BY_SETS)
+        done = n_sample_sets * (MAX_RECORDS / n_cells) ** (1.0 / RECORDS_BY_SETS)
         n_lost += min(done, n_first)
         tries.append(CellSizeTry(size, round(done) + PART_POINTS // 2))
-        size *= growth(tries, n_fans)
-    return WastedTries(len(tries), n_lost / max(n_fans, 1.0))
+        size *= growth(tries, n_sample_sets)
+    return WastedTries(len(tries), n_lost / max(n_sample_sets, 1.0))
 
 
 def _times(name: str, length: int, n_cells: int, by_point: float, by_cell: float) -> float:

@@ -177,15 +177,15 @@ class _Trials:
 def _any_sky(light: VisibleLight, sky: SkyState) -> bool:
     """Whether any point sees light of the sky, or the sky has none."""
     lights = light.lighting.sky
-    shines = lights.colours.any(axis=1)
-    if sky.environment is None or not shines.any():
+    emits = lights.colours.any(axis=1)
+    if sky.environment is None or not emits.any():
         return True
     fine, sphere = (
         np.unpackbits(np.bitwise_or.reduce(each.bits, axis=0).view(np.uint8), bitorder="little")
         for each in (light.fine, light.sphere)
     )
-    coarse = np.flatnonzero(shines & (lights.fine < 0))
-    return bool(fine[lights.fine[shines & (lights.fine >= 0)]].any()) or any(
+    coarse = np.flatnonzero(emits & (lights.fine < 0))
+    return bool(fine[lights.fine[emits & (lights.fine >= 0)]].any()) or any(
         sphere[lights.first[m] : lights.first[m] + lights.n_bits[m]].any() for m in coarse
     )
 

@@ -90,20 +90,20 @@ class EmitterLight:
     """All emitting triangles, sampled by power and uniformly over their area; they radiate from their front."""
 
     def __init__(self, scene: Scene) -> None:
-        shining = np.flatnonzero((scene.emitters & scene.emission.any(axis=1))[scene.object_of_triangle])
-        corners = scene.vertices[scene.triangles[shining]].astype(np.float64)
+        emitting = np.flatnonzero((scene.emitters & scene.emission.any(axis=1))[scene.object_of_triangle])
+        corners = scene.vertices[scene.triangles[emitting]].astype(np.float64)
         edges = corners[:, 1:] - corners[:, :1]
         across = np.cross(edges[:, 0], edges[:, 1])
         area = np.linalg.norm(across, axis=1) / 2.0
-        shining, corners, edges, across, area = (each[area > 0.0] for each in (shining, corners, edges, across, area))
+        emitting, corners, edges, across, area = (each[area > 0.0] for each in (emitting, corners, edges, across, area))
         self._corner, self._edges = corners[:, 0], edges
         self._normal = across / (2.0 * area[:, None])
-        self._radiance = scene.emission[scene.object_of_triangle[shining]].astype(np.float64)
+        self._radiance = scene.emission[scene.object_of_triangle[emitting]].astype(np.float64)
         power = area * (self._radiance @ LUMINANCE)
         self._table = np.cumsum(power) / power.sum() if len(power) else power
         self._by_area = np.zeros(len(scene.triangles))
-        self._by_area[shining] = np.diff(self._table, prepend=0.0) / area
-        self._triangle, self._normals = shining, scene.geometric_normals
+        self._by_area[emitting] = np.diff(self._table, prepend=0.0) / area
+        self._triangle, self._normals = emitting, scene.geometric_normals
 
     @property
     def emits(self) -> bool:

@@ -160,7 +160,7 @@ def trace_primary_steps(
         inner = every[~edge]
         lamps.append(around.lamps(scene, 1.0 / n_edge_rays, np.arange(len(around.ids))))
     lamps.append(centres.lamps(scene, 1.0, inner))
-    shining = Lamps(*(np.concatenate(parts) for parts in zip(*lamps, strict=True)))
+    emitting = Lamps(*(np.concatenate(parts) for parts in zip(*lamps, strict=True)))
     ids = points.pop("ids")
     order = np.lexsort((points["offset"].any(axis=1), points["pixel"], ids))  # a pixel's centre first
     bounds = np.searchsorted(ids[order], np.arange(len(scene.smooth) + 1)).astype(np.int32)
@@ -169,8 +169,8 @@ def trace_primary_steps(
         object_ranges=np.stack([bounds[:-1], bounds[1:]], axis=1),
         object_image=centres.ids.reshape(height, width).astype(np.int16),
         open_image=background.reshape(height, width),
-        emission_image=_emission_picture(shining, size),
-        lamps=shining,
+        emission_image=_emission_picture(emitting, size),
+        lamps=emitting,
         ray_directions=directions,
         **{name: np.ascontiguousarray(array[order]) for name, array in points.items()},
     )
@@ -275,8 +275,8 @@ def object_ids(scene: Scene, found: Intersections) -> Int32Array:
 def emission_towards(scene: Scene, found: Intersections, ids: Int32Array, directions: Float32Array) -> Float32Array:
     """Radiance (R, 3) of the emitters hit on their front, the side their winding faces."""
     facing = np.einsum("rk,rk->r", scene.geometric_normals[found.triangle], directions) < 0.0
-    shines = (ids >= 0) & facing
-    return np.where(shines[:, None], scene.emission[ids], np.float32(0.0)).astype(np.float32)
+    emits = (ids >= 0) & facing
+    return np.where(emits[:, None], scene.emission[ids], np.float32(0.0)).astype(np.float32)
 
 
 def shading_frames(

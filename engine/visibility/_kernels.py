@@ -89,20 +89,20 @@ def predict(rows, informers, bits, horizon, believed, always, weak, weakest, bou
             if informers[b, i] >= 0:
                 known[n] = informers[b, i]
                 n += 1
-        guess, above, asked, unsure = bits[rows[b]], horizon[b], todo[b], doubt[b]
+        guess, above, requested, unsure = bits[rows[b]], horizon[b], todo[b], doubt[b]
         if n == 4:
             first, second, third, fourth = bits[known[0]], bits[known[1]], bits[known[2]], bits[known[3]]
-            _majority_of_four(first, second, third, fourth, believed, guess, asked, unsure)
+            _majority_of_four(first, second, third, fourth, believed, guess, requested, unsure)
         elif n == 3:
-            _majority_of_three(bits[known[0]], bits[known[1]], bits[known[2]], guess, asked, unsure)
+            _majority_of_three(bits[known[0]], bits[known[1]], bits[known[2]], guess, requested, unsure)
         elif n == 2:
-            _agreement_of_two(bits[known[0]], bits[known[1]], guess, asked, unsure)
+            _agreement_of_two(bits[known[0]], bits[known[1]], guess, requested, unsure)
         else:
-            guess[:], unsure[:], asked[:] = np.uint64(0), np.uint64(0), ~np.uint64(0)
+            guess[:], unsure[:], requested[:] = np.uint64(0), np.uint64(0), ~np.uint64(0)
         # Too little agreement: trace everything above the horizon.
-        if n >= 2 and _has_little_agreement(guess, asked, above):
+        if n >= 2 and _has_little_agreement(guess, requested, above):
             for w in range(above.shape[0]):
-                guess[w], unsure[w], asked[w] = np.uint64(0), np.uint64(0), above[w]
+                guess[w], unsure[w], requested[w] = np.uint64(0), np.uint64(0), above[w]
             continue
         # Sentinels, distributed over the points by a hash; then the limits of the horizon.
         turns = always if n == 4 else weak if n == 3 else weakest
@@ -110,49 +110,49 @@ def predict(rows, informers, bits, horizon, believed, always, weak, weakest, bou
         for w in range(above.shape[0]):
             guess[w] &= above[w]
             unsure[w] &= above[w]
-            asked[w] = (asked[w] | sentinels[w]) & above[w]
+            requested[w] = (requested[w] | sentinels[w]) & above[w]
         if n == 2 or n == 3:
-            _mark_boundary(guess, above, boundary_neighbours, asked)
+            _mark_boundary(guess, above, boundary_neighbours, requested)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _has_little_agreement(guess, asked, above):
+def _has_little_agreement(guess, requested, above):
     """Whether informers agree (`guess`) on little of what any of them sees above the horizon (`guess` or `asked`)."""
     n_guessed, n_any = 0, 0
     for w in range(above.shape[0]):
         n_guessed += _count(guess[w] & above[w])
-        n_any += _count((guess[w] | asked[w]) & above[w])
+        n_any += _count((guess[w] | requested[w]) & above[w])
     return n_guessed < SHARED * n_any
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _majority_of_four(a, b, c, d, believed, guess, asked, unsure):
+def _majority_of_four(a, b, c, d, believed, guess, requested, unsure):
     """Votes of four informers: prediction, targets to trace, and ties."""
     for w in range(guess.shape[0]):
         # At least three of four are a majority; exactly two are a tie.
         either, both = a[w] | b[w], a[w] & b[w]
         other, others = c[w] | d[w], c[w] & d[w]
         guess[w] = (both & other) | (others & either)
-        asked[w] = (either | other) & ~(both & others) & ~(guess[w] & believed[w])
+        requested[w] = (either | other) & ~(both & others) & ~(guess[w] & believed[w])
         unsure[w] = ~guess[w] & (both | others | (either & other))
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _majority_of_three(a, b, c, guess, asked, unsure):
+def _majority_of_three(a, b, c, guess, requested, unsure):
     """Votes of three informers: a majority always exists; targets without unanimity are traced."""
     for w in range(guess.shape[0]):
         guess[w] = (a[w] & b[w]) | (c[w] & (a[w] | b[w]))
-        asked[w] = (a[w] | b[w] | c[w]) & ~(a[w] & b[w] & c[w])
+        requested[w] = (a[w] | b[w] | c[w]) & ~(a[w] & b[w] & c[w])
         unsure[w] = np.uint64(0)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _agreement_of_two(a, b, guess, asked, unsure):
+def _agreement_of_two(a, b, guess, requested, unsure):
     """Votes of two informers: only agreement predicts."""
     for w in range(guess.shape[0]):
         guess[w] = a[w] & b[w]
-        asked[w] = a[w] ^ b[w]
-        unsure[w] = asked[w]
+        requested[w] = a[w] ^ b[w]
+        unsure[w] = requested[w]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -201,7 +201,7 @@ def _bit(words, i):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _mark_boundary(guess, above, neighbours, asked):
+def _mark_boundary(guess, above, neighbours, requested):
     """Marks both sides of every edge between a target predicted visible and one above the horizon predicted hidden."""
     for w in range(guess.shape[0]):
         ones = guess[w]
@@ -211,8 +211,8 @@ def _mark_boundary(guess, above, neighbours, asked):
             for k in range(neighbours.shape[1]):
                 m = neighbours[64 * w + i, k]
                 if m >= 0 and _bit(above, m) and not _bit(guess, m):
-                    asked[m >> 6] |= _ONE << np.uint64(m & 63)
-                    asked[w] |= _ONE << np.uint64(i)
+                    requested[m >> 6] |= _ONE << np.uint64(m & 63)
+                    requested[w] |= _ONE << np.uint64(i)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -281,7 +281,7 @@ def write_rays(rows, ray_block, ray_target, position, lifted, targets, finite, r
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def apply_answers(
-    rows, ray_block, ray_target, blocked, doubt, bits, horizon, neighbours, asked, next_block, next_target
+    rows, ray_block, ray_target, blocked, doubt, bits, horizon, neighbours, requested, next_block, next_target
 ):
     """Stores traced results; where one contradicts the prediction, requests its neighbours that now disagree (OPT
     flooding).
@@ -292,7 +292,7 @@ def apply_answers(
     n_next = 0
     for i in range(ray_block.shape[0]):
         b, t = ray_block[i], ray_target[i]
-        mine, above, known = bits[rows[b]], horizon[b], asked[b]
+        mine, above, known = bits[rows[b]], horizon[b], requested[b]
         # Store the result, and compare it with the prediction.
         w = t >> 6
         bit = _ONE << np.uint64(t & 63)

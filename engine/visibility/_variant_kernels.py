@@ -88,19 +88,19 @@ def estimate(rows, informers, some, every, boundary, horizon_too, horizon, neigh
     """Writes the estimate to the points' bits and marks the targets to trace in `todo`: its boundary, and on request
     that of the horizon, or targets on which informers disagree."""
     for b in range(rows.shape[0]):
-        guess, above, asked = bits[rows[b]], horizon[b], todo[b]
+        guess, above, requested = bits[rows[b]], horizon[b], todo[b]
         if informers[b].min() < 0:
-            guess[:], asked[:] = np.uint64(0), above
+            guess[:], requested[:] = np.uint64(0), above
             continue
         if boundary:
-            asked[:] = np.uint64(0)
-            _mark_boundary(some[b], neighbours, asked)
+            requested[:] = np.uint64(0)
+            _mark_boundary(some[b], neighbours, requested)
             if horizon_too:
-                _mark_boundary(above, neighbours, asked)
+                _mark_boundary(above, neighbours, requested)
         for w in range(above.shape[0]):
             hidden = some[b, w] if boundary else every[b, w]
             guess[w] = ~hidden & above[w]
-            asked[w] = (asked[w] if boundary else some[b, w] & ~every[b, w]) & above[w]
+            requested[w] = (requested[w] if boundary else some[b, w] & ~every[b, w]) & above[w]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -119,7 +119,7 @@ def _mark_boundary(marked, neighbours, out):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def flood_around(rows, ray_block, ray_target, blocked, bits, horizon, neighbours, asked, next_block, next_target):
+def flood_around(rows, ray_block, ray_target, blocked, bits, horizon, neighbours, requested, next_block, next_target):
     """Stores traced results; where one contradicts the estimate, requests all its neighbours [BenArtzi07, code 3].
 
     `asked` (B, words) marks all requests so far. Lists the next round and returns its number of rays.
@@ -133,8 +133,8 @@ def flood_around(rows, ray_block, ray_target, blocked, bits, horizon, neighbours
         mine[t >> 6] ^= bit
         for k in range(neighbours.shape[1]):
             m = neighbours[t, k]
-            if m >= 0 and _bit(horizon[b], m) and not _bit(asked[b], m):
-                asked[b, m >> 6] |= _ONE << np.uint64(m & 63)
+            if m >= 0 and _bit(horizon[b], m) and not _bit(requested[b], m):
+                requested[b, m >> 6] |= _ONE << np.uint64(m & 63)
                 next_block[n_next], next_target[n_next] = b, m
                 n_next += 1
     return n_next

@@ -76,11 +76,11 @@ def evaluate_block(
     """
     targets, bits = visibility.targets, visibility.bits
     horizon = horizons(points, targets, rows)
-    asked, doubt = np.zeros_like(horizon), np.zeros_like(horizon)
-    guess(rows, horizon, asked, doubt)
-    n_rays = kernels.count_bits(asked)
+    requested, doubt = np.zeros_like(horizon), np.zeros_like(horizon)
+    guess(rows, horizon, requested, doubt)
+    n_rays = kernels.count_bits(requested)
     block, target = np.empty(n_rays, np.int32), np.empty(n_rays, np.int32)
-    kernels.list_bits(asked, block, target)
+    kernels.list_bits(requested, block, target)
     n_traced = 0
     while n_rays:
         n_traced += n_rays
@@ -88,7 +88,7 @@ def evaluate_block(
         room = n_rays * targets.neighbours.shape[1]
         next_block, next_target = np.empty(room, np.int32), np.empty(room, np.int32)
         n_rays = kernels.apply_answers(
-            rows, block, target, blocked, doubt, bits, horizon, targets.neighbours, asked, next_block, next_target
+            rows, block, target, blocked, doubt, bits, horizon, targets.neighbours, requested, next_block, next_target
         )
         block, target = next_block[:n_rays], next_target[:n_rays]
     return n_traced, int(kernels.count_bits(horizon))

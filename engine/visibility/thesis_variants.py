@@ -57,8 +57,8 @@ def variant_visibility(hits: PrimaryHits, caster: RayCaster, targets: Targets, v
     a name that is not in VARIANTS and for finite targets.
     """
     if variant not in VARIANTS or targets.finite:
-        asked = f"{variant!r} of {'points' if targets.finite else 'directions'}"
-        raise ValueError(f"variant = {asked}, expected one of {', '.join(VARIANTS)}, of directions")
+        requested = f"{variant!r} of {'points' if targets.finite else 'directions'}"
+        raise ValueError(f"variant = {requested}, expected one of {', '.join(VARIANTS)}, of directions")
     picture = _VariantState(hits, caster, targets, variant)
     steps = _everything(hits) if variant == "TRUE" else _scanline(hits) if variant[0] == "S" else _grid(hits)
     for rows, informers, last in steps:
@@ -86,7 +86,7 @@ class _VariantState:
         visibility, targets, hits = self.visibility, self.visibility.targets, self._hits
         bits, neighbours = visibility.bits, targets.neighbours
         horizon = horizons(hits, targets, rows)
-        some, every, asked, doubt = (np.zeros_like(horizon) for _ in range(4))
+        some, every, requested, doubt = (np.zeros_like(horizon) for _ in range(4))
         if self._warp:
             variant_kernels.warp_blockers(
                 rows, informers, bits, hits.position, targets.positions, neighbours, self._distance, some, every
@@ -94,13 +94,13 @@ class _VariantState:
         else:
             variant_kernels.copy_blockers(informers, bits, self._valid, some, every)
         variant_kernels.estimate(
-            rows, informers, some, every, self._boundary, self._scanline, horizon, neighbours, bits, asked
+            rows, informers, some, every, self._boundary, self._scanline, horizon, neighbours, bits, requested
         )
         if self._only_disagreeing:
-            doubt[:] = asked
-        n_rays = kernels.count_bits(asked)
+            doubt[:] = requested
+        n_rays = kernels.count_bits(requested)
         block, target = np.empty(n_rays, np.int32), np.empty(n_rays, np.int32)
-        kernels.list_bits(asked, block, target)
+        kernels.list_bits(requested, block, target)
         while n_rays:
             visibility.rays.traced += n_rays
             blocked = self._trace(rows, block, target)
@@ -108,11 +108,11 @@ class _VariantState:
             further = np.empty(room, np.int32), np.empty(room, np.int32)
             if self._only_disagreeing:
                 n_rays = kernels.apply_answers(
-                    rows, block, target, blocked, doubt, bits, horizon, neighbours, asked, *further
+                    rows, block, target, blocked, doubt, bits, horizon, neighbours, requested, *further
                 )
             else:
                 n_rays = variant_kernels.flood_around(
-                    rows, block, target, blocked, bits, horizon, neighbours, asked, *further
+                    rows, block, target, blocked, bits, horizon, neighbours, requested, *further
                 )
             if self._only_disagreeing and last:
                 break

@@ -25,14 +25,14 @@ def shader_bytes(context: moderngl.Context) -> int:
 
     Raises GraphicsError where shaders are requested and not available, or the variable has another value.
     """
-    asked = os.environ.get(VARIABLE, "")
-    if asked not in ("", "shader", "worker"):
-        raise GraphicsError(f'{VARIABLE} = "{asked}", expected "shader" or "worker"')
-    if asked == "worker" or not asked and is_software(context):
+    requested = os.environ.get(VARIABLE, "")
+    if requested not in ("", "shader", "worker"):
+        raise GraphicsError(f'{VARIABLE} = "{requested}", expected "shader" or "worker"')
+    if requested == "worker" or not requested and is_software(context):
         return 0
     has_shaders = context.version_code >= _VERSION
     if not has_shaders or any(context.info.get(name, 0) < needed for name, needed in _LIMITS.items()):
-        if asked:
+        if requested:
             raise GraphicsError(f"compute shaders of OpenGL 4.3 are needed, found {describe_context(context)}")
         return 0
     return most_buffer_bytes(context)

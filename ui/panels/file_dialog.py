@@ -209,7 +209,7 @@ def _entry(context: PanelContext, question: FileQuestion, entry: DirectoryEntry)
 
 
 def _name_line(context: PanelContext, question: FileQuestion) -> list[Action]:
-    asked = question
+    requested = question
     verb, hint = _verb(question)
     width = imgui.calc_text_size(verb).x + 2 * imgui.get_style().frame_padding.x
     imgui.set_next_item_width(imgui.get_content_region_avail().x - width - imgui.get_style().item_spacing.x)
@@ -230,7 +230,7 @@ def _name_line(context: PanelContext, question: FileQuestion) -> list[Action]:
         return [_input_line(replace(question, name=typed)), answer(question, path)]
     refusal = question.refusal if typed == question.name else ""
     edited = replace(question, name=typed, refusal=refusal)
-    return [_input_line(edited)] if edited != asked else []
+    return [_input_line(edited)] if edited != requested else []
 
 
 def _verb(question: FileQuestion) -> tuple[str, str]:

@@ -49,9 +49,9 @@ def draw(context: PanelContext) -> list[Action]:
     imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(padding.x, context.px(9)))
     if imgui.begin_main_menu_bar():
         imgui.push_style_var(imgui.StyleVar_.frame_padding, padding)
-        asked = _menu_opened_by_alt(context)
+        requested = _menu_opened_by_alt(context)
         for title, entries in MENUS:
-            if title == asked:
+            if title == requested:
                 imgui.open_popup(title)
             if _begin(context, title):
                 actions += entries(context)

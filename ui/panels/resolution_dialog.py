@@ -30,8 +30,8 @@ def draw(context: PanelContext) -> list[Action]:
             presets = [scale_size(context.own_resolution, share) for share, _ in PRESETS]
             chosen = presets.index(size) if size in presets else -1
             pressed = widgets.segments(context, "resolution", [(text, HINT) for _, text in PRESETS], chosen, least=44.0)
-            asked = _numbers(context, size) if pressed is None else presets[pressed]
-            actions += [SetPanel({"resolution": asked})] if asked != size else []
+            requested = _numbers(context, size) if pressed is None else presets[pressed]
+            actions += [SetPanel({"resolution": requested})] if requested != size else []
             costs_too_much = _cost(context, size, (picture.width, picture.height))
             actions += _buttons(context, size, not costs_too_much)
     return actions

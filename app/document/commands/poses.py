@@ -125,8 +125,8 @@ class SetTime:
         return "rest" if self.time is None else f"time {self.time:.2f} s"
 
     def apply(self, document: Document) -> Document:
-        asked = document.objects if self.object is None else (document.object(self.object),)
-        animated = [state for state in asked if state.animations]
+        requested = document.objects if self.object is None else (document.object(self.object),)
+        animated = [state for state in requested if state.animations]
         if not animated:
             raise InsituError(f"{self.object or 'the scene'} has no animation")
         there = list(dict.fromkeys(each.name for state in animated for each in state.animations))

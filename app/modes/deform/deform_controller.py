@@ -100,10 +100,10 @@ class DeformController(OrbitController):
             self._known_surfaces.accept(self._requested.surfaces)
 
     def _take_failure(self, response: RequestFailed) -> None:
-        asked = self._requested
+        requested = self._requested
         super()._take_failure(response)
-        if response.id == self._prepare_id and isinstance(asked, DesiredDeform):
-            if self._known_surfaces.revert(self._services.history, asked.surfaces):
+        if response.id == self._prepare_id and isinstance(requested, DesiredDeform):
+            if self._known_surfaces.revert(self._services.history, requested.surfaces):
                 self._services.document_changed()
 
     def status(self, status: Status) -> Status:

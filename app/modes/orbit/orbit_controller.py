@@ -255,8 +255,8 @@ class OrbitController(ModeController):
 
     @property
     def is_running(self) -> bool:
-        asked = self._requested is not None and not self._is_ready_for_request
-        return asked or self._hands_over_to_placement and self.placement.is_running
+        requested = self._requested is not None and not self._is_ready_for_request
+        return requested or self._hands_over_to_placement and self.placement.is_running
 
     def status(self, status: Status) -> Status:
         if self._shows_placement:

@@ -37,13 +37,13 @@ def desired_curves(
 ) -> tuple[DesiredCurve, ...]:
     """The desired transport of the selected curve in the layers that follow it; none of a curve applied in image
     space."""
-    wishes = []
+    found = []
     for key in edited_layers(document, selected):
         coefficients = curves.coefficients(document, key)
         if selected is not None and selected.factor in coefficients:
             others = {name: values for name, values in coefficients.items() if name != selected.factor}
-            wishes.append(DesiredCurve(key, selected.factor, others, precision))
-    return tuple(wishes)
+            found.append(DesiredCurve(key, selected.factor, others, precision))
+    return tuple(found)
 
 
 class EditedCurves:
@@ -94,8 +94,8 @@ class EditedCurves:
     def receive(self, came: ReadyCurve, edited: tuple[str, ...]) -> bool:
         """Note one that came; returns whether its layer is among those that follow the selected curve now."""
         if came.key not in edited:
-            asked = self._requested.get(came.key)
-            if asked is not None and (asked.factor, asked.precision) == (came.factor, came.precision):
+            requested = self._requested.get(came.key)
+            if requested is not None and (requested.factor, requested.precision) == (came.factor, came.precision):
                 self.withdraw(came.key)
             return False
         # The renderer holds transport only for these: any other layer's is requested again when it is selected.

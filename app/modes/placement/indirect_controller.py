@@ -332,9 +332,9 @@ class IndirectController:
             self._changed_at = now
         self._last = desired
         if self._requested is not None and self._requested[1] == revision:
-            asked = self._requested[0]
-            waits = self._frozen is None or self._frozen[0] is not asked
-            if asked.serves(desired) and (asked.same(desired) or now - self._changed_at < IDLE_SECONDS):
+            requested = self._requested[0]
+            waits = self._frozen is None or self._frozen[0] is not requested
+            if requested.serves(desired) and (requested.same(desired) or now - self._changed_at < IDLE_SECONDS):
                 return
             if waits and now - self._requested_at < FREEZE_PATIENCE:
                 return

@@ -43,7 +43,7 @@ class MapController:
         self._refused: dict[Surface, str] = {}
         self._shown: dict[str, MapsSampled] = {}
         self._newest: dict[Surface, MapsSampled] = {}
-        self._asked: tuple[tuple[str, Images], ...] = ()
+        self._requested: tuple[tuple[str, Images], ...] = ()
         self._awaited: set[Surface] = set()
         self._request = 0
         self._document: Document | None = None
@@ -85,7 +85,7 @@ class MapController:
         """Take the samples of images."""
         surface = (object_of(response.key), response.images)
         # The request shares its strokes with the document; what crossed between processes is a copy of them all.
-        surface = next((asked for asked in self._awaited if asked == surface), surface)
+        surface = next((requested for requested in self._awaited if requested == surface), surface)
         response = replace(response, images=surface[1])
         self._awaited.discard(surface)
         self._cached.pop(surface, None)
@@ -152,10 +152,10 @@ class MapController:
             self._found[key] = found
         self._missing = tuple((key, images) for (_, images), key in missing.items())
         if not self._drag_is_ahead(missing):
-            if self._missing and self._missing != self._asked:
+            if self._missing and self._missing != self._requested:
                 self._request = self._send(SampleMaps(self._missing))
                 self._awaited = set(missing)
-            self._asked = self._missing
+            self._requested = self._missing
 
     def follow(self, document: Document) -> list[LayerMapsChanged]:
         """The layers whose samples differ from those shown, of the document at the last request."""

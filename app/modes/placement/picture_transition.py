@@ -132,7 +132,7 @@ class PictureTransition:
     def update(
         self,
         document: Document,
-        asked: RequestedTransport | None,
+        requested: RequestedTransport | None,
         dragging: bool,
         edited: Iterable[str],
         factor: str | None,
@@ -143,12 +143,12 @@ class PictureTransition:
         """
         if not self.has_picture:  # objects lit from the camera need nothing
             self.drawn = document
-        if asked is None:
+        if requested is None:
             return []
         follows = dict.fromkeys(edited, factor)
-        if self._desired is not None and asked.desired.can_mix_with(self._desired):
-            return self._refined(document, asked, dragging, follows)
-        return self._replaced(document, asked, dragging, follows)
+        if self._desired is not None and requested.desired.can_mix_with(self._desired):
+            return self._refined(document, requested, dragging, follows)
+        return self._replaced(document, requested, dragging, follows)
 
     def draw_now(self, document: Document, edited: Iterable[str], factor: str | None) -> None:
         """Draw an edit in this very frame, where it needs no response."""
@@ -167,39 +167,39 @@ class PictureTransition:
                     self.drawn = self.drawn.with_object(now)
 
     def _refined(
-        self, document: Document, asked: RequestedTransport, dragging: bool, follows: Mapping[str, str | None]
+        self, document: Document, requested: RequestedTransport, dragging: bool, follows: Mapping[str, str | None]
     ) -> list[PictureEvent]:
         """Under the light that is on screen: the layers that are no coarser than theirs, if the document can then be
         drawn."""
         good = {
             key: event for key, event in self._coming.items()
-            if asked.is_last or _RANK[event.stage] >= self._least_rank(document, key, dragging)
+            if requested.is_last or _RANK[event.stage] >= self._least_rank(document, key, dragging)
         }  # fmt: skip
         can_draw = self._can_draw(document, self._after(good), follows, dragging)
-        if asked.is_finished or can_draw and (dragging or asked.has_other_parts):
-            self.drawn, self._desired = document, asked.desired
+        if requested.is_finished or can_draw and (dragging or requested.has_other_parts):
+            self.drawn, self._desired = document, requested.desired
             return self._released(good)
         return self._released({})
 
     def _replaced(
-        self, document: Document, asked: RequestedTransport, dragging: bool, follows: Mapping[str, str | None]
+        self, document: Document, requested: RequestedTransport, dragging: bool, follows: Mapping[str, str | None]
     ) -> list[PictureEvent]:
         """Under other light: all of the picture, once all of it is there."""
         least = _ANY
-        if self._desired is not None and not (asked.is_drag or asked.is_last):
-            same_light = asked.desired.lights_like(self._desired)
+        if self._desired is not None and not (requested.is_drag or requested.is_last):
+            same_light = requested.desired.lights_like(self._desired)
             least = self._rank if same_light else min(self._rank, _FULL_RESOLUTION)
-        keys = [shape.key for shape in asked.desired.layers]
+        keys = [shape.key for shape in requested.desired.layers]
         is_whole = all(key in self._coming and _RANK[self._coming[key].stage] >= least for key in keys)
-        if not is_whole or not (asked.has_other_parts or asked.is_drag or asked.is_finished):
+        if not is_whole or not (requested.has_other_parts or requested.is_drag or requested.is_finished):
             return []
-        if self._can_draw(document, self._after(self._coming, {}), follows, dragging, asked.desired):
+        if self._can_draw(document, self._after(self._coming, {}), follows, dragging, requested.desired):
             next_drawn = document
-        elif _models(asked.document) == _models(document):
-            next_drawn = asked.document
+        elif _models(requested.document) == _models(document):
+            next_drawn = requested.document
         else:
             return []
-        self.drawn, self._desired, self._layers = next_drawn, asked.desired, {}
+        self.drawn, self._desired, self._layers = next_drawn, requested.desired, {}
         return self._released(self._coming)
 
     def _released(self, radiances: Mapping[str, LayerRadiance]) -> list[PictureEvent]:

@@ -212,8 +212,8 @@ class PlacementController(ModeController):
     def _advance_transition(self, document: Document, view: ViewState, planned: bool) -> list[PictureEvent]:
         """What is replaced in the picture now, all of it in one frame."""
         controller, change, was_held = self._transport, self._changeover, self._was_held
-        asked, dragging = self._requested_transport() if planned else None, self._services.history.dragging
-        changes = change.update(document, asked, dragging, self.edited_layers, self._factor)
+        requested, dragging = self._requested_transport() if planned else None, self._services.history.dragging
+        changes = change.update(document, requested, dragging, self.edited_layers, self._factor)
         if changes:
             self._picture_changed()
         self._was_held = change.drawn is not document

@@ -82,18 +82,18 @@ def light_note(controller: TransportController, shown: LightState) -> str:
     light = controller.requested_light
     if light is None or controller.requested_rotation is None:
         return ""
-    asked = f"{light.rotation:.1f}°"
+    requested = f"{light.rotation:.1f}°"
     if controller.running and not controller.drag_quality and replace(shown, intensity=light.intensity) != light:
         if shown.rotation == light.rotation:
             return "the previous light is shown until this one is ready"
-        return f"shown for {shown.rotation:.1f}° until {asked} is ready"
+        return f"shown for {shown.rotation:.1f}° until {requested} is ready"
     if controller.drag_quality:
-        return f"preview for {asked}, final on release"
+        return f"preview for {requested}, final on release"
     if not controller.light_is_current:
-        return f"shown for {asked} until idle"
+        return f"shown for {requested} until idle"
     if controller.delivered_final:
         return ""
-    return f"{'being refined' if controller.running else 'a preview'} for {asked}"
+    return f"{'being refined' if controller.running else 'a preview'} for {requested}"
 
 
 def emitter_note(controller: TransportController) -> str:

@@ -314,10 +314,10 @@ class TransportController:
     ) -> None:
         if self.transport_is_current or self._stopped:
             return
-        asked = self._requested
-        if asked is None or self._released or now - self._desired_since >= IDLE_SECONDS:
+        requested = self._requested
+        if requested is None or self._released or now - self._desired_since >= IDLE_SECONDS:
             self._compute(desired, document, selected)
-        elif dragging and desired.moved_from(asked) and not (self._drag_quality and self._running):
+        elif dragging and desired.moved_from(requested) and not (self._drag_quality and self._running):
             self._compute(desired, document, selected, is_drag=True)
 
     def _compute(
@@ -391,8 +391,8 @@ class TransportController:
     def _request_picture(self, now: float, document: Document, outdated: Mapping[str, Coefficients]) -> None:
         """Request the radiance of the first outdated layer that was not requested yet."""
         for key, wanted in outdated.items():
-            asked = same_coefficients(self._requested_pictures.get(key, {}), wanted)
-            if not asked and self._can_contract(key, wanted):
+            requested = same_coefficients(self._requested_pictures.get(key, {}), wanted)
+            if not requested and self._can_contract(key, wanted):
                 self._requested_pictures[key] = wanted
                 self._contract(DesiredCurve(key, None, {}), document, now)
                 return

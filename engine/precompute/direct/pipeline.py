@@ -180,8 +180,8 @@ class Placement:
 
 def patches_of(scene: Scene, n_patches: int) -> EmitterPatches | None:
     """A scene's emitters cut into about n_patches, or None where nothing emits."""
-    shining = (scene.emitters & scene.emission.any(axis=1))[scene.object_of_triangle]
-    if not shining.any():
+    emitting = (scene.emitters & scene.emission.any(axis=1))[scene.object_of_triangle]
+    if not emitting.any():
         return None
-    triangles = scene.vertices[scene.triangles[shining]]
-    return emitter_patches(triangles, scene.emission[scene.object_of_triangle[shining]], n_patches)
+    triangles = scene.vertices[scene.triangles[emitting]]
+    return emitter_patches(triangles, scene.emission[scene.object_of_triangle[emitting]], n_patches)

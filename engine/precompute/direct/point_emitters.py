@@ -34,11 +34,11 @@ Float64Array = NDArray[np.float64]
 
 def emitters_for(scene: Scene, caster: RayCaster, hits: PrimaryHits, n_leaves: int) -> EmitterTree | None:
     """The scene's emitters as a tree of about n_leaves leaves, with many triangles merged; None where nothing emits."""
-    shining = scene.emitters[scene.object_of_triangle]
-    if not shining.any():
+    emitting = scene.emitters[scene.object_of_triangle]
+    if not emitting.any():
         return None
-    corners = scene.vertices[scene.triangles[shining]].astype(np.float64)
-    radiance = scene.emission[scene.object_of_triangle[shining]].astype(np.float64)
+    corners = scene.vertices[scene.triangles[emitting]].astype(np.float64)
+    radiance = scene.emission[scene.object_of_triangle[emitting]].astype(np.float64)
     lit = emitting_triangles(corners, radiance)
     corners, radiance = corners[lit], radiance[lit]
     if not len(corners):

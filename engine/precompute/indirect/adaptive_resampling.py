@@ -36,8 +36,8 @@ def extra_sample_sets(
     cosine between the normals of neighbours on an object.
     """
     relative = np.sqrt(np.minimum(shown, 1.0)) * relative_noise(hits, rows, least_alike, light, noise)
-    asked = (relative > NOISY) + (MAX_SAMPLE_SETS - 2) * (relative > VERY_NOISY).astype(np.int64)
-    return _within_budget(asked, shown * relative, int(most * len(rows)))
+    requested = (relative > NOISY) + (MAX_SAMPLE_SETS - 2) * (relative > VERY_NOISY).astype(np.int64)
+    return _within_budget(requested, shown * relative, int(most * len(rows)))
 
 
 def relative_noise(
@@ -59,12 +59,12 @@ def relative_noise(
     return relative
 
 
-def _within_budget(asked: NDArray[np.int64], worth: NDArray[np.float64], most: int) -> NDArray[np.int64]:
+def _within_budget(requested: NDArray[np.int64], worth: NDArray[np.float64], most: int) -> NDArray[np.int64]:
     """Limits the requested sample sets (p,) to `most` in all: every point's first extra set before any second one, and
     where these are too many, those of the greatest worth (p,)."""
-    given = np.zeros_like(asked)
+    given = np.zeros_like(requested)
     order = np.argsort(-worth, kind="stable")
-    for wanted in (np.minimum(asked, 1), asked - np.minimum(asked, 1)):
+    for wanted in (np.minimum(requested, 1), requested - np.minimum(requested, 1)):
         in_turn = wanted[order]
         given[order] += np.clip(most - given.sum() - (np.cumsum(in_turn) - in_turn), 0, in_turn)
     return given

@@ -45,10 +45,10 @@ def indirect_layer(
     seen = np.ones((N_VIEW_SAMPLES, 3)) if view is None else layer.curve(view.name)(angles)
     sent = tuple(n if second is None else min(n, second) for n in bands)
     q = layer.quotient_parameters()
-    towards_eye, towards_others = (_coefficients(layer, each) for each in (bands, sent))
-    tint = tint_of(layer.model.name, tuple(q.tolist()), towards_eye, seen)
+    towards_camera, towards_others = (_coefficients(layer, each) for each in (bands, sent))
+    tint = tint_of(layer.model.name, tuple(q.tolist()), towards_camera, seen)
     return IndirectLayer(
-        i_object, LayerCurves(layer.model, q, towards_eye, tint), LayerCurves(layer.model, q, towards_others, tint),
+        i_object, LayerCurves(layer.model, q, towards_camera, tint), LayerCurves(layer.model, q, towards_others, tint),
         share * layer.scale(), seen, share * equivalent_albedo(layer, bands),
         LayerMaps() if mean is None else layer.maps, share, directional_albedo(layer, bands),
     )  # fmt: skip

@@ -189,9 +189,9 @@ class IrradianceCache:
         )  # fmt: skip
         # Shadow rays, only where a sample carries power.
         blocked = powers.max(axis=1) <= 0.0
-        asked = np.flatnonzero(~blocked)
-        limits = None if lights.is_sky else distances[asked]
-        blocked[asked] = self.caster.occluded(rays.origins[asked], rays.directions[asked], limits)
+        requested = np.flatnonzero(~blocked)
+        limits = None if lights.is_sky else distances[requested]
+        blocked[requested] = self.caster.occluded(rays.origins[requested], rays.directions[requested], limits)
         kernels.add_unoccluded(blocked, cosines, powers, n_samples, irradiance[begin:end])
 
 

@@ -149,9 +149,9 @@ class _LightChooser:
             self.cells.mesh, self.second.lobe_axes, self.second.axes, self.second.lamps, lobe_tables(N_LOBE_RAYS),
             np.float32(caster.offset), normals, lights, candidates, weights, to_light, limits, starts,
         )  # fmt: skip
-        asked = np.flatnonzero(weights > 0.0)
+        requested = np.flatnonzero(weights > 0.0)
         blocked = np.ones(n, bool)
-        blocked[asked] = caster.occluded(starts[asked], to_light[asked], limits[asked])
+        blocked[requested] = caster.occluded(starts[requested], to_light[requested], limits[requested])
         lights[blocked] = kernels.NO_LIGHT
         return normals, found.distance[at].astype(np.float32), lights, candidates, weights
 

@@ -333,9 +333,9 @@ class Solver:
         records. Glossy surfaces reflect by albedo, with a share of the photons, because their directional reflection is
         noisier."""
         new_cells = np.zeros((n_cells - len(bright), *bright.shape[1:]), np.float32)  # not known yet: dark
-        thrown = points.caustic_flux(layers)
-        thrown = thrown._replace(light=_PHOTONS_SHARE * thrown.light)
-        sent = OutgoingRadiance(np.concatenate([bright, new_cells]), None, thrown)
+        reflected_onward = points.caustic_flux(layers)
+        reflected_onward = reflected_onward._replace(light=_PHOTONS_SHARE * reflected_onward.light)
+        sent = OutgoingRadiance(np.concatenate([bright, new_cells]), None, reflected_onward)
         return (yield from points.halves(layers, sent))
 
     def _halves_of_samples(
@@ -457,8 +457,8 @@ class Solver:
         for fraction, seen in connect(cells, self._n_bounces, settings.n_record_rays):
             found.append(seen)
             yield span[0] + (span[1] - span[0]) * fraction, "light between surfaces"
-        shining = direct_irradiance(cells, self._emission.lights, settings.n_samples)
-        direct = yield from _with_overall_progress(shining, span[1], "light between surfaces")
+        emitting = direct_irradiance(cells, self._emission.lights, settings.n_samples)
+        direct = yield from _with_overall_progress(emitting, span[1], "light between surfaces")
         light = CacheLight(cells.objects.copy(), np.concatenate(found), direct)
         parts.store_part({"cell_seen": light.records_hit, "direct": direct, **arrays_of_table(cells.table())})
         return light
@@ -480,9 +480,9 @@ def relit(
 
     Glossy hits store the old light, so glossy surfaces reflect by albedo until the rays are traced anew.
     """
-    shining = scene_emission(placement, sky)
-    light = replace(found.light, direct=run_to_end(direct_irradiance(found.cells, shining.lights, settings.n_samples)))
-    return replace(found.without_glossy_hits(), light=light, n_bounces=n_bounces, unit=shining.unit)
+    emitting = scene_emission(placement, sky)
+    light = replace(found.light, direct=run_to_end(direct_irradiance(found.cells, emitting.lights, settings.n_samples)))
+    return replace(found.without_glossy_hits(), light=light, n_bounces=n_bounces, unit=emitting.unit)
 
 
 def _with_overall_progress(

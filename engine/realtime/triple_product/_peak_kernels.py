@@ -29,12 +29,12 @@ class BrdfQueries(NamedTuple):
 def query_peaks(
     which: NDArray[np.int64], corners: NDArray[np.int32], weights: Float32Array, wo: Float32Array, frame: Float32Array,
     peaks: PeakLights,
-    sharp: NDArray[np.uint64], least_cosine: float, asked: BrdfQueries,
+    sharp: NDArray[np.uint64], least_cosine: float, requested: BrdfQueries,
 ) -> int:  # fmt: skip
     """Fill `asked` with the peaks that are sharp at the corners (3 N, 2) of samples (N,), as `shade_corners` finds
     them; return their number. A peak's power is scaled by the interpolation weights of the corners that see it;
     directions refer to the interpolated frame."""
-    n_asked = 0
+    n_requested = 0
     own, towards = np.empty((3, 3)), np.empty(3)
     for n in range(len(which)):
         j, has_frame = which[n], False
@@ -65,13 +65,16 @@ def query_peaks(
                 share = weights[j, 0] * np.float32(first >> bit & np.uint64(1))
                 share += weights[j, 1] * np.float32(second >> bit & np.uint64(1))
                 share += weights[j, 2] * np.float32(third >> bit & np.uint64(1))
-                asked.sample[n_asked] = n
+                requested.sample[n_requested] = n
                 for i in range(3):
-                    asked.power[n_asked, i], asked.wo[n_asked, i] = share * peaks.power[s, i], towards[i]
+                    requested.power[n_requested, i], requested.wo[n_requested, i] = (
+                        share * peaks.power[s, i],
+                        towards[i],
+                    )
                 # The frame's third axis is minus the bitangent.
-                asked.wi[n_asked, 0], asked.wi[n_asked, 1], asked.wi[n_asked, 2] = x, -z, y
-                n_asked += 1
-    return n_asked
+                requested.wi[n_requested, 0], requested.wi[n_requested, 1], requested.wi[n_requested, 2] = x, -z, y
+                n_requested += 1
+    return n_requested
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
@@ -112,11 +115,11 @@ def _view_direction(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def add_answers(n: int, asked: BrdfQueries, value: NDArray[np.float64], radiance: Float32Array) -> None:
+def add_answers(n: int, requested: BrdfQueries, value: NDArray[np.float64], radiance: Float32Array) -> None:
     """Add to radiance (N, 3) what the first n evaluations reflect: power times value (n, 3)."""
     for m in range(n):
         for i in range(3):
-            radiance[asked.sample[m], i] += asked.power[m, i] * value[m, i]
+            radiance[requested.sample[m], i] += requested.power[m, i] * value[m, i]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
@@ -129,12 +132,12 @@ def uncertain_peaks(
     points: peaks that one of the three points sees and another does not, or, if everywhere, all above the horizon.
     Fills row (ascending) and peak (N · n_peaks,), and by the points' weights (R, 3) share, how much of the peak they
     see, and cosine, the same times their cosines. Returns the number."""
-    n_found, first_suns = 0, (1 << n_peaks) - 1
+    n_found, first_peaks = 0, (1 << n_peaks) - 1
     for n in range(len(samples)):
         j = samples[n]
         # Bits that are set at some corner but not at all of them.
         a, b, c = peaks.bits[corners[j, 0], 0], peaks.bits[corners[j, 1], 0], peaks.bits[corners[j, 2], 0]
-        in_question = ((a | b | c) ^ (a & b & c)) & first_suns
+        in_question = ((a | b | c) ^ (a & b & c)) & first_peaks
         if in_question == 0 and not everywhere:
             continue
         for s in range(n_peaks):

@@ -50,9 +50,11 @@ class CornerVisibility:
             normals, lifted = points.normal[corners], points.lifted[corners]
             flat = np.einsum("tki,tki->tk", normals, np.roll(normals, 1, axis=1)).min(axis=1, initial=1.0) > _FLAT
             some = np.zeros(len(mine), bool) if points.buried is None else points.buried[corners].any(axis=1)
-            asked = np.flatnonzero(flat & ~some)
-            ends = np.roll(lifted[asked], 1, axis=1)
-            some[asked] = ~self.sees(lifted[asked].reshape(-1, 3), ends.reshape(-1, 3)).reshape(-1, 3).all(axis=1)
+            requested = np.flatnonzero(flat & ~some)
+            ends = np.roll(lifted[requested], 1, axis=1)
+            some[requested] = ~self.sees(lifted[requested].reshape(-1, 3), ends.reshape(-1, 3)).reshape(-1, 3).all(
+                axis=1
+            )
             found[mine, side] = flat & some
         return found
 

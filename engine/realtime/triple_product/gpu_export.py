@@ -72,15 +72,15 @@ class PointExporter:
         if (lit.points, lit.incident, bumps) != (self._points, self._incident, self._bumps):
             self._points, self._incident, self._bumps = lit.points, lit.incident, bumps
             self._n = self._n_exported_coefficients(lit.incident)
-            lit.untold[:], self._indirect = True, None
+            lit.not_exported[:], self._indirect = True, None
             yield _mesh(orbit.scene, lit, self._n)
         yield from self._sky_parts(orbit)
         yield from self._terms_parts(orbit)
-        which = np.flatnonzero(lit.untold)
+        which = np.flatnonzero(lit.not_exported)
         for start in range(0, len(which), _AT_ONCE):
             some = which[start : start + _AT_ONCE]
             yield _light(lit.incident, some, self._n)
-            lit.untold[some] = False
+            lit.not_exported[some] = False
         if lit.indirect is not self._indirect:
             self._indirect = lit.indirect
             yield BouncedPart(_with_fourth(lit.indirect))
@@ -190,10 +190,10 @@ def _light(incident: Incident, which: NDArray[np.integer], n: int) -> LightPart:
     place = incident.slot[which]
     place = place[place >= 0]
     value, number = stored.value[place, :n], stored.number[place, :n]
-    n_told = np.where((value != 0).any(axis=2), np.arange(1, value.shape[1] + 1), 0).max(axis=1, initial=0)
-    most = int(n_told.max(initial=0))
+    n_exported = np.where((value != 0).any(axis=2), np.arange(1, value.shape[1] + 1), 0).max(axis=1, initial=0)
+    most = int(n_exported.max(initial=0))
     rows = np.zeros((len(place), N_HEAD + 2 * most), np.uint32)
-    rows[:, 0] = n_told
+    rows[:, 0] = n_exported
     rows[:, 1:7] = stored.irradiance_gradient[place].reshape(-1, 6).view(np.uint32)
     rows[:, 7:47] = stored.peak_place[place].astype(np.int32).view(np.uint32)
     rows[:, 47:167] = stored.peak_power[place].reshape(-1, 120).view(np.uint32)

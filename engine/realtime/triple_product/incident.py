@@ -104,7 +104,7 @@ def light_points(
     bits: as from `visibility.trace_hemispheres`; is_coarse: by triangles of level 2, in a sixth of the time. Lamps are
     not distant: each point has its own directions and distances to them. peaks (S,): see `visible_peaks`.
     """
-    asked = np.arange(len(points)) if which is None else np.asarray(which, np.int64)
+    requested = np.arange(len(points)) if which is None else np.asarray(which, np.int64)
     tables: Any = (
         kernel_places(points, bits, incident.slot, lamps, peaks),
         hemisphere(),
@@ -114,9 +114,9 @@ def light_points(
     fill_range: Any = kernels.light_range
 
     def fill(start: int) -> None:
-        fill_range(start, min(start + _BATCH, len(asked)), asked, is_coarse, *tables)
+        fill_range(start, min(start + _BATCH, len(requested)), requested, is_coarse, *tables)
 
-    on_threads(fill, range(0, len(asked), _BATCH))
+    on_threads(fill, range(0, len(requested), _BATCH))
 
 
 def evenly_lit(
@@ -132,11 +132,11 @@ def evenly_lit(
             patches.corners, patches.centre, patches.normal, np.ones_like(patches.radiance), patches.area
         )
         lamps = SceneEmitters(alike, patch_bits)
-    for i, (sky, shining) in enumerate(((white, None), (black, lamps))):
-        if sky is white or shining is not None:
+    for i, (sky, emitting) in enumerate(((white, None), (black, lamps))):
+        if sky is white or emitting is not None:
             incident = empty_incident(np.zeros(len(points), bool), kernels.N_ROOTS)
             light_points(
-                points, bits, SkyMap(sky, sky, 0.0, none, none, none[:, None]), incident, shining, is_coarse=True
+                points, bits, SkyMap(sky, sky, 0.0, none, none, none[:, None]), incident, emitting, is_coarse=True
             )
             found[:, i] = incident.irradiance[:, 0]
     return found
@@ -165,8 +165,8 @@ def kernel_places(
 ) -> kernels.Places:  # fmt: skip
     """Points in the kernels' form."""
     patch_bits = lamps.bits if lamps else np.zeros((len(points), 0), np.uint8)
-    asked = np.full(len(points), -1, np.int16) if peaks is None else peaks
-    return kernels.Places(points.position, points.frames, bits, patch_bits, slot, asked)
+    requested = np.full(len(points), -1, np.int16) if peaks is None else peaks
+    return kernels.Places(points.position, points.frames, bits, patch_bits, slot, requested)
 
 
 def kernel_lights(sky: SkyMap, lamps: SceneEmitters | None) -> kernels.Light:

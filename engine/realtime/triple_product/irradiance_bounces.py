@@ -260,9 +260,9 @@ def _interpolate(
     error, most = np.full(n, np.inf, np.float32), min(_BESIDE, k)
     if before is not None:
         beside, share, error = before.beside.copy(), before.share.copy(), before.error.copy()
-    asked = np.arange(n) if among is None else among
-    for start in range(0, len(asked), _INTERPOLATED):
-        at = asked[start : start + _INTERPOLATED]
+    requested = np.arange(n) if among is None else among
+    for start in range(0, len(requested), _INTERPOLATED):
+        at = requested[start : start + _INTERPOLATED]
         here = rows[at]
         _, number = tree.query(space.where[here], k, workers=-1)
         number = number.reshape(-1, k)

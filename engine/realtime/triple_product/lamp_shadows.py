@@ -49,16 +49,16 @@ class _Asking:
         """Trace at most `most` (N,) rays a sample to the patches that `how` (N,) selects; return the rays and which of
         them arrive."""
         around = self.corners, self.weights, self.places, self.normals
-        asked = _room(int(most.sum()))
-        n = kernels.patches_in_question(*around, how, self.phase, most, known, asked)
-        rows: list[Any] = [each[:n] for each in asked]
-        asked = kernels.PatchRays(*rows)
-        free = asked.cosine > 0.0
+        requested = _room(int(most.sum()))
+        n = kernels.patches_in_question(*around, how, self.phase, most, known, requested)
+        rows: list[Any] = [each[:n] for each in requested]
+        requested = kernels.PatchRays(*rows)
+        free = requested.cosine > 0.0
         sent = np.flatnonzero(free)
-        origins = self.lifted[asked.row[sent]]
-        ways = patches.samples[asked.patch[sent]] - origins
+        origins = self.lifted[requested.row[sent]]
+        ways = patches.samples[requested.patch[sent]] - origins
         free[sent] = ~caster.occluded(origins, ways, np.full(len(sent), 1.0 - SHORT, np.float32))
-        return asked, free
+        return requested, free
 
 
 def lamp_shadows(
@@ -79,24 +79,24 @@ def lamp_shadows(
         most = np.maximum(_MOST[quality] * seen.share[some], _LEAST).astype(np.int64)
         if quality == "still":
             how[:] = kernels.EVERYTHING
-            asked, free = asking.ask(how, np.minimum(most, _LOOKING), known, patches, caster)
+            requested, free = asking.ask(how, np.minimum(most, _LOOKING), known, patches, caster)
             how[:] = kernels.WHERE_ANY
-            how[asked.row[asked.agreed & (free != (asked.known > 0.5))]] = kernels.EVERYTHING
-        asked, free = asking.ask(how, most, known, patches, caster)
+            how[requested.row[requested.agreed & (free != (requested.known > 0.5))]] = kernels.EVERYTHING
+        requested, free = asking.ask(how, most, known, patches, caster)
         if quality == "still":
-            n_free, n_asked = (np.bincount(asked.row, weights, len(some)) for weights in (free, None))
-            narrow = (n_free > 0) & (n_free < _NARROW * n_asked) & (seen.share[some] == 1.0)
+            n_free, n_requested = (np.bincount(requested.row, weights, len(some)) for weights in (free, None))
+            narrow = (n_free > 0) & (n_free < _NARROW * n_requested) & (seen.share[some] == 1.0)
             whole, free_too = asking.ask(how, np.where(narrow, len(patches), 0), known, patches, caster)
-            stored = ~narrow[asked.row]
-            joined: list[Any] = [np.concatenate([a[stored], b]) for a, b in zip(asked, whole, strict=True)]
-            asked, free = kernels.PatchRays(*joined), np.concatenate([free[stored], free_too])
-        share = free - asked.known
+            stored = ~narrow[requested.row]
+            joined: list[Any] = [np.concatenate([a[stored], b]) for a, b in zip(requested, whole, strict=True)]
+            requested, free = kernels.PatchRays(*joined), np.concatenate([free[stored], free_too])
+        share = free - requested.known
         wrong = np.flatnonzero(np.abs(share) > 1e-3)
-        row, patch = asked.row[wrong], asked.patch[wrong]
+        row, patch = requested.row[wrong], requested.patch[wrong]
         ways = patches.centre[patch] - places[row]
         ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-        power = patches.radiance[patch] * (patches.area[patch] * asked.solid[wrong])[:, None]
-        cosine = free[wrong] * asked.cosine[wrong] - asked.known_cosine[wrong]
+        power = patches.radiance[patch] * (patches.area[patch] * requested.solid[wrong])[:, None]
+        cosine = free[wrong] * requested.cosine[wrong] - requested.known_cosine[wrong]
         yield Wrong(some[row], ways, power, share[wrong], cosine)
 
 

@@ -41,7 +41,7 @@ class LitPoints:
     them or they pass light on; is_bounced: which state of the light the indirect irradiance (S, 3) belongs to, and the
     radiosity sent_on (S, 3) that mirrors show; known (S,): whether the point was ever lit, by any light; shadowed (S,):
     whether that light included the point's visibility; n_traced: points traced since the visibility was last stored;
-    untold (S,): points whose light changed since `gpu_export` exported it. caster: intersects the scene's triangles.
+    not_exported (S,): points whose light changed since `gpu_export` exported it. caster: intersects the scene's triangles.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class LitPoints:
         self.shades = empty_shades(self.incident)
         self.colours = np.zeros((self._n, 3), np.float32)
         self.state = np.zeros(self._n, np.uint8)
-        self.traced, self.seen, self.known, self.shadowed, self.untold = np.zeros((5, self._n), bool)
+        self.traced, self.seen, self.known, self.shadowed, self.not_exported = np.zeros((5, self._n), bool)
         self._skip_enclosed()
         # Irradiance of each object's points, summed: before and after they had their shadows.
         self._unshaded, self._shaded = np.zeros((2, len(is_glossy), 3))
@@ -109,7 +109,7 @@ class LitPoints:
         slots = self.incident.slot[which]
         self.shades.key[slots[slots >= 0]] = -1
         self.state[which] = COARSELY if is_coarse else EXACTLY
-        self.known[which] = self.untold[which] = True
+        self.known[which] = self.not_exported[which] = True
         self.shadowed[which] = self.traced[which]
 
     def trace(self, which: NDArray[np.int64], patches: tuple[EmitterPatches, NDArray[np.intp]] | None) -> None:
@@ -235,7 +235,7 @@ class LitPoints:
         self.patch_bits = _longer(self.patch_bits, self._n, 255)
         self.colours, self.state = _longer(self.colours, self._n, 0), _longer(self.state, self._n, UNLIT)
         self.traced, self.seen = _longer(self.traced, self._n, 0), _longer(self.seen, self._n, 0)
-        self.known, self.untold = _longer(self.known, self._n, 0), _longer(self.untold, self._n, 1)
+        self.known, self.not_exported = _longer(self.known, self._n, 0), _longer(self.not_exported, self._n, 1)
         self.shadowed = _longer(self.shadowed, self._n, 0)
         self.incident = with_glossy_points(self.incident, np.zeros(before, bool), self._n - before)
         self._skip_enclosed()

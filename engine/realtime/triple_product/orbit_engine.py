@@ -414,10 +414,10 @@ class Orbit:
         if self._patches is None:
             return None
         patches, owner = self._patches
-        shining = EmitterPatches(
+        emitting = EmitterPatches(
             patches.corners, patches.centre, patches.normal, self.scene.emission[owner], patches.area
         )
-        return SceneEmitters(shining, lit.patch_bits)
+        return SceneEmitters(emitting, lit.patch_bits)
 
 
 def _emitters(scene: Scene, n_patches: int) -> tuple[EmitterPatches, NDArray[np.intp]] | None:

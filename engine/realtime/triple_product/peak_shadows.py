@@ -42,11 +42,11 @@ def peak_shadows(
         )  # fmt: skip
         row, peak, share, cosine = row[:n], peak[:n], share[:n], cosine[:n]
         is_first = np.diff(row, prepend=-1) > 0  # of a sample's peaks, which are consecutive
-        asked, place = some[row[is_first]], np.cumsum(is_first) - 1
-        normals = seen.normals(asked)
+        requested, place = some[row[is_first]], np.cumsum(is_first) - 1
+        normals = seen.normals(requested)
         above = np.einsum("ni,ni->n", normals[place], sky.peak_direction[peak])
-        lifted = caster.offset_origins(seen.places(asked), normals)[place]
-        first, free, lit = phases(seen, asked)[place], np.zeros(n, np.float32), np.flatnonzero(above > 0.0)
+        lifted = caster.offset_origins(seen.places(requested), normals)[place]
+        first, free, lit = phases(seen, requested)[place], np.zeros(n, np.float32), np.flatnonzero(above > 0.0)
         few = _FEW if everywhere else _AT_REST
         free[lit] = _free(caster, lifted[lit], sky.sun_places[peak[lit]], first[lit], few)
         if everywhere:

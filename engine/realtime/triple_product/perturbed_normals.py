@@ -120,16 +120,16 @@ def perturbed_irradiance(seen: ViewSamples, samples: PerturbedSamples, incident:
             _directions(_DIFFUSE_LEVEL), out,
         )  # fmt: skip
 
-    found, of_suns = _by_points(seen, samples, fill), np.empty((len(samples.which), 3), np.float32)
+    found, of_peaks = _by_points(seen, samples, fill), np.empty((len(samples.which), 3), np.float32)
 
-    def add_suns(start: int, stop: int) -> None:
+    def add_peaks(start: int, stop: int) -> None:
         kernels.peak_irradiance(
             start, stop, samples.which, met.corners, met.weights, samples.frames, seen.points.frames,
-            incident.stored.peak_bits, *_in_rows(sky), _of_bytes(), of_suns,
+            incident.stored.peak_bits, *_in_rows(sky), _of_bytes(), of_peaks,
         )  # fmt: skip
 
-    on_threads(add_suns, *even_parts(len(of_suns)))
-    return np.maximum(found + of_suns, 0.0)
+    on_threads(add_peaks, *even_parts(len(of_peaks)))
+    return np.maximum(found + of_peaks, 0.0)
 
 
 def perturbed_reflection(
@@ -166,9 +166,11 @@ _Fill = Callable[[int, int, Rows, Rows, Rows, Float32Array], None]
 
 def _by_points(seen: ViewSamples, samples: PerturbedSamples, fill: _Fill) -> Float32Array:
     """Fill values at the samples' corners, point by point, and interpolate them, (N, 3)."""
-    asked, first, members = _picture_kernels.by_point(samples.which, seen.samples.corners, len(seen.points))
+    requested, first, members = _picture_kernels.by_point(samples.which, seen.samples.corners, len(seen.points))
     at_corners = np.empty((3 * len(samples.which), 3), np.float32)
-    on_threads(lambda start, stop: fill(start, stop, asked, first, members, at_corners), *even_parts(len(asked)))
+    on_threads(
+        lambda start, stop: fill(start, stop, requested, first, members, at_corners), *even_parts(len(requested))
+    )
     weights = seen.samples.weights[samples.which]
     return np.asarray(np.einsum("nk,nki->ni", weights, at_corners.reshape(-1, 3, 3)), np.float32)
 

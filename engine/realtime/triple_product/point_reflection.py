@@ -117,17 +117,18 @@ def reflect_at_corners(
     of that angle.
     """
     samples = seen.samples
-    asked, first, members = picture_kernels.by_point(which, samples.corners, len(seen.points))
+    requested, first, members = picture_kernels.by_point(which, samples.corners, len(seen.points))
     found = np.empty((3 * len(which), 3), np.float32)
 
     def part(start: int, stop: int) -> None:
         corner_kernels.shade_corners(
-            start, stop, asked, first, members, directions, n_most, seen.points.frames, incident.slot, incident.stored,
+            start, stop, requested, first, members, directions, n_most, seen.points.frames, incident.slot,
+            incident.stored,
             peaks,
             tables, found, sharp,
         )  # fmt: skip
 
-    on_threads(part, *even_parts(len(asked)))
+    on_threads(part, *even_parts(len(requested)))
     return np.asarray(np.einsum("nk,nki->ni", samples.weights[which], found.reshape(-1, 3, 3)), np.float32)
 
 
@@ -141,13 +142,13 @@ def _add_sharp(
 
     def part(start: int) -> None:
         some, bits = which[start : start + _PIXELS], sharp[3 * start : 3 * (start + _PIXELS)]
-        asked = _room(len(some) * len(peaks.power))
+        requested = _room(len(some) * len(peaks.power))
         n = sun_kernels.query_peaks(
-            some, samples.corners, samples.weights, samples.wo, frames, peaks, bits, LEAST_COSINE, asked
+            some, samples.corners, samples.weights, samples.wo, frames, peaks, bits, LEAST_COSINE, requested
         )
         if n:
-            found = evaluate_layers(layers, asked.wi[:n], asked.wo[:n])
-            sun_kernels.add_answers(n, asked, found, radiance[start : start + _PIXELS])
+            found = evaluate_layers(layers, requested.wi[:n], requested.wo[:n])
+            sun_kernels.add_answers(n, requested, found, radiance[start : start + _PIXELS])
 
     on_threads(part, range(0, len(which), _PIXELS))
 

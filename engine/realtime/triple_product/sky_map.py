@@ -91,10 +91,10 @@ def _map_and_peaks(
         MAP_SIDE, MAP_SIDE, 3
     )
     coarse = averaged.reshape(MAP_SIDE // _COARSE, _COARSE, MAP_SIDE // _COARSE, _COARSE, 4).mean(axis=(1, 3))
-    of_sun = powers.reshape(-1, 4, 3)[peaks]
-    directions = np.einsum("sk,ski->si", of_sun @ LUMINANCE, fine.centres.reshape(-1, 4, 3)[peaks])
+    of_peak = powers.reshape(-1, 4, 3)[peaks]
+    directions = np.einsum("sk,ski->si", of_peak @ LUMINANCE, fine.centres.reshape(-1, 4, 3)[peaks])
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    power, places = of_sun.sum(axis=1).astype(np.float32), np.zeros((0, N_PLACES, 3), np.float32)
+    power, places = of_peak.sum(axis=1).astype(np.float32), np.zeros((0, N_PLACES, 3), np.float32)
     if environment is not None:
         places = _places(environment, peaks[:N_QUERIED])
     return averaged, np.ascontiguousarray(coarse), directions.astype(np.float32), power, places

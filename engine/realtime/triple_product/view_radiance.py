@@ -112,8 +112,8 @@ def _found_out(
 ) -> PixelLight:
     """Corrections for peaks and lamps that samples find with rays of their own."""
     reflects = np.flatnonzero(seen.samples.corners[:, 0] >= 0)
-    of_suns = peak_shadows(seen, reflects, lit.incident, sky, lit.caster, quality == "still")
+    of_peaks = peak_shadows(seen, reflects, lit.incident, sky, lit.caster, quality == "still")
     of_lamps = lamp_shadows(seen, reflects, lamps, lit.caster, quality) if lamps is not None else ()
     has_gloss = np.zeros(len(seen.pixel), bool)
     has_gloss[reflects] = lit.incident.slot[seen.samples.corners[reflects, 0]] >= 0
-    return added_up(seen, chain(of_suns, of_lamps), has_gloss)
+    return added_up(seen, chain(of_peaks, of_lamps), has_gloss)

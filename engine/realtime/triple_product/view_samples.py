@@ -57,9 +57,9 @@ class PointMesh:
         edges, with 4, 8 or 16 rays through pixels there. More than 4 rays also cover creases and borders of an object.
         in_sight: interpolate only points that are visible from the sample. The last result is cached, because the
         camera rests while a material or the light changes."""
-        asked = camera, resolution, n_edge_rays, in_sight
-        if self._last is None or self._last[0] != asked:
-            self._last = asked, self._sample_view(*asked)
+        requested = camera, resolution, n_edge_rays, in_sight
+        if self._last is None or self._last[0] != requested:
+            self._last = requested, self._sample_view(*requested)
         return self._last[1]
 
     def _sample_view(

@@ -45,12 +45,12 @@ def trace_hemispheres(points: ShadingPoints, caster: RayCaster, which: NDArray[n
     Each triangle of `upper_triangles` has half a byte, the first in the low half; bit c belongs to child c, and 1 is
     visible.
     """
-    asked = np.asarray(which, np.int64)
+    requested = np.asarray(which, np.int64)
 
     def part(start: int) -> None:
-        _trace_batch(points, caster, asked[start : start + _CHUNK], bits)
+        _trace_batch(points, caster, requested[start : start + _CHUNK], bits)
 
-    on_threads(part, range(0, len(asked), _CHUNK))
+    on_threads(part, range(0, len(requested), _CHUNK))
 
 
 def trace_patches(
@@ -76,15 +76,15 @@ def _trace_batch(points: ShadingPoints, caster: RayCaster, which: NDArray[np.int
     origins, ways = np.empty((2, n * N_UPPER // 4, 3), np.float32)
     kernels.first_rays(which, lifted, frames, way4, origins, ways)
     middle = ~caster.occluded(origins, ways).reshape(n, -1)
-    asked = np.empty_like(middle)
-    origins, ways = np.empty((2, 3 * kernels.differing(middle, around3, asked), 3), np.float32)
-    kernels.more_rays(which, asked, lifted, frames, way4, 3, origins, ways)
+    requested = np.empty_like(middle)
+    origins, ways = np.empty((2, 3 * kernels.differing(middle, around3, requested), 3), np.float32)
+    kernels.more_rays(which, requested, lifted, frames, way4, 3, origins, ways)
     free = np.empty((n, N_UPPER), bool)
-    kernels.spread(middle, asked, caster.occluded(origins, ways), free)
-    asked = np.empty_like(free)
-    origins, ways = np.empty((2, 4 * kernels.differing(free, beside4, asked), 3), np.float32)
-    kernels.more_rays(which, asked, lifted, frames, way5, 4, origins, ways)
-    kernels.pack(free, asked, caster.occluded(origins, ways), which, bits)
+    kernels.spread(middle, requested, caster.occluded(origins, ways), free)
+    requested = np.empty_like(free)
+    origins, ways = np.empty((2, 4 * kernels.differing(free, beside4, requested), 3), np.float32)
+    kernels.more_rays(which, requested, lifted, frames, way5, 4, origins, ways)
+    kernels.pack(free, requested, caster.occluded(origins, ways), which, bits)
 
 
 @lru_cache(maxsize=1)

@@ -41,14 +41,14 @@ class BendingPoints:
 
     def __init__(self, scene: Scene, points: ShadingPoints) -> None:
         n = len(points)
-        shines = np.flatnonzero(points.triangles[:, 0, 0] < 0)
+        emits = np.flatnonzero(points.triangles[:, 0, 0] < 0)
         corners = points.triangles[:, 0].copy()
-        corners[shines] = n + np.arange(3 * len(shines)).reshape(-1, 3)
+        corners[emits] = n + np.arange(3 * len(emits)).reshape(-1, 3)
         self._points = points
         i_object = scene.object_of_triangle[points.source]
-        lamps = points.corners[shines].reshape(-1, 3)
+        lamps = points.corners[emits].reshape(-1, 3)
         self._rest = np.concatenate([points.position.astype(np.float64), lamps])
-        self._i_object = np.concatenate([points.i_object, np.repeat(i_object[shines], 3)])
+        self._i_object = np.concatenate([points.i_object, np.repeat(i_object[emits], 3)])
         self._rest_frames = local_frames(points.tangent, points.normal)
         self.surface = RasterTriangles(corners, points.triangles, i_object.astype(np.int32))
         self.source, self.within = points.source, points.within

@@ -78,10 +78,10 @@ class PictureExporter:
     def _export_appearance(self, of: ShadingState) -> AppearancePart:
         """Export the appearance, after the cover that it refers to."""
         images, firsts = ImageExporter(of.scene.textures, of.scene.origin), dict[int, ExportedDetail]()
-        n_told = 0
+        n_exported = 0
         for i, each in of.details.items():
-            firsts[i] = _export_detail(n_told, each)
-            n_told += _lobe_rows(each).size
+            firsts[i] = _export_detail(n_exported, each)
+            n_exported += _lobe_rows(each).size
         terms = tuple(
             ExportedTerm(i, _as_triple(albedo(layer)), None if layer.maps.is_plain else images.maps(layer.maps),
             firsts.get(i))

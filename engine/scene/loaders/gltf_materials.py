@@ -62,11 +62,11 @@ def read_material(fields: JsonObject, images: GltfImages) -> PartMaterial:
     notes += [f"{words} are not shown" for key, words in _NOT_SHOWN.items() if fields.has(key)]
     if fields.text("alphaMode") not in (None, "OPAQUE"):
         notes.append("transparency is not shown")
-    shines = any(emission) and not fields.has("emissiveTexture")
+    emits = any(emission) and not fields.has("emissiveTexture")
     base, facing = (red, green, blue), _facing_reflectance(fields.child("extensions"))
     layers = metallic_roughness_layers(base, metallic, roughness, facing, texture)
     bumps = _bumps(fields.child("normalTexture"), images, notes) if fields.has("normalTexture") else NO_BUMPS
-    return PartMaterial(layers, emission if shines else None, tuple(notes), bumps)
+    return PartMaterial(layers, emission if emits else None, tuple(notes), bumps)
 
 
 _NOT_SHOWN = {"emissiveTexture": "emissive textures"}

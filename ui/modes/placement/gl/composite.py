@@ -224,9 +224,9 @@ class Compositor:
         lamps.radiance[mine] = wanted
         pixels = lamps.pixel[mine]
         there = np.isin(lamps.pixel, pixels)  # others may share them
-        shining = self._emitter_pixels.reshape(-1, 4)[:, :3]
-        shining[pixels] = 0.0
-        np.add.at(shining, lamps.pixel[there], (lamps.share[:, None] * lamps.radiance)[there])
+        emitting = self._emitter_pixels.reshape(-1, 4)[:, :3]
+        emitting[pixels] = 0.0
+        np.add.at(emitting, lamps.pixel[there], (lamps.share[:, None] * lamps.radiance)[there])
         first, last = int(pixels.min()) // self.frame.width, int(pixels.max()) // self.frame.width
         band = np.ascontiguousarray(self._emitter_pixels[first : last + 1])
         self._emission.write(band, viewport=(0, first, self.frame.width, len(band)), alignment=1)
