@@ -41,7 +41,8 @@ class LitPoints:
     them or they pass light on; is_bounced: which state of the light the indirect irradiance (S, 3) belongs to, and the
     radiosity sent_on (S, 3) that mirrors show; known (S,): whether the point was ever lit, by any light; shadowed (S,):
     whether that light included the point's visibility; n_traced: points traced since the visibility was last stored;
-    not_exported (S,): points whose light changed since `gpu_export` exported it. caster: intersects the scene's triangles.
+    not_exported (S,): points whose light changed since `gpu_export` exported it. caster: intersects the scene's
+    triangles.
     """
 
     def __init__(
