@@ -192,7 +192,7 @@ def test_the_sphere_goes_by_the_lights_that_the_user_wants(scene: Scene, layers:
         ("precision", "quarter", "half or float"),
         ("bounces", 9, "1 to 8"),
         ("bounces", "many", "a whole number"),
-        ("ball.2.theta_h", 8, "there is: ball.0.theta_i, ball.1.theta_h"),
+        ("ball.2.theta_h", 8, "lines are: ball.0.theta_i, ball.1.theta_h"),
     ],
 )
 def test_what_cannot_be_is_refused(

@@ -48,7 +48,7 @@ def test_paths(document: Document, path: str, kind: str, key: str | None, name: 
         ("pot.²", "no layer"),
         ("pot.1.alhpa", "did you mean 'alpha'"),
         ("pot.0.theta_h", "theta_i, theta_o, albedo"),
-        ("lamp.0", "there is: none"),
+        ("lamp.0", "available: none"),
         ("light.colour", "rotation, intensity, environment, mapping"),
         ("", "no object ''"),
     ],

@@ -77,7 +77,7 @@ def test_another_precision_is_asked_for_at_once(settled: Editor, client: FakeCli
     assert (request.layer.key, request.factor, request.precision) == ("pot.1", "theta_h", "float")
     settled.controller.rendered(replace(EXACT, precision="half"))  # the picture stays as it is meanwhile
     assert settled.status.picture == "refining"
-    assert settled.status.transport_note == "made with half floats until full floats are here"
+    assert settled.status.transport_note == "shown with half floats until full floats are ready"
     client.contract("final")
     events = settled.tick(1.2)
     assert [type(event) for event in events] == [TransportReady]  # the picture is there: its curves are as they were
