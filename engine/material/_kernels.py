@@ -340,16 +340,16 @@ def model_quotient_cosine(
     # Models that define their own quotient, by address.
     if model_kind > ASHIKHMIN_SHIRLEY_RATIO:
         return _call(model_kind, q, ix, iy, iz, ox, oy, oz)  # type: ignore[call-arg,no-any-return]
-    # Cook-Torrance: G / (cos_i cos_o) [BenArtzi07, eq. 3.2].
+    # Cook-Torrance: G / (cos_i cos_o) [BenArtzi07, eq. 3.2], times cos_i.
     if model_kind == COOK_TORRANCE:
         return _v_groove(ix, iy, iz, ox, oy, oz)
     # Schlick's Fresnel term with a fixed facing reflectance [BenArtzi07, eq. 3.10].
     cos_d = _cosine_difference(ix, iy, iz, ox, oy, oz)
     fresnel = _schlick(q[FACING_REFLECTANCE], cos_d)
-    # Blinn-Phong: F G / (4 cos_i cos_o).
+    # Blinn-Phong: F G / (4 cos_i cos_o), times cos_i.
     if model_kind == BLINN_PHONG:
         return 0.25 * fresnel * _v_groove(ix, iy, iz, ox, oy, oz)
-    # Ashikhmin-Shirley: F / (8 pi (h.k) max(cos_i, cos_o)) [BenArtzi07, eq. 3.3].
+    # Ashikhmin-Shirley: F / (8 pi (h.k) max(cos_i, cos_o)) [BenArtzi07, eq. 3.3], times cos_i.
     quotient = INVERSE_8PI * fresnel * iz / (max(cos_d, GRAZING) * max(iz, oz))
     if model_kind == ASHIKHMIN_SHIRLEY:
         return quotient

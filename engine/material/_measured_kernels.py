@@ -115,7 +115,7 @@ def _place(
     """The position of a pair of directions in the table: offset of the first of the eight samples around it, offset
     from there to the next in phi_d, weights between them in theta_h, theta_d and phi_d, and theta_d and theta_h in
     nodes of the factors."""
-    # The grid is uniform in theta_d and phi_d, and in the square root of theta_h [Rusinkiewicz98].
+    # The grid is uniform in theta_d and phi_d, and in the square root of theta_h [Matusik03].
     at_d = min(theta_d(ix, iy, iz, ox, oy, oz) * PER_RADIAN, LAST)
     at_h = min(math.sqrt(theta_h(ix, iy, iz, ox, oy, oz) * (PER_RADIAN * LAST)), LAST)
     a, b, c = min(at_h, N_H - 1.0), min(at_d, N_D - 1.0), _phi_d(ix, iy, iz, ox, oy, oz) * (N_PHI / math.pi)

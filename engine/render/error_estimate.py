@@ -51,7 +51,8 @@ from engine.visibility.targets import Targets
 N_POINTS = 256
 FINER, FINER_PATCHES = 4, 16  # times as many lights, and as many leaves of the tree of emitters
 FINER_PEAK_LEVELS = 4  # levels below the sky's finest triangles to which peaks are split
-FINER_TOLERANCE = 0.05  # of the bands that a light may span; causes most of the error where light grazes a wall
+# Factor of the tolerance, in bands, for angles that bend over a light: most of the error where light grazes a wall.
+FINER_TOLERANCE = 0.05
 # Factor for the bands of the sharpest curve: where 64 are too few for a highlight, 128 are as well.
 FINER_BANDS, MOST_FINER_BANDS = 4, (1024, 128)
 N_TRUTH_SAMPLES = 6

@@ -38,7 +38,7 @@ FEWER = 8
 
 # Size of cells in the second trial, relative to the first; the largest number of the solver's tries that are simulated.
 COARSER, MOST_TRIES = 1.5, 8
-RECORDS_BY_SMALL_SETS = 0.55  # exponent with which sample sets of the fewest rays find more records: 0.4 to 0.6
+RECORDS_BY_SMALL_SETS = 0.55  # with sets of the fewest rays, records grow with the sets to this power
 
 Value = TypeVar("Value")
 

@@ -104,8 +104,8 @@ class PathTracer:
         self._reflecting = np.array([*able, False])  # the last one: -1, the background
 
     def follow(self, start: _Vertices, numbers: Float64Array) -> Float64Array:
-        """Trace one path from each of the first vertices, with random numbers (N, bounces, 11); return the radiance (N,
-        2, 3) of direct light, and of all light."""
+        """Trace one path from each of the first vertices, with random numbers (N, bounces, 11); return the radiance
+        (N, 2, 3) of direct light, and of all light."""
         radiance = np.zeros((len(start.objects), 3))
         once = radiance
         path: Rows = np.flatnonzero(self._reflecting[start.objects])

@@ -34,12 +34,12 @@ class ErrorEstimate:
 
     @property
     def is_large(self) -> bool:
-        """Whether the user should be told."""
+        """Whether the user should be warned."""
         return self.overall > POOR
 
     @property
     def is_negligible(self) -> bool:
-        """Whether the error is below what can be told from the truth."""
+        """Whether the error is too small to distinguish the picture from the truth."""
         return self.overall <= NONE
 
     @property

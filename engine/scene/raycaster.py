@@ -64,7 +64,7 @@ class RayCaster:
         largest = float(np.abs((used - self._centre) * self._scale).max())
         self._offset = _OFFSET * (largest + float(np.abs(self._centre).max()) * self._scale) / self._scale
         self._n_threads = threads or n_threads()
-        # Persistent threads, a second pool for callers that `has_own_threads` tells; they start on first use.
+        # Persistent threads, a second pool for threads for which `has_own_threads`; they start on first use.
         self._pools = {is_apart: ThreadPoolExecutor(self._n_threads, "rays") for is_apart in (False, True)}
         self._scene = EmbreeScene()
         self._mesh = TriangleMesh(self._scene, local, faces)

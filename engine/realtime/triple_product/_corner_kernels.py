@@ -47,8 +47,8 @@ def shade_corners(
     radiance: Float32Array, sharp: Words,
 ) -> None:  # fmt: skip
     """Fill radiance (3 N, 3) at the three corners of N samples: what the corner's point reflects, of its first n_most
-    coefficients and of its visible peaks, towards the direction whose mirror direction at that point is mirrored (N,
-    3). Peaks about which the slices disagree are left out; sharp (3 N, 2) receives their bits.
+    coefficients and of its visible peaks, towards the direction whose mirror direction at that point is mirrored
+    (N, 3). Peaks about which the slices disagree are left out; sharp (3 N, 2) receives their bits.
 
     The corners members[first[j]:first[j + 1]] belong to point points[j]. They see it from about the same side, so most
     find a cell that is cached already.

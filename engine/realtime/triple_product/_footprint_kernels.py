@@ -84,8 +84,8 @@ def places(
 ) -> None:  # fmt: skip
     """Fill rows [start, stop) of triangle, u and v (N,), the positions of samples (N,) on the scene's triangles, and
     normals (N, 3), unit, interpolated between the points (S, 3) at the corners by weights (R, 3). part (R,): the
-    triangle between points that each sample lies in; source (T,): the scene's triangle that contains it, and within (T,
-    3, 2): u and v of its corners there."""
+    triangle between points that each sample lies in; source (T,): the scene's triangle that contains it, and within
+    (T, 3, 2): u and v of its corners there."""
     for n in range(start, stop):
         j = which[n]
         t, squared = part[j], 0.0

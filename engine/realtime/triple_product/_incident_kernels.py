@@ -143,6 +143,7 @@ def _add_moments(
     direction: Float32Array,
     cosine: np.float32,
 ) -> None:
+    """Add power times x, cosine and z to the rows of moments (3, 3)."""
     x, z = direction[0], direction[2]
     moments[0, 0] += red * x
     moments[0, 1] += green * x
@@ -324,7 +325,7 @@ def _transform(means: Float32Array, place: NDArray[np.int32], wavelets: Float32A
     In place: parent t of a level reads its four children and leaves their mean in row t. Triangles below the surface
     are skipped; only those of the root level cross the horizon.
     """
-    # Area of a triangle relative to the roots, where it is 1: 4^(−level) [Ma06, 3.1].
+    # Area of a parent triangle relative to the roots, where it is 1: 4^(−level) [Ma06, 3.1].
     parents, measure, below = len(means) // 4, np.float32(1.0), len(place) // (len(means) // 4)
     coarse = parents
     while coarse > N_ROOTS:

@@ -19,8 +19,8 @@ _MOST = 0.5  # share of a point's rays
 def find_enclosed(
     scene: Scene, caster: RayCaster, points: ShadingPoints, first: int = 0
 ) -> Generator[None, None, NDArray[np.bool_]]:
-    """Find which of the points from `first` on (S - first,) see more sides that light cannot reach than chance
-    explains; in pieces.
+    """Find which of the points from `first` on (S - first,) see sides that light cannot reach with more than `_MOST` of
+    their rays, in pieces.
 
     caster: intersects the scene's triangles. `ShadingPoints.sides` tells which sides are dark: a point that sees the
     inside of a solid, which no light reaches, is inside it.

@@ -283,8 +283,8 @@ def _errors(
     casters: cKDTree, corners: Float64Array, normals: Float64Array, lit: NDArray[np.bool_]
 ) -> Generator[None, None, NDArray[np.float64]]:
     """Estimate the errors of parts (T, 3, 3) that are not split: area × longest edge / distance to occluders, at most
-    the area; the area where normals bend; 0 where the part is fine enough. Of the occluders on the lit sides, lit (T,
-    2), the nearer one counts."""
+    the area; the area where normals bend; 0 where the part is fine enough. Of the occluders on the lit sides, lit
+    (T, 2), the nearer one counts."""
     sides = corners - np.roll(corners, 1, axis=1)
     twice = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
     longest = np.linalg.norm(sides, axis=2).max(axis=1)

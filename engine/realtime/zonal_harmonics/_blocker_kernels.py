@@ -53,7 +53,7 @@ def shadow_range(
             outline = min(math.pi * math.sqrt(max(outline, 0.0)), row[3])
             away = row[10] * x + row[11] * y + row[12] * z  # positive if it faces away
             outline *= min(max(1.0 - 2.0 * away, 0.0), 1.0)
-            # Replace the outline by a cone: sin^2 of its half-angle, by the form factor A / (A + pi r^2) [Bunnell05].
+            # Replace the outline by a cone: sin^2 of its half-angle, A / (A + pi r^2).
             sine2 = outline / (outline + math.pi * square)
             sine = math.sqrt(sine2)
             if up < sine:  # the cone extends below the horizon

@@ -309,6 +309,7 @@ def _learn(work: _Work, is_first: bool) -> None:
         size2 += change[a] * change[a]
     if not curve > 1e-14 * math.sqrt(size2):
         return  # negative curvature would make the matrix indefinite
+    # Scale the first inverse Hessian by s·y / y·y [Nocedal06, eq. 6.20].
     if is_first:
         _diagonal(inverse, curve / size2)
     # product = H y, bend = y·H y.

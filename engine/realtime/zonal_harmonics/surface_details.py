@@ -152,8 +152,8 @@ def shade_pixels(
     is_front: NDArray[np.bool_],
     light: BandLight,
 ) -> Float32Array:
-    """Radiance of white Lambertian pixels (N, 3); axes (N, 3, 3, 3) at the corners of their triangles, and weights (N,
-    3); on backs the detail is turned inside out."""
+    """Radiance of white Lambertian pixels (N, 3); axes (N, 3, 3, 3) at the corners of their triangles, and weights
+    (N, 3); on backs the detail is turned inside out."""
     mean = np.einsum("nk,nkab->nab", weights, axes)
     handed = np.sign(np.linalg.det(mean))[:, None]
     frames = orthonormal(mean.astype(np.float64), axes[:, 0].astype(np.float64))
