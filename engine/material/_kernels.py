@@ -169,12 +169,14 @@ def gamma(kind: int, q: Float64Array, ix: float, iy: float, iz: float, ox: float
 
 @njit(inline="always", **_compile)
 def _cosine_difference(ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
+    """cos(theta_d), at most 1: half the length of i + o."""
     sx, sy, sz = ix + ox, iy + oy, iz + oz
     return min(0.5 * math.sqrt(sx * sx + sy * sy + sz * sz), 1.0)
 
 
 @njit(inline="always", **_compile)
 def _rise(cosine: float) -> float:
+    """(1 - cosine)^5."""
     x = 1.0 - cosine
     x2 = x * x
     return x2 * x2 * x
@@ -182,6 +184,7 @@ def _rise(cosine: float) -> float:
 
 @njit(inline="always", **_compile)
 def _schlick(facing: float, cosine: float) -> float:
+    """Schlick's Fresnel factor [BenArtzi07, eq. 3.10]."""
     return facing + (1.0 - facing) * _rise(cosine)
 
 

@@ -23,6 +23,7 @@ def _alike(a, b, normal_a, normal_b, least, plane):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def mark_edges(seen, ids, position, normal, least, edge):
+    """Set edge (H, W) where a pixel and one of its neighbours see different objects, normals that turn, or a break."""
     height, width = seen.shape
     for y in range(height):
         for x in range(width):
@@ -40,10 +41,13 @@ def mark_edges(seen, ids, position, normal, least, edge):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def group(ids, position, normal, places, least, plane, leader, share):
+    """Group samples (F, n) that may share a point: leader (F, n) is the most central one of each group, −1 without a
+    hit; share (F, n) is the part of the pixel's rays, the centre excluded, that each leader represents."""
     n = ids.shape[1]
     for f in range(ids.shape[0]):
         for k in range(n):
             leader[f, k] = k if ids[f, k] >= 0 else -1
+            # Join the first earlier leader of the same object that is alike.
             for g in range(k):
                 if ids[f, k] >= 0 and leader[f, g] == g and ids[f, g] == ids[f, k]:
                     if _alike(position[f, g], position[f, k], normal[f, g], normal[f, k], least, plane):
@@ -51,6 +55,7 @@ def group(ids, position, normal, places, least, plane, leader, share):
                         break
         _lead_from_the_middle(leader[f], places)
         share[f] = np.float32(0.0)
+        # Shares count the n - 1 rays, not the centre.
         for k in range(1, n):
             if leader[f, k] >= 0:
                 share[f, leader[f, k]] += np.float32(1.0 / (n - 1))
@@ -85,6 +90,7 @@ def _lead_from_the_middle(leader, places):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def find_nearest(rows, pixel, offset, objects, position, normal, row_image, least_alike, nearest):
+    """Set nearest (X,) to the closest point at a pixel centre around each of rows (X,), on the same surface."""
     height, width = row_image.shape
     for i in range(rows.shape[0]):
         r = rows[i]

@@ -27,6 +27,7 @@ def _turn(points: Float64Array, a: int, b: int, c: int) -> float:
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _same(points: Float64Array, a: int, b: int) -> bool:
+    """Whether two corners coincide."""
     return points[a, 0] == points[b, 0] and points[a, 1] == points[b, 1]
 
 

@@ -59,6 +59,7 @@ def _around(i: int, n: int, wrap: int) -> int:
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _finite(coordinate: float) -> float:
+    """Replace coordinates that are not finite, or huge, by 0."""
     return coordinate if abs(coordinate) < 1e15 else 0.0
 
 

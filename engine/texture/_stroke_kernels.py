@@ -40,6 +40,7 @@ def cover(points, low, high, block, dabs, radius, inner, coverage):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _beside(x, low, high, radius):
+    """Whether x is further than radius from the interval."""
     return x < low - radius or x > high + radius
 
 

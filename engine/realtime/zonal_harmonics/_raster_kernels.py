@@ -76,6 +76,7 @@ def set_up(
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _dot_cross(a: Float64Array, b: Float64Array, c: Float64Array) -> float:
+    """a · (b × c)."""
     return (
         a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
     )  # fmt: skip

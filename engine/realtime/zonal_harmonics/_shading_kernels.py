@@ -48,6 +48,7 @@ def shade_range(
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _to_world(frame: Float32Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Rotate a vector from a point's axes, the rows of frame, to world axes."""
     return (
         frame[0, 0] * x + frame[1, 0] * y + frame[2, 0] * z,
         frame[0, 1] * x + frame[1, 1] * y + frame[2, 1] * z,

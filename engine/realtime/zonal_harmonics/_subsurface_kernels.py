@@ -63,6 +63,7 @@ def _over_disc(table: Float64Array, reach: float, square: float, disc: float) ->
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _look_up(table: Float64Array, reach: float, square: float) -> float:
+    """Interpolate the table of the reflectance at a squared distance; 0 beyond reach."""
     at = math.sqrt(square) / reach * (table.shape[0] - 1)
     k = int(at)
     if k >= table.shape[0] - 1:

@@ -84,6 +84,7 @@ class _Work(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def _make_work(n_lobes: int, n: int) -> _Work:
+    """Allocate the working memory."""
     return _Work(
         np.zeros((n, n + 1)), np.empty((n_lobes, n * n)), np.empty((n_lobes, n * n, 3)), np.empty((n_lobes, n_lobes)),
         np.zeros((n_lobes, n)), np.zeros(n * n), np.empty((n_lobes, 3)), np.empty((n_lobes, 3)), np.empty((n_lobes, 3)),
@@ -330,6 +331,7 @@ def _learn(work: _Work, is_first: bool) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _diagonal(matrix: Float64Array, value: float) -> None:
+    """Set a matrix to a multiple of the identity."""
     matrix[:] = 0.0
     for a in range(matrix.shape[0]):
         matrix[a, a] = value
@@ -337,6 +339,7 @@ def _diagonal(matrix: Float64Array, value: float) -> None:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _largest(vectors: Float64Array) -> float:
+    """Length of the longest of vectors (N, 3)."""
     largest = 0.0
     for i in range(vectors.shape[0]):
         largest = max(largest, vectors[i, 0] ** 2 + vectors[i, 1] ** 2 + vectors[i, 2] ** 2)
