@@ -204,7 +204,8 @@ class ActionHandler:
         return True
 
     def _answer(self, action: AnswerQuestion, outcome: FrameOutcome) -> FrameOutcome:
-        """Do with the chosen file what was asked; where it is refused, the file dialog stays and shows why."""
+        """Do with the chosen file what the dialog was opened for; where it is refused, the dialog stays and shows
+        why."""
         question, said_before = outcome.state.question, self._editor.status.message_number
         done = self._perform(action.action, replace(outcome, state=replace(outcome.state, question=None)))
         status = self._editor.status

@@ -211,7 +211,7 @@ class BrdfFeed:
 
 
 def no_surface(column: int, row: int) -> SurfacePoint | None:
-    """Stands in before there is a picture."""
+    """A substitute before there is a picture."""
     return None
 
 

@@ -24,8 +24,8 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class SurfaceSpot:
-    """What a pixel sees: a point (3,) of the world, the outward normal (3,), and the size of a pixel there in
-    metres."""
+    """The surface that a pixel sees: a point (3,) of the world, the outward normal (3,), and the size of a pixel there
+    in metres."""
 
     place: Float64Array
     normal: Float64Array

@@ -29,8 +29,8 @@ CTRLS = frozenset({Key.left_ctrl, Key.right_ctrl, Key.mod_ctrl})
 
 
 class _Kind(Enum):
-    """What may come before an act (`STATE`, `MOVE`, `CTRL` goes down, `TEXT` is typed), and the acts: of keys `PRESS`
-    and `TYPE`, which makes a character, of the mouse the others."""
+    """Kinds of events: those that may come before an act (`STATE`, `MOVE`, `CTRL` goes down, `TEXT` is typed), and the
+    acts: of keys `PRESS` and `TYPE`, which makes a character, of the mouse the others."""
 
     STATE, MOVE, CTRL, TEXT, PRESS, TYPE, CLICK, RELEASE, WHEEL = range(9)
 

@@ -82,7 +82,7 @@ class PictureSource(Protocol):
 
 
 def _made_of(editor: Editor) -> tuple[object, ...]:
-    """What a picture depends on besides its mode; equal where it may stay."""
+    """The state that a picture depends on besides its mode; it may stay while that is equal."""
     return editor.document, replace(editor.view, mode="", hovered=None)
 
 

@@ -194,7 +194,7 @@ class Shell:
         self.state = self.actor.perform(actions, self.state, self._clock()).state
 
     def handle_position(self, name: str) -> tuple[float, float]:
-        """Where the handle `name` was drawn, in framebuffer pixels; KeyError lists those there are."""
+        """The position where the handle `name` was drawn, in framebuffer pixels; KeyError lists those there are."""
         return self.handles.position(name)
 
     def set_scale(self, scale: float) -> None:
@@ -504,7 +504,7 @@ class Shell:
         return layer_shown(self.editor.document, self.editor.view.selected)
 
     def _map_thumbnails(self, source: PictureFeed) -> dict[str, Picture]:
-        """Of the selected layer's images."""
+        """Thumbnails of the selected layer's images."""
         selected = self._selected_layer
         textures = {} if selected is None else source.map_thumbnails(selected.key)
         found = {name: self._picture(texture) for name, texture in textures.items()}

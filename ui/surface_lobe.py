@@ -27,8 +27,8 @@ DECADES = 4.0
 
 @dataclass(frozen=True, eq=False)
 class SurfacePoint:
-    """What the camera sees at a pixel: the frame (t, b, n) as rows (3, 3), and the ray from the camera (3,), in the
-    world."""
+    """The surface that the camera sees at a pixel: the frame (t, b, n) as rows (3, 3), and the ray from the camera
+    (3,), in the world."""
 
     column: int
     row: int

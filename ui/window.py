@@ -75,7 +75,7 @@ def run(
 ) -> int:
     """Open the editor on a scene and run until it is closed; returns the exit status: 0, 1 (no GL) or 2 (no display).
 
-    `on_frame` is asked after each frame whether to close (tests, measurements).
+    `on_frame` is called after each frame and returns whether to close (tests, measurements).
     """
     try:
         handle = open_glfw_window(require)

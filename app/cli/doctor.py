@@ -1,4 +1,4 @@
-"""What works on this machine and how to fix the rest: `insitu doctor`.
+"""`insitu doctor`: checks this machine, and says how to fix what does not work.
 
 Each check finds something or fails with a line; none stops the others. Rays are tested in a separate process, because a
 library built for another processor ends its process without a message.

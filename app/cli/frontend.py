@@ -1,4 +1,4 @@
-"""What commands need of the window, passed in by the composition root: `app` itself never imports `ui`."""
+"""The interface of commands to the window, passed in by the composition root: `app` itself never imports `ui`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What commands print of their work."""
+"""Output of commands: warnings, plans, costs, progress bars."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ def plan_project(
     n_lights: int = N_LIGHTS,
     opening_seconds: float = 0.0,
 ) -> Plan:
-    """What the project requires and what that will cost; opening_seconds: the processor time of opening it.
+    """The plan of the project with its cost; opening_seconds: the processor time of opening it.
 
     Raises InsituError for what cannot be overridden.
     """

@@ -42,7 +42,8 @@ Answer = TypeVar("Answer", bound=Response)
 
 @dataclass(frozen=True)
 class CacheContents:
-    """What is in the cache: bytes of transport and indirect light, and the error of the picture that they make."""
+    """The size and quality of the cached data: bytes of transport and indirect light, and the error of their
+    picture."""
 
     n_bytes: int
     error: ErrorEstimate

@@ -42,7 +42,8 @@ Opened = TypeVar("Opened")
 
 @dataclass(frozen=True)
 class Job:
-    """What all tasks of one command share: a unique name, the files of its scene, and the digest of its Insitu."""
+    """The part that all tasks of one command share: a unique name, the files of its scene, and the digest of its
+    Insitu."""
 
     name: str
     bundle: SceneBundle
@@ -113,7 +114,7 @@ def _exclusive_task(job: Job) -> Iterator[None]:
 
 
 def _local_files(job: Job) -> dict[str, Path]:
-    """Where this worker has the job's files; looked up once."""
+    """The job's files on this worker; searched for once."""
     if job.name not in _places_of:
         try:
             found = FileCache().places(job.bundle, fetch_piece)
@@ -125,7 +126,7 @@ def _local_files(job: Job) -> dict[str, Path]:
 
 
 def _open_once(job: Job, make: Callable[[], Opened]) -> Opened:
-    """What the newest job has opened; what another job had opened is released first."""
+    """The project of the newest job; what another job had opened is released first."""
     if job.name not in _opened_by_job:
         _opened_by_job.clear()
         _opened_by_job[job.name] = make()

@@ -1,4 +1,4 @@
-"""What the user edits: the materials, the light and the poses of one scene, as one immutable value.
+"""The document that the user edits: materials, light and poses of one scene, as one immutable value.
 
 A document is a tree of frozen dataclasses. An edit makes a new document that shares all it did not touch with the old
 one, so undo, A/B comparison, autosave from a second thread and the worker's requests need no copies and no locks, and
@@ -95,7 +95,7 @@ class ObjectState:
 
     @property
     def bumps(self) -> Bumps:
-        """What perturbs its normals."""
+        """The bumps that perturb its normals."""
         return self.own_bumps if self.new_bumps is None else self.new_bumps
 
     @property
@@ -203,7 +203,7 @@ class Document:
 
 @dataclass(frozen=True)
 class Target:
-    """What a path names. ``key`` is None for an object or the light, ``name`` None for an object or a layer."""
+    """The target of a path. ``key`` is None for an object or the light, ``name`` None for an object or a layer."""
 
     kind: Kind
     object: str = ""
@@ -261,7 +261,7 @@ def resolve(document: Document, path: str) -> Target:
 
 
 def _kind_of(name: str) -> Kind | None:
-    """What kind of value of an object this name is, besides its layers."""
+    """The kind of an object's value with this name, besides its layers."""
     if name in (*SWITCHES, MATERIAL, EMISSION):
         return "switch"
     if name in KINDS:

@@ -1,6 +1,6 @@
 """The accuracy front from speed to accuracy, measured: the settings of each mode that no others beat in both.
 
-The table `front.toml` is written by `app.measure.front` and tells the source of its numbers. A mode's settings are
+The table `front.toml` is written by `app.measure.front` and names the source of its numbers. A mode's settings are
 fields of the view: they determine the place of the slider, and nothing else is stored.
 """
 

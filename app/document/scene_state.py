@@ -1,4 +1,4 @@
-"""What requests of all modes contain of a document: its light and its layers, in one form.
+"""The part of a document that requests of all modes contain: its light and its layers, in one form.
 
 It is made quickly, of values that the document has anyway; curves, quotients and means of images follow from it on
 either side. It has no pixels and no camera: those are of the view that the worker has open.
@@ -53,7 +53,7 @@ class LayerState:
 
     @property
     def quotient(self) -> tuple[str, tuple[float, ...]]:
-        """What the fixed part of its reflection depends on."""
+        """The model and parameters of the fixed part of its reflection."""
         return self.model, self.quotient_parameters
 
     @property
@@ -93,7 +93,7 @@ def layer_state(document: Document, key: str, bands: tuple[int, ...] = (), means
 
 
 def scene_state(document: Document, layer: Callable[[Document, str], LayerState] = layer_state) -> SceneState:
-    """What the worker gets of a document. layer: what it gets of one of the layers, by key."""
+    """The state of a document for the worker. layer: makes that of one of the layers, by key."""
     emission = {state.name: state.emission for state in document.objects if state.emission is not None}
     layers = tuple(layer(document, key) for key, _ in document.layers())
     return SceneState(replace(document.light, intensity=1.0), layers, tuple(emission.items()))

@@ -1,4 +1,4 @@
-"""What a path selects in a document, and what stays selected when the document changes."""
+"""Selection by path, and the selection that remains when the document changes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def layer_shown(document: Document, selected: Selection | None) -> Selection | N
 
 
 def initial_selection(document: Document) -> str | None:
-    """What is selected in a scene just opened: the first editable object's topmost layer."""
+    """The selection in a scene just opened: the first editable object's topmost layer."""
     with_layers = [state for state in document.objects if state.layers]
     editable = [state for state in with_layers if state.editable]
     return next((state.name for state in editable or with_layers), None)

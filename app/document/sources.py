@@ -1,4 +1,4 @@
-"""What the user can name to be opened: recognized by its suffix, before it is read.
+"""Sources that can be opened by name: recognized by the suffix, before anything is read.
 
 A scene is a built-in one's name, a scene file, or a mesh, which gets a floor of its own (`engine.scene.mesh_scene`). A
 session names a scene. An environment alone opens the built-in scene lit by it.
@@ -29,8 +29,8 @@ EXPECTED = (
 
 @dataclass(frozen=True)
 class Source:
-    """What is to be opened: a scene by name or absolute path, under its own light or that of a file; or the session of
-    that path, which names its scene."""
+    """A source to open: a scene by name or absolute path, under its own light or that of a file; or the session of that
+    path, which names its scene."""
 
     scene: str = DEFAULT_SCENE
     light: Path | None = None
@@ -38,8 +38,8 @@ class Source:
 
 
 def source_of(name: str) -> Source:
-    """The source of a name or path; whether it exists, its reader will tell. Raises InsituError that says what it is
-    instead, and what to do."""
+    """The source of a name or path; it may not exist. Raises InsituError that says what it is instead, and what to
+    do."""
     path, ending = Path(name), Path(name).suffix.lower()
     if name in builtin_scenes():
         return Source(name)
@@ -65,7 +65,7 @@ def find_source(name: str | None) -> str:
 
 
 def _describe_ending(ending: str) -> str:
-    """What a file is that cannot be opened, and what to do with it."""
+    """Describes a file that cannot be opened by its suffix, and says what to do with it."""
     if ending in MEASURED_ENDINGS:
         return "a measured BRDF, a material of its own; open a scene and import it onto an object there (File menu)"
     if ending in PICTURE_ENDINGS:

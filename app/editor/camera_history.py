@@ -22,7 +22,7 @@ from engine.scene.description import Camera, SceneDescription
 
 NO_CAMERA = Camera(position=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0))
 Box = NDArray[np.float64]
-# A ground's thickness is at most this share of its length; it is at least so many times as large as what stands on it.
+# A ground's thickness is at most this share of its length; it is at least so many times as large as the objects on it.
 FLAT, GROUND_SIZE = 0.05, 2.0
 
 
@@ -168,7 +168,7 @@ class CameraHistory:
 
 
 def find_ground_boxes(boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which of the boxes (N, 2, 3) are floors or backdrops (N,): flat, and in their plane around all that is not flat
+    """Find the boxes (N, 2, 3) that are floors or backdrops (N,): flat, and in their plane around all that is not flat
     and at least `GROUND_SIZE` times as large as that. A tray, a wing or the wall of a room is none."""
     extents = boxes[:, 1] - boxes[:, 0]
     thin = extents.argmin(axis=1)

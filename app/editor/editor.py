@@ -67,7 +67,7 @@ STOPPED = "stopped; press Resume in the Accuracy panel to go on, or change the l
 
 
 class WorkerClient(Protocol):
-    """What the editor needs of ``app.worker.client.Client``."""
+    """The interface of ``app.worker.client.Client`` that the editor uses."""
 
     @property
     def alive(self) -> bool: ...
@@ -230,7 +230,7 @@ class Editor:
 
     @property
     def session_path(self) -> Path | None:
-        """Where the session was saved last, or opened from."""
+        """The file that the session was saved to last, or opened from."""
         return self._keeper.path
 
     def open(self, source: str) -> str | None:

@@ -1,4 +1,4 @@
-"""The view that the worker was asked to trace, and the one it has traced: camera, resolution, poses, bumps, edge rays.
+"""The requested and the traced view: camera, resolution, poses, bumps, edge rays.
 
 A view changes as soon as the user moves the camera, poses an object, or perturbs an object's normals; it is traced once
 all of these are idle. Until then the previous picture stays.

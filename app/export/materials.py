@@ -31,7 +31,7 @@ LEAST_ALPHA = 0.01
 
 @dataclass(frozen=True)
 class WrittenMaterial:
-    """What was written; `notes`: lines on what is not the same."""
+    """A written material; `notes`: lines on what is not the same."""
 
     notes: tuple[str, ...] = ()
 

@@ -66,7 +66,7 @@ def with_thumbnail(bookmarks: Bookmarks, name: str, thumbnail: bytes) -> Bookmar
 
 
 def without_thumbnails(bookmarks: Bookmarks) -> tuple[tuple[str, Viewpoint], ...]:
-    """What counts as unsaved."""
+    """The part of the bookmarks that counts as unsaved."""
     return tuple((each.name, each.viewpoint) for each in bookmarks)
 
 

@@ -61,7 +61,7 @@ class Node:
 
 class LightNode(Node):
     """The distant light: `environment` (a built-in name or a file), `mapping`, `rotation` in degrees counter-clockwise
-    about +Y, and `intensity`, which multiplies all light. What shines in the scene is lit by the `emission` of its
+    about +Y, and `intensity`, which multiplies all light. Emitters in the scene are set by the `emission` of their
     object.
 
     >>> import insitu

@@ -51,7 +51,7 @@ Key = tuple[Any, ...]
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """What the camera sees: hits and visibility."""
+    """The view of the camera: hits and visibility."""
 
     key: Key
     placement: Placement
@@ -225,7 +225,7 @@ class PlacementPictures:
         return kept.radiance
 
     def _n_bounces(self, project: Project, wanted: int | None) -> int:
-        """As many as are wanted; None: as the scene required when this view was first planned."""
+        """The requested number; None: as many as the scene required when this view was first planned."""
         view, _ = self._made()
         if wanted is not None:
             return wanted
@@ -269,12 +269,12 @@ def _same_quotient(one: Layer, other: Layer, draft: bool) -> bool:
 
 
 def _curves_key(layer: Layer) -> Key:
-    """What the curves depend on."""
+    """The key of all that the curves depend on."""
     return layer.model.name, layer.parameters, layer.edits
 
 
 def _factor_key(layer: Layer) -> Key:
-    """What f_q, f_o, texture and weight depend on."""
+    """The key of all that f_q, f_o, texture and weight depend on."""
     view = layer.model.view_factor
     curve = () if view is None else (layer.operators(view.name), layer.parameters)
     return layer.model.name, tuple(layer.scale().tolist()), curve, layer.maps

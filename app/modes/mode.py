@@ -34,7 +34,7 @@ Shared = TypeVar("Shared")
 
 
 class EditorServices(Protocol):
-    """What a mode controller may use of the editor."""
+    """The services of the editor for a mode controller."""
 
     barrier: Barrier
     metrics: StatusMetrics
@@ -171,10 +171,10 @@ class ModeWorker(Protocol):
 class Mode:
     """A mode: its name, and for users its title and its purpose.
 
-    talk: makes its controller, given the editor's services. As "module:name", because only one process or layer imports
-    them: work, its `ModeWorker`; picture, its `ui.picture_feed.PictureSource`; accuracy, which draws its part of the
-    Accuracy panel; tools, which draws its controls for the selected object, above the material; strip, which draws
-    below the picture; handles, what the user can drag in the picture (`ui.panels.picture_handles`).
+    controller: makes its controller, given the editor's services. The others are written as "module:name", because only
+    one process or layer imports them. worker: its `ModeWorker`; picture: its `ui.picture_feed.PictureSource`; accuracy:
+    draws its part of the Accuracy panel; tools: draws its controls for the selected object, above the material; strip:
+    draws below the picture; handles: the handles that can be dragged in the picture (`ui.panels.picture_handles`).
     """
 
     name: str

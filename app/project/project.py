@@ -133,8 +133,8 @@ class Project:
 
 @dataclass(frozen=True)
 class ProjectSpec:
-    """What opens a project, here or on another machine: a scene or session by name, and the user's options; see
-    `open_project`, `with_edges` and `with_overrides`."""
+    """A project's specification, to open it here or on another machine: a scene or session by name, and the user's
+    options; see `open_project`, `with_edges` and `with_overrides`."""
 
     name: str | None
     resolution: tuple[int, int] | None = None

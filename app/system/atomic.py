@@ -108,8 +108,8 @@ def replacing_folder(folder: Path) -> Iterator[Path]:
 def write_atomically(path: str | os.PathLike[str], data: bytes, *, private: bool = False) -> None:
     """Replace the file at `path` by `data`; on any error the old file is untouched and the OSError is raised.
 
-    A symbolic link is followed, so that it stays a link; the permissions of an existing file are kept, unless it is
-    `private`.
+    A symbolic link is followed, so that it stays a link; the permissions of an existing file are preserved, unless it
+    is `private`.
     """
     with replacing(path, private=private) as file:
         file.write(data)

@@ -26,7 +26,7 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class _Fault:
-    """What a part failed on, its inputs then (None: an event), and until when it is not repeated."""
+    """A failure of a part: its error, its inputs then (None: an event), and until when it is not repeated."""
 
     error: str
     made_of: tuple[object, ...] | None
@@ -38,7 +38,7 @@ class _Fault:
 
 
 class Barrier:
-    """The barrier of one editor. holds: whether faults are caught; tell: is called with the line about each."""
+    """The barrier of one editor. holds: whether faults are caught; `on_fault` is called with the line about each."""
 
     def __init__(self, holds: bool = False, clock: Callable[[], float] = time.monotonic) -> None:
         self.holds = holds

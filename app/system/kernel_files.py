@@ -33,7 +33,7 @@ class KernelFiles(caching.UserProvidedCacheLocator):  # type: ignore[misc]
         return cls(function, source)
 
     def get_source_stamp(self) -> str:
-        """A constant: the folder belongs to these very sources, so a file's own age tells nothing more."""
+        """A constant: the folder belongs to these very sources, so a file's own age does not matter."""
         return self._folder
 
 

@@ -1,3 +1,2 @@
-"""The worker process and the client that talks to it: requests are scheduled, computed and answered here, and
-transport, kernels and measurements are cached on disk.
-"""
+"""The worker process and its client: requests are scheduled, computed and answered here, and transport, kernels and
+measurements are cached on disk."""

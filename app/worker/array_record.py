@@ -38,7 +38,7 @@ class RecordError(Exception):
 
 @dataclass(frozen=True)
 class ArrayEntry:
-    """Where an array is in a record."""
+    """The position of an array in a record."""
 
     name: str
     dtype: np.dtype[np.generic]

@@ -36,7 +36,7 @@ _OOM_SCORE = "800"  # when memory runs out, the system ends the worker before th
 
 def yield_to_window(last: bool = False) -> None:
     """Give way to the window: ignore Ctrl-C, lower the priority a little, and be the first to end when memory runs out;
-    `last`: lower the priority below everybody's."""
+    `last`: lower the priority below all other processes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     use_batch_scheduling()
     lower_priority(LAST if last else LITTLE)

@@ -98,7 +98,7 @@ class ArrayCache:
             raise InsituError(f"the cache in {self._folder} {why}")
 
     def get(self, key: str, read: Callable[[Arrays], Made]) -> Made | None:
-        """What `read` makes of the arrays under the key; None when there are none, or no sound ones.
+        """Read the arrays under the key, and return the result of `read`; None when there are none, or no sound ones.
 
         They are read-only copies of what was checked: the file may change. `read` raises UnsoundArrays where they are
         not what it needs.

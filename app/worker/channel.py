@@ -72,7 +72,7 @@ class _Frame:
             self._block = None
 
     def close(self) -> None:
-        """Drop the frame, unsent or sent in part: nobody will open the block."""
+        """Drop the frame, unsent or sent in part: the block will not be opened."""
         if isinstance(self._block, Path):
             self._block.unlink(missing_ok=True)
         elif self._block is not None:

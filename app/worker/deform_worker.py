@@ -47,7 +47,7 @@ _ROUNDING = 1e-5  # of axes in single precision
 
 
 class DeformWorker(ModeWorker):
-    """What pictures of the open scene are drawn of, and the request that changes it next."""
+    """Deform's precomputed data of the open scene, and the request that changes it next."""
 
     n_points: int | None = None
     n_rays: int | None = None
@@ -75,7 +75,7 @@ class DeformWorker(ModeWorker):
         if (image := self._context.sky_image(sky, scene.light)) is not None:
             yield image
         yield from until_compiled(self._context, DEFORM)
-        first_time, reported_version = not are_compiled(DEFORM), None  # still, where nobody else compiles
+        first_time, reported_version = not are_compiled(DEFORM), None  # still, where no other process compiles
         if first_time:
             yield Progress(STAGE, 0.0, text=FIRST_TIME)
         deform = self._open_deform()

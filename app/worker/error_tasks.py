@@ -68,7 +68,7 @@ def estimate_error(
     estimating = estimate_point_errors(
         placement, layers, sky, quality, n_bounces, radiance, indirect, n_points=n_points, noise=noise
     )
-    estimated = yield from map_steps(estimating, lambda step: None)  # without progress: nobody waits for it
+    estimated = yield from map_steps(estimating, lambda step: None)  # without progress: it runs in the background
     yield ErrorEstimated(estimated.estimate, (yield from _colours(request.has_map, placement, estimated)))
 
 

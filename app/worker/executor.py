@@ -1,4 +1,4 @@
-"""Who does the long work on a view of a scene: this process, or others (`app.cluster.cluster_executor`)."""
+"""Executors of the long work on a view of a scene: this process, or others (`app.cluster.cluster_executor`)."""
 
 from __future__ import annotations
 

@@ -123,13 +123,13 @@ def both_curves(work: LayerState) -> tuple[np.ndarray, np.ndarray]:
 
 
 def shape_of(work: LayerState) -> LayerShape:
-    """What the projection needs of the work."""
+    """The layer as the projection needs it."""
     bands = (work.bands[0], work.bands[1] if len(work.bands) > 1 else 1)
     return LayerShape(work.model, work.quotient_parameters, bands)
 
 
 def tile_content(work: LayerState, tile: BandTile) -> Part:
-    """What is stored of a tile: its bands, or of a fixed layer its picture."""
+    """The stored content of a tile: its bands, or of a fixed layer its picture."""
     if work.fixed:
         return {"picture": picture_of_tile(tile, shape_of(work).bands, both_curves(work))}
     return tile.arrays()

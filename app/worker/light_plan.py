@@ -32,7 +32,7 @@ LINES = tuple(LEAST)
 
 
 class LightBudgets:
-    """What is known of the open view."""
+    """The light budgets of the open view."""
 
     def __init__(self, context: WorkerContext) -> None:
         self._context = context

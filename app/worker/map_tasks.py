@@ -62,7 +62,7 @@ class MapTasks:
         return MapsSampled(key, images, samples, seen.means, thumbnails, note)
 
     def _work(self, sampler: MapSampler, i_object: int, images: Images) -> _PaintedLayer:
-        """What strokes are painted on; made anew for unchanged strokes, because files were written since."""
+        """The images that strokes are painted on; made anew for unchanged strokes, because files were written since."""
         place = (i_object, images.without_strokes)
         begun = self._painted_layers.pop(place, None)
         if begun is None or begun.last == images or not images.strokes:

@@ -52,7 +52,7 @@ STAGE = "orbit"
 
 
 class OrbitWorker(ModeWorker):
-    """What pictures of the open scene are drawn of, and the request that changes it next."""
+    """Orbit's precomputed data of the open scene, and the request that changes it next."""
 
     n_points: int | None = None
 
@@ -89,7 +89,7 @@ class OrbitWorker(ModeWorker):
         if (image := self._context.sky_image(sky, scene.light)) is not None:
             yield image
         yield from until_compiled(self._context, ORBIT)
-        first_time, reported_version = not are_compiled(ORBIT), None  # still, where nobody else compiles
+        first_time, reported_version = not are_compiled(ORBIT), None  # still, where no other process compiles
         yield from _prepared_sky(sky, FIRST_TIME if first_time else "light")
         orbit = self._open_orbit(self.n_points or request.n_points, request.n_coefficients)
         if not orbit.n_bytes:  # there are no points yet

@@ -45,7 +45,7 @@ class PendingRequests:
         self._traced_here = 0
 
     def unsent(self) -> list[Request]:
-        """What the present worker is to be sent now, in order; it counts as sent."""
+        """The requests to send to the present worker now, in order; they count as sent."""
         unsent = [request for request in self.requests() if request.id not in self._sent]
         self._sent.update(request.id for request in unsent)
         return unsent

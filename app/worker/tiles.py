@@ -70,8 +70,8 @@ class Tiles:
         return True
 
     def tile(self, index: int, read: Callable[[Arrays], Made]) -> Made | None:
-        """What `read` makes of the arrays of a tile, read-only and checked again; None where there are none, or no
-        sound ones. `read` raises UnsoundArrays where they are not what it needs."""
+        """Read the arrays of a tile, read-only and checked again, and return the result of `read`; None where there are
+        none, or no sound ones. `read` raises UnsoundArrays where they are not what it needs."""
         if self._file is None or index not in self._extents:
             return None
         offset, size = self._extents[index]

@@ -1,4 +1,4 @@
-"""What all work in the worker shares: the cache, the open scene, and its light.
+"""The state that all work in the worker shares: the cache, the open scene, and its light.
 
 A scene is open as a camera sees it: its surfaces, what can be traced in them, the primary hits and, as far as it has
 been computed, the part of the sphere that each of those sees. A scene that is only loaded replaces the open one when

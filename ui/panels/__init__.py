@@ -1,3 +1,2 @@
-"""The panels: functions that draw a part of the window from a `PanelContext` and return the actions that the user asked
-for. They change nothing themselves; `ui.action_handler` carries the actions out.
-"""
+"""The panels: functions that draw a part of the window from a `PanelContext` and return the user's actions. They change
+nothing themselves; `ui.action_handler` carries the actions out."""

@@ -151,7 +151,7 @@ class SetPanel:
 
 @dataclass(frozen=True)
 class OpenFile:
-    """Open a scene, a session or an environment, told apart by the suffix."""
+    """Open a scene, a session or an environment; the suffix tells which."""
 
     path: str
 

@@ -132,7 +132,7 @@ def _sphere(context: PanelContext, corner: ImVec2, side: int) -> None:
 
 
 def _of_curves_alone(context: PanelContext) -> str:
-    """What the user should know of measured layers while their tables are not here."""
+    """A note on measured layers while their tables are not here."""
     board = context.brdf
     if not board.curves_alone:
         return ""

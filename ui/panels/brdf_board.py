@@ -40,7 +40,7 @@ class BrdfBoard:
         self.why_alone = ""
 
     def begin_frame(self) -> None:
-        """Show nothing until a panel asks for it."""
+        """Clear the list of shown parts, which panels fill again."""
         self.shown.clear()
 
     def clear(self) -> None:

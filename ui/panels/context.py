@@ -1,4 +1,4 @@
-"""What a panel gets: the document, the view, the status of the picture, and the registry of handles.
+"""The arguments of panels: the document, the view, the status of the picture, and the registry of handles.
 
 All is read-only except `Fields` and `Handles`. The latter registers where on screen a panel drew what can be dragged,
 so that scripts and tests grab it by name ("curve.b") with ordinary mouse events.
@@ -92,17 +92,17 @@ class Fields:
 
 
 def no_thumbnail(entry: LibraryEntry) -> Picture | None:
-    """Stands in before there is anything that draws thumbnails."""
+    """A substitute before there is anything that draws thumbnails."""
     return None
 
 
 def no_view_thumbnail(bookmark: Bookmark) -> Picture | None:
-    """Stands in before there is anything that draws thumbnails."""
+    """A substitute before there is anything that draws thumbnails."""
     return None
 
 
 def no_box(name: str | None) -> NDArray[np.float64] | None:
-    """Stands in before there is a scene."""
+    """A substitute before there is a scene."""
     return None
 
 

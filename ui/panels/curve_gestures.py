@@ -1,4 +1,5 @@
-"""What dragging a handle of the curve does to its operators [BenArtzi07, ch. 9]. Pure functions: nothing here draws.
+"""The effect of dragging a handle of the curve on its operators [BenArtzi07, ch. 9]. Pure functions: nothing here
+draws.
 
 The ring is at the edited feature. A translation is direct: its magnitude puts the feature under the mouse. An
 amplification multiplies, by the same factor per pixel everywhere: where the curve is near 0, putting it under the mouse
@@ -153,7 +154,7 @@ def move_angle(operator: Operator, x: float) -> float:
 
 
 def limit_text(group: OperatorGroup) -> str:
-    """What limits an X-operator, and how to lift the limit; empty where nothing does."""
+    """The limit of an X-operator, and how to lift it, in words; empty where there is none."""
     held = next((o for o in group.operators if o.axis == "x" and o.at_limit and o.regions[0] < o.regions[3]), None)
     if held is None or abs(held.magnitude) >= HALF_PI:
         return ""

@@ -19,7 +19,7 @@ _OWNER = 0x1A5172
 
 
 def keys_are_taken() -> bool:
-    """Whether keys go to a text field, a list or a menu; to be asked before a pass, because imgui acts on Esc at its
+    """Whether keys go to a text field, a list or a menu; to be called before a pass, because imgui acts on Esc at its
     start."""
     state = imgui.get_current_context()
     if state.open_popup_stack.size() > 0 or state.nav_layer == imgui.internal.NavLayer.menu:
@@ -28,13 +28,13 @@ def keys_are_taken() -> bool:
 
 
 def is_typing() -> bool:
-    """Whether a field takes text; to be asked before a pass."""
+    """Whether a field takes text; to be called before a pass."""
     # imgui wants text for one pass longer than there is a field.
     return imgui.get_io().want_text_input and imgui.internal.get_active_id() != 0
 
 
 def imgui_takes_escape() -> bool:
-    """Whether imgui has a use for Esc; to be asked before a pass. If not, imgui does not get it."""
+    """Whether imgui has a use for Esc; to be called before a pass. If not, imgui does not get it."""
     state = imgui.get_current_context()
     if keys_are_taken() or imgui.internal.get_active_id() != 0 or imgui.get_io().nav_visible:
         return True

@@ -97,7 +97,7 @@ def entries(folder: Path, endings: tuple[str, ...]) -> list[DirectoryEntry]:
 
 
 def draw(context: PanelContext) -> list[Action]:
-    """The browser while a file is asked for, nothing otherwise."""
+    """The browser while the dialog is open, nothing otherwise."""
     question = context.state.question
     if question is None:
         return []
@@ -263,7 +263,7 @@ def answer(question: FileQuestion, path: Path) -> AnswerQuestion:
 
 
 def dropped(question: FileQuestion, path: Path) -> list[Action]:
-    """A file or folder was dropped on the window while a file is asked for: it is what is to be opened, or the folder
+    """A file or folder was dropped on the window while the dialog is open: it is what is to be opened, or the folder
     and name of what is to be saved."""
     if os.path.isdir(path):
         return [_input_line(replace(_in_folder(question, path), focus="name"))]

@@ -30,7 +30,7 @@ Law = Callable[[float, float], float]
 
 @dataclass(frozen=True)
 class Touch:
-    """What the user did with a control in this pass."""
+    """The user's input to a control in this pass."""
 
     changed: bool = False
     began: bool = False

@@ -114,7 +114,7 @@ def _contents(context: PanelContext) -> tuple[list[ColouredText], list[Action]]:
 
 
 def placeholder_text(context: PanelContext) -> str:
-    """What is shown while the picture is awaited."""
+    """The words for what is shown while the picture is awaited."""
     if context.picture is None:
         return ""
     return f"{context.mode_before}'s picture" if context.mode_before else HEADLIGHT

@@ -314,7 +314,7 @@ def _plate(context: PanelContext, draw_list: imgui.ImDrawList, place: ImVec2, te
 
 
 def _draw_waiting(context: PanelContext, corner: ImVec2, room: ImVec2, down: float) -> None:
-    """What the window waits for, as a label so far down: there may be objects behind it, lit from the camera."""
+    """Show what the window waits for, as a label so far down: there may be objects behind it, lit from the camera."""
     status = context.status
     text = f"{status.text or status.stage}…" if status.stage else "Starting to compute…"
     extent = imgui.calc_text_size(text)

@@ -62,7 +62,7 @@ def caption(text: str) -> None:
 
 
 def fitting(text: str, room: float) -> str:
-    """As much of a text as fits so many pixels, from its end: that is where file names differ."""
+    """Shorten a text to so many pixels, keeping its end: that is where file names differ."""
     if imgui.calc_text_size(text).x <= room:
         return text
     while len(text) > 4 and imgui.calc_text_size("…" + text).x > room:
@@ -71,7 +71,7 @@ def fitting(text: str, room: float) -> str:
 
 
 def shortened(text: str, room: float) -> str:
-    """As much of a text as fits so many pixels, from its start."""
+    """Shorten a text to so many pixels, keeping its start."""
     if imgui.calc_text_size(text).x <= room:
         return text
     while text and imgui.calc_text_size(text + "…").x > room:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class PathPreview(NamedTuple):
-    """What path tracing is to show: the camera, the resolution (width, height) and the poses."""
+    """The path-traced preview: the camera, the resolution (width, height) and the poses."""
 
     camera: Camera
     resolution: tuple[int, int]

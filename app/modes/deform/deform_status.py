@@ -10,8 +10,8 @@ from app.modes.orbit.orbit_status import OrbitStatus
 
 @dataclass(frozen=True)
 class DeformStatus(OrbitStatus):
-    """The status while Deform's picture is shown. lost: see `app.modes.deform.deform_messages.DeformLoss`; alone: names
-    of the objects whose surfaces only Deform can draw, for which Placement does not take over; carried: see
+    """The status while Deform's picture is shown. lost: see `app.modes.deform.deform_messages.DeformLoss`; deform_only:
+    names of the objects whose surfaces only Deform can draw, for which Placement does not take over; carried: see
     `app.modes.orbit.orbit_messages.OrbitPictureDrawn`."""
 
     lost: tuple[tuple[str, float], ...] = ()

@@ -1,4 +1,5 @@
-"""What Orbit desires of the worker, and what is ready: the values that `orbit_controller` compares."""
+"""The state that Orbit desires of the worker, and the state that is ready: the values that `orbit_controller`
+compares."""
 
 from __future__ import annotations
 
@@ -42,7 +43,7 @@ class DesiredOrbit:
 
 @dataclass(frozen=True)
 class ReadyState:
-    """How much the worker has ready of what the request `prepared` asked for: see `OrbitProgress`."""
+    """How much the worker has ready of the request `prepared`: see `OrbitProgress`."""
 
     prepared: int = 0
     version: int = 0
@@ -52,7 +53,8 @@ class ReadyState:
 @dataclass(frozen=True)
 class PictureRequest:
     """A picture that was requested or has come: camera, resolution (width, height), quality, content, poses, and what
-    it shows besides light alone (`ViewState.split`, `fit_error`). is_plain: it needs nothing precomputed."""
+    it shows besides light alone (`ViewState.split`, `fit_error`). is_headlight: objects lit from the camera, which
+    needs nothing precomputed."""
 
     viewpoint: Viewpoint
     resolution: tuple[int, int]

@@ -24,7 +24,7 @@ IDLE_SECONDS = 0.3
 
 
 class ShownPicture(NamedTuple):
-    """What a picture shows."""
+    """The content of a shown picture."""
 
     desired: DesiredOrbit
     viewpoint: Viewpoint
@@ -62,7 +62,7 @@ class DrawnErrorController:
             self._requested = self._send(request())
 
     def give_up(self) -> None:
-        """Give up the request: nobody waits for the response any more."""
+        """Give up the request: its response is no longer needed."""
         if self._requested is not None:
             self._send(CancelRequests(of=(self._kind,)))
             self._requested = None

@@ -116,7 +116,7 @@ class OrbitController(ModeController):
         self._forget_worker()
 
     def _forget_worker(self) -> None:
-        """Forget the worker's state: it knows nothing, and will not answer what it was asked."""
+        """Forget the worker's state: it knows nothing, and will not answer earlier requests."""
         self._requested: DesiredOrbit | None = None
         self._ready = ReadyState()
         self._drawing: PictureRequest | None = None

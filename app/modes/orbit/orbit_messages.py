@@ -149,8 +149,8 @@ class OrbitNotReady(Response):
 @dataclass(frozen=True, eq=False)
 class OrbitPictureDrawn(Response):
     """Linear radiance (H, W, 3) without the light's intensity, and the seconds that drawing took; `prepared` is the
-    number of the last `PrepareOrbit`, version and is_done are as in `OrbitProgress`; carried: how far animations have
-    moved whole objects in it, by name: x, y, z."""
+    number of the last `PrepareOrbit`, version and is_done are as in `OrbitProgress`; animation_offsets: how far
+    animations have moved whole objects in it, by name: x, y, z."""
 
     radiance: NDArray[np.float32]
     prepared: int

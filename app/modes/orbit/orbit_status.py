@@ -10,7 +10,7 @@ from app.messages.editor_status import Status
 @dataclass(frozen=True)
 class OrbitStatus(Status):
     """The status while Orbit's picture is shown: its resolution (width, height), and how long the worker took to draw
-    it; (0, 0) before there is one. is_plain: nothing was ready for it, and objects are lit from the camera."""
+    it; (0, 0) before there is one. is_headlight: nothing was ready for it, and objects are lit from the camera."""
 
     drawn_resolution: tuple[int, int] = (0, 0)
     drawn_seconds: float = 0.0

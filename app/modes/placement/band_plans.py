@@ -130,5 +130,5 @@ class BandController:
 
 
 def _made_of(layer: Layer) -> object:
-    """What a layer's curves are made of."""
+    """The inputs of a layer's curves."""
     return layer.model, layer.parameters, layer.edits

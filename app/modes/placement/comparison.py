@@ -111,7 +111,7 @@ class Comparison:
         exact: bool,
         has_indirect: bool = False,
     ) -> list[PictureEvent]:
-        """What the renderer can show of A now; requests what is missing.
+        """Show what is ready of A, and request what is missing.
 
         ``now`` in seconds; ``document`` is B's; ``exact``: whether B's picture on screen is, ``has_indirect``: whether
         there is light of further bounces in it.

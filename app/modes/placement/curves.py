@@ -70,11 +70,11 @@ class Curves:
         return {name: self._band_values(key, layer, name, min(n, most or n)) for name, n in counts.items()}
 
     def scene_state(self, document: Document) -> SceneState:
-        """What the worker gets of a document."""
+        """The state of a document for the worker."""
         return scene_state(document, self.layer_state)
 
     def layer_state(self, document: Document, key: str) -> LayerState:
-        """What the worker gets of a layer: with its bands, and the means of its images as far as they are known."""
+        """The state of a layer for the worker: with its bands, and the means of its images as far as they are known."""
         layer = document.layer(key)
         bands = self.bands(document, key)
         return layer_state(document, key, tuple(bands.values()), self._means(key, layer))
@@ -120,7 +120,7 @@ class Curves:
 
 
 def picture_identity(model: str, quotient_parameters: Sequence[float]) -> tuple[object, ...]:
-    """What f_q and the curves of a layer's picture belong to: its model, and of a measured one the measurement.
+    """The identity of a layer's picture, for its f_q and curves: its model, and of a measured one the measurement.
 
     Those of another model have another scale: with them the picture of the layer before would be far too bright or
     dark.

@@ -1,5 +1,5 @@
-"""What the editor desires of the worker, requested last, and received: the values that `transport_controller`
-compares."""
+"""The state that the editor desires of the worker, has requested last, and has received: the values that
+`transport_controller` compares."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Emission = tuple[tuple[str, RGB], ...]
 
 @dataclass(frozen=True)
 class TransportShape:
-    """What of a layer its transport depends on.
+    """The properties of a layer that its transport depends on.
 
     ``baked``: for a layer whose object is fixed the bytes of its curves, which are then part of its transport: it is
     not edited, and so costs no bands.

@@ -42,7 +42,8 @@ MAX_CACHED = 4
 
 @dataclass(frozen=True, eq=False)
 class LayerReflectance:
-    """What a visible layer reflects by, to be compared: its curves, f_q (3,) and f_o (N,3), as `Curves` stores them."""
+    """The reflectance of a visible layer, to be compared: its curves, f_q (3,) and f_o (N,3), as `Curves` stores
+    them."""
 
     layer: LayerState
     coefficients: tuple[Float64Array, ...]
@@ -67,7 +68,7 @@ def layer_reflectances(scene: SceneState, document: Document, curves: Curves) ->
 
 @dataclass(frozen=True, eq=False)
 class DesiredFreezing:
-    """What the indirect light is frozen for; two serve the same if what they hold fixed is the same.
+    """The scene that indirect light is frozen for; two serve the same if what they hold fixed is the same.
 
     edited: for layers that share the selected curve, which of their curves it is: like all that is edited of the
     object, they have a shape, and are frozen anew once the user is idle.

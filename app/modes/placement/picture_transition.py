@@ -55,7 +55,7 @@ class RequestedTransport:
 
 @dataclass
 class _ShownLayer:
-    """What a layer's picture was made of. curve: the one whose transport came with it, None for none."""
+    """The state that a layer's picture was made of. curve: the one whose transport came with it, None for none."""
 
     rank: int
     drawn_as: tuple[object, ...]
@@ -298,7 +298,7 @@ def _shown_layer(event: LayerRadiance) -> _ShownLayer:
 
 
 def _drawn_as(document: Document, key: str) -> tuple[object, ...]:
-    """What is drawn of the layer that a document has by this key; empty where it has none."""
+    """The drawn properties of the layer that a document has by this key; empty where it has none."""
     if all(key != each for each, _ in document.layers()):
         return ()
     layer = document.layer(key)

@@ -210,7 +210,7 @@ class PlacementController(ModeController):
         return planned
 
     def _advance_transition(self, document: Document, view: ViewState, planned: bool) -> list[PictureEvent]:
-        """What is replaced in the picture now, all of it in one frame."""
+        """Replace what can be replaced in the picture now, all of it in one frame."""
         controller, change, was_held = self._transport, self._changeover, self._was_held
         requested, dragging = self._requested_transport() if planned else None, self._services.history.dragging
         changes = change.update(document, requested, dragging, self.edited_layers, self._factor)
@@ -305,12 +305,12 @@ class PlacementController(ModeController):
         return edited_layers(self._document, self._services.view.selected)
 
     def picture_identity(self, key: str) -> tuple[object, ...]:
-        """What f_q and the curves of a layer belong to: a picture of another one must not be drawn with them."""
+        """The identity of a layer's f_q and curves: a picture of another one must not be drawn with them."""
         layer = self.drawn.layer(key)
         return picture_identity(layer.model.name, layer.quotient_parameters().tolist())
 
     def layer_gain(self, key: str) -> Float64Array:
-        """What a layer's picture is multiplied by, (3,): f_q, and how much brighter the only light has become."""
+        """The factor of a layer's picture, (3,): f_q, and how much brighter the only light has become."""
         return self.curves.gain(self.drawn, key) * self._changeover.light_gain
 
     def view_curve(self, key: str) -> Float64Array:
@@ -332,7 +332,7 @@ class PlacementController(ModeController):
         controller, report, view = self._transport, self._report, self._view
         noise, picture = self._noise, self._picture
         known = picture not in ("waiting", "preview")
-        # Having nothing left to add does not tell the picture's error.
+        # That nothing is left to add does not imply a small error.
         says_error = known and self._other_parts_complete and picture != "exact"
         error = math.hypot(report.image_error or 0.0, noise) if says_error else None
         estimate = self._error.estimate_of(self._document) if picture in ("finished", "exact") else None

@@ -181,7 +181,7 @@ class LayerPicture(Response):
 class LayerTransport(Response):
     """One layer's transport, one plane a Daubechies-4 coefficient: `coefficients_first` (J,p,3), `norms` (J,3).
 
-    True values are coefficients_first · scale; they are float16 or float32 by the precision asked for.
+    True values are coefficients_first · scale; they are float16 or float32 by the requested precision.
     """
 
     key: str

@@ -208,7 +208,7 @@ class TransportController:
         return None if shape is None else dict(shape.bands)
 
     def picture_identity(self, key: str) -> tuple[object, ...]:
-        """What f_q and the curves of a layer's picture belong to, in the transport requested last."""
+        """The identity of a layer's f_q and curves in the transport requested last."""
         shape = self._requested_shape(key)
         return () if shape is None else picture_identity(shape.model, shape.quotient_parameters)
 
@@ -371,7 +371,7 @@ class TransportController:
             self._contract(missing[0], document, now)
 
     def _has_transport(self, document: Document, desired: DesiredCurve) -> bool:
-        """Whether the worker can hand out a curve's transport, as far as it was asked to compute it."""
+        """Whether the worker can hand out a curve's transport, as far as that was requested."""
         return self._can_contract(desired.key, self._curves.coefficients(document, desired.key))
 
     def _outdated_layers(self, document: Document, edited: Collection[str]) -> dict[str, Coefficients]:
@@ -481,7 +481,7 @@ class TransportController:
             self._running, self._exact = False, not self._drag_quality
 
     def receive_failure(self, response: RequestFailed) -> None:
-        """Note that a request failed: it is not repeated until what it asked for changes."""
+        """Note that a request failed: it is not repeated until it would be another one."""
         if response.id == self._transport_id:
             self._running = False
         if self._contraction is not None and response.id == self._contraction.id:

@@ -115,7 +115,7 @@ def _dragged(
             break
         slope = (there - here) / step
         steepness = float(slope @ slope)
-        if steepness < 1e-6:  # it moves towards the camera: the pointer cannot tell how far
+        if steepness < 1e-6:  # it moves towards the camera: the pointer does not determine the amount
             break
         wanted = float(slope @ (np.array(to) - here)) / steepness
         furthest = _FURTHEST[kind.unit]

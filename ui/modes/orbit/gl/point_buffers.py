@@ -1,4 +1,4 @@
-"""What moving pictures are drawn of, in buffers of the graphics card: filled part by part, see
+"""The data of moving pictures in buffers of the graphics card: filled part by part, see
 `engine.realtime.triple_product.gpu_parts`."""
 
 from __future__ import annotations

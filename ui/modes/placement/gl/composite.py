@@ -50,7 +50,7 @@ class MapTexture:
 
 
 class ShadedLayer(Protocol):
-    """What the compositor needs of a layer to draw it."""
+    """A layer as the compositor needs it."""
 
     @property
     def accumulator(self) -> Accumulator: ...
