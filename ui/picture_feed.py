@@ -118,11 +118,12 @@ class PictureFeed:
         self._left_mode: Mode | None = None
         self._left_of: object = None  # what the picture of the mode before was made of, where it was finished
         self._finished_of: object = None
+        self._took_scene = False  # whether the source has the scene
         self._is_plain = False  # whether objects lit from the camera are shown, and no mode's picture
         self._choose(mode, source or import_named(mode.picture)(context))
 
     def _choose(self, mode: Mode, source: PictureSource) -> None:
-        self._mode, self.source = mode, source
+        self._mode, self.source, self._took_scene = mode, source, False
         self._warm_up = chain(source.warm_up(), _importing())
 
     @property
@@ -230,13 +231,14 @@ class PictureFeed:
             made_of = _made_of(editor)
             is_better = self.mode_before is not None and self._left_of == made_of
             if is_better and not status.stopped:
-                may_leave = status.is_finished and not busy
+                # "Finished" of a mode whose source has yet to take its scene and layers is that of the source before.
+                may_leave = status.is_finished and not busy and self._took_scene and not self._waiting
             else:
                 stopped = self.shows_view_before and status.stopped
                 may_leave = status.picture != "waiting" or status.follows_input or stopped
             if may_leave:
                 self._leave()
-            self._finished_of = made_of if status.is_finished else None
+            self._finished_of = made_of if status.is_finished and not busy else None
             self._is_plain = status.picture == "waiting" and self._left is None
         except GraphicsError as error:
             editor.notify(str(error), True)
@@ -313,7 +315,7 @@ class PictureFeed:
             self._keep_view_before(event)
         self.source.take(editor, event)
         if isinstance(event, SceneFrame):
-            self._shown_scene = event
+            self._shown_scene, self._took_scene = event, True
             if not self.shows_view_before:
                 self._scene.take_scene(event)
         elif isinstance(event, SkyChanged):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import moderngl
 import numpy as np
@@ -21,8 +23,9 @@ from ui.gl.context import GraphicsError
 from ui.gl.gpu_drawing import VARIABLE
 from ui.gl.textures import read_texture
 from ui.headless import HeadlessWindow
+from ui.modes.orbit import orbit_feed
 from ui.modes.orbit.gl.shaded_picture import ShadedPicture
-from ui.modes.orbit.orbit_feed import OrbitFeed
+from ui.modes.orbit.orbit_feed import FADE_SECONDS, OrbitFeed
 
 pytestmark = pytest.mark.gl
 
@@ -91,6 +94,37 @@ def test_the_picture_of_a_view_at_rest_is_placements(window: HeadlessWindow) -> 
     assert window.shell.editor.status.shown_by == "Placement"
     then = feed_of(window).placement.renderer.linear_image()
     assert first.mean() == pytest.approx(then.mean(), rel=0.05)
+
+
+def test_a_finished_picture_stays_through_changes_of_mode(
+    window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Placement's, which all modes end with: none begins with a picture of its own that is worse."""
+    ticks = itertools.count()
+    monkeypatch.setattr(orbit_feed, "time", SimpleNamespace(monotonic=lambda: next(ticks) * FADE_SECONDS / 5.0))
+    editor, source = window.shell.editor, window.shell.source
+    assert source is not None
+
+    def shown() -> np.ndarray:
+        assert source.picture is not None
+        return read_texture(source.picture, np.uint8)[..., :3].astype(int)
+
+    def is_finished() -> bool:
+        seen.append(shown())
+        return editor.status.picture == "exact" and is_drawn(window)
+
+    seen: list[np.ndarray] = []
+    wait_until_exact(window)
+    window.frames(10)  # Placement's picture fades in
+    finished = shown()
+    for mode in ("placement", "orbit", "placement", "orbit"):
+        editor.do(SetView.of(mode=mode))
+        window.frames(1)
+        assert window.run_until(is_finished, 120.0)
+        for _ in range(10):
+            window.frames(1)
+            seen.append(shown())
+    assert max(np.abs(each - finished).max() for each in seen) <= 2
 
 
 def test_a_camera_that_moves_is_followed_by_orbit_at_once(window: HeadlessWindow) -> None:

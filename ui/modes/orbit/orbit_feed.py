@@ -113,7 +113,8 @@ class OrbitFeed(PictureSource):
             self._drawn = None
         else:
             self._draw_canvas(editor, controller, share)
-        return busy or 0.0 < share < 1.0 or self._view.waits
+        is_fading = share < 1.0 and (share > 0.0 or controller.shows_placement)  # in its first frame the share is 0
+        return busy or is_fading or self._view.waits
 
     def _prepare_shaders(self, editor: Editor, controller: OrbitController) -> bool:
         """Where moving pictures are to be drawn here: compile a shader, and after the last notify the controller;
