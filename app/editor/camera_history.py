@@ -73,7 +73,7 @@ class CameraHistory:
 
     @property
     def aspect(self) -> float:
-        """How many times as wide as high the picture is."""
+        """The picture's width divided by its height."""
         width, height = self.resolution
         return width / max(height, 1)
 
@@ -117,7 +117,7 @@ class CameraHistory:
             self._controller.hand_released()
 
     def cancel_drag(self) -> None:
-        """Take back the drag under way."""
+        """Cancel the drag under way."""
         if self.history.dragging:
             self._history_now().cancel_drag()
             self._apply_viewpoint(self.history.document)

@@ -34,7 +34,7 @@ def insitu_bsdf(mi, dr):
             self.m_flags = flags
 
         def frame(self, si):
-            """The frame of the table, which the surface's own Y axis turns, on the side of the eye."""
+            """The frame of the table, rotated to the surface's own Y axis, on the side of the camera."""
             n = mi.Vector3f(si.sh_frame.n)
             n = dr.select(mi.Frame3f.cos_theta(si.wi) < 0, -n, n)
             across = dr.cross(self.up, n)
@@ -80,7 +80,7 @@ def insitu_bsdf(mi, dr):
             return 0.5 * light.z / dr.pi + 0.5 * dr.select(half.z > 0, lobe, 0)
 
         def reflected(self, eye, light, active):
-            """The table between its places, times the cosine of the light; the eye is wo, the light wi."""
+            """The table, interpolated, times the cosine of the light; `eye` is wo, `light` is wi."""
             half = dr.normalize(eye + light)
             flat = dr.sqrt(half.x * half.x + half.y * half.y)
             theta_h, theta_d = dr.atan2(flat, half.z), dr.safe_acos(dr.dot(light, half))
@@ -108,7 +108,8 @@ def insitu_bsdf(mi, dr):
             return f"Insitu[{self.shape}]"
 
     def between(share, n):
-        """Places below and above, and how far between them, of a share of an axis whose ends are places."""
+        """The grid points below and above a place on an axis, and its fraction between them. The ends are grid
+        points."""
         position = dr.clip(share, 0, 1) * (n - 1)
         low = dr.minimum(mi.UInt32(position), max(n - 2, 0))
         return (low, dr.minimum(low + 1, n - 1)), position - mi.Float(low)

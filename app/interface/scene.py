@@ -51,7 +51,7 @@ class Scene:
     """A scene with its materials, light and camera, and its pictures; made by `insitu.open`.
 
     Objects are found by name, their layers by name or number: `scene["teapot"]["copper"]`. An edit is one of the
-    editor's commands; `undo` takes it back. What pictures are made of is kept from one to the next: after the edit of a
+    editor's commands; `undo` takes it back. The parts of a picture are stored for the next one: after the edit of a
     curve only the bands of that curve are summed. One scene belongs to one thread at a time.
 
     >>> import insitu
@@ -122,9 +122,9 @@ class Scene:
         mode: "placement", exact; "orbit" and "deform", as those modes show it at rest: the first picture takes longer,
         others from another camera or in another pose take less; "paths", by path tracing, to compare with. bounces: how
         often light is reflected, 1 to 16; None: as the scene says or requires. resolution: (width, height), of this
-        picture alone. samples: paths a pixel, of "paths" alone. draft: parameters such as a roughness, on which more
-        than curves depends, change the curves alone, as in the editor while they are dragged; Placement then makes no
-        transport anew. Raises insitu.Error.
+        picture alone. samples: paths per pixel, only for "paths". draft: parameters such as a roughness, on which more
+        than curves depends, change only the curves, as in the editor while they are dragged; Placement then computes no
+        new transport. Raises insitu.Error.
         """
         if isinstance(samples, bool) or not isinstance(samples, int) or samples < 1:
             raise InsituError(f"samples = {samples!r}, expected a whole number from 1")
@@ -133,8 +133,8 @@ class Scene:
     def error(
         self, mode: Mode = "placement", *, bounces: int | None = None, resolution: tuple[int, int] | None = None
     ) -> ErrorEstimate:
-        """How far off that picture is: relative RMS errors, `total`, `direct` and `indirect`, estimated by tracing
-        some of its points; within about a factor of two. Arguments: as of `image`. Raises insitu.Error.
+        """The error of that picture: relative RMS errors, `total`, `direct` and `indirect`, estimated by tracing some
+        of its points; within about a factor of two. Arguments: as of `image`. Raises insitu.Error.
 
         >>> import insitu
         >>> error = insitu.open("shapes", resolution=(48, 32)).error(bounces=1)
@@ -146,9 +146,9 @@ class Scene:
     def save(
         self, path: str | os.PathLike[str] | None = None, mode: Mode = "placement", *, bounces: int | None = None
     ) -> Path:
-        """Save the session (.insitu), or the picture as linear light (.exr) or as the viewport shows it (.png); the
-        path. None: the session that was opened. mode, bounces: of the picture, as of `image`. A file is written whole
-        or not at all. Raises insitu.Error."""
+        """Save the session (.insitu), or the picture as linear light (.exr) or as the viewport shows it (.png); returns
+        the path. path None: the session that was opened. mode, bounces: of the picture, as of `image`. A file is
+        written whole or not at all. Raises insitu.Error."""
         if path is None and self._session is None:
             raise InsituError(f"save: expected a path that ends in {SESSION_ENDING}, .exr or .png")
         path = Path(path or self._session or "")

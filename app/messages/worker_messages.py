@@ -40,7 +40,7 @@ class Message:
 
 @dataclass(frozen=True)
 class Request(Message):
-    """From the window to the worker; a newer request of one kind cancels the older, and what is built on that.
+    """A message from the window to the worker; a newer request of one kind cancels the older, and what is built on it.
 
     Each class defines what the two processes need to know of its kind. `built_on`: kinds without which it is void.
     `priority`: it is served between the steps of long ones, and must be short itself; the lower number goes first;
@@ -167,7 +167,7 @@ class Shutdown(Request):
 
 @dataclass(frozen=True)
 class Response(Message):
-    """From the worker to the window."""
+    """A message from the worker to the window."""
 
 
 @dataclass(frozen=True, eq=False)

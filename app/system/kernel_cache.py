@@ -42,7 +42,7 @@ def kernel_folder(path: Path) -> str:
 
 @functools.cache
 def kernel_folders() -> tuple[str, ...]:
-    """Those of all the engine's files of kernels."""
+    """The folders of all the engine's files of kernels."""
     return tuple(kernel_folder(path) for path in sorted(_ENGINE.rglob("_*kernels.py")))
 
 

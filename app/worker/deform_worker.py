@@ -161,7 +161,7 @@ class DeformWorker(ModeWorker):
         self, picture: NDArray[np.float32], deform: Deform, camera: CameraDescription, request: DrawDeform,
         split: tuple[float, float],
     ) -> NDArray[np.float32]:  # fmt: skip
-        """The picture, split: to its right paths show the same, and transfer that does not rotate."""
+        """The split picture: from left to right what paths show, transfer that does not rotate, and the picture."""
         from engine.realtime.zonal_harmonics.path_reference import compose_split
 
         stays = deform.draw(camera, request.resolution, request.poses, request.quality, turned=False)

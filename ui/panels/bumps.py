@@ -23,7 +23,7 @@ HINTS = {
     "bump_map": "A grey image of heights that turns the object's normals, under all of its layers: PNG, JPEG or "
     "OpenEXR.",
 }
-_FINEST = 1e-3  # metres: below it heights are dragged at the speed of it
+_FINEST = 1e-3  # metres: smaller heights are dragged at the speed of this one
 
 
 def draw(context: PanelContext, state: ObjectState, width: float) -> list[Action]:

@@ -38,7 +38,7 @@ MODE_WIDTH = 84.0
 RECENT_WIDTH = 320.0
 NOT_SAVED = ": there are edits that no session has yet"
 LEAST_EXPOSURE, LARGEST_EXPOSURE = -8.0, 8.0
-# The drag of a short slider: by its track, a few pixels would be stops.
+# Pixels of a drag per stop: along the short track, a few pixels would be several stops.
 PIXELS_A_STOP = 50.0
 
 

@@ -6,7 +6,7 @@ is drawn from the frame in which all that it changes is there:
 
 - A layer's radiance replaces another of the same light that is no finer. Layers that change together appear together. -
 Under other light all layers and the sky behind them change in one frame, once every pixel has samples of its own,
-  those at edges included; what 400 lights then still lack is not worth the wait.
+  those at edges included; what 400 lights then still lack follows soon.
 - A light that is dragged is followed by quick, complete pictures; a drag of something that the picture has not shown
   yet is followed by coarse ones.
 - The first picture of a view replaces objects lit from the camera, and is as coarse as it comes. - The last stage is
@@ -169,8 +169,8 @@ class PictureTransition:
     def _refined(
         self, document: Document, requested: RequestedTransport, dragging: bool, follows: Mapping[str, str | None]
     ) -> list[PictureEvent]:
-        """Under the light that is on screen: the layers that are no coarser than theirs, if the document can then be
-        drawn."""
+        """Replace, under the light that is on screen, the layers that are no coarser than theirs, if the document can
+        then be drawn."""
         good = {
             key: event for key, event in self._coming.items()
             if requested.is_last or _RANK[event.stage] >= self._least_rank(document, key, dragging)
@@ -184,7 +184,7 @@ class PictureTransition:
     def _replaced(
         self, document: Document, requested: RequestedTransport, dragging: bool, follows: Mapping[str, str | None]
     ) -> list[PictureEvent]:
-        """Under other light: all of the picture, once all of it is there."""
+        """Replace, under other light, all of the picture, once all of it is there."""
         least = _ANY
         if self._desired is not None and not (requested.is_drag or requested.is_last):
             same_light = requested.desired.lights_like(self._desired)
