@@ -45,10 +45,11 @@ N_NODES_LESS = N_NODES - 1
 
 @dataclass(frozen=True, eq=False)
 class Factors:
-    """strengths (3,) in 1/sr; curves (91, 3) with a maximum of 1, positive, at the nodes of `coordinates`.
+    """diffuse, specular and whole (3,): strengths in 1/sr; the others are curves (91, 3) with a maximum of 1, positive,
+    at the nodes of `coordinates`.
 
-    errors: log RMS of the diffuse and specular factors together, and of those of the whole, w P(theta_i) Q(theta_h)
-    P(theta_o) [McCool01].
+    error: log RMS of the diffuse and specular factors together; error_whole: of those of the whole, w P(theta_i)
+    Q(theta_h) P(theta_o) [McCool01].
     """
 
     diffuse: Float64Array

@@ -31,7 +31,7 @@ def query_peaks(
     peaks: PeakLights,
     sharp: NDArray[np.uint64], least_cosine: float, requested: BrdfQueries,
 ) -> int:  # fmt: skip
-    """Fill `asked` with the peaks that are sharp at the corners (3 N, 2) of samples (N,), as `shade_corners` finds
+    """Fill `requested` with the peaks that are sharp at the corners (3 N, 2) of samples (N,), as `shade_corners` finds
     them; return their number. A peak's power is scaled by the interpolation weights of the corners that see it;
     directions refer to the interpolated frame."""
     n_requested = 0
