@@ -140,7 +140,7 @@ def test_bands_are_kept_of_what_may_be_edited(scene: Scene, layers: dict[str, La
     assert mixed.layer("ball.0").bands == (16,) and mixed.layer("ball.0").shape == (16, 1)
     assert mixed.layer("ball.1").bands == tuple(band_counts(layers["ball.1"]).values())
     values = {line: value for line, value, _ in plan_lines(mixed)}
-    assert values["ball.0.theta_i"] == "16 bands, not kept" and values["ball.1.theta_h"] == "64 bands"
+    assert values["ball.0.theta_i"] == "16 bands, not stored" and values["ball.1.theta_h"] == "64 bands"
     assert bandwidth(layers["ball.1"], "theta_h") < EDITABLE_BANDS[THETA_H]
     reasons = {line: reason for line, _, reason in plan_lines(mixed)}
     assert reasons["ball.0.theta_i"] == "as finely as if it were editable"

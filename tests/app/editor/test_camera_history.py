@@ -243,7 +243,7 @@ def test_a_kept_view_is_worth_a_question_and_a_journal(client: FakeClient, tmp_p
 
 def test_a_view_of_more_pixels_than_there_is_memory_is_refused(editor: Editor, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("app.system.memory.memory_bytes", lambda: (2**33, 2**33))
-    refusal = editor.camera_history.set_viewpoint(Viewpoint(ASIDE, (16384, 16384)), "a kept view")
+    refusal = editor.camera_history.set_viewpoint(Viewpoint(ASIDE, (16384, 16384)), "a saved view")
     assert refusal is not None and "8.0 GiB are free; choose fewer" in refusal
     assert editor.view.viewpoint == (None, None) and editor.camera_history.undo() is None
 
