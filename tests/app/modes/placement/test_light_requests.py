@@ -47,7 +47,7 @@ def test_while_the_picture_waits_for_the_light_it_is_said_what_it_is_lit_by(
     assert computed(client)[-1].scene.light.rotation == 90.0
     client.finish_stage("coarse", exact=False)  # not as good as what is on screen
     settled.tick(2.4)
-    assert settled.status.light_note == "shown for 30.0° until 90.0° is as good"
+    assert settled.status.light_note == "shown for 30.0° until 90.0° is ready"
     client.finish_stage("preview", exact=False)
     settled.tick(2.5)
     assert settled.status.light_note == "being refined for 90.0°"
