@@ -411,7 +411,7 @@ class ActionHandler:
         return self._resume_action(outcome)
 
     def _resume_action(self, outcome: FrameOutcome) -> FrameOutcome:
-        """Add the action that waited."""
+        """Carry out the action that waited; returns the outcome with it."""
         action, state = outcome.state.pending_action, replace(outcome.state, pending_action=None)
         return replace(outcome, state=state) if action is None else self._perform(action, replace(outcome, state=state))
 

@@ -13,14 +13,14 @@ from engine.scene.description import MAX_RESOLUTION
 
 
 def picture_size(value: tuple[int, int] | None) -> tuple[int, int] | None:
-    """Check a picture's resolution. Raises BadParameter for one that no picture can have."""
+    """Check a picture's resolution, and return it. Raises BadParameter for one that no picture can have."""
     if value is not None and not all(1 <= side <= MAX_RESOLUTION for side in value):
         raise typer.BadParameter(f"{value[0]} x {value[1]}, expected 1 to {MAX_RESOLUTION} pixels per side")
     return value
 
 
 def window_size(value: tuple[int, int]) -> tuple[int, int]:
-    """Check a window's size. Raises BadParameter for one that no window can have."""
+    """Check a window's size, and return it. Raises BadParameter for one that no window can have."""
     if not (320 <= value[0] <= 8192 and 240 <= value[1] <= 8192):
         raise typer.BadParameter(f"{value[0]} x {value[1]}, expected 320 x 240 to 8192 x 8192")
     return value

@@ -82,7 +82,7 @@ class Cluster:
             self._checked_workers.add(where)
 
     def send(self, paths: Iterable[Path]) -> SceneBundle:
-        """Send the scheduler what it lacks of these files. Raises InsituError."""
+        """Send the scheduler what it lacks of these files; returns their bundle. Raises InsituError."""
         self.require_same_program()
         there = {portable_name(path): path for path in paths}
         try:

@@ -192,7 +192,7 @@ def set_damaged_aside(folder: Path) -> str:
 
 
 def _aside(path: Path) -> Path:
-    """Give a journal a name that is no journal's, if possible."""
+    """Give a journal a name that is no journal's, if possible; returns its path."""
     with contextlib.suppress(OSError):
         return path.rename(path.with_suffix(DAMAGED))
     return path

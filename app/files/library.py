@@ -82,7 +82,7 @@ class Library:
         return found
 
     def save(self, name: str, layers: Layers) -> LibraryEntry:
-        """Store a material under a name among the user's own, replacing one of the same name."""
+        """Store a material under a name among the user's own, replacing one of the same name; returns its entry."""
         name = name.strip()
         if not 0 < len(name) <= MAX_NAME or not name.isprintable():
             raise InsituError(f"{name!r} is no name for a material, expected 1 to {MAX_NAME} characters")

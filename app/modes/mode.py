@@ -163,7 +163,7 @@ class ModeWorker(Protocol):
         """The worker context has another scene, or another traced view."""
 
     def plan(self, layers: Iterable[Layer]) -> tuple[tuple[Layer, dict[str, int]], ...]:
-        """Plan layers before the window sees them."""
+        """Plan layers before the window sees them; returns the number of bands of each, by factor."""
         return ()
 
 

@@ -121,7 +121,8 @@ class ArrayCache:
         return made
 
     def put(self, key: str, arrays: Writable) -> bool:
-        """Store the arrays, or note why not. An `ArrayInPieces` goes to the disk without being whole in memory."""
+        """Store the arrays, or note why not; returns whether they were stored. An `ArrayInPieces` goes to the disk
+        without being whole in memory."""
         size = record_size(arrays, key)
         path = self._path(key, _ENTRY)
         self._accessed_keys.add(path)

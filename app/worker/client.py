@@ -146,7 +146,8 @@ class Client:
         return self._process is not None and self._process.channel.is_checking
 
     def wait(self, timeout_s: float) -> bool:
-        """Sleep until the worker has sent something, `timeout_s` at most: for commands without a window."""
+        """Sleep until the worker has sent something, `timeout_s` at most; returns whether it has. For commands without
+        a window."""
         if self._due or self._process is None:
             return bool(self._due)
         with contextlib.suppress(ChannelClosed):

@@ -402,7 +402,7 @@ class PlacementWorker(ModeWorker):
         return self._selected.get(key)
 
     def _hold(self, data: LayerData) -> LayerData:
-        """Store it as what the newest request is answered from, with the coefficients requested last.
+        """Store it as what the newest request is answered from, with the coefficients requested last, and return it.
 
         A contraction may have been requested since.
         """

@@ -170,7 +170,7 @@ class PictureTransition:
         self, document: Document, requested: RequestedTransport, dragging: bool, follows: Mapping[str, str | None]
     ) -> list[PictureEvent]:
         """Replace, under the light that is on screen, the layers that are no coarser than theirs, if the document can
-        then be drawn."""
+        then be drawn; returns the events."""
         good = {
             key: event for key, event in self._coming.items()
             if requested.is_last or _RANK[event.stage] >= self._least_rank(document, key, dragging)
@@ -184,7 +184,7 @@ class PictureTransition:
     def _replaced(
         self, document: Document, requested: RequestedTransport, dragging: bool, follows: Mapping[str, str | None]
     ) -> list[PictureEvent]:
-        """Replace, under other light, all of the picture, once all of it is there."""
+        """Replace, under other light, all of the picture, once all of it is there; returns the events."""
         least = _ANY
         if self._desired is not None and not (requested.is_drag or requested.is_last):
             same_light = requested.desired.lights_like(self._desired)

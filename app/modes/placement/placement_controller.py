@@ -210,7 +210,7 @@ class PlacementController(ModeController):
         return planned
 
     def _advance_transition(self, document: Document, view: ViewState, planned: bool) -> list[PictureEvent]:
-        """Replace what can be replaced in the picture now, all of it in one frame."""
+        """Replace what can be replaced in the picture now, all of it in one frame; returns the events."""
         controller, change, was_held = self._transport, self._changeover, self._was_held
         requested, dragging = self._requested_transport() if planned else None, self._services.history.dragging
         changes = change.update(document, requested, dragging, self.edited_layers, self._factor)
@@ -246,7 +246,7 @@ class PlacementController(ModeController):
         )
 
     def _compare(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
-        """Follow the choice of side A, and refine its picture."""
+        """Follow the choice of side A, and refine its picture; returns the events."""
         exact = self._picture in ("finished", "exact")
         if view.compare is not self._comparison.document:
             self._comparison.begin(view.compare, exact and view.compare is document)
