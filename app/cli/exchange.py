@@ -21,7 +21,7 @@ def import_brdf(
     smooth: Annotated[float, typer.Option("--smooth", min=0.0, max=1.0, help="Takes noise out of the curves.")] = 0.0,
     cloth: Annotated[bool, typer.Option("--cloth", help="One layer P(θi) Q(θh) P(θo) in place of two.")] = False,
 ) -> int:
-    """Turn measured data into an editable material, and say how well its factors alone fit."""
+    """Turn a measured BRDF into an editable material, and print the fit error."""
     from app.files.brdf_files import import_file, import_lines
     from app.worker.cache import ArrayCache
 
@@ -40,7 +40,7 @@ def export_brdf(
     output: Annotated[Path, typer.Option("-o", "--output", help="OUT.binary (a MERL table) or OUT.toml.")],
     set_: Values = None,
 ) -> int:
-    """Write an object's material, all its layers and edits: as a table of 90 x 90 x 180 angles, or as it is."""
+    """Write the edited material of an object: as a MERL table, or as a material file."""
     from app.document.commands.maps import with_full_names
     from app.files.brdf_files import check_merl_name, export_steps
     from app.files.material_file import SUFFIX, Material, save_material
@@ -72,7 +72,7 @@ def export(
     bounces: Bounces = None,
     resolution: Resolution = None,
 ) -> int:
-    """Write a scene, edits and all, for Mitsuba 3, with a program that renders it."""
+    """Export the edited scene for Mitsuba 3, with a program that renders it."""
     from app.export.mitsuba import export_scene
 
     require_folder(output)

@@ -33,7 +33,7 @@ def precompute(
     scene: Scene = DEFAULT_SCENE, set_: Values = None, lights: Annotated[int | None, LIGHTS] = None,
     resolution: Resolution = None, overrides: Override = None, scheduler: Scheduler = None,
 ) -> int:  # fmt: skip
-    """Fill the cache, so that the editor opens the scene at once; of a session with as many lights as it has."""
+    """Precompute the transport of a scene into the cache, so that the editor opens it at once."""
     from app.cli.precompute import precompute as fill
     from app.cluster.cluster_project import open_on_cluster
 
@@ -58,7 +58,7 @@ def plan(
         bool, typer.Option("--check", help="Also carry it out, with an empty cache, and print what it cost.")
     ] = False,
 ) -> int:
-    """Say what the scene requires, why, and what it will cost."""
+    """Print what the scene requires: settings, reasons and cost."""
     from app.cli.planning import plan_project
 
     started = time.process_time()
