@@ -60,7 +60,7 @@ types-on-%:
 	.venv/bin/mypy --platform $* --cache-dir .mypy_cache/$*
 
 measure: setup
-	$(PYTHON) -m app measure -o out/measure $(ARGS)
+	$(PYTHON) -m benchmarks -o out/measure $(ARGS)
 
 clean:
 	rm -rf .venv out build dist *.egg-info

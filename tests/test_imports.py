@@ -13,9 +13,10 @@ ROOT = Path(__file__).resolve().parents[1]
 
 # The top-level modules that the files of a package must not import.
 FORBIDDEN = {
-    "engine": {"app", "ui", "moderngl", "glcontext", "glfw", "imgui_bundle", "OpenGL", "multiprocessing"},
-    "app": {"ui", "moderngl", "glcontext", "glfw", "imgui_bundle", "OpenGL"},
-    "ui": set[str](),
+    "engine": {"app", "ui", "benchmarks", "moderngl", "glcontext", "glfw", "imgui_bundle", "OpenGL", "multiprocessing"},
+    "app": {"ui", "benchmarks", "moderngl", "glcontext", "glfw", "imgui_bundle", "OpenGL"},
+    "ui": {"benchmarks"},
+    "assets": {"benchmarks"},
 }
 COMPOSITION_ROOT = "app/__main__.py"
 

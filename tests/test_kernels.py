@@ -11,7 +11,8 @@ import numba
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-MODULES = sorted(".".join(path.relative_to(ROOT).with_suffix("").parts) for path in ROOT.glob("engine/**/_*kernels.py"))
+FILES = [path for folder in ("engine", "benchmarks") for path in ROOT.glob(f"{folder}/**/_*kernels.py")]
+MODULES = sorted(".".join(path.relative_to(ROOT).with_suffix("").parts) for path in FILES)
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")

@@ -33,7 +33,7 @@ def build() -> ModuleType:
     [
         ("from app.worker import worker\n", "from insitu.app.worker import worker\n"),
         ("from engine import (\n    plan,\n)\n", "from insitu.engine import (\n    plan,\n)\n"),
-        ("import app.measure as measuring\n", "import insitu.app.measure as measuring\n"),
+        ("import app.worker as worker\n", "import insitu.app.worker as worker\n"),
         ("def f():\n    x = 'é'; from ui.gl import y\n", "def f():\n    x = 'é'; from insitu.ui.gl import y\n"),
         ("from application import app\n", "from application import app\n"),
         ("from . import app\n", "from . import app\n"),

@@ -14,7 +14,7 @@ from engine.core.errors import plain_line, plain_notes
 from engine.planner import Plan, plan_lines
 
 if TYPE_CHECKING:
-    from app.measure.planning import Carried
+    from app.cli.plan_check import ActualCost
 
 Report = Callable[[float, str], None]
 
@@ -64,7 +64,7 @@ def memory_note(plan: Plan, free: int) -> str:
     return f"{who} takes {gib(round(needed))} of main memory, {gib(free)} are free; give a smaller --resolution"
 
 
-def describe_check(plan: Plan, was: Carried) -> str:
+def describe_check(plan: Plan, was: ActualCost) -> str:
     """The actual cost of a plan that was carried out, as one line."""
     cost = plan.cost
     if cost is None:

@@ -74,30 +74,31 @@ def plan(
     if note := memory_note(planned, available_memory()):
         print_line(f"note: {note}")
     if check:
-        from app.measure.planning import carried_out
+        from app.cli.plan_check import carry_out
 
-        print_line(describe_check(planned, carried_out(words, lights)))
+        print_line(describe_check(planned, carry_out(words, lights)))
     print_project_notes(project)
     return 0
 
 
 def measure(
-    output: Annotated[Path, typer.Option("-o", "--output", help="The folder for figures, CSV and plots.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder for the report, CSV and plots.")],
     scene: Scene = DEFAULT_SCENE,
     quick: Annotated[
-        bool, typer.Option("--quick", help="Tiny pictures, to check in two minutes that everything works.")
+        bool, typer.Option("--quick", help="Tiny pictures and few values, to check that everything works.")
     ] = False,
     only: Annotated[
         list[str] | None,
-        typer.Option("--only", metavar="PART", help="One part only: knobs, visibility, planning or figures."),
+        typer.Option("--only", metavar="MODE", help="The settings of one mode only: placement, orbit or deform."),
     ] = None,
 ) -> int:
-    """Measure speed against accuracy on this machine: CSV, plots, figures.json."""
-    from app import measure as measuring
+    """Measure what each setting of a scene costs and brings: errors, seconds, the Pareto front."""
     from app.measure.ending import ended_in_order
+    from app.measure.settings_study import FULL, MODES, QUICK, measure_settings
 
     with ended_in_order():
-        measuring.run(find_source(scene), output, quick, only=only or measuring.PARTS)
+        effort = QUICK if quick else FULL
+        measure_settings(find_source(scene), output, effort, print_line, only or MODES)
     return 0
 
 

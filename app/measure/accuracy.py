@@ -10,13 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from app.measure.speed import ComputedLayer, Precomputed
+from app.measure.precomputed import Precomputed, layer_coefficients
 from app.measure.subject import Subject
+from app.project.project import Project
+from app.stills.stills import render_picture
 from engine.core.threads import on_threads
 from engine.light.environment import Environment
 from engine.light.radiance_files import read_radiance_image
 from engine.material.layer import Layer
 from engine.precompute.direct.pipeline import Placement
+from engine.precompute.indirect.series import BounceSeries
 from engine.render.integrator import integrate_direct
 from engine.render.still import compose
 from engine.scene.primary_hits import PrimaryHits
@@ -57,13 +60,6 @@ def seen_scale(placement: Placement, rows: NDArray[np.integer], layer: Layer) ->
         return np.tile(layer.scale(), (len(rows), 1))
     cosine = np.einsum("pc,pc->p", placement.hits.normal[rows], placement.hits.wo[rows], dtype=np.float64)
     return layer.scale() * layer.curve(view.name)(np.arccos(np.clip(cosine, 0.0, 1.0)))
-
-
-def layer_coefficients(transport: ComputedLayer, layer: Layer | None = None) -> tuple[NDArray, NDArray]:
-    """Band values (J, 3) and (K, 3) of a layer's curves; (1, 3) ones where there is no second curve."""
-    layer = layer or transport.layer
-    curves = [layer.coefficients(name, n) for name, n in transport.bands.items()]
-    return curves[0], (*curves, np.ones((1, 3)))[1]
 
 
 def reflected(done: Precomputed) -> Radiance:
@@ -110,6 +106,17 @@ def random_rows(placement: Placement, n_points: int, seed: int = 3) -> NDArray[n
     """Rows of random points of the picture, ascending."""
     n_points = min(n_points, len(placement.hits.pixel))
     return np.sort(np.random.default_rng(seed).choice(len(placement.hits.pixel), n_points, replace=False))
+
+
+def box_averaged(picture: NDArray[np.floating], n: int) -> Radiance:
+    """Means (H, W, 3) over n × n pixels of (n H, n W, 3)."""
+    height, width = picture.shape[0] // n, picture.shape[1] // n
+    return np.asarray(picture.reshape(height, n, width, n, 3).mean(axis=(1, 3), dtype=np.float64))
+
+
+def direct_picture(project: Project, n_edge_rays: int) -> NDArray[np.floating]:
+    """The still (H, W, 3) of direct light with so many rays through pixels at edges."""
+    return render_picture(replace(project, n_edge_rays=n_edge_rays), lambda step: None, series=BounceSeries(1))
 
 
 # ---------------------------------------------------------------------------------------------------- the references

@@ -1,12 +1,13 @@
-"""The front of each mode: which settings of its knobs no other beats in error and time both.
+"""The Pareto front of each mode: which values of its settings no other beats in error and time both.
 
     python -m app.measure.front [FILE]        writes the table that the slider reads (`app.document.pareto_front`)
 
 Errors are by the picture's own judgement (`engine.render.error_estimate`), by the same looks at the truth; seconds are
 of the processor, from an opened scene to the picture, all bounces of the scene included. Placement: lights, patches and
-rays of a fan of indirect light; bands and sphere levels gain nothing there, as `sweep` shows, and precision and edges
-cost little time. Orbit: points beside the meshes' own, and the coefficients that each keeps. Deform: rays and lobes a
-point, of a bent relief that is matt (`knobs_deform`): what a gloss lacks there, and others' shadows, hang on neither.
+gather rays of indirect light; bands and sphere levels gain nothing there, as docs/accuracy.md shows, and precision and
+edges cost little time. Orbit: points beside the meshes' own, and the coefficients that each keeps. Deform: rays and
+lobes a point, of a bent diffuse relief (`settings_deform`): what a gloss lacks there, and others' shadows, depend on
+neither.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document.pareto_front import FRONT_FILE, FrontPoint, format_front
-from app.measure.knobs_deform import Bench, DeformKnobs
 from app.measure.machine import machine_facts
+from app.measure.settings_deform import BentRelief, DeformValues
 from app.project.project import Project, open_project, with_edges
 from app.stills.stills import layers_by_object, plan_still, still_quality
 from engine.core.generators import run_to_end
@@ -62,7 +63,9 @@ def measure_front(effort: FrontEffort, report: Callable[[str], None]) -> dict[st
         stops = [list(_told(mode, scene, measured(_project(scene, effort.size), effort), report)) for scene in scenes]
         found[mode] = on_the_front([_mean(each) for each in zip(*stops, strict=True)])
     if effort.rays:
-        found["deform"] = on_the_front([*_told("deform", "relief", _deform(Bench(DeformKnobs()), effort), report)])
+        found["deform"] = on_the_front(
+            [*_told("deform", "relief", _deform(BentRelief(DeformValues()), effort), report)]
+        )
     return found
 
 
@@ -131,13 +134,13 @@ def _orbit(project: Project, effort: FrontEffort) -> Iterator[FrontPoint]:
         yield FrontPoint(_knobs(n_points=n_points, n_coefficients=n_coefficients), _judged(project, picture), seconds)
 
 
-def _deform(bench: Bench, effort: FrontEffort) -> Iterator[FrontPoint]:
-    bench.shaded(*effort.rays[0])  # reads kernels
+def _deform(mesh: BentRelief, effort: FrontEffort) -> Iterator[FrontPoint]:
+    mesh.shaded(*effort.rays[0])  # reads kernels
     for n_rays, n_lobes in effort.rays:
         began = time.process_time()
-        shaded = bench.shaded(n_rays, n_lobes)
+        shaded = mesh.shaded(n_rays, n_lobes)
         seconds = (time.process_time() - began) * N_POINTS / len(shaded)
-        yield FrontPoint(_knobs(n_rays=n_rays, n_lobes=n_lobes), bench.error(shaded), seconds)
+        yield FrontPoint(_knobs(n_rays=n_rays, n_lobes=n_lobes), mesh.error(shaded), seconds)
 
 
 def _drawn(project: Project, engine: Orbit) -> NDArray[np.float32]:

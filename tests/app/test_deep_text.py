@@ -50,8 +50,7 @@ def test_a_value_on_the_command_line_is_a_word_when_it_cannot_be_read(value):
 
 
 def test_there_is_one_way_in():
-    """measure/peer_program.py runs in an interpreter that has Mitsuba and not Insitu, on files that we wrote."""
     root = Path(__file__).resolve().parents[2]
     files = (file for folder in ("app", "engine", "ui") for file in (root / folder).rglob("*.py"))
     users = {file.relative_to(root).as_posix() for file in files if "tomllib" in file.read_text(encoding="utf-8")}
-    assert users == {"engine/scene/toml_text.py", "app/measure/peer_program.py"}
+    assert users == {"engine/scene/toml_text.py"}

@@ -45,7 +45,7 @@ def judged(scene: str, n_bounces: int, size: tuple[int, int] = (48, 36), **effor
     return still, still.error
 
 
-# Relative RMS noise of the judges by bounces, as `assets.scripts.judges` told it; that of the others is far below.
+# Relative RMS noise of the judges by bounces, as `benchmarks.room_references` told it; that of the others is far below.
 NOISE = {("room", 1): 0.0118, ("stairwell", 1): 0.0105, ("teatray", 1): 0.0153}
 NOISE |= {("cornell", 4): 0.0086, ("room", 4): 0.0225, ("teatray", 4): 0.0236}
 NOISE |= {("ajar", 4): 0.0375}  # by three times as many paths

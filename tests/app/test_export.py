@@ -18,12 +18,12 @@ from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.export.materials import LEAST_COSINE, grid, tabulated
 from app.export.mitsuba import export_scene
-from app.measure.peer import VARIABLE
 from app.project.project import open_project
 from app.stills.stills import render_picture
 from app.worker.cache import ArrayCache
 from app.worker.dispatcher import RequestDispatcher
 from app.worker.in_process import InProcessClient
+from benchmarks.peer import VARIABLE
 from engine.core.errors import InsituError
 from engine.curve.operators import Operator
 from engine.light.radiance_files import read_radiance_image

@@ -1,16 +1,16 @@
 """Slow, obvious twin of the thesis' visibility methods [BenArtzi07, ch. 8]: one pixel after the other, whole rows of
-answers at a time. What the names mean stands in `engine.visibility.thesis_variants`."""
+answers at a time. What the names mean stands in `benchmarks.thesis_visibility`."""
 
 from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.thesis_visibility import Variant
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.visibility.coherent_grid import grid_steps
 from engine.visibility.targets import Targets
-from engine.visibility.thesis_variants import Variant
 
 Bits = NDArray[np.bool_]
 Rows = NDArray[np.int32]

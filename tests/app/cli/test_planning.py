@@ -14,13 +14,12 @@ from PIL import Image
 
 from app.cli import planning as cli_planning
 from app.cli.output import memory_note
+from app.cli.plan_check import carry_out
 from app.cli.planning import plan_project
 from app.cli.precompute import precompute
 from app.document.view_state import ViewState
 from app.editor.editor import Editor
 from app.files.session import save_session
-from app.measure import planning
-from app.measure.planning import carried_out
 from app.messages.worker_messages import Progress
 from app.project.project import ProjectSpec, open_project
 from app.stills import stills
@@ -120,7 +119,7 @@ def test_memory_and_disk_are_reported_within_a_third(tmp_path: Path) -> None:
     file = tmp_path / "scene.toml"
     file.write_text(GROUND)
     plan = plan_project(open_project(str(file)), lambda step: None)
-    was = carried_out(ProjectSpec(str(file), (150, 100)))
+    was = carry_out(ProjectSpec(str(file), (150, 100)))
     assert plan.cost is not None and was.seconds > 0.0
     assert plan.cost.memory_mib == pytest.approx(was.memory_mib, rel=0.3)
     assert 0.7 < 150 * 100 / (160 * 120) * plan.cost.disk_mib / was.disk_mib < 1.3
@@ -128,7 +127,7 @@ def test_memory_and_disk_are_reported_within_a_third(tmp_path: Path) -> None:
 
 def test_what_cannot_be_carried_out_is_said_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(InsituError, match="nowhere.toml"):
-        carried_out(ProjectSpec(str(tmp_path / "nowhere.toml")))
+        carry_out(ProjectSpec(str(tmp_path / "nowhere.toml")))
 
 
 @pytest.mark.sweep
@@ -139,19 +138,6 @@ def test_they_agree_on_built_in_scenes_that_do_not_say(name: str, tmp_path: Path
     scene = tmp_path / "scene.toml"
     scene.write_text(re.sub(r"(?m)^bounces = .*$", "", scene.read_text()))
     assert planned_bounces_of(str(scene), (64, 48)) == edited(str(scene), (64, 48))
-
-
-def test_the_table_of_plans_says_what_was_planned_and_what_it_was(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(planning, "carried_out", lambda words: planning.Carried(4.0, 400.0, 0.5))
-    told: list[str] = []
-    effort = planning.PlanEffort((scene_of(tmp_path, ground((40, 30))),), ((200, (24, 16), 1),))
-    rows = planning.measure_plans(effort, tmp_path, told.append)
-    written = (tmp_path / "planning.csv").read_text().splitlines()
-    assert [row.triangles for row in rows] == [2, 200 + 16_128] and len(written) == 3 and len(told) == 2
-    first = rows[0]
-    assert first.errors[1] == pytest.approx(first.planned_memory_mib / 400.0 - 1.0)
 
 
 def test_what_the_pilots_take_is_in_the_cost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

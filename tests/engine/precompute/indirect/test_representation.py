@@ -7,8 +7,8 @@ from math import comb
 import numpy as np
 import pytest
 
-from app.measure.dense import DenseTensor
-from app.measure.multisets import NONE, Multisets
+from benchmarks.dense_tensor import DenseTensor
+from benchmarks.multisets import NONE, Multisets
 from engine.core.errors import InsituError
 from engine.core.generators import run_to_end
 from engine.light.environment import constant_environment

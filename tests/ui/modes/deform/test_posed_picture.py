@@ -10,7 +10,8 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.measure.deform import DeformEffort
+from benchmarks.deform import DeformEffort
+from benchmarks.programs.deform import frame_rates
 from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
@@ -24,7 +25,6 @@ from tests.scene_text import camera, placed
 from ui.gl.context import GraphicsError
 from ui.gl.gpu_drawing import VARIABLE, shader_bytes
 from ui.gl.textures import read_texture
-from ui.measure_deform import frame_rates
 from ui.modes.deform.gl.posed_picture import PosedPicture
 
 pytestmark = pytest.mark.gl

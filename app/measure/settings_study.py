@@ -1,0 +1,75 @@
+"""`insitu measure`: the settings of all modes on one scene, speed against accuracy, into a folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import chain
+from pathlib import Path
+
+from app.measure import settings_deform, settings_orbit, settings_placement
+from app.measure.machine import load_average, machine_facts
+from app.measure.settings import CSV, MODES, Setting, measure_values, write_settings
+from app.measure.settings_deform import DeformValues, deform_settings
+from app.measure.settings_orbit import OrbitValues, orbit_settings
+from app.measure.settings_placement import PlacementValues, placement_settings
+from app.measure.settings_report import write_report
+from app.measure.subject import Subject, at_most, open_subject
+from app.project.project import Project, open_project
+from app.system.atomic import make_folder_of, require_place
+from engine.core.errors import InsituError
+
+# What `--only` had before this measured the project itself.
+MOVED = ("figures", "visibility", "planning")
+
+
+@dataclass(frozen=True)
+class StudyEffort:
+    """Which values of each mode's settings are computed, and how often."""
+
+    placement: PlacementValues = field(default_factory=PlacementValues)
+    orbit: OrbitValues = field(default_factory=OrbitValues)
+    deform: DeformValues = field(default_factory=DeformValues)
+    repetitions: int = 3
+
+
+FULL = StudyEffort()
+QUICK = StudyEffort(settings_placement.QUICK, settings_orbit.QUICK, settings_deform.QUICK, 1)
+
+
+def measure_settings(
+    source: str, output: Path, effort: StudyEffort = FULL, report: Callable[[str], None] = print,
+    only: Sequence[str] = MODES, others: Callable[[Subject, Project], Iterable[Setting]] | None = None,
+) -> None:  # fmt: skip
+    """Measure a scene (built-in name or file): settings.csv, front.json, report.md and its plots in a folder.
+
+    report is told what is at work. only: which modes. others: settings to measure after those of the program, of the
+    opened scene. Raises InsituError when the scene cannot be opened or there is no such mode.
+    """
+    for name in only:
+        if name in MOVED:
+            raise InsituError(f"{name!r} measures the project, not a scene: `make measure` of the sources has it")
+        if name not in MODES:
+            raise InsituError(f"no part {name!r}, expected one of {', '.join(MODES)}")
+    make_folder_of(output / CSV)
+    require_place(output / CSV)
+    facts, subject = machine_facts(), open_subject(source)
+    resolution = at_most(subject.scene.resolution, effort.placement.side)
+    subject = replace(subject, scene=replace(subject.scene, resolution=resolution))
+    project = open_project(source, resolution)
+    by_mode: dict[str, Callable[[], Iterable[Setting]]] = {
+        "placement": lambda: placement_settings(subject, effort.placement),
+        "orbit": lambda: orbit_settings(subject, project, effort.orbit),
+        "deform": lambda: deform_settings(effort.deform),
+    }
+    settings = chain.from_iterable(by_mode[mode]() for mode in MODES if mode in only)
+    rows = measure_values(chain(settings, others(subject, project) if others else ()), effort.repetitions, report)
+    context = {
+        "scene": subject.scene.description.name,
+        "resolution": list(resolution),
+        "repetitions": effort.repetitions,
+        "machine": facts,
+        "load_average_after": load_average(),
+    }
+    write_settings(output, rows, context)
+    write_report(output, rows, context)

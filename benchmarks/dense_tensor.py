@@ -1,0 +1,101 @@
+"""The thesis' tensor: at each gather point a number for each band and each multiset of objects [BenArtzi07, eq. 6.6].
+
+    B(x) = Σ_j Σ_z T_jz(x) c_j d̄_z        with d̄_z the product of the albedos of the objects in z
+
+Kept to be measured against, from the same rays and cells: see `representation` for how it does. Layers have one curve
+here, and all bounces after the first go by albedo: a second curve, or bands at the second bounce, would multiply it by
+their number of bands again.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.multisets import NONE, Multisets
+from engine.core.errors import InsituError
+from engine.core.generators import run_to_end
+from engine.precompute.indirect.indirect_layers import IndirectLayer, albedos_of
+from engine.precompute.indirect.indirect_light import IndirectLight
+from engine.precompute.indirect.irradiance import NO_OBJECT, CacheLight, bounce_radiosity
+from engine.precompute.indirect.reflection import OutgoingRadiance
+from engine.precompute.indirect.representation import Freezing, FrozenLight, SelectedCurve
+
+
+class DenseTensor:
+    """T of the layers: J·Z·3 numbers a gather point. Raises InsituError where a layer has two curves."""
+
+    def __init__(self, light: IndirectLight, layers: Sequence[IndirectLayer]) -> None:
+        if any(len(layer.curves.curves) != 1 for layer in layers):
+            raise InsituError("the dense tensor takes layers with one curve, expected no more")
+        self._n_bounces, self._n_objects = light.n_bounces, len(light.points.lobe_axes)
+        self._objects = sorted({layer.i_object for layer in layers})
+        self._sets = Multisets(len(self._objects), light.n_bounces - 1)
+        sent = OutgoingRadiance(
+            radiosity_by_multiset(light.light, self._objects, self._sets, light.n_bounces)[:, 1:], None
+        )
+        self._tensors = [
+            run_to_end(light.points.hemisphere_samples(each.i_object).by_band(each.curves, 0, sent)) for each in layers
+        ]
+
+    @property
+    def n_bytes(self) -> int:
+        return sum(tensor.nbytes for tensor in self._tensors)
+
+    def freeze(
+        self, layers: Sequence[IndirectLayer], edited: int = NO_OBJECT, selected: SelectedCurve | None = None
+    ) -> Freezing:
+        """As `Representation.freeze`; the layers have the models and bands that the tensor was made for."""
+        powers = self._powers(layers, edited)
+        reflected: dict[int, NDArray[np.float32]] = {}
+        bands = np.zeros((3, 0, powers.shape[1], 0), np.float32)
+        for i, (layer, tensor) in enumerate(zip(layers, self._tensors, strict=True)):
+            if selected is not None and selected.layer == i:
+                bands = np.matmul(powers[:, None], tensor)
+            else:
+                curve = layer.curves.curves[0].T.astype(np.float32)[:, None]
+                n_bands, shape = tensor.shape[1], tensor.shape[2:]
+                whole = np.matmul(curve, tensor.reshape(3, n_bands, -1)).reshape(3, *shape)
+                reflected[i] = np.matmul(powers, whole).transpose(2, 1, 0)
+            yield None
+        return FrozenLight(reflected, bands)
+
+    def _powers(self, layers: Sequence[IndirectLayer], edited: int) -> NDArray[np.float32]:
+        """d̄_z / d_i^n where z holds the edited object n times, else 0, (3, D, Z - 1): the others are multiplied."""
+        exponents = self._sets.exponents[1:].copy()
+        n_powers, times = 1, np.zeros(len(exponents), np.int64)
+        if edited in self._objects:
+            place = self._objects.index(edited)
+            n_powers, times = self._n_bounces, exponents[:, place].copy()
+            exponents[:, place] = 0
+        albedos = albedos_of(layers, self._n_objects)[self._objects]
+        products = np.prod(albedos ** exponents[:, :, None], axis=1)
+        powers = np.zeros((3, n_powers, len(exponents)), np.float32)
+        powers[:, times, np.arange(len(exponents))] = products.T
+        return powers
+
+
+def radiosity_by_multiset(
+    light: CacheLight, objects: Sequence[int], sets: Multisets, n_bounces: int
+) -> NDArray[np.float32]:
+    """Radiosity (C, Z, 3) of the cells over the albedos' products, in a picture of N bounces: see `irradiance`."""
+    latest = np.zeros((len(light.objects), len(sets), 3), np.float32)
+    latest[:, 0] = light.irradiance
+    total = latest.copy()
+    for _ in range(n_bounces - 2):
+        bright = np.pad(_times_albedo(latest, light.objects, objects, sets), ((0, 0), (0, 0), (0, 1)))
+        latest = bounce_radiosity(light.records_hit, bright, len(sets))
+        total += latest
+    return _times_albedo(total, light.objects, objects, sets)
+
+
+def _times_albedo(
+    irradiance: NDArray[np.float32], object_of_cell: NDArray[np.int32], objects: Sequence[int], sets: Multisets
+) -> NDArray[np.float32]:
+    """Every number (C, Z, 3) moved to the multiset with its cell's object besides; dark where that has no layer."""
+    out = np.zeros_like(irradiance)
+    for place, i_object in enumerate(objects):
+        mine, joined = np.flatnonzero(object_of_cell == i_object), sets.joined[:, place]
+        known = np.flatnonzero(joined != NONE)
+        out[np.ix_(mine, joined[known])] = irradiance[np.ix_(mine, known)]
+    return out
