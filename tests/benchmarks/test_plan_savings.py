@@ -22,7 +22,7 @@ def test_a_scene_is_drawn_in_both_ways(tmp_path: Path, monkeypatch: pytest.Monke
     # A floor alone lights nothing else: nothing is found of further bounces but with everything on.
     assert (row.bounces, row.n_rays, row.planned_indirect) == (1, 0, 0.0) and row.everything_indirect > 0.0
     assert 0.0 < row.everything_error < 0.02 and 0.0 < row.planned_error < row.everything_error + 0.005
-    written = (tmp_path / "plan_savings.csv").read_text().splitlines()
+    written = (tmp_path / "savings.csv").read_text().splitlines()
     assert written[0].startswith("scene,points") and written[1].startswith("even,") and len(told) == 1
     *_, line = table([row])
     assert "*even*" in line and "the lights' alone" in line
