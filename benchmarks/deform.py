@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 from app.measure.relief import BEND, relief, varied_sky
 from benchmarks.figures import Figure, NotMeasured, not_measured
 from benchmarks.launches import run_program
+from benchmarks.zonal_fit_errors import MESH, fit_errors, random_vectors, shadowed_mesh
 from engine.core.generators import run_to_end
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints, bending_points
 from engine.realtime.zonal_harmonics.deform_engine import N_LOBES, ORDER, Deform, band_light_of, finish_deform
-from engine.realtime.zonal_harmonics.fit_errors import MESH, fit_errors, random_vectors, shadowed_mesh
 from engine.realtime.zonal_harmonics.pose import Deformation, deform
 from engine.realtime.zonal_harmonics.shading import Lobes, lobes, shade
 from engine.realtime.zonal_harmonics.transfer import N_RAYS, TransferPoints, rotate_transfer, simulate_shadows

@@ -18,12 +18,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.accuracy import CLAMP_PERCENTILE, box_averaged, direct_picture, reference_folder
+from app.measure.accuracy import CLAMP_PERCENTILE, box_averaged, direct_picture
 from app.measure.precomputed import precompute_on
 from app.measure.subject import Subject
 from app.project.project import Project, open_project
 from app.stills.stills import layers_by_object, plan_still
 from benchmarks.figures import Figure, not_measured
+from benchmarks.references import reference_folder
 from engine.core.generators import run_to_end
 from engine.precompute.direct.pipeline import FINAL, Placement
 from engine.render.path_tracer import trace_halves

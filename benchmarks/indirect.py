@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from app.measure.accuracy import Errors, errors, masked_reference, reference_folder
+from app.measure.accuracy import Errors, errors
 from app.measure.subject import at_most, open_subject
 from app.project.project import open_project, with_edges
 from app.stills.stills import render_picture
@@ -22,6 +22,7 @@ from benchmarks.indirect_representations import write_rows as write_representati
 from benchmarks.launches import measure_indirect
 from benchmarks.peer import FIGURE as PEER_FIGURE
 from benchmarks.peer import SERIES, peer_figure
+from benchmarks.references import masked_reference, reference_folder
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.series import parse_series
 

@@ -14,13 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
-from app.measure.accuracy import errors, reference_folder
+from app.measure.accuracy import errors
 from app.measure.settings_orbit import finish_orbit, inner_rows
 from app.project.project import Project, open_project
 from app.stills.stills import layers_by_object
 from benchmarks.figures import Figure, NotMeasured, not_measured
 from benchmarks.haar_truncation import Truncated, truncation_errors, write_truncation
 from benchmarks.launches import measure_orbit
+from benchmarks.references import reference_folder
 from engine.light.environment import Environment
 from engine.material.layer import Layer
 from engine.precompute.direct.pipeline import Placement, SkyState

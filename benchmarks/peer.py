@@ -25,11 +25,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.accuracy import CLAMP_PERCENTILE, errors, reference_folder
+from app.measure.accuracy import CLAMP_PERCENTILE, errors
 from app.project.project import Project, open_project
 from app.stills.stills import render_picture
 from benchmarks.figures import Figure, NotMeasured, not_measured
 from benchmarks.launches import run_program
+from benchmarks.references import reference_folder
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.series import parse_series
 from engine.scene.primary_hits import PrimaryHits

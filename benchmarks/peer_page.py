@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from app.measure.accuracy import reference_folder
 from app.project.project import open_project
 from benchmarks.figures import NotMeasured
 from benchmarks.launches import run_program
 from benchmarks.peer import Stills, inner_pixels, peer_python, render_stills
+from benchmarks.references import reference_folder
 from engine.precompute.direct.pipeline import Placement
 
 LONGEST_SECONDS = 3000.0

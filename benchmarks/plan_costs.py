@@ -15,9 +15,9 @@ import numpy as np
 
 from app.cli.plan_check import ActualCost, carry_out
 from app.cli.planning import plan_project
-from app.measure.accuracy import REFERENCES, reference_folder
 from app.project.project import ProjectSpec, open_project
 from app.system.atomic import save_file
+from benchmarks.references import REFERENCES, reference_folder
 from engine.planner import Plan
 from engine.scene.builtin import builtin_scenes
 

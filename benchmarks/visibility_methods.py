@@ -24,11 +24,11 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
-from app.measure.accuracy import reference_folder
 from app.measure.markdown import table
 from app.measure.plots import save_figure
 from app.project.project import Project, open_project
 from app.system.atomic import save_file
+from benchmarks.references import reference_folder
 from benchmarks.thesis_visibility import VARIANTS, variant_visibility, voronoi_targets
 from engine.light.triangle_lights import cut_lights
 from engine.scene.primary_hits import PrimaryHits, trace_primary

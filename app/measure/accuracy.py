@@ -1,14 +1,12 @@
-"""How far a picture is from the truth: our brute-force oracle, and path-traced references where they are at hand."""
+"""The error of a picture against our brute-force oracle."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from app.measure.precomputed import Precomputed, layer_coefficients
 from app.measure.subject import Subject
@@ -16,19 +14,13 @@ from app.project.project import Project
 from app.stills.stills import render_picture
 from engine.core.threads import on_threads
 from engine.light.environment import Environment
-from engine.light.radiance_files import read_radiance_image
 from engine.material.layer import Layer
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.series import BounceSeries
 from engine.render.integrator import integrate_direct
-from engine.render.still import compose
-from engine.scene.primary_hits import PrimaryHits
 
 CLAMP_PERCENTILE = 99.9
 ORACLE_PATCHES = 1024
-REFERENCES = ("teatray", "bunny", "cornell")
-EDGE_ON = 0.01
-"""Of a shading normal to the eye."""
 
 Radiance = NDArray[np.float64]
 
@@ -117,34 +109,3 @@ def box_averaged(picture: NDArray[np.floating], n: int) -> Radiance:
 def direct_picture(project: Project, n_edge_rays: int) -> NDArray[np.floating]:
     """The still (H, W, 3) of direct light with so many rays through pixels at edges."""
     return render_picture(replace(project, n_edge_rays=n_edge_rays), lambda step: None, series=BounceSeries(1))
-
-
-# ---------------------------------------------------------------------------------------------------- the references
-
-
-def reference_folder() -> Path | None:
-    """The folder of path-traced references beside the checkout, if it is there."""
-    folder = Path(__file__).resolve().parents[3] / "shared" / "reference"
-    return folder if folder.is_dir() else None
-
-
-def masked_reference(folder: Path, name: str, n_bounces: int, hits: PrimaryHits) -> tuple[Radiance, NDArray[np.bool_]]:
-    """NAME_N.exr (H, W, 3) and which of its pixels count (H, W): what NAME_mask.png marks, but for points whose shading
-    normal is seen edge on.
-
-    There an interpolated normal may lean away from the eye. It is bent to the eye's side here; the references turn it
-    into the body, a dark dot. Two such pixels of the tea tray's 27,895 made 1.3 % of relRMSE.
-    """
-    mask = np.asarray(Image.open(folder / f"{name}_mask.png").convert("L")) > 127
-    edge_on = np.einsum("pc,pc->p", hits.normal, hits.wo) < EDGE_ON
-    mask.ravel()[hits.pixel[edge_on]] = False
-    return np.asarray(read_radiance_image(folder / f"{name}_{n_bounces}.exr"), np.float64), mask
-
-
-def reference_errors(subject: Subject, done: Precomputed, folder: Path, name: str) -> Errors:
-    """A stage's picture against NAME_1.exr over the pixels that count."""
-    truth, mask = masked_reference(folder, name, 1, done.placement.hits)
-    ours = compose(done.placement, reflected(done), subject.sky)
-    if ours.shape != truth.shape:
-        raise ValueError(f"{name}: picture {ours.shape} and reference {truth.shape}, expected equal shapes")
-    return errors(ours[mask], truth[mask])

@@ -11,13 +11,13 @@ import pytest
 from PIL import Image
 
 import benchmarks.indirect as indirect
-from app.measure.accuracy import masked_reference
 from app.project.project import open_project
 from benchmarks.figures import Figure, NotMeasured
 from benchmarks.indirect import IndirectEffort, indirect_figures
 from benchmarks.indirect_memory import GrowthRow
 from benchmarks.indirect_representations import RepresentationRow as Compared
 from benchmarks.peer import FIGURE as PEER
+from benchmarks.references import masked_reference
 from engine.precompute.direct.pipeline import Placement
 from tests.pictures import write_exr
 

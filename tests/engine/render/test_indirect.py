@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.measure.accuracy import masked_reference
 from app.project.project import open_project, with_edges
 from app.stills.stills import render_picture
+from benchmarks.references import masked_reference
 from engine.light.radiance_files import read_radiance_image
 from engine.precompute.direct.pipeline import Placement
 from engine.precompute.indirect.series import BounceSeries, parse_series

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from engine.core.generators import run_to_end
-from engine.realtime.zonal_harmonics.fit_errors import (
+from benchmarks.zonal_fit_errors import (
     PAPERS_MESH_3,
     PAPERS_RANDOM_6,
     fit_errors,
     random_vectors,
     shadowed_mesh,
 )
+from engine.core.generators import run_to_end
 
 
 def test_random_functions_of_order_6_with_6_lobes() -> None:
