@@ -16,7 +16,7 @@ from app.cli.options import LIGHTS, Lights, Override, Resolution, Scene, Schedul
 from app.cli.output import describe_check, describe_plan, memory_note, print_project_notes, progress
 from app.cli.pictures import render, screenshot
 from app.document.sources import find_source
-from app.files.old_names import upgrade_arguments
+from app.files.old_names import upgrade_arguments, upgrade_part
 from app.project.project import ProjectSpec
 from app.system.memory import available_memory
 from engine.planner import N_LIGHTS
@@ -89,16 +89,18 @@ def measure(
     ] = False,
     only: Annotated[
         list[str] | None,
-        typer.Option("--only", metavar="MODE", help="The settings of one mode only: placement, orbit or deform."),
+        typer.Option(
+            "--only", metavar="PART", help="One part only: settings (of all modes), placement, orbit or deform."
+        ),
     ] = None,
 ) -> int:
     """Measure what each setting of a scene costs and brings: errors, seconds, the Pareto front."""
     from app.measure.ending import ended_in_order
-    from app.measure.settings_study import FULL, MODES, QUICK, measure_settings
+    from app.measure.settings_study import FULL, PARTS, QUICK, measure_settings
 
     with ended_in_order():
-        effort = QUICK if quick else FULL
-        measure_settings(find_source(scene), output, effort, print_line, only or MODES)
+        effort, parts = QUICK if quick else FULL, [upgrade_part(name) for name in only or PARTS]
+        measure_settings(find_source(scene), output, effort, print_line, parts)
     return 0
 
 

@@ -18,6 +18,7 @@ _STEP_KEYS = {"overrule": "override", "keep": "save_view"}
 _AWAITED_PICTURES = {"judged": "error"}
 
 _OPTIONS = {"--overrule": "--override"}
+_MEASURED_PARTS = {"knobs": "settings"}
 
 
 def upgrade_session(tree: Mapping[str, Any]) -> dict[str, Any]:
@@ -43,6 +44,11 @@ def upgrade_arguments(arguments: Sequence[str]) -> list[str]:
     end = arguments.index("--") if "--" in arguments else len(arguments)
     options = [word.partition("=") for word in arguments[:end]]
     return [_OPTIONS.get(name, name) + sign + value for name, sign, value in options] + list(arguments[end:])
+
+
+def upgrade_part(name: str) -> str:
+    """A part of `insitu measure` by its present name."""
+    return _MEASURED_PARTS.get(name, name)
 
 
 def _upgrade_step(step: Mapping[str, Any]) -> dict[str, Any]:

@@ -19,7 +19,9 @@ from app.project.project import Project, open_project
 from app.system.atomic import make_folder_of, require_place
 from engine.core.errors import InsituError
 
-# What `--only` had before this measured the project itself.
+ALL = "settings"
+PARTS: tuple[str, ...] = (ALL, *MODES)
+# The parts that moved to `benchmarks/`.
 MOVED = ("figures", "visibility", "planning")
 
 
@@ -39,18 +41,19 @@ QUICK = StudyEffort(settings_placement.QUICK, settings_orbit.QUICK, settings_def
 
 def measure_settings(
     source: str, output: Path, effort: StudyEffort = FULL, report: Callable[[str], None] = print,
-    only: Sequence[str] = MODES, others: Callable[[Subject, Project], Iterable[Setting]] | None = None,
+    only: Sequence[str] = (ALL,), others: Callable[[Subject, Project], Iterable[Setting]] | None = None,
 ) -> None:  # fmt: skip
     """Measure a scene (built-in name or file): settings.csv, front.json, report.md and its plots in a folder.
 
-    report is told what is at work. only: which modes. others: settings to measure after those of the program, of the
-    opened scene. Raises InsituError when the scene cannot be opened or there is no such mode.
+    report is told what is at work. only: which of `PARTS`, "settings" for all modes. others: settings to measure after
+    those of the program, of the opened scene. Raises InsituError when the scene cannot be opened or there is no such
+    part.
     """
     for name in only:
         if name in MOVED:
             raise InsituError(f"{name!r} measures the project, not a scene: `make measure` of the sources has it")
-        if name not in MODES:
-            raise InsituError(f"no part {name!r}, expected one of {', '.join(MODES)}")
+        if name not in PARTS:
+            raise InsituError(f"no part {name!r}, expected one of {', '.join(PARTS)}")
     make_folder_of(output / CSV)
     require_place(output / CSV)
     facts, subject = machine_facts(), open_subject(source)
@@ -62,7 +65,7 @@ def measure_settings(
         "orbit": lambda: orbit_settings(subject, project, effort.orbit),
         "deform": lambda: deform_settings(effort.deform),
     }
-    settings = chain.from_iterable(by_mode[mode]() for mode in MODES if mode in only)
+    settings = chain.from_iterable(by_mode[mode]() for mode in MODES if ALL in only or mode in only)
     rows = measure_values(chain(settings, others(subject, project) if others else ()), effort.repetitions, report)
     context = {
         "scene": subject.scene.description.name,

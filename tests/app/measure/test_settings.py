@@ -188,7 +188,7 @@ def test_one_mode_alone_and_settings_of_others(tiny_scene: str, tmp_path: Path) 
     ("name", "said"),
     [
         ("figures", "'figures' measures the project, not a scene: `make measure` of the sources has it"),
-        ("speed", "no part 'speed', expected one of placement, orbit, deform"),
+        ("speed", "no part 'speed', expected one of settings, placement, orbit, deform"),
     ],
 )
 def test_a_part_that_is_elsewhere_and_one_that_is_none(name: str, said: str, tmp_path: Path) -> None:
@@ -205,6 +205,15 @@ def test_the_command_line_measures_one_mode(
     assert run(words, Desktop()) == 0
     assert "deform: rays a point" in capsys.readouterr().out
     assert (tmp_path / "out" / REPORT).exists()
+
+
+def test_a_command_line_may_name_parts_as_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found: list[list[str]] = []
+    monkeypatch.setattr("app.measure.settings_study.measure_settings", lambda *given: found.append(given[-1]))
+    for names in (["knobs"], ["settings"], ["orbit", "deform"]):
+        words = [word for name in names for word in ("--only", name)]
+        assert run(["measure", "teatray", "-o", str(tmp_path), *words], Desktop()) == 0
+    assert found == [["settings"], ["settings"], ["orbit", "deform"]]
 
 
 def test_under_lamps_alone_the_skys_settings_are_left_out(tiny_scene: str) -> None:
