@@ -4,10 +4,10 @@ import functools
 import sys
 
 from app.worker.client import Client
+from benchmarks.programs import indirect, renderer
 from tests.ui.quick_worker import HANDLERS
-from ui import measure_gl, measure_indirect
 
 if __name__ == "__main__":
-    measure_gl.Client = functools.partial(Client, HANDLERS)
-    measure_indirect.WARM_UP = 0
-    sys.exit(measure_indirect.main())
+    renderer.Client = functools.partial(Client, HANDLERS)
+    indirect.WARM_UP = 0
+    sys.exit(indirect.main())

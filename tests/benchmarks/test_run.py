@@ -114,7 +114,7 @@ def test_a_part_alone_and_one_that_is_none(tiny_scene: str, tmp_path: Path) -> N
     effort = replace(EFFORT, visibility=VisibilityEffort((Size(17, 50),), {"tiny": "shapes"}))
     assert run(tiny_scene, tmp_path, report=lambda line: None, effort=effort, only=["visibility"]) == []
     assert {file.name for file in tmp_path.iterdir()} == {"visibility.csv", "visibility.md", "visibility.png"}
-    with pytest.raises(InsituError, match="no part 'speed', expected one of knobs, figures, visibility"):
+    with pytest.raises(InsituError, match="no part 'speed', expected one of settings, figures, visibility"):
         run(tiny_scene, tmp_path, only=["speed"])
 
 
