@@ -133,12 +133,12 @@ class Scene:
     def error(
         self, mode: Mode = "placement", *, bounces: int | None = None, resolution: tuple[int, int] | None = None
     ) -> ErrorEstimate:
-        """The error of that picture: relative RMS errors, `total`, `direct` and `indirect`, estimated by tracing some
+        """The error of that picture: relative RMS errors, `overall`, `direct` and `indirect`, estimated by tracing some
         of its points; within about a factor of two. Arguments: as of `image`. Raises insitu.Error.
 
         >>> import insitu
         >>> error = insitu.open("shapes", resolution=(48, 32)).error(bounces=1)
-        >>> 0.0 < error.total < 0.1
+        >>> 0.0 < error.overall < 0.1
         True
         """
         return self._pictures.error(self._seen_in(resolution), mode, bounces)

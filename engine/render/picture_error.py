@@ -18,7 +18,7 @@ class ErrorEstimate:
 
     direct: of direct light, None if a picture's parts are not known; indirect: of indirect light, None if the picture
     has none; whole: of both together, remaining noise included, None if there is only direct light. Each is an
-    estimate, within about a factor of two. mostly: the object that has more than half of it, "" if none has or the
+    estimate, within about a factor of two. worst_object: the one with more than half of it, "" if none has or the
     parts are known.
     """
 
