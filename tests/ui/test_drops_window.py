@@ -67,7 +67,7 @@ def test_a_sky_and_a_measurement_are_a_step_each(real: RealWindow, files: Path) 
 def test_all_else_is_refused_in_a_line(real: RealWindow, files: Path, names: list[str], line: str) -> None:
     real.fresh()
     real.do("stage.before = editor.document; state.message and setattr(shell, 'state', "
-            "__import__('dataclasses').replace(state, notice=None))")  # fmt: skip
+            "__import__('dataclasses').replace(state, message=None))")  # fmt: skip
     opened = real.ask(OPENED)
     drop(real, *[files / name for name in names])
     assert line in real.notice() and bool(line) == bool(real.notice())

@@ -85,7 +85,7 @@ for _ in range(2):  # fitted, and read from the disk
     for says in (DeformSurface(), *(DeformSurface(**kind) for kind in kinds)):
         for request in (
             replace(prepare, surfaces=(("ball", says),)), draw, replace(draw, quality="moving"),
-            replace(draw, poses=()), replace(draw, fit_error=True), replace(draw, known=NO_PARTS),
+            replace(draw, poses=()), replace(draw, fit_error=True), replace(draw, sent_parts=NO_PARTS),
         ):
             client.send(request)
             answers += client.poll(budget_s=float("inf"))

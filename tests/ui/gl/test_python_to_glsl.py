@@ -27,7 +27,7 @@ def half(x: float) -> float:
     return HALF * x
 
 
-def pick(kind: int, q: Array, x: float) -> float:
+def pick(kind: int, q: Float64Array, x: float) -> float:
     if kind == ONE:
         return q[ONE] * x
     elif kind == TWO and ONE == 1:
@@ -35,7 +35,7 @@ def pick(kind: int, q: Array, x: float) -> float:
     return 0.0
 
 
-def whole(q: Array, x: float, y: float) -> float:
+def whole(q: Float64Array, x: float, y: float) -> float:
     a, b = half(x) + TINY, y
     a, b = b, a
     low = x < 0.0 or not y <= 0.25
@@ -104,7 +104,7 @@ def test_the_language_means_what_it_means_in_python(source: PythonSource, passes
     name = translation.function(source, "whole", {}, {})
     x, y = np.random.default_rng(1).uniform(-1.0, 1.0, (2, 400)).astype(np.float32).astype(np.float64)
     scope: dict[str, object] = {}
-    exec(compile(LANGUAGE.replace(": Array", ""), "language.py", "exec"), scope)  # noqa: S102  the text above
+    exec(compile(LANGUAGE.replace(": Float64Array", ""), "language.py", "exec"), scope)  # noqa: S102  the text above
     expected = [scope["whole"](Q, *pair) for pair in zip(x, y, strict=True)]  # type: ignore[operator]
     found = computed(passes, translation.text, f"{name}(Q, xy.x, xy.y)", x, y)
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6)
@@ -168,7 +168,7 @@ REFUSED = {
 @pytest.mark.parametrize("body", REFUSED)
 def test_what_has_no_counterpart_is_named(tmp_path: Path, body: str) -> None:
     file = tmp_path / "velour.py"
-    file.write_text(f"import math\n\n\ndef quotient(q: Array, x: float) -> float:\n    {body}\n", encoding="utf-8")
+    file.write_text(f"import math\n\n\ndef quotient(q: Float64Array, x: float) -> float:\n    {body}\n", encoding="utf-8")
     with pytest.raises(Untranslatable) as refused:
         Translation().function(PythonSource.read(file), "quotient", {}, {})
     assert "velour.py:" in str(refused.value) and REFUSED[body] in str(refused.value)
