@@ -168,7 +168,8 @@ REFUSED = {
 @pytest.mark.parametrize("body", REFUSED)
 def test_what_has_no_counterpart_is_named(tmp_path: Path, body: str) -> None:
     file = tmp_path / "velour.py"
-    file.write_text(f"import math\n\n\ndef quotient(q: Float64Array, x: float) -> float:\n    {body}\n", encoding="utf-8")
+    source = f"import math\n\n\ndef quotient(q: Float64Array, x: float) -> float:\n    {body}\n"
+    file.write_text(source, encoding="utf-8")
     with pytest.raises(Untranslatable) as refused:
         Translation().function(PythonSource.read(file), "quotient", {}, {})
     assert "velour.py:" in str(refused.value) and REFUSED[body] in str(refused.value)
