@@ -51,7 +51,7 @@ def dropped(open_window, names):
 def on_frame(open_window):
     editor = open_window.editor
     if open_window.shell.state.pending_action is not None:
-        open_window.shell.request(AnswerUnsaved(saves=False))
+        open_window.shell.request(AnswerUnsaved(is_saved=False))
         return False
     if editor.status.picture != "exact":
         return False

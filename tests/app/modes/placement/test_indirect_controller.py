@@ -21,8 +21,8 @@ LIFT = Operator("amplify", "y", 0.0, 0.0, 1.0, 1.2, magnitude=2.0)
 ROWS, WEIGHTS = np.zeros((4, 4), np.int32), np.full((4, 4), 0.25, np.float32)
 
 
-class Talk:
-    """A talk under way about the scene of the fake worker."""
+class StartedController:
+    """A controller at work on the scene of the fake worker."""
 
     def __init__(self) -> None:
         self.client, self.curves, self.now = FakeClient(), Curves(), 0.0
@@ -69,15 +69,15 @@ class Talk:
 
 
 @pytest.fixture
-def talk() -> Talk:
-    return Talk()
+def controller() -> StartedController:
+    return StartedController()
 
 
-def test_direct_light_asks_for_nothing(controller: Talk) -> None:
+def test_direct_light_asks_for_nothing(controller: StartedController) -> None:
     assert controller.update(n_bounces=1) == [] and not controller.asked and controller.controller.is_complete
 
 
-def test_one_freezing_and_then_the_sums(controller: Talk) -> None:
+def test_one_freezing_and_then_the_sums(controller: StartedController) -> None:
     controller.update()
     controller.update()
     assert len(controller.asked) == 1 and (controller.asked[0].key, controller.asked[0].factor) == ("pot.1", 0)
@@ -96,7 +96,7 @@ def test_one_freezing_and_then_the_sums(controller: Talk) -> None:
     assert controller.controller.is_complete and controller.update() == []
 
 
-def test_the_selected_curve_needs_no_other_freezing_and_moves_all_layers(controller: Talk) -> None:
+def test_the_selected_curve_needs_no_other_freezing_and_moves_all_layers(controller: StartedController) -> None:
     controller.update()
     controller.found()
     controller.frozen()
@@ -106,7 +106,7 @@ def test_the_selected_curve_needs_no_other_freezing_and_moves_all_layers(control
     assert len(controller.asked) == 1 and not controller.controller.is_complete
 
 
-def test_a_layer_that_shares_the_curve_needs_no_other_freezing_either(controller: Talk) -> None:
+def test_a_layer_that_shares_the_curve_needs_no_other_freezing_either(controller: StartedController) -> None:
     controller.document = SetFresnelTerm("pot.1", True).apply(controller.document)
     controller.update()
     controller.found()
@@ -120,7 +120,7 @@ def test_a_layer_that_shares_the_curve_needs_no_other_freezing_either(controller
     assert len(controller.asked) == 2
 
 
-def test_what_a_glossy_object_sends_is_frozen_anew_once_the_hand_rests(controller: Talk) -> None:
+def test_what_a_glossy_object_sends_is_frozen_anew_once_the_hand_rests(controller: StartedController) -> None:
     controller.update()
     controller.found()
     controller.frozen()
@@ -136,7 +136,7 @@ def test_what_a_glossy_object_sends_is_frozen_anew_once_the_hand_rests(controlle
     assert len(controller.asked) == 2
 
 
-def test_the_second_bounce_has_as_many_bands_as_are_asked_for(controller: Talk) -> None:
+def test_the_second_bounce_has_as_many_bands_as_are_asked_for(controller: StartedController) -> None:
     for second in (None, 8, 1):
         controller.update(second=second)
         controller.found()
@@ -145,7 +145,7 @@ def test_the_second_bounce_has_as_many_bands_as_are_asked_for(controller: Talk) 
     assert [request.second_bands for request in controller.asked] == [None, 8, 1]
 
 
-def test_other_bands_at_the_first_bounce_are_frozen_anew(controller: Talk) -> None:
+def test_other_bands_at_the_first_bounce_are_frozen_anew(controller: StartedController) -> None:
     controller.update()
     controller.found()
     controller.frozen()
@@ -156,7 +156,7 @@ def test_other_bands_at_the_first_bounce_are_frozen_anew(controller: Talk) -> No
     assert look.bands == (16, 16)
 
 
-def test_a_freezing_is_awaited_once_there_is_light_to_freeze(controller: Talk) -> None:
+def test_a_freezing_is_awaited_once_there_is_light_to_freeze(controller: StartedController) -> None:
     assert not controller.controller.awaits_frozen
     controller.update()
     assert not controller.controller.awaits_frozen  # finding the light takes long
@@ -166,7 +166,7 @@ def test_a_freezing_is_awaited_once_there_is_light_to_freeze(controller: Talk) -
     assert not controller.controller.awaits_frozen
 
 
-def test_noise_is_that_of_the_light_on_screen(controller: Talk) -> None:
+def test_noise_is_that_of_the_light_on_screen(controller: StartedController) -> None:
     controller.update()
     controller.found(1)
     controller.frozen(1, noise=None)
@@ -186,7 +186,7 @@ def test_noise_is_that_of_the_light_on_screen(controller: Talk) -> None:
     assert controller.controller.noise is None and not controller.controller.is_complete
 
 
-def test_what_is_frozen_by_hand_costs_no_bands(controller: Talk) -> None:
+def test_what_is_frozen_by_hand_costs_no_bands(controller: StartedController) -> None:
     controller.document = SetFrozen("pot", True).apply(controller.document)
     controller.update()
     assert [(request.key, request.factor) for request in controller.asked] == [(None, None)]
@@ -196,7 +196,7 @@ def test_what_is_frozen_by_hand_costs_no_bands(controller: Talk) -> None:
     assert (controller.asked[-1].key, controller.asked[-1].factor) == ("pot.1", 0)
 
 
-def test_the_noise_of_a_diffuse_object_is_measured_again_when_idle(controller: Talk) -> None:
+def test_the_noise_of_a_diffuse_object_is_measured_again_when_idle(controller: StartedController) -> None:
     selected = Selection("floor", 0, "theta_i")
     controller.update(selected)
     controller.found()
@@ -211,7 +211,7 @@ def test_the_noise_of_a_diffuse_object_is_measured_again_when_idle(controller: T
     assert controller.controller.noise == 3.76 and controller.controller.is_complete
 
 
-def test_an_answer_to_an_older_request_is_not_taken_for_the_newer(controller: Talk) -> None:
+def test_an_answer_to_an_older_request_is_not_taken_for_the_newer(controller: StartedController) -> None:
     controller.update()
     controller.found()
     late = controller.asked[-1]
@@ -226,7 +226,7 @@ def test_an_answer_to_an_older_request_is_not_taken_for_the_newer(controller: Ta
 
 
 @pytest.mark.parametrize(("key", "factor"), [("pot.1", "theta_d"), ("floor.0", "theta_i"), ("pot.0", "theta_i")])
-def test_any_other_curve_is_frozen_anew(controller: Talk, key: str, factor: str) -> None:
+def test_any_other_curve_is_frozen_anew(controller: StartedController, key: str, factor: str) -> None:
     controller.update()
     controller.found()
     controller.frozen()
@@ -236,7 +236,7 @@ def test_any_other_curve_is_frozen_anew(controller: Talk, key: str, factor: str)
     assert controller.update() and controller.controller.is_complete
 
 
-def test_another_selection_keeps_the_picture_until_its_freezing_is_here(controller: Talk) -> None:
+def test_another_selection_keeps_the_picture_until_its_freezing_is_here(controller: StartedController) -> None:
     controller.update()
     controller.found()
     controller.frozen()
@@ -248,7 +248,7 @@ def test_another_selection_keeps_the_picture_until_its_freezing_is_here(controll
     assert {event.key for event in controller.update(Selection("floor", 0, "theta_i"))} == {"pot.0", "pot.1", "floor.0"}
 
 
-def test_one_request_at_a_time_but_patience_ends(controller: Talk) -> None:
+def test_one_request_at_a_time_but_patience_ends(controller: StartedController) -> None:
     controller.update()
     controller.edit("floor.0", "theta_i", LIFT)
     controller.update()
@@ -258,14 +258,14 @@ def test_one_request_at_a_time_but_patience_ends(controller: Talk) -> None:
     assert len(controller.asked) == 2
 
 
-def test_what_belongs_to_other_samples_is_not_shown(controller: Talk) -> None:
+def test_what_belongs_to_other_samples_is_not_shown(controller: StartedController) -> None:
     controller.update()
     controller.found(number=2)
     controller.frozen(number=1)
     assert controller.update() == []
 
 
-def test_a_rough_light_is_not_the_last(controller: Talk) -> None:
+def test_a_rough_light_is_not_the_last(controller: StartedController) -> None:
     controller.update()
     controller.found(1, "rough")
     controller.frozen(1)
@@ -276,7 +276,7 @@ def test_a_rough_light_is_not_the_last(controller: Talk) -> None:
     assert controller.update() and controller.controller.is_complete
 
 
-def test_light_brings_the_footprint_of_its_own_samples(controller: Talk) -> None:
+def test_light_brings_the_footprint_of_its_own_samples(controller: StartedController) -> None:
     controller.update()
     controller.found(1, "rough")
     controller.frozen(1)
@@ -286,7 +286,7 @@ def test_light_brings_the_footprint_of_its_own_samples(controller: Talk) -> None
     assert {int(event.footprint.rows[0, 0]) for event in controller.update()} == {2}
 
 
-def test_light_of_the_transport_before_is_not_the_last(controller: Talk) -> None:
+def test_light_of_the_transport_before_is_not_the_last(controller: StartedController) -> None:
     controller.update(revision=1)
     controller.found(revision=1)
     controller.frozen()
@@ -300,7 +300,7 @@ def test_light_of_the_transport_before_is_not_the_last(controller: Talk) -> None
     assert controller.controller.is_complete
 
 
-def test_a_new_worker_begins_anew(controller: Talk) -> None:
+def test_a_new_worker_begins_anew(controller: StartedController) -> None:
     controller.update()
     controller.found()
     controller.frozen()
@@ -310,13 +310,13 @@ def test_a_new_worker_begins_anew(controller: Talk) -> None:
     assert len(controller.asked) == 2 and not controller.controller.is_complete and controller.controller.is_shown
 
 
-def test_a_new_transport_is_told_what_to_freeze(controller: Talk) -> None:
+def test_a_new_transport_is_told_what_to_freeze(controller: StartedController) -> None:
     controller.update(revision=1)
     controller.update(revision=2)
     assert [request.revision for request in controller.asked] == [1, 2]
 
 
-def test_a_hidden_layer_sends_nothing_on(controller: Talk) -> None:
+def test_a_hidden_layer_sends_nothing_on(controller: StartedController) -> None:
     state = controller.document.object("floor")
     hidden = replace(state, layers=tuple(layer.replace(visible=False) for layer in state.layers))
     objects = tuple(hidden if each.name == "floor" else each for each in controller.document.objects)
@@ -325,7 +325,7 @@ def test_a_hidden_layer_sends_nothing_on(controller: Talk) -> None:
     assert {look.key for look in controller.asked[-1].scene.visible} == {"pot.0", "pot.1"}
 
 
-def test_fewer_bounces_take_it_away(controller: Talk) -> None:
+def test_fewer_bounces_take_it_away(controller: StartedController) -> None:
     controller.update()
     controller.found()
     controller.frozen()
@@ -335,7 +335,7 @@ def test_fewer_bounces_take_it_away(controller: Talk) -> None:
     }  # fmt: skip
 
 
-def test_light_comes_in_units_of_its_own(controller: Talk) -> None:
+def test_light_comes_in_units_of_its_own(controller: StartedController) -> None:
     controller.update()
     controller.found()
     wish = controller.asked[-1]
@@ -352,7 +352,7 @@ def test_light_comes_in_units_of_its_own(controller: Talk) -> None:
     assert not controller.controller.is_clamped
 
 
-def test_an_albedo_beyond_all_bounds_is_bright_where_there_is_light_and_said(controller: Talk) -> None:
+def test_an_albedo_beyond_all_bounds_is_bright_where_there_is_light_and_said(controller: StartedController) -> None:
     # d = 1e19: d² is 1e38 and fits, times 100 it does not. Where nothing comes by that power, nothing is shown.
     controller.update()
     controller.found()

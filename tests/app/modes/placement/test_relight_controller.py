@@ -22,7 +22,7 @@ def sent() -> list[Request]:
 
 
 @pytest.fixture
-def talk(sent: list[Request]) -> RelightController:
+def controller(sent: list[Request]) -> RelightController:
     def send(request: Request) -> int:
         sent.append(request)
         return len(sent)
