@@ -266,7 +266,7 @@ def test_a_surface_is_the_documents_and_deforms_alone() -> None:
     take_picture(table)
     table.update()
     status = controller.status(Status())
-    assert status.alone == (NAME,) and status.picture == "finished" and not controller.is_placement_active
+    assert status.deform_only == (NAME,) and status.picture == "finished" and not controller.is_placement_active
     assert NAME in status.no_estimate_reason  # nobody finds out where it is off
     table.view = replace(table.view, split=(0.3, 0.6))
     table.history.do(SetSurface(NAME, ""))

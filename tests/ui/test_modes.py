@@ -45,7 +45,7 @@ class Painted(Response, PictureEvent):
     pixels: NDArray[np.uint8]
 
 
-class FlatTalk(ModeController):
+class FlatController(ModeController):
     def __init__(self, desk: EditorServices) -> None:
         self._desk, self._asked = desk, None
 
@@ -92,7 +92,7 @@ class FlatSource(PictureSource):
         return False
 
 
-FLAT = Mode("flat", "Flat", FlatTalk, f"{__name__}:FlatWork", f"{__name__}:FlatSource")
+FLAT = Mode("flat", "Flat", FlatController, f"{__name__}:FlatWork", f"{__name__}:FlatSource")
 
 
 @pytest.fixture
@@ -166,8 +166,8 @@ def test_a_picture_stays_until_the_mode_that_was_chosen_has_one(
     assert feed is not None and feed.picture is not None
     before = feed.picture.read()
     with monkeypatch.context() as patch:  # a mode that asks for nothing, and waits
-        patch.setattr(FlatTalk, "update", lambda *arguments: [])
-        patch.setattr(FlatTalk, "status", lambda self, status: status)
+        patch.setattr(FlatController, "update", lambda *arguments: [])
+        patch.setattr(FlatController, "status", lambda self, status: status)
         editor.do(SetView.of(mode="flat"))
         window.frames(4)
         assert isinstance(feed.source, FlatSource) and feed.picture.read() == before
