@@ -83,7 +83,9 @@ def deform_figures(effort: DeformEffort | None, report: Callable[[str], None]) -
             "zh_error_mesh_3", (of_mesh,), f"3 lobes, points of the built-in {' '.join(MESH)} with its shadows; {NORM}"
         ),
         Figure("zh_fit_s", (seconds,), f"rays and {N_LOBES} lobes, {how}", {"processor_s": cpu}),
-        Figure("deform_fps", tuple(_frames(scene, effort)), f"{how}, {N_LOBES} lobes, matt, another pose each frame"),
+        Figure(
+            "deform_fps", tuple(_frames(scene, effort)), f"{how}, {N_LOBES} lobes, diffuse, another pose each frame"
+        ),
         _on_graphics_card(effort),
         Figure("deform_error_bent", (ours,), bent),
         Figure("deform_error_undeformed", (undeformed,), f"{bent}; transfer as at rest, not turned"),
@@ -123,8 +125,8 @@ def _on_graphics_card(effort: DeformEffort) -> Figure:
         except NotMeasured as reason:
             return not_measured(name, str(reason))
         found = json.loads(output.read_text())
-    how = f"shaders on {found['renderer']}: matt, another pose each frame, which is computed and sent"
-    return Figure(name, tuple(found["matt"]), how, {"glossy": statistics.median(found["glossy"])})
+    how = f"shaders on {found['renderer']}: diffuse, another pose each frame, which is computed and sent"
+    return Figure(name, tuple(found["diffuse"]), how, {"glossy": statistics.median(found["glossy"])})
 
 
 def _frames(scene: Scene, effort: DeformEffort) -> list[float]:

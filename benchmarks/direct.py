@@ -55,7 +55,7 @@ def _times(done: Precomputed) -> dict[str, float]:
 
 def visibility_figures(subject: Subject, effort: Effort) -> list[Figure]:
     """On the built-in shapes and the reference bunny, at the resolution of the built-in scenes: what neighbours share
-    grows with it, the bunny's own is half as fine. The scene itself is told beside them."""
+    grows with it, the bunny's own is half as fine. The scene itself stands beside them."""
     ratios: dict[str, list[Ratio]] = {}
     wrong: dict[str, float] = {}
     folder = reference_folder()

@@ -1,7 +1,7 @@
 """How the memory of indirect light grows with the number of objects: one room, cut into more and more of them.
 
-The triangles of all that reflects are dealt out in their order, so that light goes the same ways and only whose they
-are is another. Counted is what the worker keeps and what it hands out when one object is frozen.
+The triangles of all that reflects are dealt out in their order: light takes the same paths, and only the objects that
+the triangles belong to differ. Counted is what the worker keeps and what it hands out when one object is frozen.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 `python -m benchmarks.large_scenes [TRIANGLES ...]`.
 
 The scene is a landscape of so many triangles under the built-in sky: broad hills, stones and grit of half a triangle's
-size, matt earth with a gloss over it. Each size is measured in a process of its own, in seconds of processor time, of
-both cores together: what other programs do meanwhile changes these little.
+size, diffuse earth with a gloss over it. Each size is measured in a process of its own, in seconds of processor time,
+of both cores together: what other programs do meanwhile changes these little.
 """
 
 from __future__ import annotations

@@ -47,16 +47,16 @@ def material(layers: list[dict[str, Any]]) -> dict[str, Any]:
     unknown = set(parts) - {"lambert", "rough_conductor"}
     if unknown or len(parts) < len(layers):
         sys.exit(f"layers {[layer['model'] for layer in layers]}: no counterpart")
-    matt, metal = parts.get("lambert"), parts.get("rough_conductor")
+    lambert, metal = parts.get("lambert"), parts.get("rough_conductor")
     if not parts:
         return diffuse(0.0, 1.0)
     if metal is None:
         return both_sides(diffuse(parts["lambert"]["albedo"], 1.0))
-    if matt is None:
+    if lambert is None:
         return both_sides(conductor(metal, 1.0))
     share = float(np.clip(metal.get("scale", 1.0), 0.05, 0.95))
     blend = {"type": "blendbsdf", "weight": share}
-    blend |= {"first": diffuse(matt["albedo"], 1.0 - share), "second": conductor(metal, share)}
+    blend |= {"first": diffuse(lambert["albedo"], 1.0 - share), "second": conductor(metal, share)}
     return both_sides(blend)
 
 

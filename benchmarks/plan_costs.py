@@ -63,7 +63,7 @@ class PlanEffort:
 
 
 def measure_plans(effort: PlanEffort, output: Path, report: Callable[[str], None]) -> tuple[PlanRow, ...]:
-    """The rows, as `planning.csv` has them; report is told each."""
+    """The rows, as `planning.csv` has them; report gets a line for each."""
     rows: list[PlanRow] = []
     with tempfile.TemporaryDirectory(prefix="insitu-measure-") as folder:
         sources = effort.scenes or (*builtin_scenes(), *_references())

@@ -105,7 +105,7 @@ class _Drawn:
 
 
 def saving(project: Project, name: str) -> SavingRow:
-    """Draw a scene in both ways."""
+    """Draw a scene with everything on and as planned."""
     plan = plan_still(project)
     small = _of_pixels(project, KERNEL_PIXELS)  # reads kernels
     _draw_everything(small, plan)

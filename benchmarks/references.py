@@ -34,8 +34,8 @@ def masked_reference(
     """NAME_N.exr (H, W, 3) and which of its pixels count (H, W): what NAME_mask.png marks, but for points whose shading
     normal is seen edge-on.
 
-    There an interpolated normal may lean away from the eye. It is bent to the eye's side here; the references turn it
-    into the body, a dark dot. Two such pixels of the tea tray's 27,895 made 1.3 % of relRMSE.
+    There an interpolated normal may lean away from the camera. It is bent to the camera's side here; the references
+    turn it into the body, a dark dot. Two such pixels of the tea tray's 27,895 made 1.3 % of relRMSE.
     """
     mask = np.asarray(Image.open(folder / f"{name}_mask.png").convert("L")) > 127
     edge_on = np.einsum("pc,pc->p", hits.normal, hits.wo) < EDGE_ON

@@ -1,4 +1,4 @@
-"""What a turned sky costs in Placement once rows are there, and how far off it is [BenArtzi07, 7.2].
+"""What a rotated sky costs in Placement once its rows are there, and its error [BenArtzi07, 7.2].
 
 The worker's own requests are carried out in this process, as the window asks them: the exact picture, its rows, then
 the sky turned. Beside it the quick picture that a turn had before: processor time alone, as it has other pixels.
@@ -35,7 +35,7 @@ Pictures = dict[str, NDArray[np.floating]]
 
 @dataclass(frozen=True)
 class RelightEffort:
-    """The picture, by how many degrees the sky is turned for the error and for what else is told, frames timed."""
+    """The picture, by how many degrees the sky turns for the error and for the other figures, frames timed."""
 
     resolution: tuple[int, int] = (160, 120)
     turns: tuple[float, ...] = (5.0, 77.0)

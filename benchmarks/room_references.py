@@ -1,7 +1,7 @@
-"""The judges of the rooms in small: `python -m benchmarks.room_references [FOLDER] [ROOM ...]`.
+"""The small references of the rooms: `python -m benchmarks.room_references [FOLDER] [ROOM ...]`.
 
 Path-traced pictures of 48 × 36 pixels, with direct light alone (ROOM_1.exr) and with the scene's bounces (ROOM_4.exr),
-and of the storeroom's balls through a window (BALL_1.exr, BALL_2.exr), as the tests keep them; their noise is told.
+and of the storeroom's balls through a window (BALL_1.exr, BALL_2.exr), as the tests keep them; prints their noise.
 """
 
 from __future__ import annotations

@@ -51,8 +51,8 @@ def run(
     of scenes after the thesis'.
 
     quick: tiny pictures and single repetitions, to see that all is well; such numbers say nothing about speed. report
-    is told what is at work and, in the end, every figure. only: which of `PARTS`. Raises InsituError when the scene
-    cannot be opened or there is no such part.
+    gets a line for each step and, at the end, for each figure. only: which of `PARTS`. Raises InsituError when the
+    scene cannot be opened or there is no such part.
     """
     if unknown := [name for name in only if name not in PARTS]:
         raise InsituError(f"no part {unknown[0]!r}, expected one of {', '.join(PARTS)}")

@@ -230,11 +230,11 @@ def _speed(row: VisibilityRow, truth: VisibilityRow) -> str:
 
 def _beside(
     rows: Sequence[VisibilityRow], size: tuple[int, int], thesis: Mapping[str, tuple[float, ...]],
-    told: Callable[[VisibilityRow, VisibilityRow], str],
+    cell_text: Callable[[VisibilityRow, VisibilityRow], str],
 ) -> str:  # fmt: skip
     scenes, lines = _scenes(rows), []
     for method in METHODS:
-        cells = [told(_one(rows, scene, *size, method), _one(rows, scene, *size, TRUE)) for scene in scenes]
+        cells = [cell_text(_one(rows, scene, *size, method), _one(rows, scene, *size, TRUE)) for scene in scenes]
         known = thesis.get(method, ())
         known = known if len(known) == len(scenes) else ()
         cells = [f"{cell} ({known[i]:g})" if known else cell for i, cell in enumerate(cells)]

@@ -55,7 +55,7 @@ def seen_scale(placement: Placement, rows: NDArray[np.integer], layer: Layer) ->
 
 
 def reflected(done: Precomputed) -> Radiance:
-    """Radiance (P, 3) that all points reflect to the eye, from the transport of a stage."""
+    """Radiance (P, 3) that all points reflect to the camera, from the transport of a stage."""
     placement = done.placement
     total = np.zeros((len(placement.hits.pixel), 3))
     for transport in done.transports:

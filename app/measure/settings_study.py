@@ -45,9 +45,9 @@ def measure_settings(
 ) -> None:  # fmt: skip
     """Measure a scene (built-in name or file): settings.csv, front.json, report.md and its plots in a folder.
 
-    report is told what is at work. only: which of `PARTS`, "settings" for all modes. others: settings to measure after
-    those of the program, of the opened scene. Raises InsituError when the scene cannot be opened or there is no such
-    part.
+    report gets a line for each setting. only: which of `PARTS`, "settings" for all modes. others: settings to measure
+    after those of the program, of the opened scene. Raises InsituError when the scene cannot be opened or there is no
+    such part.
     """
     for name in only:
         if name in MOVED:

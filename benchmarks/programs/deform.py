@@ -31,8 +31,8 @@ def frame_rates(context: moderngl.Context, effort: DeformEffort, is_glossy: bool
     picture, camera, rates = PosedPicture(context), deform.scene.description.camera, []
     for i in range(WARM_UP + effort.n_frames):
         begun = time.perf_counter()
-        told = deform.export_picture(camera, (("relief", (Deformation("bend", 1.0 + i),)),), picture.part_numbers)
-        picture.draw(told, camera, effort.resolution)
+        exported = deform.export_picture(camera, (("relief", (Deformation("bend", 1.0 + i),)),), picture.part_numbers)
+        picture.draw(exported, camera, effort.resolution)
         context.finish()
         rates.append(1.0 / (time.perf_counter() - begun))
     picture.release()
@@ -48,12 +48,12 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def measure(n_frames: int) -> Figures:
-    """Frames a second of a matt and of a glossy relief. Raises InsituError where shaders do not draw."""
+    """Frames a second of a diffuse and of a glossy relief. Raises InsituError where shaders do not draw."""
     context = create_headless_context()
     if not shader_bytes(context):
         raise GraphicsError(f"no graphics card with OpenGL 4.3 ({describe_context(context)})")
     effort = DeformEffort(n_frames=n_frames)
-    rates = {name: frame_rates(context, effort, name == "glossy") for name in ("matt", "glossy")}
+    rates = {name: frame_rates(context, effort, name == "glossy") for name in ("diffuse", "glossy")}
     return {"renderer": describe_context(context), **rates}
 
 

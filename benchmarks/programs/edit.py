@@ -28,43 +28,43 @@ WARM_UP = 1
 def measure(
     source: str, path: str, value: Any, resolution: tuple[int, int] | None, repetitions: int
 ) -> tuple[Figures, Pictures]:
-    """Times, and the pictures (H, W, 3) `before`, `frame_box` (the first frame after the edit) and `exact`."""
-    with contextlib.closing(EditorRig(source, resolution)) as bench:
-        bench.switch(path.partition(".")[0])
-        pictures = {"before": bench.renderer.linear_image()}
+    """Times, and the pictures (H, W, 3) `before`, `framed` (the first frame after the edit) and `exact`."""
+    with contextlib.closing(EditorRig(source, resolution)) as rig:
+        rig.switch(path.partition(".")[0])
+        pictures = {"before": rig.renderer.linear_image()}
         times: dict[str, list[float]] = {"frame_s": [], "frame_cpu_s": [], "exact_s": [], "exact_cpu_s": []}
         for i in range(WARM_UP + repetitions):
-            found, edited = _edit(bench, path, value)
+            found, edited = _edit(rig, path, value)
             pictures |= edited
             for name, seconds in found.items() if i >= WARM_UP else ():
                 times[name].append(seconds)
-            bench.editor.undo()
-            bench.wait_until_exact()
+            rig.editor.undo()
+            rig.wait_until_exact()
         return {
-            "renderer": describe_context(bench.context),
-            "n_bounces": bench.editor.view.n_bounces,
+            "renderer": describe_context(rig.context),
+            "n_bounces": rig.editor.view.n_bounces,
             **times,
         }, pictures
 
 
-def _edit(bench: EditorRig, path: str, value: Any) -> tuple[dict[str, float], dict[str, np.ndarray]]:
-    command = set_path(bench.editor.document, path, value)
-    started, used = time.perf_counter(), _used_seconds(bench)
-    if (refused := bench.editor.do(command)) is not None:
+def _edit(rig: EditorRig, path: str, value: Any) -> tuple[dict[str, float], dict[str, np.ndarray]]:
+    command = set_path(rig.editor.document, path, value)
+    started, used = time.perf_counter(), _used_seconds(rig)
+    if (refused := rig.editor.do(command)) is not None:
         raise InsituError(refused)
-    bench.frame()
-    found = {"frame_s": time.perf_counter() - started, "frame_cpu_s": _used_seconds(bench) - used}
-    framed = bench.renderer.linear_image()
-    looked, look_used = time.perf_counter() - started, _used_seconds(bench) - used
-    bench.wait_until_exact()
-    spent, spent_used = time.perf_counter() - started - looked, _used_seconds(bench) - used - look_used
+    rig.frame()
+    found = {"frame_s": time.perf_counter() - started, "frame_cpu_s": _used_seconds(rig) - used}
+    framed = rig.renderer.linear_image()
+    looked, look_used = time.perf_counter() - started, _used_seconds(rig) - used
+    rig.wait_until_exact()
+    spent, spent_used = time.perf_counter() - started - looked, _used_seconds(rig) - used - look_used
     found |= {"exact_s": found["frame_s"] + spent, "exact_cpu_s": found["frame_cpu_s"] + spent_used}
-    return found, {"framed": framed, "exact": bench.renderer.linear_image()}
+    return found, {"framed": framed, "exact": rig.renderer.linear_image()}
 
 
-def _used_seconds(bench: EditorRig) -> float:
+def _used_seconds(rig: EditorRig) -> float:
     """Processor time of this process and the worker's."""
-    worker = psutil.Process(bench.client.pid).cpu_times()
+    worker = psutil.Process(rig.client.pid).cpu_times()
     return time.process_time() + worker.user + worker.system
 
 

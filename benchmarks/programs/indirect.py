@@ -25,99 +25,99 @@ WARM_UP = 2
 
 def measure(source: str, resolution: tuple[int, int] | None, repetitions: int, rounds: int) -> tuple[Figures, Pictures]:
     """All figures, and the pictures (H,W,3) `first`, `fine` and which pixels see a reflecting object, `seen`."""
-    with contextlib.closing(EditorRig(source, resolution, wait=False)) as bench:
-        first_seconds = measure_first(bench)
-        first = bench.renderer.linear_image()
-        bench.wait_until_exact()
-        pictures = {"first": first, "fine": bench.renderer.linear_image(), "seen": seen_pixels(bench)}
-        freezing = measure_freezing(bench, rounds)
-        edited = reflecting(bench, editable=True) if repetitions else []
-        edits = {name: measure_edits(bench, name, repetitions) for name in edited}
+    with contextlib.closing(EditorRig(source, resolution, wait=False)) as rig:
+        first_seconds = measure_first(rig)
+        first = rig.renderer.linear_image()
+        rig.wait_until_exact()
+        pictures = {"first": first, "fine": rig.renderer.linear_image(), "seen": seen_pixels(rig)}
+        freezing = measure_freezing(rig, rounds)
+        edited = reflecting(rig, editable=True) if repetitions else []
+        edits = {name: measure_edits(rig, name, repetitions) for name in edited}
         return {
-            "renderer": describe_context(bench.context),
+            "renderer": describe_context(rig.context),
             "resolution": list(first.shape[1::-1]),
-            "n_bounces": bench.editor.view.n_bounces,
+            "n_bounces": rig.editor.view.n_bounces,
             "first_s": first_seconds,
             "freeze_s": freezing,
             "edit_ms": {name: framed for name, (framed, _) in edits.items()},
             "exact_ms": {name: exact for name, (_, exact) in edits.items()},
-            "memory_mb": bench.editor.status.precomputed_mb,
+            "memory_mb": rig.editor.status.precomputed_mb,
         }, pictures
 
 
-def measure_first(bench: EditorRig) -> float:
+def measure_first(rig: EditorRig) -> float:
     """Seconds from the frame that asks for the opened scene's light to the first picture with indirect light."""
     asked = time.perf_counter()
-    while not bench.editor.scene_is_open:
+    while not rig.editor.scene_is_open:
         asked = time.perf_counter()
-        bench.frame()
-        if bench.editor.status.is_error:
-            raise InsituError(bench.editor.status.message)
-    if bench.editor.view.n_bounces == 1:
+        rig.frame()
+        if rig.editor.status.is_error:
+            raise InsituError(rig.editor.status.message)
+    if rig.editor.view.n_bounces == 1:
         raise InsituError("the scene is meant to be seen without indirect light")
-    bench.wait_until(lambda: bench.controller.indirect.is_shown and not bench.feed.is_behind)
+    rig.wait_until(lambda: rig.controller.indirect.is_shown and not rig.feed.is_behind)
     return time.perf_counter() - asked
 
 
-def measure_freezing(bench: EditorRig, rounds: int) -> dict[str, list[float]]:
+def measure_freezing(rig: EditorRig, rounds: int) -> dict[str, list[float]]:
     """Seconds from selecting each object, another being selected, until its frozen light is in the picture.
 
     The curve's transport, which is asked for as well, comes in the meantime or afterwards.
     """
-    names = reflecting(bench)
+    names = reflecting(rig)
     seconds: dict[str, list[float]] = {name: [] for name in names}
-    bench.switch(names[-1])
+    rig.switch(names[-1])
     for _ in range(rounds if len(names) > 1 else 0):
         for name in names:
             started = time.perf_counter()
-            refused = bench.editor.select(name)
+            refused = rig.editor.select(name)
             if refused is not None:
                 raise InsituError(refused)
-            bench.wait_until(lambda: bench.controller.indirect.is_complete and not bench.feed.is_behind)
+            rig.wait_until(lambda: rig.controller.indirect.is_complete and not rig.feed.is_behind)
             seconds[name].append(time.perf_counter() - started)
-            bench.wait_until_exact()
+            rig.wait_until_exact()
     return seconds
 
 
-def measure_edits(bench: EditorRig, name: str, repetitions: int) -> tuple[list[float], list[float]]:
+def measure_edits(rig: EditorRig, name: str, repetitions: int) -> tuple[list[float], list[float]]:
     """Milliseconds from a change of an object's curve to the frame with all its indirect light, and to the exact one.
 
     The frame holds as many increments of direct light as its budget allows, like every frame of the window.
     """
-    bench.switch(name)
+    rig.switch(name)
     edits = random_edits()
     for _ in range(WARM_UP):
-        edit(bench, next(edits))
-    found = [edit(bench, next(edits)) for _ in range(repetitions)]
+        edit(rig, next(edits))
+    found = [edit(rig, next(edits)) for _ in range(repetitions)]
     return [1e3 * framed for framed, _ in found], [1e3 * exact for _, exact in found]
 
 
-def edit(bench: EditorRig, operators: tuple[Operator, ...]) -> tuple[float, float]:
+def edit(rig: EditorRig, operators: tuple[Operator, ...]) -> tuple[float, float]:
     """One edit of the selected curve: seconds to the frame and to the exact picture."""
     started = time.perf_counter()
-    refused = bench.editor.do(SetOperators(*bench.selected, operators))
+    refused = rig.editor.do(SetOperators(*rig.selected, operators))
     if refused is not None:
         raise InsituError(refused)
-    bench.wait_until(lambda: not bench.feed.is_behind)
+    rig.wait_until(lambda: not rig.feed.is_behind)
     framed = time.perf_counter() - started
-    if not bench.editor.status.is_finished:
-        bench.wait_until_exact()
+    if not rig.editor.status.is_finished:
+        rig.wait_until_exact()
     return framed, time.perf_counter() - started
 
 
-def reflecting(bench: EditorRig, editable: bool = False) -> list[str]:
+def reflecting(rig: EditorRig, editable: bool = False) -> list[str]:
     """The objects that are seen and reflect; of these those that may be edited."""
-    seen = {object_of(key) for key in bench.renderer.layer_keys}
+    seen = {object_of(key) for key in rig.renderer.layer_keys}
     return [
         state.name
-        for state in bench.editor.document.objects
+        for state in rig.editor.document.objects
         if state.name in seen and not state.is_lamp and (state.editable or not editable)
     ]
 
 
-def seen_pixels(bench: EditorRig) -> np.ndarray:
+def seen_pixels(rig: EditorRig) -> np.ndarray:
     """Which pixels see an object that does not shine, (H,W)."""
-    frame = bench.renderer.frame
+    frame = rig.renderer.frame
     assert frame is not None
     return np.asarray((frame.object_image >= 0) & ~frame.emission_image.any(axis=2))
 

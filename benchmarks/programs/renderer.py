@@ -175,96 +175,96 @@ class WideCurves(Curves):
         return counts | {next(iter(counts)): WIDE} if key == self.wide_key else counts
 
 
-def measure_planned(bench: EditorRig, repetitions: int) -> dict[str, Any]:
+def measure_planned(rig: EditorRig, repetitions: int) -> dict[str, Any]:
     """Figures with the bands that the editor plans.
 
     Edits are of the curve with the most coefficients, of these of the one with the most samples.
     """
-    curves = bench.curves()
+    curves = rig.curves()
     widest = max((path for path in curves if curves[path][2]), key=lambda path: curves[path][:2])
-    switches = measure_switches(bench, list(curves), max(3, repetitions // 10))
-    bench.switch(widest)
+    switches = measure_switches(rig, list(curves), max(3, repetitions // 10))
+    rig.switch(widest)
     return {
-        "renderer": describe_context(bench.context),
+        "renderer": describe_context(rig.context),
         "curve": widest,
         "n_coefficients": curves[widest][0],
-        "edit_ms_30": measure_edits(bench, TERMS_A_FRAME, repetitions),
-        "exact_ms": measure_exact(bench, max(3, repetitions // 3)),
+        "edit_ms_30": measure_edits(rig, TERMS_A_FRAME, repetitions),
+        "exact_ms": measure_exact(rig, max(3, repetitions // 3)),
         "curve_switch_s": switches,
-        "texture_mib": bench.renderer.memory_bytes / 2**20,
+        "texture_mib": rig.renderer.memory_bytes / 2**20,
     }
 
 
-def measure_wide(bench: EditorRig, widest: str, repetitions: int) -> dict[str, Any]:
+def measure_wide(rig: EditorRig, widest: str, repetitions: int) -> dict[str, Any]:
     """Figures of that curve with 128 coefficients."""
-    bench.switch(widest)
+    rig.switch(widest)
     found: dict[str, Any] = {
-        "n_wide": bench.n_coefficients,
-        "edit_ms_128": measure_edits(bench, None, repetitions),
-        "exact_wide_ms": measure_exact(bench, max(3, repetitions // 3)),
+        "n_wide": rig.n_coefficients,
+        "edit_ms_128": measure_edits(rig, None, repetitions),
+        "exact_wide_ms": measure_exact(rig, max(3, repetitions // 3)),
     }
-    found["frame_s"] = {"half": measure_terms(bench, repetitions)}
-    found["frame_s"]["float"] = measure_float(bench, widest, repetitions)
+    found["frame_s"] = {"half": measure_terms(rig, repetitions)}
+    found["frame_s"]["float"] = measure_float(rig, widest, repetitions)
     return found
 
 
 def measure(source: str, resolution: tuple[int, int] | None, n_lights: int | None, repetitions: int) -> dict[str, Any]:
     """All figures of the renderer."""
-    with contextlib.closing(EditorRig(source, resolution, n_lights)) as bench:
-        found = measure_planned(bench, repetitions)
+    with contextlib.closing(EditorRig(source, resolution, n_lights)) as rig:
+        found = measure_planned(rig, repetitions)
     wide = WideCurves(found["curve"].rpartition(".")[0])
-    with contextlib.closing(EditorRig(source, resolution, n_lights, wide)) as bench:
-        return found | measure_wide(bench, found["curve"], repetitions)
+    with contextlib.closing(EditorRig(source, resolution, n_lights, wide)) as rig:
+        return found | measure_wide(rig, found["curve"], repetitions)
 
 
-def measure_edits(bench: EditorRig, terms: int | None, repetitions: int) -> list[float]:
+def measure_edits(rig: EditorRig, terms: int | None, repetitions: int) -> list[float]:
     """Milliseconds from a curve's change to the finished frame."""
     edits = random_edits()
     for _ in range(WARM_UP):
-        bench.edit(next(edits), terms)
-    return [1e3 * _timed(lambda: bench.edit(next(edits), terms)) for _ in range(repetitions)]
+        rig.edit(next(edits), terms)
+    return [1e3 * _timed(lambda: rig.edit(next(edits), terms)) for _ in range(repetitions)]
 
 
-def measure_exact(bench: EditorRig, repetitions: int) -> list[float]:
+def measure_exact(rig: EditorRig, repetitions: int) -> list[float]:
     """Milliseconds from an edit of everything to the exact picture, 30 coefficients a frame, all frames drawn."""
     edits = random_edits(6)
 
     def refine() -> None:
-        report = bench.edit(next(edits), TERMS_A_FRAME)
+        report = rig.edit(next(edits), TERMS_A_FRAME)
         while not report.exact:
-            report = bench.draw(TERMS_A_FRAME)
+            report = rig.draw(TERMS_A_FRAME)
 
     refine()
     return [1e3 * _timed(refine) for _ in range(repetitions)]
 
 
-def measure_switches(bench: EditorRig, paths: list[str], rounds: int) -> dict[str, list[float]]:
+def measure_switches(rig: EditorRig, paths: list[str], rounds: int) -> dict[str, list[float]]:
     """Seconds of switching to each curve from the one before it."""
     seconds: dict[str, list[float]] = {path: [] for path in paths}
     if len(paths) < 2:
         return {}
     for path in paths:
-        bench.switch(path)
+        rig.switch(path)
     for _ in range(rounds):
         for path in paths:
-            seconds[path].append(bench.switch(path))
+            seconds[path].append(rig.switch(path))
     return seconds
 
 
-def measure_terms(bench: EditorRig, repetitions: int) -> dict[str, float]:
+def measure_terms(rig: EditorRig, repetitions: int) -> dict[str, float]:
     """Seconds of a frame by the number of coefficients, medians."""
-    counts = [k for k in ALL_TERMS if k <= bench.n_coefficients]
-    return {str(k): float(np.median(measure_edits(bench, k, max(5, repetitions // 3)))) / 1e3 for k in counts}
+    counts = [k for k in ALL_TERMS if k <= rig.n_coefficients]
+    return {str(k): float(np.median(measure_edits(rig, k, max(5, repetitions // 3)))) / 1e3 for k in counts}
 
 
-def measure_float(bench: EditorRig, widest: str, repetitions: int) -> dict[str, float]:
+def measure_float(rig: EditorRig, widest: str, repetitions: int) -> dict[str, float]:
     """The same with transport in single precision on the GPU."""
     precision: Precision = "float"
-    bench.editor.do(SetView.of(precision=precision))
-    for other in [path for path in bench.curves() if path != widest][:1]:
-        bench.switch(other)
-        bench.switch(widest)
-    return measure_terms(bench, repetitions)
+    rig.editor.do(SetView.of(precision=precision))
+    for other in [path for path in rig.curves() if path != widest][:1]:
+        rig.switch(other)
+        rig.switch(widest)
+    return measure_terms(rig, repetitions)
 
 
 def start(source: str) -> None:
