@@ -168,7 +168,8 @@ def test_all_settings_of_a_tiny_scene(tiny_scene: str, tmp_path: Path) -> None:
         lines = list(csv.DictReader(file))
     found = {(line["setting"], line["value"]): float(line["error"]) for line in lines}
     assert found["bands", "16"] < found["bands", "4"]
-    assert found["wavelets a frame", "16"] <= found["wavelets a frame", "1"]
+    # The edit scales the ground's constant curve: its mean is the only coefficient that changes.
+    assert found["wavelets a frame", "1"] == pytest.approx(found["wavelets a frame", "16"])
     assert found["order, harmonics themselves", "3"] < found["order, harmonics themselves", "2"]
 
 
