@@ -1,4 +1,4 @@
-"""Milestones of a launch, and the longest time that its thread was blocked: written to a file for `insitu measure`.
+"""Milestones of a launch, and the longest time that its thread was blocked: written to a file for `make measure`.
 
 The environment variable `INSITU_TIMES` names the file; without it nothing is written. Times are of the system's steady
 clock, which all processes of a machine share, so that the launching process can subtract its own.

@@ -57,7 +57,7 @@ class GatherPolynomial:
     share.
 
     Measured against the thesis' tensor (`dense`) with the same 512 rays of 951 gather points, a Cornell box divided
-    into M objects with one curve of 64 bands each, N bounces (`insitu measure`, indirect_representations.csv; seconds
+    into M objects with one curve of 64 bands each, N bounces (`make measure`, indirect_representations.csv; seconds
     of one processor, both pictures within 3e-7 of the plain sum):
 
          M  N    MB: this, dense    s to make after tracing    s to freeze
