@@ -26,8 +26,11 @@ def test_a_number_of_bounces_that_is_undone_leaves_nothing(
     """The engine kept the number that a line of the plan had set, once nobody set one any more."""
     source, told = tmp_path / "scene.toml", []
     source.write_text(SCENE)
-    for engine, stand_in in (("orbit.live.Orbit", NamedOrbit), ("deform.live.Deform", NamedDeform)):
-        monkeypatch.setattr(f"engine.{engine}", stand_in)
+    for package, engine, stand_in in (
+        ("triple_product", "orbit_engine.Orbit", NamedOrbit),
+        ("zonal_harmonics", "deform_engine.Deform", NamedDeform),
+    ):
+        monkeypatch.setattr(f"engine.realtime.{package}.{engine}", stand_in)
         monkeypatch.setattr(stand_in, "set_bounces", lambda self, n_bounces: told.append(n_bounces))
     scene = load_scene(source, SIZE)
     state = scene_state(document_from_description(str(source), scene.description))

@@ -76,7 +76,7 @@ def test_the_last_stage_has_as_many_lights_as_are_needed(scene: str, tmp_path: P
     assert [(each.name, each.n_lights) for each in labour.seen][-1] == ("final", 500)
     # What a person sets is computed, and differs by next to nothing.
     tasks, labour = opened(scene, ArrayCache(tmp_path / "other"))
-    exact = run_in_process(tasks, compute(overruled=frozenset({"lights", "patches"})))
+    exact = run_in_process(tasks, compute(overridden=frozenset({"lights", "patches"})))
     assert labour.seen[-1].n_lights == 4000 and not [each for each in exact if isinstance(each, LightPlanned)]
     truth, found = last_picture(exact), last_picture(answers)
     assert np.sqrt(np.mean((found - truth) ** 2)) / truth.mean() < 0.005

@@ -164,7 +164,7 @@ def test_memory_goes_back_once_after_work(monkeypatch: pytest.MonkeyPatch) -> No
             self.asked.append(request)
 
         def choose(self) -> object:
-            return SimpleNamespace(id=1, revision=1, waited_for=True) if self.asked else None
+            return SimpleNamespace(id=1, revision=1, is_foreground=True) if self.asked else None
 
         def step(self) -> None:
             self.asked.pop()

@@ -49,7 +49,7 @@ def test_it_resumes_after_the_last_complete_tile(source: str, tmp_path: Path, mo
     expected, coarse = pictures(answers), pictures(answers, "coarse")
     broken = Recorder(whole.n_tiles - tiles_of(*expected.values()) + n_kept)
     monkeypatch.setattr(executor, "project_layer", broken)
-    assert "a defect" in failure(run_in_process(opened(source, ArrayCache(tmp_path / "cache")), compute()))
+    assert "a bug in Insitu" in failure(run_in_process(opened(source, ArrayCache(tmp_path / "cache")), compute()))
     again = Recorder()
     monkeypatch.setattr(executor, "project_layer", again)
     assert_same_pictures(pictures(run_in_process(opened(source, ArrayCache(tmp_path / "cache")), compute())), expected)
