@@ -42,10 +42,10 @@ from tests.ui.test_any_sequence import MAY_BE_TOLD, RESOLUTION, LateClient
 class NamedDeform(NamedOrbit):
     """As `engine.realtime.zonal_harmonics.deform_engine.Deform`, drawn as `NamedOrbit` is."""
 
-    lost: Mapping[int, float] = {}  # noqa: RUF012 - it has none
+    lost_shares: Mapping[int, float] = {}  # noqa: RUF012 - it has none
 
     def __init__(
-        self, scene: Scene, n_points: int = 1, n_rays: int = 1, shelf: object = None, caster: object = None
+        self, scene: Scene, n_points: int = 1, n_rays: int = 1, store: object = None, caster: object = None
     ) -> None:
         super().__init__(scene)
         self._posed: tuple[str, ...] = ()
@@ -61,7 +61,7 @@ class NamedDeform(NamedOrbit):
             self._effort = n_rays, n_lobes
             self._begin()
 
-    def set_posed(self, names: Sequence[str]) -> None:
+    def set_bending(self, names: Sequence[str]) -> None:
         if tuple(names) != self._posed:
             self._posed = tuple(names)
             self._begin()

@@ -77,7 +77,7 @@ class NamedOrbit:
             self._light = sky
             self._begin()
 
-    def shine(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
+    def set_emission(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
         self.scene = self.scene.with_emission(emission)
         self._begin()
 
@@ -106,7 +106,7 @@ class NamedOrbit:
             self._left, self.version = self._left - 1, self.version + 1
             yield StillProgress(1.0 - self._left / N_STEPS, "work")
 
-    def drawing(
+    def draw_steps(
         self,
         camera: CameraDescription,
         resolution: tuple[int, int],

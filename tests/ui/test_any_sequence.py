@@ -57,7 +57,7 @@ class LateClient:
         self._standing.add(request)
         if isinstance(request, CancelRequests):
             self._schedule.accept(request)
-        self._post_standing()
+        self._post_pending()
         return request.id
 
     def poll(self, budget_s: float = 0.004) -> list[Response]:
@@ -75,7 +75,7 @@ class LateClient:
         self._late = [*self._late[: int(self._random.integers(0, len(self._late) + 1))], WorkerRestarted("killed")]
         self._schedule = Schedule(RequestDispatcher(self._store))
         self._standing.worker_restarted()
-        self._post_standing()
+        self._post_pending()
 
     def close(self) -> None:
         """Nothing to end."""
@@ -88,10 +88,10 @@ class LateClient:
             return False
         self._standing.settle(response)
         if isinstance(response, RequestFailed):
-            self._post_standing()
+            self._post_pending()
         return True
 
-    def _post_standing(self) -> None:
+    def _post_pending(self) -> None:
         for request in self._standing.unsent():
             self._schedule.accept(request)
 
