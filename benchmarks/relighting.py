@@ -22,8 +22,8 @@ from app.messages.worker_messages import OpenScene, Request, RequestFailed, Resp
 from app.modes.placement.placement_messages import ComputeTransport, LayerPicture, PrepareRelighting, RelightingPrepared
 from app.project.project import open_project
 from app.worker.cache import ArrayCache
-from app.worker.dispatcher import RequestDispatcher
 from app.worker.in_process import InProcessClient
+from app.worker.tasks import RequestDispatcher
 from benchmarks.figures import Figure, NotMeasured, not_measured
 from engine.planner import RenderSettings, band_counts
 from engine.precompute.direct.pipeline import FINAL, PREVIEW

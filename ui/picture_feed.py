@@ -325,6 +325,6 @@ class PictureFeed:
 def _importing() -> Iterator[None]:
     """Import what modes draw with, one at a time: the first frame after another is chosen would wait 20 ms for that."""
     for mode in MODES:
-        for name in filter(None, (mode.picture, mode.accuracy, mode.tools, mode.strip, mode.handles)):
+        for name in filter(None, (mode.controller, mode.picture, mode.accuracy, mode.tools, mode.strip, mode.handles)):
             import_named(name)
             yield

@@ -27,8 +27,8 @@ from app.modes.placement.placement_messages import ErrorEstimated, EstimateError
 from app.modes.placement.transport_controller import TransportController
 from app.project.project import Project
 from app.worker.cache import ArrayCache
-from app.worker.dispatcher import RequestDispatcher
 from app.worker.in_process import InProcessClient
+from app.worker.tasks import RequestDispatcher
 from engine.core.errors import InsituError
 from engine.render.error_estimate import WHAT
 from engine.render.picture_error import ErrorEstimate

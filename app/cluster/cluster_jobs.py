@@ -143,8 +143,8 @@ def _drawer(job: FrameJob) -> Drawer:
 
 def _worker_context(job: ViewJob) -> WorkerContext:
     """A worker context with the open view, and the tables of its measured layers read."""
-    from app.worker.dispatcher import RequestDispatcher
     from app.worker.measured_tasks import ensure_tables
+    from app.worker.tasks import RequestDispatcher
 
     tasks = RequestDispatcher(ArrayCache(), fills=True)
     for request in (job.open, job.camera_request):

@@ -56,6 +56,7 @@ from app.modes.registry import MODES
 from app.system.atomic import require_folder, require_place
 from app.system.barrier import Barrier
 from app.system.inputs import add_inputs
+from app.system.lazy_import import import_named
 from app.system.paths import display_name, is_file_name
 from engine.core.errors import InsituError, plain_line
 from engine.planner import planned_edge_rays
@@ -120,7 +121,7 @@ class Editor:
         self._shared: dict[type, Any] = {}
         self.modes = tuple(modes)
         self.mode = self.modes[0]
-        self.controller: ModeController = self.mode.controller(self)
+        self.controller: ModeController = import_named(self.mode.controller)(self)
         self.open(source)
 
     # --------------------------------------------------------------------------------------------------------- document
@@ -449,7 +450,8 @@ class Editor:
             return []
         self.player.pause()
         self.controller.deactivated()
-        self.mode, self.controller, self.metrics.progress = chosen, chosen.controller(self), None
+        self.mode, self.controller = chosen, import_named(chosen.controller)(self)
+        self.metrics.progress = None
         return self.scenes.announce_scene(self.controller)
 
     def _take_measurements(self, response: MeasurementsRead) -> None:

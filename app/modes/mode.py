@@ -10,7 +10,7 @@ method of a controller is an event of the editor; the defaults here ignore it. `
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
@@ -171,15 +171,16 @@ class ModeWorker(Protocol):
 class Mode:
     """A mode: its name, and for users its title and its purpose.
 
-    controller: makes its controller, given the editor's services. The others are written as "module:name", because only
-    one process or layer imports them. worker: its `ModeWorker`; picture: its `ui.picture_feed.PictureSource`; accuracy:
-    draws its part of the Accuracy panel; tools: draws its controls for the selected object, above the material; strip:
-    draws below the picture; handles: the handles that can be dragged in the picture (`ui.panels.picture_handles`).
+    Its parts are written as "module:name", because only one process or layer imports each. controller: makes its
+    `ModeController`, given the editor's services; worker: its `ModeWorker`; picture: its
+    `ui.picture_feed.PictureSource`; accuracy: draws its part of the Accuracy panel; tools: draws its controls for the
+    selected object, above the material; strip: draws below the picture; handles: the handles that can be dragged in the
+    picture (`ui.panels.picture_handles`).
     """
 
     name: str
     title: str
-    controller: Callable[[EditorServices], ModeController]
+    controller: str
     worker: str
     picture: str
     tooltip: str = ""

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from app.modes.deform.deform_controller import DeformController
 from app.modes.mode import Mode
-from app.modes.orbit.orbit_controller import OrbitController
-from app.modes.placement.placement_controller import PlacementController
 
 PLACEMENT = Mode(
     "placement",
     "Placement",
-    PlacementController,
+    "app.modes.placement.placement_controller:PlacementController",
     worker="app.worker.placement_worker:PlacementWorker",
     picture="ui.modes.placement.placement_feed:PlacementFeed",
     tooltip="Exact light and shadows from this camera; edits show at once.",
@@ -19,7 +16,7 @@ PLACEMENT = Mode(
 ORBIT = Mode(
     "orbit",
     "Orbit",
-    OrbitController,
+    "app.modes.orbit.orbit_controller:OrbitController",
     worker="app.worker.orbit_worker:OrbitWorker",
     picture="ui.modes.orbit.orbit_feed:OrbitFeed",
     tooltip="Move the camera under the full light; Placement takes over when idle.",
@@ -28,7 +25,7 @@ ORBIT = Mode(
 DEFORM = Mode(
     "deform",
     "Deform",
-    DeformController,
+    "app.modes.deform.deform_controller:DeformController",
     worker="app.worker.deform_worker:DeformWorker",
     picture="ui.modes.deform.deform_feed:DeformFeed",
     tooltip="Bend and animate objects under soft light and shadows.",

@@ -36,7 +36,7 @@ from app.system.system import end_with_parent
 from app.worker.background import LAST, step_behind, yield_to_window
 
 if TYPE_CHECKING:
-    from app.worker.dispatcher import RequestDispatcher
+    from app.worker.tasks import RequestDispatcher
 
 # Compiling allocates many objects that stay; collecting garbage among them again and again takes a tenth of the time.
 GC_THRESHOLD = 100_000
@@ -140,7 +140,7 @@ def prepared_tasks() -> RequestDispatcher:
     gc.set_threshold(GC_THRESHOLD)
     kernels = Kernels()
     load_compiler()
-    from app.worker.dispatcher import RequestDispatcher
+    from app.worker.tasks import RequestDispatcher
 
     kernels.prepare()
     return RequestDispatcher(kernels=kernels)

@@ -11,8 +11,6 @@ import contextlib
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -56,9 +54,10 @@ class EditorRig:
     ) -> None:  # fmt: skip
         """wait: until the picture is exact."""
         self.context = create_headless_context()
-        mode = replace(PLACEMENT, controller=partial(PlacementController, curves=curves))
         self.client = Client()
-        self.editor = Editor(self.client, source, resolution=resolution, modes=(mode,))
+        self.editor = Editor(self.client, source, resolution=resolution, modes=(PLACEMENT,))
+        if curves is not None:
+            self.editor.controller = PlacementController(self.editor, curves)  # before the scene is open
         if n_lights is not None:
             self.editor.do(SetView.of(n_lights=n_lights))
         self.renderer = PlacementRenderer(self.context)

@@ -21,8 +21,8 @@ from app.export.mitsuba import export_scene
 from app.project.project import open_project
 from app.stills.stills import render_picture
 from app.worker.cache import ArrayCache
-from app.worker.dispatcher import RequestDispatcher
 from app.worker.in_process import InProcessClient
+from app.worker.tasks import RequestDispatcher
 from benchmarks.peer import VARIABLE
 from engine.core.errors import InsituError
 from engine.curve.operators import Operator

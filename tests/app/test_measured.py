@@ -37,8 +37,8 @@ from app.modes.placement.placement_messages import ComputeTransport, LayerPictur
 from app.project.project import open_project
 from app.project.set_path import set_path
 from app.worker.cache import ArrayCache
-from app.worker.dispatcher import RequestDispatcher
 from app.worker.in_process import InProcessClient
+from app.worker.tasks import RequestDispatcher
 from engine.core.errors import InsituError, LoadError
 from engine.measured import tables
 from engine.measured.merl import merl_samples, read_merl

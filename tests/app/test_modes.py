@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.parametrize(
-    "file", ["app/editor/editor.py", "app/messages/editor_status.py", "ui/shell.py", "app/worker/dispatcher.py"]
+    "file", ["app/editor/editor.py", "app/messages/editor_status.py", "ui/shell.py", "app/worker/tasks.py"]
 )
 def test_what_every_mode_shares_has_no_word_of_placement_s(file: str) -> None:
     found = re.findall(r"\b\w*(?:bands|bounces|transport)\w*\b", (ROOT / file).read_text(), re.IGNORECASE)

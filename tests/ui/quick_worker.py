@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from app.worker.kernels import prepared_tasks
 
 if TYPE_CHECKING:
-    from app.worker.dispatcher import RequestDispatcher
+    from app.worker.tasks import RequestDispatcher
 
 HANDLERS = "tests.ui.quick_worker:quick_tasks"
 

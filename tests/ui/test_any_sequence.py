@@ -22,9 +22,9 @@ from app.editor.editor import Editor
 from app.files.library import Library
 from app.messages.worker_messages import CancelRequests, Request, RequestFailed, Response, WorkerRestarted, with_numbers
 from app.worker.cache import ArrayCache
-from app.worker.dispatcher import RequestDispatcher
 from app.worker.pending_requests import PendingRequests
 from app.worker.schedule import Schedule
+from app.worker.tasks import RequestDispatcher
 from engine.curve.operators import Operator
 from tests.ui.small_scene import write_small_scene
 from ui.picture_feed import PictureFeed

@@ -15,8 +15,8 @@ from imgui_bundle import imgui
 from app.document.commands import AddDeformer, SetDeformer
 from app.worker.cache import ArrayCache
 from app.worker.deform_worker import DeformWorker
-from app.worker.dispatcher import RequestDispatcher
 from app.worker.in_process import InProcessClient
+from app.worker.tasks import RequestDispatcher
 from engine.realtime.zonal_harmonics.gpu_parts import PictureExport
 from engine.realtime.zonal_harmonics.pose import Deformation
 from tests.engine.realtime.zonal_harmonics.test_animated_pose import write_bar

@@ -15,7 +15,7 @@ from app.modes.placement.placement_messages import ComputeTransport
 from app.project.project import open_project
 from app.stills.stills import render_picture
 from app.worker.cache import ArrayCache
-from app.worker.dispatcher import RequestDispatcher
+from app.worker.tasks import RequestDispatcher
 from engine.precompute.indirect.series import BounceSeries
 from tests.ui.small_scene import (
     SCENE,

@@ -13,7 +13,7 @@ from app.document.commands.light import SetIntensity
 from app.document.view_state import SetView
 from app.modes.placement.placement_messages import ComputeTransport, ContractTransport
 from app.worker.cache import ArrayCache
-from app.worker.dispatcher import RequestDispatcher
+from app.worker.tasks import RequestDispatcher
 from tests.ui.small_scene import SCENE, CountingClient, opened_window, wait_until_exact, write_small_scene
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed

@@ -22,8 +22,8 @@ from app.messages.worker_messages import Request, Response, SetCamera
 from app.modes.mode import EditorServices, Mode, ModeController, ModeWorker
 from app.modes.registry import PLACEMENT
 from app.worker.cache import ArrayCache
-from app.worker.dispatcher import RequestDispatcher
 from app.worker.in_process import InProcessClient
+from app.worker.tasks import RequestDispatcher
 from app.worker.worker_context import WorkerContext
 from tests.ui.small_scene import linear_picture, wait_until_exact, write_small_scene
 from ui.gl.textures import small_texture
@@ -92,7 +92,7 @@ class FlatSource(PictureSource):
         return False
 
 
-FLAT = Mode("flat", "Flat", FlatController, f"{__name__}:FlatWork", f"{__name__}:FlatSource")
+FLAT = Mode("flat", "Flat", *(f"{__name__}:{name}" for name in ("FlatController", "FlatWork", "FlatSource")))
 
 
 @pytest.fixture

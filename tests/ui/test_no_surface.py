@@ -11,9 +11,9 @@ import pytest
 from app.document.view_state import Viewpoint
 from app.modes.registry import MODES
 from app.worker.cache import ArrayCache
-from app.worker.dispatcher import RequestDispatcher
 from app.worker.in_process import InProcessClient
 from app.worker.orbit_worker import OrbitWorker
+from app.worker.tasks import RequestDispatcher
 from engine.light.environment import load_environment
 from engine.scene.camera import centre_directions
 from engine.scene.description import Camera

@@ -23,8 +23,8 @@ from app.files.session import save_session
 from app.messages.worker_messages import Progress
 from app.project.project import ProjectSpec, open_project
 from app.stills import stills
-from app.worker.dispatcher import RequestDispatcher
 from app.worker.in_process import InProcessClient
+from app.worker.tasks import RequestDispatcher
 from engine.core.errors import InsituError
 from engine.planner import Cost, Plan
 from engine.scene.builtin import builtin_scenes

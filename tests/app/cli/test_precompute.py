@@ -12,7 +12,7 @@ from app.document.commands.layers import SetVisible
 from app.messages.worker_messages import Progress
 from app.project.project import open_project
 from app.worker.cache import ArrayCache
-from app.worker.dispatcher import RequestDispatcher
+from app.worker.tasks import RequestDispatcher
 from engine.render.error_estimate import WHAT
 from tests.scene_text import ground
 

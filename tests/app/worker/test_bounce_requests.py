@@ -11,7 +11,7 @@ from app.document.scene_state import scene_state
 from app.modes.deform.deform_messages import PrepareDeform
 from app.modes.orbit.orbit_messages import PrepareOrbit
 from app.worker.cache import ArrayCache
-from app.worker.dispatcher import RequestDispatcher
+from app.worker.tasks import RequestDispatcher
 from engine.scene.scene_loader import load_scene
 from tests.app.worker.small_modes import SCENE, SIZE
 from tests.opened import open_in_process, run_in_process

@@ -5,7 +5,7 @@ from pathlib import Path
 from app.messages.worker_messages import Progress, Response
 from app.modes.orbit.orbit_messages import DrawHeadlight, OrbitNotReady, OrbitPictureDrawn, PrepareOrbit
 from app.worker.cache import ArrayCache
-from app.worker.dispatcher import RequestDispatcher
+from app.worker.tasks import RequestDispatcher
 from engine.light.environment import constant_environment
 from engine.realtime.triple_product import sky_map
 from engine.scene.description import Camera

@@ -14,8 +14,8 @@ from app.messages.worker_messages import Response
 from app.modes.placement.placement_messages import ComputeTransport, LayerPicture, LightPlanned
 from app.worker import light_plan
 from app.worker.cache import ArrayCache
-from app.worker.dispatcher import RequestDispatcher
 from app.worker.executor import LocalExecutor
+from app.worker.tasks import RequestDispatcher
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.planner import RenderSettings

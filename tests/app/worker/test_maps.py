@@ -9,8 +9,8 @@ from PIL import Image
 from app.messages.worker_messages import ViewTraced
 from app.modes.placement.placement_messages import MapsRefused, MapsSampled, SampleMaps
 from app.worker.cache import ArrayCache
-from app.worker.dispatcher import RequestDispatcher
 from app.worker.map_tasks import thumbnail
+from app.worker.tasks import RequestDispatcher
 from engine.material.layer_maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.texture.pyramid import make_pyramid

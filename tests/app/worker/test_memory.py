@@ -32,7 +32,7 @@ from dataclasses import replace
 from pathlib import Path
 from app.worker.cache import ArrayCache
 from app.worker.in_process import InProcessClient
-from app.worker.dispatcher import RequestDispatcher
+from app.worker.tasks import RequestDispatcher
 from app.system.system import release_memory
 from app.modes.placement.placement_messages import FreezeIndirect
 from tests.app.worker.ball_and_lamp import GLOSS, compute, with_layer, work

@@ -18,7 +18,7 @@ from app.modes.placement.placement_messages import (
     StageDone,
 )
 from app.worker.cache import ArrayCache
-from app.worker.dispatcher import RequestDispatcher
+from app.worker.tasks import RequestDispatcher
 from engine.curve.operators import Operator
 from engine.material import MODELS
 from engine.material.layer import make_layer

@@ -23,10 +23,10 @@ from app.modes.placement.placement_messages import (
 )
 from app.worker import placement_worker as placement_module
 from app.worker.cache import ArrayCache
-from app.worker.dispatcher import RequestDispatcher
 from app.worker.in_process import InProcessClient
 from app.worker.kernels import Kernels
 from app.worker.placement_worker import _stages
+from app.worker.tasks import RequestDispatcher
 from engine.curve import wavelet
 from engine.light.environment import load_environment
 from engine.material import MODELS

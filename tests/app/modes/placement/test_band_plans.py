@@ -14,7 +14,7 @@ from app.files.library import Library
 from app.messages.worker_messages import RequestFailed
 from app.modes.placement.placement_messages import BandsPlanned, ComputeTransport, PlanBands
 from app.modes.placement.placement_status import RenderReport
-from app.worker.dispatcher import RequestDispatcher
+from app.worker.tasks import RequestDispatcher
 from engine.planner import band_counts, usual_bands
 from tests.app.fake_worker import FakeClient
 from tests.opened import run_in_process

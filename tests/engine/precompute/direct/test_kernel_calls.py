@@ -19,7 +19,7 @@ from app.worker.cache import ArrayCache
 from app.worker.in_process import InProcessClient
 from tests.opened import ask_for_scene
 from app.modes.placement.placement_messages import StageDone
-from app.worker.dispatcher import RequestDispatcher
+from app.worker.tasks import RequestDispatcher
 from engine.precompute.direct import kernel_calls
 from tests.app.worker.ball_and_lamp import SCENE, compute
 
