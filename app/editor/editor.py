@@ -287,8 +287,7 @@ class Editor:
         self._keeper.close(self.document, self.view)
 
     def cancel_work(self) -> None:
-        """Stop the worker; delivered pictures stay on screen, until `resume_work` or an edit that requires new
-        transport."""
+        """Stop the worker; delivered pictures stay on screen, until `resume_work` or an edit that requires new work."""
         self._cancelled = self._client.send(CancelRequests())
         self.controller.cancelled()
         self._reading.cancel()

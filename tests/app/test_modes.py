@@ -31,7 +31,7 @@ def test_what_every_mode_shares_has_no_word_of_placement_s(file: str) -> None:
 
 @pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
 def test_what_a_mode_names_is_there(mode) -> None:
-    assert all(callable(import_named(name)) for name in (mode.worker, mode.picture, mode.accuracy))
+    assert all(callable(import_named(name)) for name in (mode.controller, mode.worker, mode.picture, mode.accuracy))
 
 
 def needed_by(kind: type[Request]) -> set[type[Request]]:
