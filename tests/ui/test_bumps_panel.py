@@ -28,7 +28,7 @@ def test_load_edit_and_clear(window: HeadlessWindow, tmp_path: Path) -> None:
     question = window.shell.state.question
     assert question is not None and (question.purpose, question.key) == ("open_bump_map", "teapot")
     (tmp_path / "dents.png").touch()
-    actor.perform(answer(question, tmp_path / "dents.png")[:1], window.shell.state, 0.0)
+    actor.perform([answer(question, tmp_path / "dents.png")], window.shell.state, 0.0)
     assert bumps() == Bumps(bump_map=str(tmp_path / "dents.png"))
     window.shell.state = PanelState()
     window.frames(2)

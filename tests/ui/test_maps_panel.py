@@ -61,7 +61,7 @@ def test_load_edit_and_clear(window: HeadlessWindow, tmp_path: Path) -> None:
     question = window.shell.state.question
     assert question is not None and (question.purpose, question.key) == ("open_texture", "teapot.0")
     (tmp_path / "oak.png").touch()
-    actor.perform(answer(question, tmp_path / "oak.png")[:1], window.shell.state, 0.0)
+    actor.perform([answer(question, tmp_path / "oak.png")], window.shell.state, 0.0)
     assert maps_of(window).texture == str(tmp_path / "oak.png")
     window.shell.state = PanelState()
     sample(window)
@@ -132,7 +132,7 @@ def test_what_is_dropped_on_a_row_is_that_image(window: HeadlessWindow, tmp_path
 
 def test_the_browser_answers_for_the_layer_it_was_asked_for(tmp_path: Path) -> None:
     question = FileQuestion("open_weight", tmp_path, key="tray.0")
-    assert answer(question, tmp_path / "a.png")[0] == OpenImage(tmp_path / "a.png", "tray.0", "weight")
+    assert answer(question, tmp_path / "a.png").action == OpenImage(tmp_path / "a.png", "tray.0", "weight")
     assert AskFile("open_texture", "tray.0").key == "tray.0"
     assert (short_label("oak.png"), short_label("cup.glb#2")) == ("oak", "cup.glb#2")
     assert image_label("maps/oak.png") == "oak.png" and image_label("cup.glb#2") == "cup.glb#2"

@@ -90,10 +90,10 @@ def test_an_image_is_chosen_by_the_browser(
         assert question is not None and (question.purpose, question.key) == (f"open_{what}", "teapot")
         file = tmp_path / name
         actor = window.shell.actor
-        actor.perform(answer(question, file)[:1], window.shell.state, 0.0)
+        actor.perform([answer(question, file)], window.shell.state, 0.0)
         assert f"{name}: there is no such file; nothing was changed" in editor.status.message
         file.touch()
-        actor.perform(answer(question, file)[:1], window.shell.state, 0.0)
+        actor.perform([answer(question, file)], window.shell.state, 0.0)
         assert surface(editor).files == (("translucency" if kind == "membrane" else "patch", str(file)),)
         window.shell.state = PanelState()
         window.frames(2)

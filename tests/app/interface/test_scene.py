@@ -220,7 +220,7 @@ def test_nodes_say_what_they_have(file: Path) -> None:
         ('scene["pot"]', "there is no object 'pot'; available: ground, ball, lamp"),
         ('scene["ball"]["varnish"]', "there is no layer of ball 'varnish'"),
         ('scene["ball"]["gloss"]["theta_i"]', "there is no curve 'theta_i' of ball.1; available: theta_h, theta_d"),
-        ('scene["ball"].set_emission', "there is no layer of ball 'shine'"),
+        ('scene["ball"].set_emission', "there is no layer of ball 'set_emission'"),
         ('setattr(scene["ball"]["gloss"], "alpha", 7)', "alpha = 7, expected a number from"),
         ('setattr(scene["ball"]["gloss"], "roughness", 1)', "there is no curve or parameter of ball.1 'roughness'"),
         ('setattr(scene["ball"], "emission", 1)', "ball is not an emitter"),

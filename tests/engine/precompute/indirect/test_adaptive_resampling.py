@@ -115,7 +115,7 @@ def test_a_point_has_the_mean_of_its_hemisphere_samples() -> None:
 def test_fans_are_the_same_by_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     one, two = (_gathered_by(n, monkeypatch) for n in (1, 2))
     assert one.nth.any()
-    for name in ("rows", "nth", "seen"):
+    for name in ("rows", "nth", "records"):
         np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
 
 
@@ -133,7 +133,7 @@ def test_a_room_that_is_lit_through_a_slit_asks_and_is_nearer() -> None:
     # All that comes through the slit has been reflected behind it; 32 times the rays are the judge.
     placement, layers = placement_of(SLIT, (-0.5, 1.5, -0.8), (0.3, 0.6, 1.0), n=12), [matt(i, 0.7) for i in range(9)]
     room = replace(STILL, n_rays=128, max_extra_sets=0, n_cache_records=1500, n_record_rays=32, n_samples=64)
-    given = ({"n_rays": 4096}, {}, {"most_further": 1}, {"most_further": ALL})
+    given = ({"n_rays": 4096}, {}, {"max_extra_sets": 1}, {"max_extra_sets": ALL})
     found = [solve(placement, layers, 2, replace(room, **each)) for each in given]
     truth, *pictures = (each.picture(layers) for each in found)
     n_fans = [len(each.points.samples.nth) / len(each.points.samples.points) for each in found[1:]]

@@ -107,23 +107,23 @@ def test_nothing_is_missing_on_a_surface_that_turns_away():
 @pytest.mark.parametrize("edited", [0, 1])
 def test_bands_times_the_curve_are_the_reflection_of_photons(under_lamp, edited):
     found, layers, _ = under_lamp
-    thrown = found.points.caustics(layers, edited)
+    thrown = found.points.caustic_flux(layers, edited)
     assert set(thrown.powers) == {int(edited == 1)}
     n_powers = 2
     nothing = np.zeros((len(found.light.objects), n_powers, 3), np.float32)
     light = OutgoingRadiance(nothing, None, thrown)
     for layer in (matt(0, 0.7), indirect_layer(0, make_layer(MODELS["rough_conductor"], GOLD), (32, 8))):
-        [whole] = run_to_end(found.points.fans(0).reflect([layer.curves], light))
+        [whole] = run_to_end(found.points.hemisphere_samples(0).reflect([layer.curves], light))
         assert whole[:, int(edited == 1)].max() > 0.0
         for factor, curve in enumerate(layer.curves.curves):
-            bands = run_to_end(found.points.fans(0).by_band(layer.curves, factor, light))
+            bands = run_to_end(found.points.hemisphere_samples(0).by_band(layer.curves, factor, light))
             contracted = np.einsum("cjnp,jc->pnc", bands, curve)
             np.testing.assert_allclose(contracted, whole, rtol=1e-4, atol=1e-5 * whole.max())
 
 
 def test_the_light_of_an_edited_object_follows_its_albedo(under_lamp):
     found, layers, _ = under_lamp
-    plain, edited = found.points.caustics(layers), found.points.caustics(layers, 1)
+    plain, edited = found.points.caustic_flux(layers), found.points.caustic_flux(layers, 1)
     np.testing.assert_allclose(edited.light * layers[1].albedo, plain.light, rtol=1e-4, atol=1e-6 * plain.light.max())
 
 

@@ -73,11 +73,11 @@ def test_bands_times_the_curve_are_the_reflection(corner, model):
     found, layers = corner
     layer = make_layer(MODELS[model])
     glossy = indirect_layer(0, layer, (16, 8)[: len(layer.model.factors)])
-    light = found.second_curves([*layers, indirect_layer(1, make_layer(MODELS["rough_conductor"]), (16, 8))], 1)
-    [whole] = run_to_end(found.points.fans(0).reflect([glossy.curves], light))
+    light = found.outgoing_radiance([*layers, indirect_layer(1, make_layer(MODELS["rough_conductor"]), (16, 8))], 1)
+    [whole] = run_to_end(found.points.hemisphere_samples(0).reflect([glossy.curves], light))
     assert whole.max() > 0.0
     for factor, curve in enumerate(glossy.curves.curves):
-        bands = run_to_end(found.points.fans(0).by_band(glossy.curves, factor, light))
+        bands = run_to_end(found.points.hemisphere_samples(0).by_band(glossy.curves, factor, light))
         contracted = np.einsum("cjnp,jc->pnc", bands, curve)
         np.testing.assert_allclose(contracted, whole, rtol=1e-4, atol=1e-5 * whole.max())
 
@@ -200,7 +200,7 @@ def test_its_progress_grows_to_near_its_end(corner, monkeypatch):
     monkeypatch.setattr(adaptive_resampling, "NOISY", 0.0)
     placement, (_, layers) = placement_of(CORNER, **CORNER_VIEW), corner
     models = {layer.i_object: [layer.curves.model.name] for layer in layers}
-    for changes in ({"adaptive": False}, {}, {"most_further": 1}):
+    for changes in ({"adaptive": False}, {}, {"max_extra_sets": 1}):
         sky = SkyState(constant_environment((1.0, 1.0, 1.0)))
         steps = Solver(placement, models, sky, 3, replace(QUICK, **changes)).solve(layers)
         told = [fraction for fraction, _ in steps]

@@ -167,7 +167,7 @@ def test_backs_have_light_in_the_first_picture_that_sees_them(block_scene, orbit
     below = block_scene.description.camera.model_copy(update={"position": (0.0, -3.0, 1.0)})
     first = orbit.draw(below, SIZE, "moving")
     # Nothing stands below the floor: it reflects all of an even sky, its albedo times the radiance.
-    on_floor = first[orbit.lit.mesh.prioritize_view(below, SIZE).samples.i_object.reshape(first.shape[:2]) == 0]
+    on_floor = first[orbit.lit.mesh.sample_view(below, SIZE).samples.i_object.reshape(first.shape[:2]) == 0]
     np.testing.assert_allclose(on_floor, np.broadcast_to([1.0, 0.25, 0.5], on_floor.shape), rtol=0.02)
     assert not orbit.is_done and [*orbit.work()]
     np.testing.assert_allclose(first, orbit.draw(below, SIZE, "moving"), rtol=0.02, atol=1e-3)
@@ -186,7 +186,7 @@ def test_edges_are_smooth_on_request_while_something_moves(orbit) -> None:
     camera = orbit.scene.description.camera
     hard = orbit.draw(camera, SIZE, "moving")
     soft = run_to_end(orbit.draw_steps(camera, SIZE, "moving", has_soft_edges=True))
-    ids = orbit.lit.mesh.prioritize_view(camera, SIZE).samples.i_object.reshape(SIZE[::-1])
+    ids = orbit.lit.mesh.sample_view(camera, SIZE).samples.i_object.reshape(SIZE[::-1])
     edges = np.zeros(ids.shape, bool)
     silhouettes(ids, edges)
     np.testing.assert_allclose(soft[~edges], hard[~edges], rtol=1e-5)
