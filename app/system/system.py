@@ -9,6 +9,7 @@ from __future__ import annotations
 import array
 import contextlib
 import gc
+import mmap
 import os
 import select
 import signal
@@ -113,7 +114,7 @@ def resident_bytes(pid: int, has_proc: bool = HAS_PROC) -> int:
     """Memory that a process holds in RAM; 0 where there is none of this number, or access is denied."""
     if has_proc:
         with contextlib.suppress(OSError), open(f"/proc/{pid}/statm", encoding="ascii") as file:
-            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+            return int(file.read().split()[1]) * mmap.PAGESIZE
         return 0
     import psutil  # late: it takes a window's thread 15 ms
 
