@@ -6,8 +6,7 @@ from imgui_bundle import imgui
 
 from app.document.commands import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose
 from app.document.commands.poses import MAX_DEFORMERS
-from engine.realtime.deformers import KINDS
-from engine.realtime.deformers.kind import DeformerKind
+from engine.realtime.deformers import KINDS, DeformerKind
 from engine.realtime.zonal_harmonics.pose import Deformation
 from ui.panels import number_fields, surfaces, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag
