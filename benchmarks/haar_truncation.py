@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from app.measure.accuracy import errors
 from app.measure.plots import save_figure
+from engine.core.frames import local_frames
 from engine.light.environment import triangle_integrals
 from engine.material.layer import Layer
 from engine.precompute.direct.pipeline import SkyState
 from engine.render.integrator import evaluate_layers
-from engine.scene.local_frames import local_frames
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic

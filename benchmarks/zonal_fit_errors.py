@@ -7,8 +7,8 @@ from collections.abc import Generator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.frames import orthonormal
 from engine.core.generators import map_steps
-from engine.realtime.zonal_harmonics.pose import orthonormal
 from engine.realtime.zonal_harmonics.transfer import TransferPoints, simulate
 from engine.realtime.zonal_harmonics.zonal import MAX_LOBES, fit
 from engine.scene.builtin import builtin_scenes

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.scene.camera import project
+from engine.core.camera import project
 from engine.scene.description import Camera
 from ui.gl.brdf_stack import BrdfStack
 

@@ -29,7 +29,7 @@ from engine.core.generators import run_to_end
 from engine.material.layer import Layer, object_of
 from engine.render.map_sampler import mean_factor
 from engine.render.picture_files import exr_bytes
-from engine.scene.local_frames import object_axes
+from engine.scene.object_axes import object_axes
 
 RENDER = Path(__file__).with_name("render.py")
 MITSUBA = "3.5.0"

@@ -10,13 +10,13 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from engine.core.frames import local_frames
 from engine.curve.operators import HALF_PI
 from engine.light.emitters import EmitterPatches
 from engine.light.environment import Environment, triangle_integrals
 from engine.material import kinds
 from engine.material.layer import Layer
 from engine.render import _kernels as kernels
-from engine.scene.local_frames import local_frames
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic

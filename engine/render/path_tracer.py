@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.frames import local_frames
 from engine.core.threads import n_threads, pool
 from engine.light.environment import LUMINANCE
 from engine.material.layer import Layer
@@ -27,7 +28,6 @@ from engine.render.map_factors import MapFactors
 from engine.render.path_lights import EmitterLight, LightSamples, PathLight, SkyLight
 from engine.render.path_lobes import N_NUMBERS, Scattering
 from engine.render.still import Picture, StillProgress, compose
-from engine.scene.local_frames import local_frames
 from engine.scene.primary_hits import PrimaryHits, emission_towards, object_ids, shading_frames
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from engine.scene.camera import camera_frame, pixel_directions, unit
+from engine.core.camera import camera_frame, pixel_directions, unit
 from engine.scene.description import MAX_COORDINATE, Camera
 
 FILM_HEIGHT = 24.0  # millimetres

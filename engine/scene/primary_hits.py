@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from engine.core.camera import centre_directions, pixel_directions
 from engine.core.generators import run_to_end
-from engine.scene.camera import centre_directions, pixel_directions
 from engine.scene.edges import Surface, edge_pixels, group_samples, ray_offsets, turn_of
-from engine.scene.local_frames import object_tangents
+from engine.scene.object_axes import object_tangents
 from engine.scene.picture_frame import Lamps
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.scene_loader import Scene

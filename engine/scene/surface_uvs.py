@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.camera import pixel_directions
 from engine.scene.box_projection import box_uvs
-from engine.scene.camera import pixel_directions
 from engine.scene.raycaster import Intersections
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from app.document.view_state import SetView
 from app.editor.editor import Editor
 from app.files.bookmarks import without_thumbnails
 from app.files.session import load_session
-from engine.scene.camera import camera_frame
+from engine.core.camera import camera_frame
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
 from ui.panels.actions import MoveCameraTo, OpenFile, RenameView, SaveView, SetPreference

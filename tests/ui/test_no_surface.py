@@ -14,8 +14,8 @@ from app.worker.cache import ArrayCache
 from app.worker.in_process import InProcessClient
 from app.worker.orbit_worker import OrbitWorker
 from app.worker.tasks import RequestDispatcher
+from engine.core.camera import centre_directions
 from engine.light.environment import load_environment
-from engine.scene.camera import centre_directions
 from engine.scene.description import Camera
 from tests.ui.small_scene import SCENE, opened_window, wait_until_exact, write_small_scene
 from ui.headless import HeadlessWindow

@@ -12,8 +12,8 @@ from imgui_bundle import imgui
 
 from app.document.commands.layers import SetParameter
 from app.editor.script import PickLobe
+from engine.core.camera import pixel_directions, project
 from engine.material import MODELS, make_layer
-from engine.scene.camera import pixel_directions, project
 from engine.scene.description import CameraDescription
 from tests.ui.conftest import opened
 from ui.gl.brdf_stack import BrdfStack

@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.scene.camera import camera_frame
+from engine.core.camera import camera_frame, camera_plane
 from engine.scene.description import Camera
 from ui.gl.passes import Passes
 from ui.gl.textures import TextureMemory
@@ -44,10 +44,10 @@ class ViewTarget:
         target.color_mask = (True,) * 4  # type: ignore[assignment]
         target.clear(depth=1.0)
         program = self._passes.full_screen(_BACKDROP)
+        axes = tuple(camera_plane(camera, size).ravel().tolist())
         self._passes.draw(
-            program, target, (0, 0, *size), {"environment": sky}, axes=_plane(camera, size), rotation=turn,
-            intensity=scale,
-        )  # fmt: skip
+            program, target, (0, 0, *size), {"environment": sky}, axes=axes, rotation=turn, intensity=scale
+        )
         target.use()
         return target
 
@@ -105,12 +105,3 @@ def view_uniforms(
     near, far = max(nearest, _NEAREST * farthest), farthest
     depth = (far + near) / (far - near), -2.0 * far * near / (far - near)
     return {"eye": tuple(map(float, eye)), "towards": tuple(towards.T.ravel().tolist()), "depth": depth}
-
-
-def _plane(camera: Camera, size: tuple[int, int]) -> tuple[float, ...]:
-    """Columns of the picture's plane as `backdrop.frag.glsl` takes them."""
-    (width, height), half = size, math.tan(math.radians(camera.fov_y) / 2.0)
-    right, up, forward = camera_frame(camera)
-    corner = forward - half * width / height * right + half * up
-    axes = np.stack([corner, right * (2.0 * half / height), up * (-2.0 * half / height)])
-    return tuple(axes.ravel().tolist())

@@ -14,7 +14,7 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 from numpy.typing import NDArray
 
-from engine.scene.camera import camera_frame, pixel_directions, project
+from engine.core.camera import camera_frame, pixel_directions, project
 from engine.scene.camera_moves import distance
 from engine.scene.description import Camera
 from ui import theme as look

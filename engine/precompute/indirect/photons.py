@@ -17,13 +17,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.camera import camera_frame, project
 from engine.core.threads import even_parts, n_threads, on_threads
 from engine.precompute.indirect import _photon_kernels as kernels
 from engine.precompute.indirect._reflection_kernels import SampleArrays
 from engine.precompute.indirect._second_bounce_kernels import GlossyLayers, SampledLights
 from engine.precompute.indirect.direction_patterns import lobe_vectors
 from engine.precompute.indirect.irradiance_cache import CHUNK, IrradianceCache
-from engine.scene.camera import camera_frame, project
 from engine.scene.primary_hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene

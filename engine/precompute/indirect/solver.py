@@ -56,7 +56,7 @@ from engine.precompute.indirect.stored_light import (
     read_smoothing,
     read_table,
 )
-from engine.scene.local_frames import object_axes
+from engine.scene.object_axes import object_axes
 from engine.scene.primary_hits import PrimaryHits
 
 # Gather points, and rays for each, of the pilot pass that chooses the cell size.

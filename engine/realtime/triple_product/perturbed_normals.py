@@ -15,6 +15,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.frames import sphere_frames
 from engine.core.threads import even_parts, on_threads
 from engine.realtime.triple_product import _footprint_kernels as footprint_kernels
 from engine.realtime.triple_product import _perturbed_kernels as kernels
@@ -24,7 +25,7 @@ from engine.realtime.triple_product.point_reflection import mirror_directions, p
 from engine.realtime.triple_product.sky_map import SkyMap, make_sky
 from engine.realtime.triple_product.view_maps import MOVING_PROBES, footprints_of
 from engine.realtime.triple_product.view_samples import ViewSamples
-from engine.scene.local_frames import object_tangents
+from engine.scene.object_axes import object_tangents
 from engine.scene.scene_loader import Scene
 from engine.sphere.geodesic import geodesic, triangle_first_moments
 
@@ -60,7 +61,7 @@ def perturb_samples(seen: ViewSamples, which: Rows, scene: Scene, i_object: int)
         uv, across, down = (each[start:stop] for each in footprints)
         normals = scene.bump_normals.perturb(triangle, u, v, own, wo, (uv, across, down))
         tangents = object_tangents(scene, np.full(len(some), i_object), normals)
-        frames[start:stop] = np.stack([tangents, normals, np.cross(tangents, normals)], axis=1)
+        frames[start:stop] = sphere_frames(tangents, normals)
 
     on_threads(part, *even_parts(len(which)))
     return PerturbedSamples(which, frames, np.ascontiguousarray(samples.wo[which]))

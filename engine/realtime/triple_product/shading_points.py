@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from engine.core.frames import sphere_frames
 from engine.core.generators import run_to_end
 from engine.realtime.triple_product.lit_faces import lit_sides
-from engine.scene.local_frames import object_tangents
+from engine.scene.object_axes import object_tangents
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene
 
@@ -79,7 +80,7 @@ class ShadingPoints:
 
         The normal is the sphere's +Y, so every triangle of the sphere lies either above the surface or below it.
         """
-        return np.stack([self.tangent, self.normal, np.cross(self.tangent, self.normal)], axis=1)
+        return np.asarray(sphere_frames(self.tangent, self.normal), np.float32)
 
     @cached_property
     def shown(self) -> Int32Array:

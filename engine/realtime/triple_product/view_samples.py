@@ -10,16 +10,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.camera import camera_plane
+from engine.core.frames import local_frames
 from engine.core.threads import even_parts, on_threads
 from engine.light.environment import Environment
 from engine.realtime.triple_product import _picture_kernels as kernels
 from engine.realtime.triple_product._footprint_kernels import Charts
 from engine.realtime.triple_product.corner_visibility import CornerVisibility
 from engine.realtime.triple_product.shading_points import ShadingPoints
-from engine.scene.camera import camera_frame
 from engine.scene.description import CameraDescription
 from engine.scene.edges import Surface, edge_pixels, ray_offsets, turn_of
-from engine.scene.local_frames import local_frames, object_tangents
+from engine.scene.object_axes import object_tangents
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.scene_loader import Scene
 
@@ -87,7 +88,7 @@ class PointMesh:
         reflects = samples.corners[:, 0] >= 0
         order, bounds = kernels.by_object(i_object, reflects, len(self._scene.smooth))
         eye = np.subtract(camera.position, self._scene.origin).astype(np.float32)
-        axes = _plane(camera, resolution)
+        axes = camera_plane(camera, resolution)
         what = samples, pixel, share, order, bounds, found, self._points, self._charts
         return ViewSamples((width, height), eye, axes, *what)
 
@@ -120,7 +121,10 @@ class PointMesh:
         self, camera: CameraDescription, resolution: tuple[int, int], places: NDArray[np.float64], n: int
     ) -> tuple[kernels.Samples, tuple[NDArray, ...]]:
         """Trace n rays: return samples, triangle, u and v."""
-        axes, eye = _plane(camera, resolution), np.subtract(camera.position, self._scene.origin).astype(np.float32)
+        axes, eye = (
+            camera_plane(camera, resolution),
+            np.subtract(camera.position, self._scene.origin).astype(np.float32),
+        )
         directions = np.empty((n, 3), np.float32)
         out = _room(n)
         found = np.empty(n, np.int32), np.empty(n, np.float32), np.empty(n, np.float32)
@@ -258,11 +262,3 @@ def _room(n: int) -> kernels.Samples:
         np.empty((n, 3), np.int32), np.zeros((n, 3), np.float32), np.empty((n, 3), np.float32),
         np.empty((n, 3), np.float32), np.empty(n, np.int32), np.empty(n, bool),
     )  # fmt: skip
-
-
-def _plane(camera: CameraDescription, resolution: tuple[int, int]) -> NDArray[np.float64]:
-    """The picture's plane as `fill_rays` takes it, see `engine.scene.camera.pixel_directions`."""
-    (width, height), half = resolution, math.tan(math.radians(camera.fov_y) / 2)
-    right, up, forward = camera_frame(camera)
-    corner = forward - half * width / height * right + half * up
-    return np.stack([corner, right * (2.0 * half / height), up * (-2.0 * half / height)])

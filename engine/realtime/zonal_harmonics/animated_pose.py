@@ -11,10 +11,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.frames import orthonormal
 from engine.core.threads import even_parts, on_threads
 from engine.realtime.zonal_harmonics import _animation_kernels as kernels
 from engine.realtime.zonal_harmonics.gradients import gradients
-from engine.realtime.zonal_harmonics.pose import Pose, deformed_frames, orthonormal
+from engine.realtime.zonal_harmonics.pose import Pose, deformed_frames
 from engine.scene.loaders.gltf_nodes import matrix_of
 from engine.scene.rig import PATHS, Clip, Rig, Track, morph_weight, normal_matrices
 

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from engine.core.frames import local_frames, orthonormal
 from engine.realtime.triple_product.lit_faces import lit_sides
 from engine.realtime.triple_product.shading_points import ShadingPoints, shading_points, with_backs
-from engine.realtime.zonal_harmonics.pose import Pose, orthonormal
+from engine.realtime.zonal_harmonics.pose import Pose
 from engine.realtime.zonal_harmonics.raster import RasterTriangles
 from engine.realtime.zonal_harmonics.transfer import TransferPoints
-from engine.scene.local_frames import local_frames
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.scene_loader import Scene
 from engine.scene.surface_points import SurfacePoints

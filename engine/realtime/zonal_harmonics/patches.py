@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from engine.core.frames import orthonormal
 from engine.core.generators import map_steps
 from engine.core.threads import even_parts, on_threads
 from engine.realtime.zonal_harmonics import _patch_kernels as kernels
-from engine.realtime.zonal_harmonics.pose import orthonormal
 from engine.realtime.zonal_harmonics.shading import Lobes, lobes
 from engine.realtime.zonal_harmonics.subsurface import Medium, Sources, subsurface
 from engine.realtime.zonal_harmonics.transfer import (

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from engine.core.errors import InsituError
+from engine.core.frames import orthonormal
 from engine.realtime.deformers import KINDS
 
 Float64Array = NDArray[np.float64]
 
 MAX_GROWTH = 1000.0
-_SHORT = 1e-12
 _SIDES = 9  # sample points along each edge of a cube
 # Indices of the horizontal axis, the deformer's axis and the depth axis.
 AXES = {"x": (1, 0, 2), "y": (0, 1, 2), "z": (0, 2, 1)}
@@ -125,28 +125,7 @@ def deformed_frames(frames: ArrayLike, jacobians: ArrayLike) -> Float64Array:
     return orthonormal(np.stack([tangent, frames[:, 1], normal], axis=1), frames)
 
 
-def orthonormal(frames: Float64Array, instead: Float64Array) -> Float64Array:
-    """Orthonormalize axes (V, 3, 3): keep the normals' directions, and tangents as close as possible; where a vector
-    has no length, take it from `instead`."""
-    normal = _unit(frames[:, 2], instead[:, 2])
-    tangent = _unit(_across(frames[:, 0], normal), _across(instead[:, 0], normal))
-    tangent = _unit(tangent, np.cross(instead[:, 1], normal))
-    return np.stack([tangent, np.cross(normal, tangent), normal], axis=1)
-
-
 def _cofactors(matrices: Float64Array) -> Float64Array:
     """det(J) J^-T (V, 3, 3), also where there is no inverse: rows are cross products of rows."""
     a, b, c = matrices[:, 0], matrices[:, 1], matrices[:, 2]
     return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
-
-
-def _across(vectors: Float64Array, normal: Float64Array) -> Float64Array:
-    return vectors - np.einsum("vc,vc->v", vectors, normal)[:, None] * normal
-
-
-def _unit(vectors: Float64Array, instead: Float64Array) -> Float64Array:
-    """Normalize vectors (V, 3); where they have no length, take those of `instead` (V, 3)."""
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    others = np.linalg.norm(instead, axis=1, keepdims=True)
-    has_length = lengths > _SHORT
-    return np.where(has_length, vectors / np.where(has_length, lengths, 1.0), instead / np.maximum(others, _SHORT))

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.frames import local_frames
 from engine.realtime.zonal_harmonics import animated_pose
 from engine.realtime.zonal_harmonics.pose import Deformation, Moment, Motion, Pose, Poses, check_extent, deform
-from engine.scene.local_frames import local_frames, object_tangents
 from engine.scene.mesh import face_normals
+from engine.scene.object_axes import object_tangents
 from engine.scene.scene_loader import MAX_EXTENT, Scene
 
 

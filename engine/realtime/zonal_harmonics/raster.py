@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.camera import camera_frame
 from engine.core.threads import even_parts, n_threads, on_threads
 from engine.realtime.zonal_harmonics import _raster_kernels as kernels
-from engine.scene.camera import camera_frame
 from engine.scene.description import CameraDescription
 
 Float64Array = NDArray[np.float64]
@@ -131,11 +131,12 @@ def _bands(height: int) -> tuple[list[int], list[int]]:
 
 
 def _plane(camera: CameraDescription, size: tuple[int, int]) -> tuple[Float64Array, Float64Array]:
-    """The directions of pixels as `paint_rows` takes them, see `engine.scene.camera.pixel_directions`; and rows that
-    map a direction to column and row times depth, and depth."""
+    """The picture's plane as `paint_rows` takes it, and rows that map a direction to column and row times depth, and
+    depth."""
     (width, height), half = size, math.tan(math.radians(camera.fov_y) / 2)
     right, up, forward = camera_frame(camera)
     pixel = 2.0 * half / height
+    # Not `camera_plane`: that divides the width by the height, not both by the pixel, which rounds differently.
     corner = forward - pixel * width / 2.0 * right + half * up
     plane = np.stack([corner, right * pixel, up * -pixel])
     view = np.stack([right / pixel + width / 2.0 * forward, -up / pixel + height / 2.0 * forward, forward])

@@ -14,11 +14,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.frames import orthonormal
 from engine.material.layer_maps import Images
 from engine.realtime.zonal_harmonics.heights import PATTERNS, of_image
 from engine.realtime.zonal_harmonics.heights import SIDE as TEXELS
 from engine.realtime.zonal_harmonics.patches import Patch, patch, simulate_patch
-from engine.realtime.zonal_harmonics.pose import orthonormal
 from engine.realtime.zonal_harmonics.shading import BandLight, Lobes, lobes, shade
 from engine.realtime.zonal_harmonics.wrinkle import SIDE, wrinkles
 from engine.realtime.zonal_harmonics.wrinkle import Wrinkles as WrinkleMap

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from engine.core.frames import orthonormal
 from engine.realtime.zonal_harmonics.bending_points import BendingPoints
-from engine.realtime.zonal_harmonics.pose import orthonormal
 from engine.scene.scene_loader import Scene
 
 Float64Array = NDArray[np.float64]

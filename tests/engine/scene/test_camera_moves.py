@@ -11,7 +11,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from engine.scene.camera import camera_frame, project
+from engine.core.camera import camera_frame, project
 from engine.scene.camera_moves import (
     MOST_ELEVATION,
     SIDES,

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from engine.core.camera import project
 from engine.core.errors import LoadError
-from engine.scene.camera import project
 from engine.scene.scene_loader import Scene, load_scene
 
 HEAD = (

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document.commands import SetDeformer
+from engine.core.camera import camera_frame, project
 from engine.realtime.deformers import KINDS
 from engine.realtime.zonal_harmonics.pose import AXES, Deformation, Pose, deform
-from engine.scene.camera import camera_frame, project
 from engine.scene.camera_moves import distance
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext

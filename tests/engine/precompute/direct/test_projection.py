@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from engine.core.frames import local_frames
 from engine.curve.bands import band_values
 from engine.light.emitters import emitter_patches
 from engine.light.environment import Environment, constant_environment, triangle_integrals
@@ -30,7 +31,6 @@ from engine.precompute.direct._angle_kernels import fill_gammas, weigh
 from engine.precompute.direct._share_kernels import make_spots, mean_and_spread, share_out
 from engine.precompute.direct.projection import LayerShape, project_layer
 from engine.render.integrator import evaluate_layers
-from engine.scene.local_frames import local_frames
 from engine.scene.primitives import sphere
 from engine.sphere.geodesic import geodesic
 from tests.engine.precompute.direct.by_hand import bands_of, irradiance, light_of, points_at, project, square

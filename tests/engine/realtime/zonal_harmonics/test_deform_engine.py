@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from engine.core.camera import centre_directions
 from engine.core.generators import run_to_end
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
@@ -18,7 +19,6 @@ from engine.realtime.zonal_harmonics.raster import RasterTriangles, draw
 from engine.realtime.zonal_harmonics.shading import shade
 from engine.realtime.zonal_harmonics.transfer import add_bounces, rotate_transfer, simulate_shadows, unshadowed
 from engine.realtime.zonal_harmonics.zonal import fit
-from engine.scene.camera import centre_directions
 from engine.scene.raycaster import RayCaster
 from engine.scene.scene_loader import Scene, load_scene
 from engine.scene.surface_kinds import DeformSurface, Subsurface

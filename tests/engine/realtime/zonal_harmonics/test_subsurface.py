@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from engine.core.frames import local_frames
 from engine.core.generators import run_to_end
 from engine.realtime.zonal_harmonics.subsurface import Medium, Sources, simulate_subsurface, subsurface, vertex_areas
 from engine.realtime.zonal_harmonics.transfer import TransferPoints
-from engine.scene.local_frames import local_frames
 from engine.scene.primitives import sphere
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from engine.core.frames import local_frames
 from engine.core.generators import run_to_end
 from engine.realtime.zonal_harmonics.transfer import (
     TransferPoints,
@@ -16,7 +17,6 @@ from engine.realtime.zonal_harmonics.transfer import (
     simulate,
     unshadowed,
 )
-from engine.scene.local_frames import local_frames
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import surface_points
 from engine.sphere.harmonics import basis, clamped_cosine, rotate

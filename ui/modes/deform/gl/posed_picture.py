@@ -17,6 +17,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.core.camera import camera_frame
 from engine.realtime.zonal_harmonics.gpu_parts import (
     AppearancePart,
     CoverPart,
@@ -28,7 +29,6 @@ from engine.realtime.zonal_harmonics.gpu_parts import (
     ShapePart,
     SkyPart,
 )
-from engine.scene.camera import camera_frame
 from engine.scene.description import Camera
 from ui.gl.buffers import BufferMemory
 from ui.gl.context import GraphicsError

@@ -1,4 +1,4 @@
-"""Frames: the axes of objects in the world, and tangent, bitangent and normal at points of their surfaces.
+"""The axes of objects in the world, and the tangents that follow from them at points of their surfaces.
 
 Kernels that construct a point's frame themselves and the exported script use the same convention.
 """
@@ -31,9 +31,3 @@ def object_tangents(scene: Scene, ids: npt.NDArray[np.integer], normals: Float64
     length = np.linalg.norm(across, axis=1, keepdims=True)
     tangent = np.where(length > 1e-4, across, along)
     return tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
-
-
-def local_frames(tangent: npt.NDArray[np.floating], normal: npt.NDArray[np.floating]) -> Float64Array:
-    """Matrices (P, 3, 3) whose rows are tangent, bitangent, normal: world to local; tangents and normals (P, 3)."""
-    tangent, normal = tangent.astype(np.float64), normal.astype(np.float64)
-    return np.stack([tangent, np.cross(normal, tangent), normal], axis=1)

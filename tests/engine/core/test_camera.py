@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from engine.scene.camera import camera_frame, centre_directions, pixel_directions
+from engine.core.camera import camera_frame, camera_plane, centre_directions, pixel_directions
 from engine.scene.description import CameraDescription
 
 CAMERA = CameraDescription(position=(0, 0, 3), target=(0, 0, 0), fov_y=90.0, resolution=(6, 4))
@@ -48,3 +48,12 @@ def test_agrees_with_the_reference_renderer(shared_reference):
     d = forward + sx[..., None] * right + sy[..., None] * up
     d /= np.linalg.norm(d, axis=-1, keepdims=True)
     assert np.abs(centre_directions(camera, (320, 240)) - d).max() < 1e-7
+
+
+def test_the_plane_leads_through_the_same_places_of_the_picture():
+    corner, right, down = camera_plane(CAMERA, (6, 4))
+    for column, row in ((0.0, 0.0), (6.0, 4.0), (2.5, 1.25)):
+        towards = corner + column * right + row * down
+        expected = pixel_directions(CAMERA, (6, 4), column, row)
+        assert towards / np.linalg.norm(towards) == pytest.approx(expected, abs=1e-6)
+    assert corner @ camera_frame(CAMERA)[2] == pytest.approx(1.0)  # at depth 1

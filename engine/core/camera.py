@@ -7,11 +7,13 @@ resolution's aspect. Pixel (0, 0) is the upper left.
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from engine.scene.description import Camera
+if TYPE_CHECKING:
+    from engine.scene.description import Camera
 
 
 def camera_frame(camera: Camera) -> npt.NDArray[np.float64]:
@@ -42,6 +44,18 @@ def pixel_directions(
     directions = forward + x[..., None] * right + y[..., None] * up
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
     return directions.astype(np.float32)
+
+
+def camera_plane(camera: Camera, resolution: tuple[int, int]) -> npt.NDArray[np.float64]:
+    """The picture's plane at depth 1 (3, 3): rows from the camera to the upper left corner, one pixel to the right, one
+    pixel down. Row 0 + column · row 1 + row · row 2 has the direction of `pixel_directions`.
+
+    resolution is (width, height).
+    """
+    (width, height), half = resolution, math.tan(math.radians(camera.fov_y) / 2)
+    right, up, forward = camera_frame(camera)
+    corner = forward - half * width / height * right + half * up
+    return np.stack([corner, right * (2.0 * half / height), up * (-2.0 * half / height)])
 
 
 def project(
