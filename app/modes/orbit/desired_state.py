@@ -4,6 +4,7 @@ compares."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from app.document.document import Document
 from app.document.scene_state import LayerState, SceneState, scene_state
@@ -39,6 +40,15 @@ class DesiredOrbit:
         seen = (each for each in scene.layers if is_layer_visible(document, view, each.key))
         layers = tuple(LayerState(each.key, each.layer.replace(visible=True)) for each in seen)
         return cls(replace(scene, layers=layers), view.n_bounces, view.n_points, view.n_coefficients)
+
+
+class ShownPicture(NamedTuple):
+    """The content of a shown picture, whose error may be estimated."""
+
+    desired: DesiredOrbit
+    viewpoint: Viewpoint
+    poses: Poses
+    has_map: bool = False
 
 
 @dataclass(frozen=True)

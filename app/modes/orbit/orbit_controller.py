@@ -31,6 +31,7 @@ from app.document.view_state import Viewpoint, ViewState
 from app.messages.editor_status import PictureState, Status
 from app.messages.picture_events import PictureEvent
 from app.messages.worker_messages import CancelRequests, Request, RequestFailed, Response
+from app.modes.error_controller import ErrorController
 from app.modes.mode import EditorServices, ModeController, OpenedScene
 from app.modes.orbit.desired_state import (
     WINDOW_SECONDS,
@@ -39,8 +40,8 @@ from app.modes.orbit.desired_state import (
     PictureRequest,
     QualityPacer,
     ReadyState,
+    ShownPicture,
 )
-from app.modes.orbit.error_controller import DrawnErrorController, ShownPicture
 from app.modes.orbit.orbit_events import OrbitPartArrived, OrbitPicture
 from app.modes.orbit.orbit_messages import (
     DrawHeadlight,
@@ -67,6 +68,8 @@ from engine.scene.description import Camera, CameraDescription
 
 # The pointer is idle after so long without input.
 IDLE_SECONDS = 0.2
+# How long a picture is to be on screen, whole, before its error is estimated.
+ERROR_IDLE_SECONDS = 0.3
 # How often a window that draws itself checks whether it sees parts that are not ready.
 PRIORITIZE_SECONDS = 0.25
 # While pictures improve by themselves, the worker gets this many times the time that drawing one takes.
@@ -91,7 +94,9 @@ class OrbitController(ModeController):
     def __init__(self, services: EditorServices) -> None:
         self._services = services
         self.placement = PlacementController(services)
-        self._error = DrawnErrorController(services.send, self.estimates)
+        self._error = ErrorController[ShownPicture, DrawnErrorEstimated](
+            services.send, self.estimates, ERROR_IDLE_SECONDS
+        )
         self._is_open = False
         self._listener = self._most_bytes = 0
         self._forget()
@@ -280,18 +285,20 @@ class OrbitController(ModeController):
 
     @property
     def _estimate(self) -> ErrorEstimate | None:
-        """The error of the shown picture: at rest its own, else that of pictures drawn like it."""
-        if self._shown is None or self._is_headlight or self._shown_picture is None or not self._can_be_estimated:
+        """The error of the shown picture: at rest that estimated for this view, else that of moving pictures, which
+        holds from any camera until the scene is edited. A map does not change it."""
+        seen, newest = self._shown_picture, self._error.newest
+        if self._shown is None or self._is_headlight or seen is None or newest is None or not self._can_be_estimated:
             return None
-        return (
-            self._error.at_rest(self._shown_picture)
-            if self._is_whole
-            else self._error.moving(self._shown_picture.desired)
-        )
+        picture, estimated = newest
+        if self._is_whole:
+            return estimated.at_rest if picture._replace(has_map=seen.has_map) == seen else None
+        return estimated.moving if picture.desired == seen.desired else None
 
     @property
     def _error_colours(self) -> NDArray[np.uint8] | None:
-        return self._error.colours(self._shown_picture) if self._shown_picture is not None and self._is_whole else None
+        estimated = None if self._shown_picture is None else self._error.estimated(self._shown_picture)
+        return estimated.colours if estimated is not None and self._is_whole else None
 
     @property
     def _shown_picture(self) -> ShownPicture | None:
@@ -555,7 +562,7 @@ class OrbitController(ModeController):
             case DrawnErrorEstimated():
                 self._error.receive(response)
             case RequestFailed():
-                self._error.receive_failure(response)
+                self._error.receive_failure(response.id)
                 self._take_failure(response)
                 return self.placement.receive(response)
             case _:

@@ -10,6 +10,7 @@ import numpy as np
 
 from app.document.document import RGB, Document, LightState
 from app.document.scene_state import LayerState
+from app.document.view_state import ViewState
 from app.modes.placement.curves import Coefficients, Curves, Float64Array
 from engine.planner import Precision, RenderSettings
 
@@ -92,6 +93,26 @@ class DesiredTransport:
 
     def shape(self, key: str) -> TransportShape | None:
         return next((shape for shape in self.layers if shape.key == key), None)
+
+
+@dataclass(frozen=True, eq=False)
+class RestingPicture:
+    """An idle picture: its document, and what of the view it depends on. It is equal to one of the identical document:
+    undo comes back to those."""
+
+    document: Document
+    made_with: tuple[int | None, ...]
+
+    @classmethod
+    def of(cls, document: Document, view: ViewState) -> RestingPicture:
+        knobs = view.n_lights, view.n_patches, view.n_bounces, view.second_bands
+        return cls(document, (*knobs, view.shows_error))
+
+    def __eq__(self, other: object) -> bool:
+        is_one = isinstance(other, RestingPicture)
+        return is_one and self.document is other.document and self.made_with == other.made_with
+
+    __hash__ = None  # type: ignore[assignment]
 
 
 @dataclass(frozen=True, eq=False)

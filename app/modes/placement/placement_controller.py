@@ -22,13 +22,14 @@ from app.document.view_state import AS_PLANNED, ViewState
 from app.messages.editor_status import PictureState, Status
 from app.messages.picture_events import PictureEvent, SkyChanged
 from app.messages.worker_messages import CancelRequests, RequestFailed, Response
+from app.modes.error_controller import ErrorController
 from app.modes.mode import EditorServices, ModeController, OpenedScene
 from app.modes.placement.accepted_light import AcceptedLight
 from app.modes.placement.band_plans import BandController, BandPlans
 from app.modes.placement.comparison import Comparison
 from app.modes.placement.curves import Curves, Float64Array, picture_identity
+from app.modes.placement.desired_state import RestingPicture
 from app.modes.placement.edited_curves import edited_layers
-from app.modes.placement.error_controller import ErrorController
 from app.modes.placement.indirect_controller import IndirectController
 from app.modes.placement.map_controller import MapController
 from app.modes.placement.picture_transition import PictureTransition, RequestedTransport
@@ -38,6 +39,7 @@ from app.modes.placement.placement_messages import (
     BouncesPlanned,
     ComputeTransport,
     ErrorEstimated,
+    EstimateError,
     IndirectFound,
     IndirectFrozen,
     IndirectNoise,
@@ -67,6 +69,10 @@ from app.modes.placement.transport_controller import TransportController
 from engine.material.layer import Layer
 from engine.precompute.indirect.clamping import TOO_BRIGHT
 
+# How long a picture is to be on screen, whole, before its error is estimated.
+ERROR_IDLE_SECONDS = 0.5
+MAX_ESTIMATES = 32
+
 
 class PlacementController(ModeController):
     """The controller of Placement. curves: how many bands each curve gets, None for as many as planned."""
@@ -79,7 +85,9 @@ class PlacementController(ModeController):
         self.indirect = IndirectController(services.send, self.curves)
         self.maps = MapController(services.send, self.curves)
         self._comparison = Comparison(services.send, self.curves, self.maps.samples)
-        self._error = ErrorController(services.send, self.curves)
+        self._error = ErrorController[RestingPicture, ErrorEstimated](
+            services.send, EstimateError, ERROR_IDLE_SECONDS, MAX_ESTIMATES
+        )
         self._relight = RelightController(services.send, self.curves)
         self._changeover = PictureTransition(self.curves)
         self._warned_clamped = False
@@ -188,10 +196,20 @@ class PlacementController(ModeController):
         planned = self._request_missing(now, document, view)
         events = self._advance_transition(document, view, planned)
         rests = self._picture in ("finished", "exact") and not self._services.history.dragging
-        self._error.update(now, document, view, self._transport.revision, rests)
+        self._update_error(now, document, view, rests)
         turns = rests and self._transport.requested_rotation is not None
         self._relight.update(now, document, self._transport.revision, turns)
         return events + self._services.barrier.run("Side A", compare, none, (document, view))
+
+    def _update_error(self, now: float, document: Document, view: ViewState, rests: bool) -> None:
+        """Request an estimate of the error of the picture that is on screen, once nothing of it is left to come."""
+        revision = self._transport.revision
+
+        def request() -> EstimateError:
+            scene = self.curves.scene_state(document)
+            return EstimateError(scene, view.second_bands, view.shows_error, revision=revision)
+
+        self._error.update(now, RestingPicture.of(document, view), rests, request, revision)
 
     def _request_missing(self, now: float, document: Document, view: ViewState) -> bool:
         """Request what is missing; returns whether the bands of all layers are known."""
@@ -335,7 +353,9 @@ class PlacementController(ModeController):
         # That nothing is left to add does not imply a small error.
         says_error = known and self._other_parts_complete and picture != "exact"
         error = math.hypot(report.image_error or 0.0, noise) if says_error else None
-        estimate = self._error.estimate_of(self._document) if picture in ("finished", "exact") else None
+        is_whole = picture in ("finished", "exact")
+        estimated = self._error.estimated(RestingPicture.of(self._document, view)) if is_whole else None
+        estimate = None if estimated is None else estimated.estimate
         missing = transport_note(controller, report.precision, view.precision)
         n_bounces, bounces_note = self._bounces
         done = self._done if self._done is not None and self._done.revision == controller.revision else None
@@ -346,7 +366,7 @@ class PlacementController(ModeController):
             "is_held": picture in ("preview", "refining") and self.is_held,
             "image_error": error if estimate is None else estimate.overall,
             "estimate": estimate,
-            "error_colours": None if estimate is None else self._error.colours_of(self._document),
+            "error_colours": None if estimated is None else estimated.colours,
             "precomputed_mb": self._transport_bytes / 1e6,
             "gpu_mb": report.gpu_mb,
             "light_note": light_note(controller, self._changeover.drawn.light) if self._changeover.has_picture else "",
