@@ -1,20 +1,27 @@
 """Requests that the worker prepares a scene for another sky, once its picture is idle and nothing else is left to do.
 
-The request is given up as soon as the picture changes: an edit has the processors to itself.
+The request is cancelled as soon as the picture changes: an edit has the processors to itself.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 from app.document.document import Document
 from app.messages.worker_messages import CancelRequests, Request
 from app.modes.placement.curves import Curves
 from app.modes.placement.placement_messages import PrepareRelighting, RelightingPrepared
+from app.modes.reconciler import Reconciler
 
 # The error of the picture is requested before.
 IDLE_SECONDS = 1.0
+
+# A document and the revision of its transport.
+_LitDocument = tuple[Document, int]
+
+
+def _is_same(one: _LitDocument, two: _LitDocument) -> bool:
+    return one[0] is two[0] and one[1] == two[1]
 
 
 class RelightController:
@@ -22,39 +29,33 @@ class RelightController:
 
     def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
         self._send, self._curves = send, curves
-        self.forget()
+        self._reconciler = Reconciler[_LitDocument, RelightingPrepared](
+            IDLE_SECONDS, cancels_at_once=True, covers=_is_same
+        )
 
     def forget(self) -> None:
         """Forget what is ready: another picture, or another worker."""
-        self._picture: tuple[Document, int] | None = None
-        self._requested: int | None = None
-        self._is_done = False
-        self._idle_since = math.inf
+        self._reconciler.clear()
 
     def update(self, now: float, document: Document, revision: int, rests: bool) -> None:
         """Request preparation where it is time to. revision: of the transport that the picture is made with; rests:
         whether all of the picture is there, a sky lights it, and no drag is under way."""
-        if self._picture is None or self._picture[0] is not document or self._picture[1] != revision:
-            if self._requested is not None:
+        reconciler = self._reconciler
+        reconciler.desire(now, (document, revision))
+        match reconciler.action(now, rests):
+            case "request":
+                request = PrepareRelighting(self._curves.scene_state(document), revision=revision)
+                reconciler.sent(now, self._send(request))
+            case "cancel":
                 self._send(CancelRequests(of=(PrepareRelighting,)))
-            self.forget()
-            self._picture = document, revision
-        if not rests or self._requested is not None or self._is_done:
-            self._idle_since = math.inf
-            return
-        self._idle_since = min(self._idle_since, now)
-        if now - self._idle_since >= IDLE_SECONDS:
-            self._requested = self._send(PrepareRelighting(self._curves.scene_state(document), revision=revision))
 
     def receive(self, response: RelightingPrepared) -> None:
         """Take the response."""
-        if response.id == self._requested:
-            self._requested, self._is_done = None, True
+        self._reconciler.receive(response.id, response)
 
     def interrupted(self) -> None:
         """The user or a fault stopped it: it is not requested again before the picture changes."""
-        self._requested, self._is_done = None, True
+        self._reconciler.stop()
 
     def receive_failure(self, id: int) -> None:
-        if id == self._requested:
-            self.interrupted()
+        self._reconciler.fail(id)
