@@ -7,15 +7,18 @@ the reason, not the status bar: the user only wanted to see it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.messages.worker_messages import FetchTable, Request, RequestFailed, TableFetched
+from app.modes.reconciler import Reconciler
 from engine.measured.measurement import Measurement
 
 Samples = NDArray[np.float32]
+_TableName = tuple[str, int]
 
 
 class TableController:
@@ -23,10 +26,10 @@ class TableController:
 
     def __init__(self, send: Callable[[Request], int]) -> None:
         self._send = send
-        self._requested: tuple[int, Measurement] | None = None
+        self._reconciler = Reconciler[_TableName, TableFetched](patience=math.inf)
         self._received: dict[int, Samples] = {}
         self._read: dict[str, Measurement] = {}
-        self._refused: dict[tuple[str, int], str] = {}
+        self._refused: dict[_TableName, str] = {}
 
     def scene_opened(self) -> None:
         """Another scene is open: tables that were refused may be available now."""
@@ -34,10 +37,12 @@ class TableController:
 
     def request_table(self, measurement: Measurement) -> None:
         """Request the table of a measurement, read or not, unless another request is under way."""
-        if self._requested is not None or measurement.number in self._received or self.refusal(measurement):
+        if measurement.number in self._received or self.refusal(measurement):
             return
-        request = FetchTable(measurement.file, measurement.number)
-        self._requested = self._send(request), measurement
+        name = measurement.file, measurement.number
+        self._reconciler.desire(0.0, name)
+        if self._reconciler.action(0.0) == "request":
+            self._reconciler.sent(0.0, self._send(FetchTable(*name)))
 
     def refusal(self, measurement: Measurement) -> str:
         """Why the table is not available, in one line; empty where it may be."""
@@ -53,15 +58,16 @@ class TableController:
 
     def receive(self, response: TableFetched) -> None:
         """A table has come."""
-        if self._requested is not None and self._requested[0] == response.id:
-            self._requested = None
+        if self._reconciler.receive(response.id, response):
             self._received[response.measurement.number] = response.samples
             self._read[response.measurement.file] = response.measurement
+            self._reconciler.desire(0.0, None)  # it is handed over, and requested again if it is needed again
 
     def receive_failure(self, response: RequestFailed) -> bool:
         """A request failed; returns whether it was for a table."""
-        if self._requested is None or self._requested[0] != response.id:
+        requested = self._reconciler.requested
+        if requested is None or not self._reconciler.fail(response.id):
             return False
-        (_, measurement), self._requested = self._requested, None
-        self._refused[measurement.file, measurement.number] = response.line
+        self._refused[requested.desired] = response.line
+        self._reconciler.restart()  # which tables are refused is remembered here, of all of them
         return True
