@@ -48,8 +48,8 @@ class ErrorController(Generic[Picture, Estimated]):
     def update(
         self, now: float, picture: Picture, rests: bool, request: Callable[[], Request], made_by: int = 0
     ) -> None:
-        """Request an estimate where it is time to. rests: whether nothing of the picture is left to come, and no drag is
-        under way; request: makes the request; made_by: the number of what the picture was computed by, if it may be
+        """Request an estimate where it is time to. rests: whether nothing of the picture is left to come, and no drag
+        is under way; request: makes the request; made_by: the number of what the picture was computed by, if it may be
         computed again."""
         reconciler, desired = self._reconciler, (picture, made_by)
         if desired != reconciler.desired:

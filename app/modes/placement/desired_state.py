@@ -109,8 +109,9 @@ class RestingPicture:
         return cls(document, (*knobs, view.shows_error))
 
     def __eq__(self, other: object) -> bool:
-        is_one = isinstance(other, RestingPicture)
-        return is_one and self.document is other.document and self.made_with == other.made_with
+        if not isinstance(other, RestingPicture):
+            return False
+        return self.document is other.document and self.made_with == other.made_with
 
     __hash__ = None  # type: ignore[assignment]
 

@@ -1,7 +1,7 @@
 """Whatever is desired, answered, lost, stopped and refused, in whatever order: the reconciler's invariants hold.
 
-States are small integers, a response to the request for n is the text of n. Each sequence is run against a plain list of
-what is under way, which knows nothing of how the reconciler decides.
+States are small integers, a response to the request for n is the text of n. Each sequence is run against a plain list
+of what is under way, which knows nothing of how the reconciler decides.
 """
 
 from __future__ import annotations
