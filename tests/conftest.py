@@ -101,7 +101,7 @@ def measured_samples() -> np.ndarray:
 @pytest.fixture(scope="session")
 def merl_file(measured_samples: np.ndarray, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """It as a file."""
-    from engine.measured.merl import merl_bytes
+    from engine.measured.sample_files import merl_bytes
 
     path = tmp_path_factory.mktemp("measured") / "gloss.binary"
     path.write_bytes(merl_bytes(measured_samples))

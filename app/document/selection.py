@@ -5,7 +5,7 @@ from __future__ import annotations
 from app.document.commands.curves import CurveEdit
 from app.document.document import Document, Selection, all_factors, resolve
 from engine.core.errors import InsituError
-from engine.curve.pairs import edits_of
+from engine.curve.operators import edits_of
 
 Operators = tuple[CurveEdit, ...]
 

@@ -15,7 +15,7 @@ from engine.core.generators import run_to_end
 from engine.core.safe_files import resolved
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
-from engine.measured.merl import SUFFIX, merl_bytes
+from engine.measured.sample_files import MERL_SUFFIX, merl_bytes
 from engine.measured.tables import ArrayStore, read_measurement
 from engine.render.tabulate import tabulate_layers
 
@@ -69,5 +69,5 @@ def export_steps(layers: Sequence[Layer], output: Path) -> Iterator[float]:
 
 def check_merl_name(path: Path) -> None:
     """Raise InsituError for a name that no reader of such files would accept."""
-    if path.suffix.lower() != SUFFIX:
-        raise InsituError(f"{path}: the name of a MERL file ends in {SUFFIX}")
+    if path.suffix.lower() != MERL_SUFFIX:
+        raise InsituError(f"{path}: the name of a MERL file ends in {MERL_SUFFIX}")

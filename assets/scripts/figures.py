@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.files.library import Library
-from engine.measured.merl import merl_bytes
+from engine.measured.sample_files import merl_bytes
 from engine.render.tabulate import tabulate_layers
 
 SCRIPTS = Path(__file__).with_name("figures")

@@ -28,7 +28,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.curve.unique_values import unique_sorted
+from engine.curve.operators import unique_sorted
 from engine.curve.wavelet import check_band_count
 
 Float64Array = NDArray[np.float64]

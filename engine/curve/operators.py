@@ -7,13 +7,17 @@ Conventions, where the source leaves a choice:
 
 * A positive translation in x moves the curve to the right, and an amplification in x by more than 1 widens it
   about its baseline: the composed map is x - m w(x), and base + (x - base) (1 + (1/m - 1) w(x)).
-* Amplification is neutral at magnitude 1, translation at 0. * Operators apply in the order of their tuple. A diagonal
-drag is Y first, then X (see `diagonal`). * X-operators compose the curve with a map that must remain monotone, so their
-magnitude is clamped to the largest
+* Amplification is neutral at magnitude 1, translation at 0.
+* Operators apply in the order of their tuple. A diagonal drag is Y first, then X (see `diagonal`): the Y-operator
+  carries the mark (`Operator.joined`), and the X-operator is right above it. Two operators that merely have equal
+  parameters are no pair. An *edit* is one entry of the user's list: such a pair, or any other single operator.
+* X-operators compose the curve with a map that must remain monotone, so their magnitude is clamped to the largest
   one for which it does (`largest_monotone_magnitude`). A falloff of zero width is a step; in x only steps that jump
   forwards are possible.
 
-Splines were rejected: edits in the thesis preserve the character of the curve below them.
+Falloffs are made of exp(-1/x), the textbook function that is smooth and still exactly zero on one side. Two of them
+form a step whose derivatives all vanish at both ends. Rejected: sine ramps, of which only the first derivative is
+continuous; and splines, because edits in the thesis preserve the character of the curve below them.
 """
 
 from __future__ import annotations
@@ -28,10 +32,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.curve.falloff import STEEPEST, STEP_WIDTH, lever_extremes, smooth_step
-from engine.curve.unique_values import unique_sorted
-
 Float64Array = NDArray[np.float64]
+
 Curve = Callable[[Float64Array], Float64Array]
 Channels = tuple[bool, bool, bool]
 
@@ -42,6 +44,10 @@ VALUE_LIMIT = 1e18
 LARGEST_NUMBER = 1e12
 # The least factor of an amplification in x; its reciprocal is the greatest.
 SMALLEST_STRETCH = 1e-3
+# Narrower falloffs are steps: no distinguishable angle lies inside them.
+STEP_WIDTH = 1e-12
+# The largest slope of `smooth_step`, at its centre: s (1 - s) (1/t^2 + 1/(1-t)^2) at 1/2 is 8/4.
+STEEPEST = 2.0
 
 
 class OperatorError(ValueError):
@@ -52,7 +58,7 @@ class OperatorError(ValueError):
 class Operator:
     """One edit. Angles in radians; `baseline` is a value for axis "y" and an angle for axis "x".
 
-    `joined`: this Y-operator and the X-operator above it form one diagonal edit (`engine.curve.pairs`). Raises
+    `joined`: this Y-operator and the X-operator above it form one diagonal edit. Raises
     OperatorError for regions out of order and for numbers that are not finite or beyond 1e12.
     """
 
@@ -154,6 +160,16 @@ def _table(table: TabulatedCurve) -> tuple[Float64Array, Float64Array]:
     return np.array(table.gammas, dtype=float), np.array(table.values, dtype=float).reshape(-1, 3)
 
 
+def smooth_step(t: Float64Array) -> Float64Array:
+    """C-infinity step: 0 for t <= 0, 1 for t >= 1, all derivatives 0 at both ends.
+
+    e(t) / (e(t) + e(1 - t)) with e(t) = exp(-1/t), written as (1 - tanh((1/t - 1/(1-t)) / 2)) / 2, which
+    neither overflows nor divides by zero.
+    """
+    inside = np.minimum(np.maximum(t, 1e-3), 1.0 - 1e-3)
+    return np.asarray(0.5 - 0.5 * np.tanh(0.5 / inside - 0.5 / (1.0 - inside)))
+
+
 def strength(operator: Operator, x: Float64Array) -> Float64Array:
     """The weight of the operator at x: 1 on [b, c], exactly 0 outside [a, d], smooth in between [BenArtzi07, eq.
     9.2]."""
@@ -215,14 +231,14 @@ def _translate_limit(operator: Operator) -> float:
 
 def _amplify_limit(operator: Operator) -> float:
     """The limit for an amplification in x, see `largest_monotone_magnitude`."""
-    low, high = _lever_extremes(operator)
+    low, high = _bracket_extremes(operator)
     largest = 1.0 / SMALLEST_STRETCH
     if operator.magnitude >= 1.0:  # k = 1/m - 1 in (-1, 0]: needs k >= -1 / high
         return 1.0 if math.isinf(high) else min(high / max(high - 1.0, SMALLEST_STRETCH), largest)
     return 1.0 if math.isinf(low) else max(low / (low - 1.0), SMALLEST_STRETCH)
 
 
-def _lever_extremes(operator: Operator) -> tuple[float, float]:
+def _bracket_extremes(operator: Operator) -> tuple[float, float]:
     """Bounds of w + (x - base) w' over the domain; infinite at a step that an amplification could make jump."""
     a, b, c, d = operator.regions
     low, high = 0.0, 1.0
@@ -233,9 +249,35 @@ def _lever_extremes(operator: Operator) -> tuple[float, float]:
             lever = rise * (start - operator.baseline)
             least, most = (-math.inf if lever < 0.0 else 0.0), (math.inf if lever > 0.0 else 1.0)
         else:
-            least, most = lever_extremes(start, end, operator.baseline)
+            least, most = falloff_extremes(start, end, operator.baseline)
         low, high = min(low, least), max(high, most)
     return low, high
+
+
+_GRID = np.linspace(0.0, 1.0, 1025)[1:-1]
+_STEP = smooth_step(_GRID)
+_SLOPE = _STEP * (1.0 - _STEP) * (1.0 / _GRID**2 + 1.0 / (1.0 - _GRID) ** 2)
+
+
+def falloff_extremes(start: float, end: float, baseline: float) -> tuple[float, float]:
+    """Least and largest w + (x - baseline) w' where w fades from 0 at `start` to 1 at `end` (start > end: leftwards).
+
+    Widened by the error of the sampling; infinite for a step whose distance from the baseline is not zero.
+    """
+    width = end - start
+    lever = start + _GRID * width - baseline
+    bracket = _STEP + lever * _SLOPE / width
+    margin = 1e-4 * float(np.max(np.abs(bracket)))
+    return float(bracket.min()) - margin, float(bracket.max()) + margin
+
+
+def unique_sorted(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The unique values among finite values (N,), ascending.
+
+    `np.unique` imports numpy.ma at its first call, which blocks the window's thread for 35 ms.
+    """
+    ordered = np.sort(values)
+    return ordered[np.diff(ordered, prepend=-np.inf) > 0.0]
 
 
 def diagonal(
@@ -339,3 +381,36 @@ def _inverse_shift(operator: Operator, places: Float64Array) -> Float64Array:
     """Maps `places` through the X-operator, to within 1/4000 of its regions' width: the inverse of `shift`."""
     lookup = np.linspace(max(operator.a, 0.0), min(max(operator.d, operator.a), HALF_PI), 4001)
     return np.interp(places, np.maximum.accumulate(shift(operator, lookup)), lookup)
+
+
+def is_pair(operators: Sequence[Edit], index: int) -> bool:
+    """Whether the operators at `index` and above it are Y and X of one diagonal edit."""
+    if not 0 <= index < len(operators) - 1:
+        return False
+    low, high = operators[index], operators[index + 1]
+    if not isinstance(low, Operator) or not isinstance(high, Operator) or not low.joined:
+        return False
+    alike = (low.kind, low.regions, low.channels) == (high.kind, high.regions, high.channels)
+    return alike and (low.axis, high.axis) == ("y", "x")
+
+
+def edits_of(operators: Sequence[Edit]) -> list[range]:
+    """The index range of each edit, from the lowest up."""
+    spans: list[range] = []
+    while (start := spans[-1].stop if spans else 0) < len(operators):
+        spans.append(range(start, start + (2 if is_pair(operators, start) else 1)))
+    return spans
+
+
+def edit_at(operators: Sequence[Edit], index: int) -> range:
+    """The index range of the edit that the operator at `index` belongs to; raises IndexError if there is none."""
+    return next(span for span in edits_of(operators) if range(len(operators))[index] in span)
+
+
+def move_edit(operators: Sequence[Edit], index: int, to: int) -> tuple[Edit, ...]:
+    """The operators with the edit at `index` moved to the place of the edit at `to`; pairs remain adjacent."""
+    edits = [tuple(operators[k] for k in span) for span in edits_of(operators)]
+    places = edits_of(operators)
+    target = places.index(edit_at(operators, to))
+    edits.insert(target, edits.pop(places.index(edit_at(operators, index))))
+    return tuple(operator for edit in edits for operator in edit)

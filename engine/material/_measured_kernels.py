@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from engine.material import kinds
 from engine.material._kernels import _angle, _compile, _is_interpreted, theta_d, theta_h
-from engine.measured.coordinates import N_NODES, SHAPE
+from engine.measured.measurement import N_NODES, SHAPE
 
 Float64Array = NDArray[np.float64]
 Float32Array = NDArray[np.float32]

@@ -10,8 +10,7 @@ import numpy as np
 from engine.material import kinds
 from engine.material.model import Float64Array, Model, Parameters, channels, number
 from engine.material.parameters import Parameter
-from engine.measured.coordinates import node_angles
-from engine.measured.measurement import HALF_ANGLE_CURVES, NO_MEASUREMENT, Measurement, Part
+from engine.measured.measurement import HALF_ANGLE_CURVES, NO_MEASUREMENT, Measurement, Part, node_angles
 
 PARTS: dict[Part, int] = {"diffuse": kinds.DIFFUSE, "specular": kinds.SPECULAR, "whole": kinds.WHOLE}
 
@@ -79,7 +78,7 @@ class MeasuredModel(Model):
         if not measurement.is_read:
             above = (wi[:, 2] > kinds.GRAZING) & (wo[:, 2] > kinds.GRAZING)
             return channels(params, "scale") * np.where(above, 1.0 / np.pi, 0.0)[:, None]
-        from engine.measured.table_lookup import evaluate_part
+        from engine.measured.measurement import evaluate_part
         from engine.measured.tables import table_of
 
         table = table_of(measurement.number)

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.measured.coordinates import HALF_PI, N_NODES, grid_directions
+from engine.measured.measurement import HALF_PI, N_NODES, grid_directions
 
 Float64Array = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ N_NODES_LESS = N_NODES - 1
 @dataclass(frozen=True, eq=False)
 class Factors:
     """diffuse, specular and whole (3,): strengths in 1/sr; the others are curves (91, 3) with a maximum of 1, positive,
-    at the nodes of `coordinates`.
+    at the nodes of `measurement.node_angles`.
 
     error: log RMS of the diffuse and specular factors together; error_whole: of those of the whole, w P(theta_i)
     Q(theta_h) P(theta_o) [McCool01].

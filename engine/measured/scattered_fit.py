@@ -14,7 +14,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.measured.coordinates import (
+from engine.measured.fit import DARK, LEAST, LEAST_STRENGTH, Factors, factors_of
+from engine.measured.measurement import (
     HALF_PI,
     N_NODES,
     SHAPE,
@@ -22,9 +23,7 @@ from engine.measured.coordinates import (
     half_and_difference,
     node_position,
 )
-from engine.measured.cornell import ScatteredSamples
-from engine.measured.fill_gaps import FilledTable
-from engine.measured.fit import DARK, LEAST, LEAST_STRENGTH, Factors, factors_of
+from engine.measured.sample_files import FilledTable, ScatteredSamples
 
 Float64Array = NDArray[np.float64]
 

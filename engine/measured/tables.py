@@ -19,13 +19,17 @@ from numpy.typing import NDArray
 
 from engine.core.errors import InsituError, LoadError
 from engine.core.stored_arrays import ArrayReader, Arrays
-from engine.measured.coordinates import N_NODES, SHAPE
-from engine.measured.cornell import SUFFIX as CORNELL
-from engine.measured.cornell import read_cornell, scattered_samples
-from engine.measured.fill_gaps import FilledTable, fill_samples
 from engine.measured.fit import METHOD, Factors, fit_factors
-from engine.measured.measurement import CURVES, ENDINGS, FitReport, Measurement
-from engine.measured.merl import merl_samples, read_merl
+from engine.measured.measurement import CURVES, ENDINGS, N_NODES, SHAPE, FitReport, Measurement
+from engine.measured.sample_files import (
+    CORNELL_SUFFIX,
+    FilledTable,
+    fill_samples,
+    merl_samples,
+    read_cornell,
+    read_merl,
+    scattered_samples,
+)
 from engine.measured.scattered_fit import METHOD as SCATTERED_METHOD
 from engine.measured.scattered_fit import fit_scattered
 
@@ -112,7 +116,7 @@ def read_measurement(path: Path, store: ArrayStore | None = None) -> Steps:
 def _fit_file(data: bytes, path: Path) -> Generator[tuple[float, str], None, tuple[FilledTable, Factors, str]]:
     """A table, its factors, and how they were found."""
     text = f"fitting factors to {path.name}"
-    if path.suffix.lower() == CORNELL:
+    if path.suffix.lower() == CORNELL_SUFFIX:
         for step in fit_scattered(scattered_samples(data, path)):
             if not isinstance(step, float):
                 return (*step, SCATTERED_METHOD)
@@ -134,7 +138,7 @@ def _read(path: Path) -> bytes:
     suffix = path.suffix.lower()
     if suffix not in ENDINGS:
         raise LoadError(path, "name", path.suffix or path.name, f"a measured BRDF, {' or '.join(ENDINGS)}")
-    return read_cornell(path) if suffix == CORNELL else read_merl(path)
+    return read_cornell(path) if suffix == CORNELL_SUFFIX else read_merl(path)
 
 
 def _arrays(table: NDArray[np.float32], factors: Factors, report: FitReport) -> dict[str, NDArray[np.generic]]:

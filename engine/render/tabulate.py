@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from engine.material import kinds
 from engine.material.layer import Layer
-from engine.measured.coordinates import SHAPE, grid_directions
-from engine.measured.merl import LARGEST, MISSING, SCALE
+from engine.measured.measurement import SHAPE, grid_directions
+from engine.measured.sample_files import LARGEST, MISSING, SCALE
 from engine.render.integrator import evaluate_layers
 
 Float64Array = NDArray[np.float64]

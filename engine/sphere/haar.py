@@ -10,18 +10,24 @@ measure 4^−l. The true solid angles are part of one of the factors, the light,
 over triangles of power × visibility × BRDF is then the integral over the true sphere, constant light is exact, and the
 sums below require no areas.
 
+**Symmetries.** Five rotations and a reflection fix +Y. They only renumber the triangles, on every level, because the
+order of subdivision follows the corners. A table of functions with a symmetry about Y themselves, such as the slices of
+an isotropic BRDF, therefore covers 36 degrees of azimuth instead of 360; for other azimuths its entries are read with
+other numbers.
+
 Coefficients are means and differences, not normalised [Ma06]: number t < 20 is the mean over triangle t of level 0;
 number 20·4^l + 3 t + i is wavelet i of triangle t of level l. The first 20·4^L are therefore those of level L.
 """
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.sphere.geodesic import MAX_LEVEL
+from engine.sphere.geodesic import MAX_LEVEL, geodesic, locate
 
 Array = NDArray[Any]
 Int32Array = NDArray[np.int32]
@@ -77,7 +83,7 @@ def levels_of_coefficients(level: int) -> Int32Array:
 def images_of_coefficients(images: list[Int32Array]) -> Int32Array:
     """The number to which a symmetry maps each coefficient (20·4^L,).
 
-    images: for each level from 0 to L the triangles to which it maps the triangles (`symmetry.images_of_triangles`).
+    images: for each level from 0 to L the triangles to which it maps the triangles (`images_of_triangles`).
     """
     found = [images[0]]
     for finer in images[1:]:
@@ -103,3 +109,39 @@ def select_coefficients(coefficients: Array, n: int, rule: Rule = "size") -> NDA
     size[:N_ROOTS] = np.inf
     keep[np.argsort(-size, kind="stable")[: max(n, N_ROOTS)]] = True
     return keep
+
+
+N_TURNS = 5
+N_SYMMETRIES = 2 * N_TURNS
+SECTOR = np.pi / N_TURNS  # of azimuth, from which the symmetries reach all others
+
+
+def symmetry(number: int) -> NDArray[np.float64]:
+    """Matrix (3, 3), direction ↦ M direction: a rotation by 72 degrees times `number` (0 to 9) mod 5, from +Z to +X.
+
+    From 5 on x is reflected first; a corner of the icosahedron's upper ring lies in that plane, at −Z.
+    """
+    angle = 2.0 * np.pi * (number % N_TURNS) / N_TURNS
+    turn = np.array([[np.cos(angle), 0.0, np.sin(angle)], [0.0, 1.0, 0.0], [-np.sin(angle), 0.0, np.cos(angle)]])
+    return turn * [-1.0, 1.0, 1.0] if number >= N_TURNS else turn
+
+
+@lru_cache(maxsize=8)
+def images_of_triangles(level: int) -> NDArray[np.int32]:
+    """(10, 20·4^level): the triangle to which each symmetry maps each triangle. Read-only."""
+    centres = geodesic(level).centres
+    return _readonly(np.stack([locate(centres @ symmetry(number).T, level) for number in range(N_SYMMETRIES)]))
+
+
+@lru_cache(maxsize=2)
+def images_of_wavelets(level: int) -> NDArray[np.int32]:
+    """(10, 20·4^level): the number to which each symmetry maps each coefficient of `haar`. Read-only."""
+    of_level = [images_of_triangles(coarser) for coarser in range(level + 1)]
+    return _readonly(
+        np.stack([images_of_coefficients([i[number] for i in of_level]) for number in range(N_SYMMETRIES)])
+    )
+
+
+def _readonly(array: NDArray[np.int32]) -> NDArray[np.int32]:
+    array.flags.writeable = False
+    return array

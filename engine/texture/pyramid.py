@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from engine.core import lanes
 from engine.core.threads import even_parts, on_threads
 from engine.material.layer_maps import IDENTITY_TRANSFORM, WRAPS, TextureTransform
-from engine.texture import _pyramid_kernels as kernels
+from engine.texture import _kernels as kernels
 
 Float64Array = NDArray[np.float64]
 MOST_PROBES = 16

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.strokes import HARDEST, Stroke, Strokes
-from engine.texture._stroke_kernels import cover
+from engine.texture._kernels import cover
 
 BLOCK = 64
 MOST_BACK = 16  # strokes for which the weights below are cached, so that painting can continue after an undo

@@ -1,4 +1,5 @@
-"""Reads textures and weight maps: PNG, JPEG and OpenEXR, from files that may be hostile or broken.
+"""Reads textures, weight maps, normal maps and heights: PNG, JPEG and OpenEXR, from files that may be hostile or
+broken.
 
 The content determines the format, not the name. The header is read and its size checked before a pixel is decoded: a
 file of 600 kB can contain a square of 13,000. An image of more than `MAX_PIXELS` is reduced to a half or a quarter of
@@ -6,6 +7,11 @@ its size, texels the means of the area that they cover, in linear values: a JPEG
 others are converted in bands, very large OpenEXR images read in bands (`engine.light.radiance_files`). Values are
 returned linear: 8-bit images are decoded by sRGB (IEC 61966-2-1) unless stated otherwise, 16-bit and OpenEXR images are
 linear unless stated otherwise.
+
+Normal maps and heights become slopes, the derivatives of a surface along u and v. Slopes can be averaged: their mean
+over a pixel is the mean slope of what the pixel shows, where a mean of normals would need normalization. 8-bit and
+16-bit codes have a centre that is exactly flat, 128 and 32,768, as painted maps intend; in OpenEXR it is 0.5. Normal
+maps are never decoded by sRGB.
 """
 
 from __future__ import annotations
@@ -50,19 +56,19 @@ def ignore_note(note: str) -> None:
     """For callers who do not report that an image is reduced."""
 
 
-def read_texture(data: bytes, file: Path | str, space: Space = "", tell: ReportNote = ignore_note) -> Image:
+def read_texture(data: bytes, file: Path | str, space: Space = "", report: ReportNote = ignore_note) -> Image:
     """A colour image as linear Rec. 709, (H, W, 3), row 0 on top; raises LoadError naming `file`."""
 
     def linear(values: Values) -> Image:
         return _shares(values, (space or ("srgb" if values.dtype == np.uint8 else "linear")) == "srgb")
 
-    pixels = np.minimum(read_image(data, file, linear, tell, is_colour=True), np.float32(BRIGHTEST))
+    pixels = np.minimum(read_image(data, file, linear, report, is_colour=True), np.float32(BRIGHTEST))
     return np.repeat(pixels, 3, axis=2) if pixels.shape[2] == 1 else pixels
 
 
-def read_weight(data: bytes, file: Path | str, tell: ReportNote = ignore_note) -> Image:
+def read_weight(data: bytes, file: Path | str, report: ReportNote = ignore_note) -> Image:
     """A grey image of shares in [0, 1], (H, W, 1), row 0 on top; of a colour image its luminance."""
-    return np.minimum(read_image(data, file, grey_shares, tell), np.float32(1.0))
+    return np.minimum(read_image(data, file, grey_shares, report), np.float32(1.0))
 
 
 def grey_shares(values: Values) -> Image:
@@ -99,17 +105,17 @@ def read_image(
     data: bytes,
     file: Path | str,
     decode: Callable[[Values], Image],
-    tell: ReportNote = ignore_note,
+    report: ReportNote = ignore_note,
     is_colour: bool = False,
 ) -> Image:
     """Return what `decode` makes of the file's values (h, W, 1 or 3), uint8, uint16 or float32, row by row: the image,
-    or a reduced one if it has too many pixels, which is reported to `tell`. is_colour: whether primaries that a file
+    or a reduced one if it has too many pixels, which is reported to `report`. is_colour: whether primaries that a file
     names are converted to Rec. 709, and values outside of its gamut are clipped at 0."""
     kind = _kind(data)
     if not kind:
         raise LoadError(file, "first bytes", data[:8], "a PNG, JPEG or OpenEXR image")
     if kind == "EXR":
-        values = _read_exr(data, file, tell, is_colour)
+        values = _read_exr(data, file, report, is_colour)
         height, width = values.shape[:2]
         k = reduction(width, height)
         pixels = _means([values], decode, k)
@@ -122,7 +128,7 @@ def read_image(
             left = reduction(*picture.size)  # divisor that remains after decoding
             pixels = _means(_bands(picture, max(_BAND_PIXELS // width // left, 1) * left), decode, left)
     if k > 1:
-        tell(f"{file}: {width} x {height} pixels, shown at {pixels.shape[1]} x {pixels.shape[0]}")
+        report(f"{file}: {width} x {height} pixels, shown at {pixels.shape[1]} x {pixels.shape[0]}")
     return pixels
 
 
@@ -173,7 +179,7 @@ def _integers(opened: Any) -> Values:
     return np.asarray(opened.convert("RGB"))
 
 
-def _read_exr(data: bytes, file: Path | str, tell: ReportNote, is_colour: bool) -> Image:
+def _read_exr(data: bytes, file: Path | str, report: ReportNote, is_colour: bool) -> Image:
     """By the reader of environments, which takes files: the bytes go to a temporary one."""
     with tempfile.NamedTemporaryFile(suffix=".exr") as copy:
         copy.write(data)
@@ -185,10 +191,10 @@ def _read_exr(data: bytes, file: Path | str, tell: ReportNote, is_colour: bool) 
             raise LoadError(file, error.what, error.value, error.expected) from None
     _check_size(pixels.shape[1], pixels.shape[0], file)
     for note in notes:
-        tell(f"{file}: {note}")
+        report(f"{file}: {note}")
     if any("converted" in note for note in notes):
         pixels = np.maximum(pixels, np.float32(0.0))  # NaN stays NaN
-    return _usable(pixels, lambda note: tell(f"{file}: {note}"))
+    return _usable(pixels, lambda note: report(f"{file}: {note}"))
 
 
 def _check_size(width: int, height: int, file: Path | str) -> None:
@@ -197,14 +203,14 @@ def _check_size(width: int, height: int, file: Path | str) -> None:
         raise LoadError(file, "image size", f"{width} x {height}", expected)
 
 
-def _usable(pixels: Image, tell: Callable[[str], None]) -> Image:
+def _usable(pixels: Image, report: Callable[[str], None]) -> Image:
     """Values (H, W, 3) as factors from 0 to `BRIGHTEST`: others are clamped, infinite ones to the file's brightest; NaN
     becomes the mean of the others of its channel."""
     is_usable = (pixels >= 0.0) & (pixels <= BRIGHTEST)  # false for NaN too
     if is_usable.all():
         return pixels
     row, column, _ = (int(i) for i in np.argwhere(~is_usable)[0])
-    tell(
+    report(
         f"{int((~is_usable).any(axis=2).sum())} pixels with numbers that are none or not from 0 to {BRIGHTEST:g}, the "
         f"first ({column}, {row}): taken as the mean of the others, or as the nearest that can be"
     )
@@ -214,3 +220,36 @@ def _usable(pixels: Image, tell: Callable[[str], None]) -> Image:
     n_numbers = np.maximum(is_number.sum(axis=(0, 1)), 1)
     means = clipped.sum(axis=(0, 1), where=is_number, dtype=np.float64) / n_numbers
     return np.where(is_number, clipped, means.astype(np.float32))
+
+
+# tan 87 degrees: steeper slopes, or normals into the surface, are clamped to it.
+STEEPEST = 20.0
+_MIDDLES = {"uint8": 128, "uint16": 32768}
+
+
+def read_normal_map(data: bytes, file: Path | str, report: ReportNote = ignore_note) -> Image:
+    """Slopes (H, W, 2) of a normal map's texels along its x and y, row 0 on top. Raises LoadError."""
+    return read_image(data, file, lambda values: _slopes(values, file), report)
+
+
+def _slopes(values: Values, file: Path | str) -> Image:
+    """Slopes from numbers (h, W, 3) of a file."""
+    if values.shape[2] != 3:
+        raise LoadError(file, "channels", values.shape[2], "the three of a normal map; heights are a bump_map")
+    if middle := _MIDDLES.get(values.dtype.name):
+        vectors = (values.astype(np.float32) - np.float32(middle)) / np.float32(middle - 1)
+    else:
+        vectors = np.float32(2.0) * np.asarray(values, np.float32) - np.float32(1.0)
+    flat = np.hypot(vectors[..., 0], vectors[..., 1])
+    up = np.maximum(vectors[..., 2], np.maximum(flat, np.float32(1e-3)) / np.float32(STEEPEST))
+    return np.ascontiguousarray(-vectors[..., :2] / up[..., None], np.float32)
+
+
+def read_heights(data: bytes, file: Path | str, report: ReportNote = ignore_note) -> Image:
+    """Derivatives along u and v of heights from 0 to 1 of an image that repeats, (H, W, 2), row 0 on top; for a colour
+    image those of its luminance. Raises LoadError."""
+    height = read_image(data, file, grey_shares, report)[..., 0]
+    n_rows, n_columns = height.shape
+    along_u = (np.roll(height, -1, axis=1) - np.roll(height, 1, axis=1)) * np.float32(0.5 * n_columns)
+    along_v = (np.roll(height, 1, axis=0) - np.roll(height, -1, axis=0)) * np.float32(0.5 * n_rows)
+    return np.stack([along_u, along_v], axis=2)

@@ -19,8 +19,14 @@ from engine.core.safe_files import local_path, read_regular_file, resolve_inside
 from engine.material.bumps import Bumps
 from engine.material.layer_maps import Images, Space, split_image_name
 from engine.texture.pyramid import Pyramid, make_pyramid
-from engine.texture.slopes import read_heights, read_normal_map
-from engine.texture.texture_files import MAX_IMAGE_BYTES, Image, read_texture, read_weight
+from engine.texture.texture_files import (
+    MAX_IMAGE_BYTES,
+    Image,
+    read_heights,
+    read_normal_map,
+    read_texture,
+    read_weight,
+)
 
 MOST_BYTES = 1 << 30
 Stamp = tuple[int, int] | None
@@ -86,7 +92,7 @@ class TextureStore:
                 data, shown = self._read(path, number)
                 pyramid = make_pyramid(
                     read_texture(data, shown, space, self._notes.append) if space
-                    else _READ[what](data, shown, tell=self._notes.append)
+                    else _READ[what](data, shown, report=self._notes.append)
                 )  # fmt: skip
                 self._kept[key] = stamp, pyramid
                 self._forget_oldest()

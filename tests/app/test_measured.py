@@ -41,7 +41,7 @@ from app.worker.in_process import InProcessClient
 from app.worker.tasks import RequestDispatcher
 from engine.core.errors import InsituError, LoadError
 from engine.measured import tables
-from engine.measured.merl import merl_samples, read_merl
+from engine.measured.sample_files import merl_samples, read_merl
 from engine.planner import RenderSettings, band_counts
 from engine.scene.description import SceneDescription
 from tests.app.fake_worker import FakeClient

@@ -12,8 +12,7 @@ from engine.core.errors import InsituError
 from engine.material import MODELS, make_layer
 from engine.material.kinds import THETA_H
 from engine.material.layer import Layer
-from engine.measured.coordinates import node_angles
-from engine.measured.measurement import Measurement
+from engine.measured.measurement import Measurement, node_angles
 from engine.planner import (
     BANDWIDTH_TOLERANCE,
     EDITABLE_BANDS,

@@ -309,14 +309,14 @@ def read_texture_file(path: Path) -> None:
 
 
 def merls(_: Path) -> list[bytes]:
-    from engine.measured.merl import merl_bytes
+    from engine.measured.sample_files import merl_bytes
     from tests.naive.measured import analytic_samples
 
     return [merl_bytes(analytic_samples(gaps=0.1))]
 
 
 def read_merl_file(path: Path) -> None:
-    from engine.measured.merl import merl_samples, read_merl
+    from engine.measured.sample_files import merl_samples, read_merl
 
     assert np.isfinite(merl_samples(read_merl(path), path)).all()
 
@@ -329,7 +329,7 @@ def cornells(_: Path) -> list[bytes]:
 
 
 def read_cornell_file(path: Path) -> None:
-    from engine.measured.cornell import read_cornell, scattered_samples
+    from engine.measured.sample_files import read_cornell, scattered_samples
 
     found = scattered_samples(read_cornell(path), path)
     assert np.isfinite(found.values).all() and np.isfinite(found.wi).all() and np.isfinite(found.wo).all()

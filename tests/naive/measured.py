@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from engine.measured.coordinates import N_NODES, above_horizon, grid_directions, node_angles
-from engine.measured.measurement import Measurement
+from engine.measured.measurement import N_NODES, Measurement, above_horizon, grid_directions, node_angles
 
 
 def analytic_samples(noise: float = 0.0, gaps: float = 0.0) -> np.ndarray:

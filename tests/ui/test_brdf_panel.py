@@ -22,7 +22,7 @@ from app.document.view_state import OpenPanel, SetView, ViewState
 from app.files.measured_import import measured_layers
 from app.messages.worker_messages import FetchTable, RequestFailed, TableFetched
 from engine.curve.operators import Operator
-from engine.measured.table_lookup import evaluate_table
+from engine.measured.measurement import evaluate_table
 from tests.naive.measured import analytic_samples, drawn_measurement
 from tests.ui.conftest import opened
 from tests.ui.stand_in import StandInClient

@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.document.view_state import Tool, ViewState
-from engine.curve.operators import Operator, apply_operators, diagonal
-from engine.curve.pairs import is_pair
+from engine.curve.operators import Operator, apply_operators, diagonal, is_pair
 from ui.panels.curve_gestures import (
     HALF_PI,
     OperatorGroup,

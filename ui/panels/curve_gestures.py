@@ -19,8 +19,7 @@ import numpy as np
 
 from app.document.commands.curves import CurveEdit
 from app.document.view_state import CHANNELS, Channel, Tool, ViewState, channels_of
-from engine.curve.operators import HALF_PI, Curve, Operator, apply_operators
-from engine.curve.pairs import edit_at
+from engine.curve.operators import HALF_PI, Curve, Operator, apply_operators, edit_at
 from ui.panels.window_state import CurveGrip
 
 Regions = tuple[float, float, float, float]

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from engine.curve.operators import Operator, strength
-from engine.curve.unique_values import unique_sorted
+from engine.curve.operators import Operator, strength, unique_sorted
 from ui import theme as look
 from ui.panels.context import PanelContext
 from ui.panels.curve_gestures import END_NAMES, Knob, OperatorGroup, Regions

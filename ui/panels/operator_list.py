@@ -18,8 +18,7 @@ from app.document.commands.curves import (
     operator_title,
 )
 from app.document.view_state import SetView, Tool
-from engine.curve.operators import HALF_PI, SMALLEST_STRETCH, Operator, OperatorError
-from engine.curve.pairs import edits_of
+from engine.curve.operators import HALF_PI, SMALLEST_STRETCH, Operator, OperatorError, edits_of
 from ui import theme as look
 from ui.panels import number_fields, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag

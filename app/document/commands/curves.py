@@ -12,8 +12,7 @@ from typing import Any
 from app.document.commands.layers import editable_layer
 from app.document.document import Document
 from engine.core.errors import InsituError
-from engine.curve.operators import Edit, TabulatedCurve, collapse
-from engine.curve.pairs import edit_at, move_edit
+from engine.curve.operators import Edit, TabulatedCurve, collapse, edit_at, move_edit
 
 CurveEdit = Edit
 MAX_OPERATORS = 256

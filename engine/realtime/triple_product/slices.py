@@ -26,8 +26,7 @@ from engine.realtime.triple_product import _slice_kernels as kernels
 from engine.realtime.triple_product.visibility import LEVEL, upper_triangles
 from engine.render.integrator import evaluate_layer
 from engine.sphere.geodesic import geodesic
-from engine.sphere.haar import forward, levels_of_coefficients
-from engine.sphere.symmetry import N_TURNS, SECTOR, images_of_triangles, images_of_wavelets
+from engine.sphere.haar import N_TURNS, SECTOR, forward, images_of_triangles, images_of_wavelets, levels_of_coefficients
 
 Float32Array = NDArray[np.float32]
 

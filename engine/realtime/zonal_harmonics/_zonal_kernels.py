@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from engine.sphere._harmonic_kernels import basis_at
+from engine.sphere._kernels import basis_at
 
 Float64Array = NDArray[np.float64]
 

@@ -112,5 +112,5 @@ def add_shadows(
 @cache
 def spread_of(n: int) -> Float32Array:
     """Window for light in n bands, which turns a small bright light into a spot: Hann's, which leaves rings of 3 % of
-    the peak. A shadow without any rings would be wider (`engine.sphere.deringing`), and half as dark."""
+    the peak. A shadow without any rings would be wider (`engine.sphere.harmonics`), and half as dark."""
     return np.asarray(0.5 * (1.0 + np.cos(np.pi * np.arange(n) / n)), np.float32)

@@ -1,7 +1,7 @@
 """Low-frequency approximation of a glossy layer: a lobe about the mean direction of the light that it reflects.
 
 For each polar angle of wo, the reflection is taken to be symmetric about that direction, and n of its bands are stored,
-changed as little as necessary for the lobe to have no rings (`engine.sphere.deringing`): with n = 6 it is at least
+changed as little as necessary for the lobe to have no rings (`engine.sphere.harmonics`): with n = 6 it is at least
 about 33 degrees wide. The error for sharper lobes is known, and reported. The share of light that is blocked is taken
 to be that of a Lambertian surface.
 """
@@ -21,9 +21,8 @@ from engine.material.layer import Layer
 from engine.realtime.zonal_harmonics import _gloss_kernels as kernels
 from engine.realtime.zonal_harmonics.shading import BandLight
 from engine.render.integrator import evaluate_layer
-from engine.sphere.deringing import without_rings
 from engine.sphere.geodesic import geodesic
-from engine.sphere.harmonics import clamped_cosine
+from engine.sphere.harmonics import clamped_cosine, without_rings
 
 Float64Array = NDArray[np.float64]
 Float32Array = NDArray[np.float32]

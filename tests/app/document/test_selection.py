@@ -19,8 +19,7 @@ from app.document.commands.curves import (
 from app.document.commands.layers import SetParameter
 from app.document.view_state import SetView
 from app.editor.editor import Editor
-from engine.curve.operators import Edit, Operator, diagonal
-from engine.curve.pairs import edit_at
+from engine.curve.operators import Edit, Operator, diagonal, edit_at
 from tests.app.fake_worker import FakeClient
 
 CURVE = ("pot.1", "theta_h")

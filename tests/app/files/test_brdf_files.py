@@ -14,9 +14,8 @@ from app.document.measurements import measurement_in
 from app.files.material_file import load_material
 from engine.core.generators import run_to_end
 from engine.material import MODELS, make_layer
-from engine.measured.coordinates import above_horizon, grid_directions
-from engine.measured.merl import merl_samples, read_merl
-from engine.measured.table_lookup import evaluate_table
+from engine.measured.measurement import above_horizon, evaluate_table, grid_directions
+from engine.measured.sample_files import merl_samples, read_merl
 from engine.measured.tables import read_measurement, table_of
 from engine.render.tabulate import tabulate_layers, untabulated_features
 

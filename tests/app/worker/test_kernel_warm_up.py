@@ -20,7 +20,7 @@ for part in warm_up_later():
     from engine.realtime.zonal_harmonics._zonal_kernels import fit_range
     from engine.precompute.indirect._second_bounce_kernels import second_bounce_light
     from engine.realtime.triple_product._peak_kernels import add_answers
-    from engine.texture._stroke_kernels import cover
+    from engine.texture._kernels import cover
     from engine.precompute.direct._relight_kernels import fill_rows
 
     kernels = {

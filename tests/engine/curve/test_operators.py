@@ -1,15 +1,21 @@
 """Curve operators: regions, order, monotone maps, steps, and a sweep over everything a drag can produce."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
+from itertools import permutations
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
 
 from engine.curve.operators import (
+    STEEPEST,
     VALUE_LIMIT,
+    Edit,
     Operator,
     OperatorError,
     TabulatedCurve,
@@ -17,9 +23,16 @@ from engine.curve.operators import (
     collapse,
     combine,
     diagonal,
+    edit_at,
+    edits_of,
+    falloff_extremes,
+    is_pair,
     largest_monotone_magnitude,
+    move_edit,
     shift,
+    smooth_step,
     strength,
+    unique_sorted,
 )
 from engine.material.microfacet import ggx
 
@@ -271,3 +284,103 @@ def test_any_stack_stays_finite(stack, curve):
     assert np.isfinite(values).all()
     assert np.abs(values).max() <= VALUE_LIMIT
     assert all(0.0 < place < HALF_PI for place in edited.features)
+
+
+def test_is_the_textbook_quotient():
+    # e(t) / (e(t) + e(1 - t)) with e(t) = exp(-1/t).
+    t = np.linspace(0.05, 0.95, 37)
+    rising, falling = np.exp(-1.0 / t), np.exp(-1.0 / (1.0 - t))
+    assert smooth_step(t) == pytest.approx(rising / (rising + falling), rel=1e-12)
+
+
+def test_ends_are_exact():
+    # Exactly 0 and 1 at and beyond the ends, 1/2 in the middle.
+    t = np.array([-math.inf, -1.0, 0.0, 1e-300, 0.5, 1.0, 2.0, math.inf])
+    assert smooth_step(t).tolist() == [0.0, 0.0, 0.0, 0.0, 0.5, 1.0, 1.0, 1.0]
+
+
+def test_rises_and_mirrors():
+    t = np.linspace(0.0, 1.0, 2001)
+    step = smooth_step(t)
+    assert (np.diff(step) >= 0.0).all()
+    assert step + step[::-1] == pytest.approx(np.ones_like(t), abs=1e-15)
+
+
+def test_steepest_slope():
+    # s' = s (1 - s) (1/t^2 + 1/(1-t)^2) = 1/4 * 8 in the middle, and nowhere more.
+    t = np.linspace(0.0, 1.0, 100_001)
+    slope = np.diff(smooth_step(t)) / np.diff(t)
+    assert slope.max() == pytest.approx(STEEPEST, rel=1e-6)
+    assert t[slope.argmax()] == pytest.approx(0.5, abs=1e-3)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_derivatives_vanish_at_the_ends(order):
+    # Finite differences of any order near 0 are below any power of the distance: here below h^6 for h = 1/50.
+    t = np.linspace(0.0, 0.02, 21)
+    assert np.abs(np.diff(smooth_step(t), order)).max() < 0.02**6
+
+
+def test_falloff_extremes_bound_the_bracket():
+    # w + (x - base) w' on the fade from 1 to 0.2, by differences of (x - base) w.
+    x = np.linspace(1.0, 0.2, 50_001)
+    product = (x - 0.4) * smooth_step((x - 1.0) / (0.2 - 1.0))
+    bracket = np.diff(product) / np.diff(x)
+    low, high = falloff_extremes(1.0, 0.2, 0.4)
+    assert low <= bracket.min() <= low + 1e-2
+    assert high - 1e-2 <= bracket.max() <= high
+
+
+def test_each_value_once_least_first() -> None:
+    assert_array_equal(unique_sorted(np.array([3.0, -1.0, 3.0, 0.0, -1.0])), [-1.0, 0.0, 3.0])
+    assert_array_equal(unique_sorted(np.array([])), [])
+
+
+def test_as_numpy_has_it() -> None:
+    values = np.random.default_rng(3).integers(0, 50, 200) / 7.0
+    assert_array_equal(unique_sorted(values), np.unique(values))
+
+
+PAIR_REGIONS = (0.1, 0.2, 0.3, 0.4)
+PAIR = diagonal(PAIR_REGIONS, 0.02, 0.5)
+LIKE_PAIR = (dataclasses.replace(PAIR[0], joined=False, magnitude=0.6), dataclasses.replace(PAIR[1], magnitude=0.01))
+TABLE = TabulatedCurve((0.0, 1.0), ((1.0, 1.0, 1.0),) * 2)
+
+
+def test_operators_that_are_alike_by_chance_are_no_pair() -> None:
+    assert is_pair(PAIR, 0)
+    assert not is_pair(LIKE_PAIR, 0)
+    assert not is_pair(PAIR, 1) and not is_pair(PAIR, -1) and not is_pair((), 0)
+    # A Y-operator whose partner is not above it stands alone.
+    assert edits_of((PAIR[0], TABLE, PAIR[1])) == [range(0, 1), range(1, 2), range(2, 3)]
+
+
+def test_an_edit_is_named_by_either_of_its_operators() -> None:
+    operators = (TABLE, *PAIR, *LIKE_PAIR)
+    assert edits_of(operators) == [range(0, 1), range(1, 3), range(3, 4), range(4, 5)]
+    assert edit_at(operators, 1) == edit_at(operators, 2) == range(1, 3)
+    with pytest.raises(IndexError):
+        edit_at(operators, 5)
+
+
+@pytest.mark.parametrize("order", list(permutations(((TABLE,), PAIR, LIKE_PAIR[:1], LIKE_PAIR[1:]))))
+def test_no_move_parts_a_pair_or_makes_one(order: tuple[tuple[Edit, ...], ...]) -> None:
+    operators = tuple(operator for edit in order for operator in edit)
+    for index in range(len(operators)):
+        for to in range(len(operators)):
+            after = move_edit(operators, index, to)
+            spans = [after[span.start : span.stop] for span in edits_of(after)]
+            assert sorted(map(repr, spans)) == sorted(map(repr, order))
+            # What was moved stands where the other edit stood, counted in edits.
+            there = [operators[span.start : span.stop] for span in edits_of(operators)]
+            target = edits_of(operators).index(edit_at(operators, to))
+            span = edit_at(operators, index)
+            assert spans[target] == there[edits_of(operators).index(span)]
+
+
+def test_an_x_operator_knows_its_limit() -> None:
+    slack = Operator("translate", "x", *PAIR_REGIONS, magnitude=0.049)
+    # Monotone up to half the width of the falloff, 0.05 [BenArtzi07, eq. 9.3].
+    assert not slack.at_limit
+    assert dataclasses.replace(slack, magnitude=0.3).clamp_magnitude().at_limit
+    assert not Operator("translate", "y", *PAIR_REGIONS, magnitude=1e6).at_limit

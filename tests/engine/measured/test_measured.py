@@ -17,10 +17,8 @@ from engine.material._kernels import model_quotient_cosine
 from engine.material.kinds import CHANNEL
 from engine.material.layer import Layer
 from engine.measured import tables
-from engine.measured.coordinates import above_horizon, node_angles
 from engine.measured.fit import fit_factors
-from engine.measured.measurement import Measurement
-from engine.measured.table_lookup import evaluate_table
+from engine.measured.measurement import Measurement, above_horizon, evaluate_table, node_angles
 from engine.measured.tables import read_measurement, table_of
 from engine.planner import plan_scene
 from engine.precompute.direct._angle_kernels import tint
@@ -93,7 +91,7 @@ def test_gaps_are_filled_and_counted(measured_samples: np.ndarray, measurement: 
 
 
 def test_nothing_measured_is_refused(tmp_path: Path) -> None:
-    from engine.measured.merl import merl_bytes
+    from engine.measured.sample_files import merl_bytes
 
     path = tmp_path / "x.binary"
     path.write_bytes(merl_bytes(np.full((90, 90, 180, 3), -1.0, np.float32)))

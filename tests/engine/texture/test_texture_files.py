@@ -11,8 +11,7 @@ from PIL import Image
 
 from engine.core.colour import decode_srgb
 from engine.core.errors import LoadError
-from engine.texture.slopes import read_heights, read_normal_map
-from engine.texture.texture_files import read_texture, read_weight, reduction
+from engine.texture.texture_files import read_heights, read_normal_map, read_texture, read_weight, reduction
 from engine.texture.texture_store import TextureStore
 from tests.pictures import write_exr
 
@@ -71,7 +70,7 @@ def test_colours_of_other_primaries_are_converted_and_numbers_are_not(tmp_path: 
     data = (tmp_path / "a.exr").read_bytes()
     # [ITU-R BT.2087]: -0.5876, 1.1329 and -0.1006 of it; Rec. 709 cannot show it, so red and blue are 0.
     notes: list[str] = []
-    found = read_texture(data, "a.exr", tell=notes.append)
+    found = read_texture(data, "a.exr", report=notes.append)
     np.testing.assert_allclose(found[0, 0], [0.0, 0.5 * 1.1329, 0.0], atol=1e-4)
     assert len(notes) == 1 and notes[0].startswith("a.exr: primaries 0.708 0.292")
     np.testing.assert_allclose(read_weight(data, "a.exr"), 0.5 * 0.7152, atol=1e-6)
@@ -126,7 +125,7 @@ def test_numbers_that_are_no_factor_are_mended_with_one_note(tmp_path: Path, val
     expected, notes = pixels.copy(), []
     pixels[1, 2, 0], expected[1, 2, 0] = value, taken
     data = exr(tmp_path, pixels)
-    np.testing.assert_allclose(read_texture(data, "a.exr", tell=notes.append), expected, rtol=1e-6)
+    np.testing.assert_allclose(read_texture(data, "a.exr", report=notes.append), expected, rtol=1e-6)
     assert len(notes) == 1 and notes[0].startswith("a.exr: 1 pixels with numbers that are none")
     assert "(2, 1)" in notes[0]
     weight = read_weight(data, "a.exr")
@@ -162,7 +161,7 @@ def block_means(values: np.ndarray, k: int) -> np.ndarray:
 def test_large_images_are_means_of_linear_numbers(size: tuple[int, int], k: int) -> None:
     codes = np.random.default_rng(1).integers(0, 256, (*size, 3)).astype(np.uint8)
     notes: list[str] = []
-    found = read_texture(png(codes), "a.png", tell=notes.append)
+    found = read_texture(png(codes), "a.png", report=notes.append)
     # Means of light, and not of codes, of which every second black and white would come out too dark.
     np.testing.assert_allclose(found, block_means(decode_srgb(codes / np.float32(255.0)), k), atol=1e-5)
     height, width = size
@@ -192,7 +191,7 @@ def test_a_large_jpeg_is_not_decoded_beyond_what_is_shown(monkeypatch: pytest.Mo
     buffer = io.BytesIO()
     Image.fromarray(np.full((64, 32, 3), 188, np.uint8)).save(buffer, "JPEG")
     notes: list[str] = []
-    found = read_texture(buffer.getvalue(), "a.jpg", tell=notes.append)
+    found = read_texture(buffer.getvalue(), "a.jpg", report=notes.append)
     assert found.shape == (8, 4, 3) and notes == ["a.jpg: 32 x 64 pixels, shown at 4 x 8"]
     np.testing.assert_allclose(found, 0.5029, atol=0.01)
     assert set(sizes) == {(4, 8)}

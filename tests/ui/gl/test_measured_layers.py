@@ -15,8 +15,7 @@ from engine.core.generators import run_to_end
 from engine.curve.operators import Operator
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
-from engine.measured.measurement import Measurement
-from engine.measured.table_lookup import evaluate_table
+from engine.measured.measurement import Measurement, evaluate_table
 from engine.measured.tables import read_measurement, table_of
 from tests.engine.material.test_kernels import hemisphere
 from tests.ui.gl.test_brdf import LARGEST_DIFFERENCE, difference, rounded

@@ -10,7 +10,7 @@ from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.measured.measurement import Measurement
-from engine.measured.merl import merl_bytes
+from engine.measured.sample_files import merl_bytes
 from engine.measured.tables import read_measurement
 from engine.precompute.indirect.albedo import equivalent_albedo
 from engine.precompute.indirect.indirect_layers import IndirectLayer, indirect_layer
