@@ -89,9 +89,6 @@ class Homomorphic(Model):
         self.factor(factor_name)
         return grey(_slant(np.cos(gamma), params))
 
-    def scale(self, params: Parameters) -> Float64Array:
-        return channels(params, "scale")
-
     def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
         d = directions(wi, wo)
         product = _slant(d.cos_i, params) * _highlight(d.cos_h, d.sin2_h, params) * _slant(d.cos_o, params)
@@ -108,4 +105,4 @@ def _highlight(cosine: Float64Array, sin2: Float64Array, params: Parameters) -> 
     return np.asarray(diffuse + (1.0 - diffuse) * cosine_power(cosine, sin2, number(params, "exponent")))
 
 
-MODEL = Homomorphic()
+MODELS = (Homomorphic(),)

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from engine.curve.bands import band_values
 from engine.curve.operators import Edit, apply_operators
 from engine.material import kinds
-from engine.material.fresnel import rise
 from engine.material.layer_maps import LayerMaps
+from engine.material.microfacet import rise
 from engine.material.model import Model, channels, find_parameter
 from engine.material.parameters import FRESNEL, Parameter, Value
 

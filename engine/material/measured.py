@@ -1,9 +1,131 @@
-"""The specular part of a measured surface, with curves over half and difference angle [BenArtzi07, 3.5]."""
+"""Parts of a measured surface as models [BenArtzi07, 3.5]: its highlight, with curves over half and difference angle;
+its diffuse part, with curves over the angles of wi and wo; and all of it as cloth, P(theta_i) Q(theta_h) P(theta_o)
+times the quotient [McCool01].
+"""
 
 from __future__ import annotations
 
-from engine.material.measured_model import MeasuredModel, parameters
-from engine.material.model import THETA_D, THETA_H
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from engine.material import kinds
+from engine.material.homomorphic import P, Q
+from engine.material.model import THETA_D, THETA_H, THETA_I, THETA_O, Float64Array, Model, Parameters, channels, number
+from engine.material.parameters import Parameter
+from engine.measured.measurement import HALF_ANGLE_CURVES, NO_MEASUREMENT, Measurement, Part, node_angles
+
+PARTS: dict[Part, int] = {"diffuse": kinds.DIFFUSE, "specular": kinds.SPECULAR, "whole": kinds.WHOLE}
+
+
+class MeasuredModel(Model):
+    """One part of a measurement; see `engine.measured`. Without a file it is diffuse, rho = scale / pi.
+
+    Shaders treat it as Phong, whose quotient is 1, and multiply by the measured quotient once its table is on the GPU
+    (shaders/brdf/measured.glsl); until then lobes and material previews show the product of the factors.
+    """
+
+    kind = kinds.PHONG
+    is_coloured = True
+    needs_file = True
+    part: ClassVar[Part]
+    # The measurement's curve by a factor's name, if they differ.
+    curve_of: ClassVar[Mapping[str, str]] = {}
+
+    @property
+    def number(self) -> int:
+        from engine.material._kernels import quotient_number
+        from engine.material._measured_kernels import quotient
+
+        return quotient_number(quotient)
+
+    @property
+    def colours_number(self) -> int:
+        from engine.material._kernels import colours_number
+        from engine.material._measured_kernels import quotients
+
+        return colours_number(quotients)
+
+    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
+        name = self.factor(factor_name).name
+        return measurement_of(params).curve(self.curve_of.get(name, name), gamma, number(params, "smoothing"))
+
+    def samples(self, factor_name: str, params: Parameters) -> tuple[Float64Array, Float64Array] | None:
+        measurement = measurement_of(params)
+        if not measurement.is_read or number(params, "smoothing") == 0.0:
+            return None
+        name = self.curve_of.get(factor_name, factor_name)
+        return node_angles(name in HALF_ANGLE_CURVES), measurement.nodes(name)
+
+    def scale(self, params: Parameters) -> Float64Array:
+        return channels(params, "scale") * getattr(measurement_of(params), self.part)
+
+    def quotient_parameters(self, params: Parameters) -> Float64Array:
+        q = super().quotient_parameters(params)
+        q[kinds.TABLE], q[kinds.SMOOTHING] = measurement_of(params).number, number(params, "smoothing")
+        q[kinds.CHANNEL], q[kinds.PART] = kinds.MEAN, PARTS[self.part]
+        return q
+
+    def bind_parameters(self, q: Float64Array) -> Float64Array:
+        bound = np.array(q, float)
+        if q[kinds.TABLE]:
+            from engine.measured.tables import table_of
+
+            table = table_of(int(q[kinds.TABLE]))
+            bound[kinds.TABLE] = table.samples.ctypes.data
+            bound[kinds.SMOOTHING] = table.curves(float(q[kinds.SMOOTHING])).ctypes.data
+        return bound
+
+    def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
+        measurement = measurement_of(params)
+        if not measurement.is_read:
+            above = (wi[:, 2] > kinds.GRAZING) & (wo[:, 2] > kinds.GRAZING)
+            return channels(params, "scale") * np.where(above, 1.0 / np.pi, 0.0)[:, None]
+        from engine.measured.measurement import evaluate_part
+        from engine.measured.tables import table_of
+
+        table = table_of(measurement.number)
+        smoothing = number(params, "smoothing")
+        return channels(params, "scale") * evaluate_part(table.samples, measurement, self.part, smoothing, wi, wo)
+
+
+def measurement_of(params: Parameters) -> Measurement:
+    """The measurement of a layer's parameters."""
+    value = params["file"]
+    assert isinstance(value, Measurement)
+    return value
+
+
+def parameters(*curves: str) -> tuple[Parameter, ...]:
+    """The parameter table of a measured model with these curves: "A", "B", "o"."""
+    return (
+        Parameter(
+            "file",
+            "file",
+            NO_MEASUREMENT,
+            "Measured",
+            "The file of the measurement. Curves are factors fitted to it; the residual is kept as measured.",
+            (*curves, "scale", "quotient"),  # type: ignore[arg-type]
+        ),
+        Parameter(
+            "smoothing",
+            "scalar",
+            0.0,
+            "Smoothing",
+            "Takes noise out of the curves, dots being what was found; unedited the picture stays as measured.",
+            (*curves, "quotient"),  # type: ignore[arg-type]
+        ),
+        Parameter(
+            "scale",
+            "rgb",
+            (1.0, 1.0, 1.0),
+            "Scale",
+            "Strength and colour: 1 is as measured.",
+            ("scale",),
+            maximum=4.0,
+        ),
+    )
 
 
 class Measured(MeasuredModel):
@@ -17,4 +139,34 @@ class Measured(MeasuredModel):
     parameters = parameters("A", "B")
 
 
-MODEL = Measured()
+class MeasuredDiffuse(MeasuredModel):
+    """rho_d = d q_d G(theta_i) H(theta_o): the part of the measurement below the product of the factors d G H."""
+
+    name = "measured_diffuse"
+    label = "Measured, diffuse part"
+    tooltip = "What a measured surface scatters evenly."
+    is_diffuse = True
+    part = "diffuse"
+    factors = (THETA_I,)
+    view_factor = THETA_O
+    parameters = parameters("A", "o")
+
+
+class MeasuredCloth(MeasuredModel):
+    """rho = w q P(theta_i) Q(theta_h) P(theta_o): one layer of homomorphic factors that contains the whole measurement.
+
+    P is one curve for wi and wo, as in `homomorphic`.
+    """
+
+    name = "measured_cloth"
+    label = "Measured, cloth (P·Q·P)"
+    tooltip = "A measured surface in one layer, bent by how light and view slant and by the highlight's profile."
+    part = "whole"
+    factors = (Q, P)
+    view_factor = THETA_O
+    shared = {"theta_o": "theta_i"}
+    curve_of = {"theta_h": "q", "theta_i": "p", "theta_o": "p"}
+    parameters = parameters("A", "B", "o")
+
+
+MODELS = (Measured(), MeasuredDiffuse(), MeasuredCloth())

@@ -5,8 +5,8 @@
 A `Model` has a parameter table, the angles of its curves, functions that generate the curves and the scale f_q from
 parameters, and the quotient's parameters. rho_q itself is compiled: from `quotient`, a plain function of `math` in the
 model's file, or it is in `_kernels.quotient_cosine` if pictures need it to be fast. `brdf` states the whole formula
-once more, directly, as the oracle of tests and of the brute-force integrator. Each model is in its own file, which ends
-in `MODEL = ...`, and is found in `engine.material.MODELS`.
+once more, directly, as the oracle of tests and of the brute-force integrator. Each family of models is in its own file,
+which ends in `MODELS = ...`; all are found in `engine.material.MODELS`.
 """
 
 from __future__ import annotations
@@ -60,11 +60,11 @@ class Model(ABC):
 
     quotient: rho_q cos_i as f(q, ix, iy, iz, ox, oy, oz) of the quotient parameters and two local directions above the
     horizon, finite and at least 0; a static method of assignments and conditions that calls only `math`, because it is
-    compiled, and translated to GLSL; None if `kind` names one that is compiled already. is_diffuse: reflects about
-    equally in all directions. highlight_in_quotient: a part of its distribution over the half vector is in the quotient
-    and in no curve. shared: by name, the curve that a curve always equals. is_coloured: the quotient differs by colour,
-    and q[CHANNEL] selects one, or MEAN for one number. needs_file: it is made by importing a file, and cannot be
-    chosen.
+    compiled, and translated to GLSL; None if `kind` names one that is compiled already. quotient_names: the scalar
+    parameters that are its first quotient parameters. is_diffuse: reflects about equally in all directions.
+    highlight_in_quotient: a part of its distribution over the half vector is in the quotient and in no curve. shared:
+    by name, the curve that a curve always equals. is_coloured: the quotient differs by colour, and q[CHANNEL] selects
+    one, or MEAN for one number. needs_file: it is made by importing a file, and cannot be chosen.
     """
 
     name: ClassVar[str]
@@ -72,6 +72,7 @@ class Model(ABC):
     tooltip: ClassVar[str]
     kind: ClassVar[int] = kinds.OWN
     quotient: ClassVar[Callable[..., float] | None] = None
+    quotient_names: ClassVar[tuple[str, ...]] = ()
     is_diffuse: ClassVar[bool] = False
     highlight_in_quotient: ClassVar[bool] = False
     is_coloured: ClassVar[bool] = False
@@ -85,9 +86,9 @@ class Model(ABC):
     def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
         """The generated curve of a factor (or of the view factor) at angles (N,) in [0, pi/2]: (N, 3)."""
 
-    @abstractmethod
     def scale(self, params: Parameters) -> Float64Array:
         """f_q per channel, (3,)."""
+        return channels(params, "scale")
 
     @abstractmethod
     def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
@@ -95,7 +96,9 @@ class Model(ABC):
 
     def quotient_parameters(self, params: Parameters) -> Float64Array:
         """The parameters of this model's compiled rho_q and angles, (8,)."""
-        return np.zeros(kinds.N_QUOTIENT_PARAMETERS)
+        q = np.zeros(kinds.N_QUOTIENT_PARAMETERS)
+        q[: len(self.quotient_names)] = [number(params, name) for name in self.quotient_names]
+        return q
 
     def samples(self, factor_name: str, params: Parameters) -> tuple[Float64Array, Float64Array] | None:
         """The samples that a curve was fitted to, if they should be displayed: angles (N,) and values (N, 3)."""

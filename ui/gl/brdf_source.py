@@ -14,7 +14,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from engine.material import kinds
-from engine.material.measured_model import MeasuredModel
+from engine.material.measured import MeasuredModel
 from engine.material.model import Factor, Model
 from ui.gl.measured_source import ANGLES, n_factor_rows, quotient_text, value_text
 from ui.gl.python_functions import PythonSource

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from engine.material import kinds
 from engine.material.layer import Layer
-from engine.material.measured_model import MeasuredModel, measurement_of
+from engine.material.measured import MeasuredModel, measurement_of
 from engine.material.model import number
 from engine.measured.measurement import Measurement, Part
 

@@ -17,7 +17,7 @@ from engine.curve.operators import HALF_PI
 from engine.material import MODELS
 from engine.material.layer import Layer, object_of
 from engine.material.layer_maps import Images, MapMeans
-from engine.material.measured_model import MeasuredModel
+from engine.material.measured import MeasuredModel
 from engine.material.model import Model
 from engine.plan_lines import bands_of_lines
 from engine.planner import MOST_BANDS, bands_for_sharpest

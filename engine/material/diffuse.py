@@ -1,4 +1,6 @@
-"""Rough diffuse surfaces, such as plaster or clay, which stay bright towards the light [OrenNayar94]."""
+"""Diffuse models with curves over the angles of wi and wo: Lambert's, "LV" in [BenArtzi07], and Oren and Nayar's for
+rough surfaces, such as plaster or clay, which stay bright towards the light [OrenNayar94].
+"""
 
 from __future__ import annotations
 
@@ -6,9 +8,43 @@ import math
 
 import numpy as np
 
+from engine.material import kinds
 from engine.material.microfacet import directions
 from engine.material.model import THETA_I, THETA_O, Float64Array, Model, Parameters, channels, number, ones
 from engine.material.parameters import Parameter
+
+ALBEDO = Parameter(
+    "albedo",
+    "rgb",
+    (0.5, 0.5, 0.5),
+    "Albedo",
+    "Colour and brightness: the share of the light that is scattered back.",
+    ("scale",),
+)
+
+
+class Lambert(Model):
+    """rho = albedo / pi, times f_A(theta_i) f_o(theta_o), both 1 until the user edits them."""
+
+    name = "lambert"
+    label = "Diffuse"
+    tooltip = "Light scattered evenly, as by paper or chalk."
+    kind = kinds.LAMBERT
+    is_diffuse = True
+    factors = (THETA_I,)
+    view_factor = THETA_O
+    parameters = (ALBEDO,)
+
+    def generate(self, factor_name: str, params: Parameters, gamma: Float64Array) -> Float64Array:
+        self.factor(factor_name)
+        return ones(gamma)
+
+    def scale(self, params: Parameters) -> Float64Array:
+        return channels(params, "albedo")
+
+    def brdf(self, params: Parameters, wi: Float64Array, wo: Float64Array) -> Float64Array:
+        above = directions(wi, wo).above
+        return np.where(above[:, None], channels(params, "albedo") / math.pi, 0.0)
 
 
 class OrenNayar(Model):
@@ -30,14 +66,7 @@ class OrenNayar(Model):
     factors = (THETA_I,)
     view_factor = THETA_O
     parameters = (
-        Parameter(
-            "albedo",
-            "rgb",
-            (0.5, 0.5, 0.5),
-            "Albedo",
-            "Colour and brightness: the share of the light that is scattered back.",
-            ("scale",),
-        ),
+        ALBEDO,
         Parameter(
             "sigma",
             "scalar",
@@ -84,4 +113,4 @@ def _terms(sigma: float) -> tuple[float, float]:
     return constant / most, rough / most
 
 
-MODEL = OrenNayar()
+MODELS = (Lambert(), OrenNayar())
