@@ -20,7 +20,7 @@ from app.document.timeline import visible_poses
 from app.document.view_state import ViewState
 from app.editor.camera_history import CameraHistory
 from app.editor.opening import Opening
-from app.editor.view_controller import ViewController, describe_empty_frame
+from app.editor.view_controller import TracedView, ViewController, describe_empty_frame
 from app.files.session import Session
 from app.files.session_keeper import SessionStore
 from app.messages.editor_status import StatusMetrics
@@ -80,9 +80,8 @@ class SceneController:
         host = self._host
         host.controller.scene_closed()
         id = host.send(opening.request())
-        self.tracing.request_view(
-            opening.initial_view(host.resolution), id, opening.poses, opening.bumps, host.view.n_edge_rays
-        )
+        view = opening.initial_view(host.resolution)
+        self.tracing.request_view(TracedView(view, opening.poses, opening.bumps, host.view.n_edge_rays, id))
         self._opening = replace(opening, id=id)
         host.metrics.progress = None
 
@@ -107,8 +106,9 @@ class SceneController:
         """Request that the scene is traced once view and poses are idle; once a frame. view: the host's, with effective
         settings."""
         document, controller = self._host.document, self._host.controller
-        sight = view.viewpoint, visible_poses(document, self._host.view), document.new_bumps, view.n_edge_rays
-        if self._opening is None and self.tracing.update(now, *sight):
+        poses = visible_poses(document, self._host.view)
+        desired = TracedView(view.viewpoint, poses, document.new_bumps, view.n_edge_rays)
+        if self._opening is None and self.tracing.update(now, desired):
             (controller.view_moved if self.tracing.is_away else controller.view_restored)()
 
     def announce_scene(self, controller: ModeController) -> list[PictureEvent]:

@@ -6,12 +6,12 @@ all of these are idle. Until then the previous picture stays.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple
 
 from app.document.view_state import Viewpoint
 from app.messages.worker_messages import Request, Response, SetCamera
+from app.modes.reconciler import Reconciler
 from engine.material.bumps import BumpsByObject
 from engine.realtime.zonal_harmonics.pose import Poses
 from engine.scene.picture_frame import PictureFrame
@@ -20,88 +20,93 @@ REST_SECONDS = 0.25
 
 
 class TracedView(NamedTuple):
-    """A view: camera and resolution, the poses and bumps of objects in it, and the rays through a pixel at an edge."""
+    """A view: camera and resolution, the poses and bumps of objects in it, the rays through a pixel at an edge (None
+    for as many as the scene requires), and the number of the request that opened the scene."""
 
     viewpoint: Viewpoint = Viewpoint()
     poses: Poses = ()
     bumps: BumpsByObject = ()
     n_edge_rays: int | None = None
+    scene: int = 0
 
 
 class ViewController:
     """Requests traced views. ``send`` sends a request and returns its id.
 
-    ``traced`` is the view that the picture shows, of the scene that the request ``scene`` opened, by the request
-    ``id``; ``has_resized``: its resolution is not that of the view before. ``is_away``: the present view is another
-    one.
+    ``has_resized``: the traced view's resolution is not that of the view before. ``is_away``: the present view is not
+    the traced one.
     """
 
     def __init__(self, send: Callable[[Request], int]) -> None:
-        self._traced = TracedView()
-        self.scene = self.id = 0
-        self.is_away = self.has_resized = False
         self._send = send
-        self._requested: TracedView | None = None
-        self._failed: TracedView | None = None
-        self._requested_scene = self._requested_id = 0
-        self._desired = TracedView()
-        self._since = -math.inf
-        self._drag_ended = False
+        self._reconciler = Reconciler[TracedView, int](REST_SECONDS)
+        self.is_away = self.has_resized = False
+
+    @property
+    def _traced(self) -> TracedView:
+        return self._reconciler.ready_for or TracedView()
 
     @property
     def traced(self) -> Viewpoint:
+        """The view that the picture shows."""
         return self._traced.viewpoint
 
-    def request_view(
-        self, look: Viewpoint, scene: int, poses: Poses = (), bumps: BumpsByObject = (), n_edge_rays: int | None = None
-    ) -> None:
-        """Request a view of the scene of that number, with these poses and bumps; n_edge_rays: None for as many as it
-        requires."""
-        self._requested, self._requested_scene = TracedView(look, poses, bumps, n_edge_rays), scene
-        self._requested_id = self._send(SetCamera(scene, *look, poses, bumps, n_edge_rays))
+    @property
+    def scene(self) -> int:
+        """The number of the request that opened its scene."""
+        return self._traced.scene
 
-    def update(
-        self, now: float, look: Viewpoint, poses: Poses = (), bumps: BumpsByObject = (), n_edge_rays: int | None = None
-    ) -> bool:
-        """Request another view once it is idle; once a frame. Returns whether `is_away` changed. now: seconds of a
-        steady clock."""
-        sight, seen = TracedView(look, poses, bumps, n_edge_rays), self._traced
-        if sight != self._desired:
-            self._desired, self._since = sight, now
-        rests, self._drag_ended = self._drag_ended or now - self._since >= REST_SECONDS, False
-        if sight not in (self._requested or seen, self._failed) and rests:
-            self.request_view(look, self.scene, poses, bumps, n_edge_rays)
-        was_away, self.is_away = self.is_away, sight != seen or self._requested is not None
+    @property
+    def id(self) -> int:
+        """The number of the request that it was traced by."""
+        return self._reconciler.ready or 0
+
+    def request_view(self, view: TracedView, now: float = 0.0) -> None:
+        """Request a view, of the open scene or of one that is being opened."""
+        look, poses, bumps, n_edge_rays, scene = view
+        self._reconciler.sent(now, self._send(SetCamera(scene, *look, poses, bumps, n_edge_rays)), view)
+
+    def update(self, now: float, view: TracedView) -> bool:
+        """Request another view of the open scene once it is idle; once a frame. Returns whether `is_away` changed. now:
+        seconds of a steady clock."""
+        reconciler, view = self._reconciler, view._replace(scene=self.scene)
+        reconciler.desire(now, view)
+        if reconciler.action(now) == "request":
+            self.request_view(view, now)
+        was_away, self.is_away = self.is_away, view != self._traced or reconciler.is_under_way
         return was_away != self.is_away
 
     def hand_released(self) -> None:
         """A drag ended: the view is requested without waiting for the idle time."""
-        self._drag_ended = True
+        self._reconciler.skip_idle()
 
     def note_traced(self, response: Response) -> bool:
         """Note that a view was traced; returns whether it is the one that was requested."""
-        if self._requested is None or not self.is_pending(response.id):
+        if not self.is_pending(response.id):
             return False
-        self.has_resized = self._requested.viewpoint.resolution != self.traced.resolution
-        self._traced = self._requested
-        self.scene, self.id = self._requested_scene, response.id
-        self._requested, self._failed, self.is_away = None, None, False
+        before = self.traced.resolution
+        self._reconciler.receive(response.id, response.id)
+        self.has_resized, self.is_away = self.traced.resolution != before, False
         return True
 
     def adopt_resolution(self, own: tuple[int, int]) -> Viewpoint:
         """The traced view, for a scene whose own resolution is known."""
         if self.traced.resolution == own:
-            self._traced = self._traced._replace(viewpoint=self.traced._replace(resolution=None))
+            adopted = self._traced._replace(viewpoint=self.traced._replace(resolution=None))
+            self._reconciler.accept(self.id, adopted)
         return self.traced
 
     def is_pending(self, id: int) -> bool:
         """Whether the response to the request of that number is still to come."""
-        return self._requested is not None and id == self._requested_id
+        requested = self._reconciler.requested
+        return requested is not None and requested.id == id and self._reconciler.is_under_way
 
     def give_up(self) -> Viewpoint | None:
         """Note that the requested view will not come; returns it, None where there was none."""
-        self._failed, self._requested, self.is_away = self._requested, None, False
-        return self._failed and self._failed.viewpoint
+        requested, self.is_away = self._reconciler.requested, False
+        if requested is None or not self._reconciler.fail(requested.id):
+            return None
+        return requested.desired.viewpoint
 
 
 def describe_empty_frame(frame: PictureFrame) -> str:
