@@ -3,7 +3,7 @@
 The worker samples a layer's images once for each pixel of its object. Strength and inversion are numbers that the
 renderer multiplies by; repeats or another file require new samples. Until those are here the old ones stay on screen.
 Samples are cached for a while, so that undo shows them at once. The desired images are compared whenever the document
-has changed, one request at a time.
+has changed, one request at a time. A request is answered surface by surface.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from app.messages.worker_messages import Request
 from app.modes.placement.curves import Curves
 from app.modes.placement.placement_events import LayerMapsChanged
 from app.modes.placement.placement_messages import MapsRefused, MapsSampled, SampleMaps
+from app.modes.reconciler import Reconciler
 from engine.material.layer import object_of
 from engine.material.layer_maps import Images, LayerMaps
 from engine.material.strokes import Strokes
@@ -28,6 +29,8 @@ from engine.material.strokes import Strokes
 MAX_CACHED = 24
 
 Surface = tuple[str, Images]
+# Layers, by key, with images that are to be sampled, one for each surface.
+Missing = tuple[tuple[str, Images], ...]
 
 
 class MapController:
@@ -35,6 +38,7 @@ class MapController:
 
     def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
         self._send, self._curves = send, curves
+        self._reconciler = Reconciler[Missing, None](covers=_includes)
         self.scene_opened()
 
     def scene_opened(self) -> None:
@@ -43,20 +47,18 @@ class MapController:
         self._refused: dict[Surface, str] = {}
         self._shown: dict[str, MapsSampled] = {}
         self._newest: dict[Surface, MapsSampled] = {}
-        self._requested: tuple[tuple[str, Images], ...] = ()
+        self._reconciler.clear()
         self._awaited: set[Surface] = set()
-        self._request = 0
         self._document: Document | None = None
         self._followed: Document | None = None
         self._wanted: dict[str, LayerMaps] = {}
         self._found: dict[str, MapsSampled | None] = {}
-        self._missing: tuple[tuple[str, Images], ...] = ()
         self._curves.map_means.clear()
 
     @property
     def is_complete(self) -> bool:
         """Whether the images of all layers are in the picture, as far as they can be used."""
-        return not self._missing
+        return self._reconciler.desired is None
 
     def is_wanted(self, document: Document) -> bool:
         """Whether a document has images."""
@@ -79,6 +81,7 @@ class MapController:
         surface = (object_of(key), maps.images)
         self._cached.pop(surface, None)
         self._refused.pop(surface, None)
+        self._reconciler.restart()
         self.edited()
 
     def receive(self, response: MapsSampled) -> None:
@@ -87,7 +90,7 @@ class MapController:
         # The request shares its strokes with the document; what crossed between processes is a copy of them all.
         surface = next((requested for requested in self._awaited if requested == surface), surface)
         response = replace(response, images=surface[1])
-        self._awaited.discard(surface)
+        self._forget_awaited(surface)
         self._cached.pop(surface, None)
         self._forget_begun(surface)
         self._cached[surface] = response
@@ -101,9 +104,15 @@ class MapController:
 
     def receive_failure(self, request: int) -> None:
         """A request was given up: nothing more comes of it."""
-        if request == self._request:
+        if self._reconciler.fail(request):
             self._awaited.clear()
             self.edited()
+
+    def _forget_awaited(self, surface: Surface) -> None:
+        """Note a response for a surface, and after the last one that the request is answered."""
+        self._awaited.discard(surface)
+        if not self._awaited and self._reconciler.requested is not None:
+            self._reconciler.receive(self._reconciler.requested.id, None)
 
     def _forget_begun(self, surface: Surface) -> None:
         """Forget a stroke's samples of earlier frames: they are of no further use."""
@@ -118,7 +127,7 @@ class MapController:
         """Drop images that cannot be used. If choosing them was the last step, that step disappears from the history;
         returns whether it did. Else they stay in the document, and the layer is shown without them."""
         self._refused[object_of(response.key), response.images] = response.line
-        self._awaited.discard((object_of(response.key), response.images))
+        self._forget_awaited((object_of(response.key), response.images))
         self.edited()
         document = history.document
         if all(key != response.key for key, _ in document.layers()):
@@ -150,12 +159,11 @@ class MapController:
                 if found is None:
                     continue
             self._found[key] = found
-        self._missing = tuple((key, images) for (_, images), key in missing.items())
-        if not self._drag_is_ahead(missing):
-            if self._missing and self._missing != self._requested:
-                self._request = self._send(SampleMaps(self._missing))
-                self._awaited = set(missing)
-            self._requested = self._missing
+        desired = tuple((key, images) for (_, images), key in missing.items())
+        self._reconciler.desire(0.0, desired or None)
+        if self._reconciler.action(0.0, not self._drag_is_ahead(missing)) == "request":
+            self._reconciler.sent(0.0, self._send(SampleMaps(desired)))
+            self._awaited = set(missing)
 
     def follow(self, document: Document) -> list[LayerMapsChanged]:
         """The layers whose samples differ from those shown, of the document at the last request."""
@@ -211,6 +219,10 @@ class MapController:
 def _wanted(document: Document) -> dict[str, LayerMaps]:
     """The layers that have images."""
     return {key: layer.maps for key, layer in document.layers() if not layer.maps.is_plain}
+
+
+def _includes(requested: Missing, desired: Missing) -> bool:
+    return set(desired) <= set(requested)
 
 
 def _out_of_step(wanted: dict[str, LayerMaps], found: dict[str, MapsSampled | None]) -> set[str]:

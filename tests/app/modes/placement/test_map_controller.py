@@ -177,6 +177,21 @@ def test_a_scene_that_names_images_asks_for_them_at_once(client: FakeClient) -> 
     assert [event.has_weight for event in sample(editor, client)] == [False, True]
 
 
+def test_what_is_under_way_is_not_asked_for_again_when_a_part_of_it_has_come(client: FakeClient) -> None:
+    pot, *others = SCENE["object"]
+    base, metal = pot["layer"]
+    textured: dict[str, Any] = {**pot, "layer": [{**base, "texture": "oak.png"}, {**metal, "weight": "mask.png"}]}
+    editor = Editor(client, "shelf")
+    client.open_scene({**SCENE, "object": [textured, *others]})
+    ticks(editor)
+    (request,) = client.sent(SampleMaps)
+    for key, images in request.layers:
+        assert not editor.controller.maps.is_complete
+        client.answer(request, MapsSampled(key, images, np.full((4, 4), 0.5, np.float16), MEANS, {}))
+        assert [event.key for event in ticks(editor)] == [key]
+    assert client.sent(SampleMaps) == [request] and editor.controller.maps.is_complete
+
+
 def test_side_a_is_drawn_with_its_own_image(client: FakeClient) -> None:
     editor = Editor(client, "shelf")
     client.open_scene()
